@@ -1,0 +1,44 @@
+"""
+Names that the nodes, the recordings and the rig agree on.
+
+Topic names are relative: a namespace tells the real device (``/cfd/device``) from its simulator (``/cfd/sim``).
+"""
+
+CYLINDERS = ('cylinder_a', 'cylinder_b')
+"""Cylinder A grows with +x, cylinder B shrinks."""
+
+PISTON_STATE = 'piston_state'
+"""sensor_msgs/JointState: piston displacement [m]."""
+
+PISTON_JOINT = 'piston'
+"""Default name of the joint in `PISTON_STATE`."""
+
+FORCE_SETPOINT = 'force_setpoint'
+"""std_msgs/Float64: desired contact force [N]."""
+
+CONTACT_FORCE = 'contact_force'
+"""geometry_msgs/WrenchStamped: contact force derived from the pressures [N]."""
+
+MEASURED_FORCE = 'measured_force'
+"""geometry_msgs/WrenchStamped: contact force measured by a load cell [N]."""
+
+PISTON_COMMAND = 'piston_command'
+"""std_msgs/Float64: displacement that the rig's piston is moved to [m]."""
+
+AMBIENT_PRESSURE = 101_325.0
+"""Default ambient pressure, absolute [Pa]."""
+
+
+def pressure_topic(cylinder: str) -> str:
+    """Return the topic of a cylinder's pressure: sensor_msgs/FluidPressure, absolute [Pa]."""
+    return f'{cylinder}/pressure'
+
+
+def setpoint_topic(cylinder: str) -> str:
+    """Return the topic of a regulator's set pressure: std_msgs/Float64, gauge [Pa]."""
+    return f'{cylinder}/setpoint'
+
+
+def setpoint_applied_topic(cylinder: str) -> str:
+    """Return the topic of the set-point that acted up to a sample: sensor_msgs/FluidPressure, absolute [Pa]."""
+    return f'{cylinder}/setpoint_applied'

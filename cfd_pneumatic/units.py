@@ -1,0 +1,67 @@
+"""Units at the edges: factors to SI, and the paper's units for display."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cfd_pneumatic.errors import InputError
+
+INCH = 0.0254
+"""Metres in an inch."""
+
+POUND_FORCE = 4.4482216152605
+"""Newtons in a pound-force."""
+
+PSI = POUND_FORCE / INCH**2
+"""Pascals in a psi."""
+
+PSI_PER_INCH = PSI / INCH
+"""Pa/m in a lbf/in^3, the paper's unit of K_x."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit of measurement: its quantity and what one of it is in SI."""
+
+    quantity: str
+    si: float
+
+
+UNITS = {
+    'Pa': Unit('pressure', 1.0),
+    'hPa': Unit('pressure', 1e2),
+    'kPa': Unit('pressure', 1e3),
+    'MPa': Unit('pressure', 1e6),
+    'mbar': Unit('pressure', 1e2),
+    'bar': Unit('pressure', 1e5),
+    'psi': Unit('pressure', PSI),
+    'm': Unit('length', 1.0),
+    'mm': Unit('length', 1e-3),
+    'um': Unit('length', 1e-6),
+    'inch': Unit('length', INCH),
+    'mil': Unit('length', INCH * 1e-3),
+    'N': Unit('force', 1.0),
+    'kN': Unit('force', 1e3),
+    'lbf': Unit('force', POUND_FORCE),
+    's': Unit('time', 1.0),
+    'ms': Unit('time', 1e-3),
+    'us': Unit('time', 1e-6),
+    'ns': Unit('time', 1e-9),
+}
+
+
+def factor(unit: str, quantity: str) -> float:
+    """
+    Return what one `unit` of `quantity` is in SI.
+
+    Raises
+    ------
+    InputError
+        If the unit is unknown or measures another quantity.
+
+    """
+    known = UNITS.get(unit)
+    if known is None or known.quantity != quantity:
+        choices = ', '.join(name for name, entry in UNITS.items() if entry.quantity == quantity)
+        raise InputError(f'unit {unit!r} is not one of {quantity}: use one of {choices}')
+    return known.si
