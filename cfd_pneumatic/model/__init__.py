@@ -1,0 +1,29 @@
+"""The paper's pneumatic model: parameters, exact propagation, the two-cylinder device. No input or output."""
+
+from cfd_pneumatic.model.cylinder import Cylinder, CylinderState, simulate_with_sensitivities
+from cfd_pneumatic.model.device import DIRECTIONS, Device, DeviceState, ForceGeometry
+from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
+from cfd_pneumatic.model.live import Arrival, Committed, LiveDevice
+from cfd_pneumatic.model.parameters import NAMES, SPECS, TABLE_1, TABLE_2, OperatingPoints, ParameterSpec
+
+__all__ = [
+    'DIRECTIONS',
+    'NAMES',
+    'SPECS',
+    'TABLE_1',
+    'TABLE_2',
+    'Arrival',
+    'AspiratorTube',
+    'Committed',
+    'Cylinder',
+    'CylinderState',
+    'Device',
+    'DeviceState',
+    'ForceGeometry',
+    'LiveDevice',
+    'OperatingPoints',
+    'ParameterSpec',
+    'Regulator',
+    'first_guess',
+    'simulate_with_sensitivities',
+]
