@@ -1,0 +1,158 @@
+"""One cylinder in one recording, made ready for the model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.motion import Motion, smooth_motion
+from cfd_pneumatic.identification.split import Split, stroke_times
+from cfd_pneumatic.model import DIRECTIONS
+from cfd_pneumatic.recording import Recording, Signal
+
+Array = NDArray[np.float64]
+
+_FEWEST_SAMPLES = 20  # four gains, a set-point, and something left to judge them by
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """
+    Inputs of the model on one time grid, and what was measured.
+
+    The grid is the union of the times of displacement, set-point and pressure, so that none of them is resampled: the
+    displacement is a straight line between its samples, as the model takes it to be.
+
+    Attributes
+    ----------
+    recording
+        Name of the recording.
+    cylinder
+        Name of the cylinder.
+    times
+        Grid, increasing, shape (n,) [s].
+    displacement
+        Smoothed displacement that grows this chamber, shape (n,) [m].
+    setpoint
+        Absolute set-point on the step that ends at each grid time, shape (n,) [Pa].
+    setpoint_recorded
+        False where the set-point is a constant that the fit has to find.
+    samples
+        Grid indices of the pressure samples, shape (m,).
+    pressure
+        Measured absolute pressure, shape (m,) [Pa].
+    part
+        Index into `split.PARTS` of each pressure sample, shape (m,).
+    starts_at_rest
+        Whether the piston stands still at the start, so that the pressure there is the set-point.
+    motion
+        The smoothed displacement, with its noise.
+
+    """
+
+    recording: str
+    cylinder: str
+    times: Array
+    displacement: Array
+    setpoint: Array
+    setpoint_recorded: bool
+    samples: NDArray[np.intp]
+    pressure: Array
+    part: NDArray[np.int8]
+    starts_at_rest: bool
+    motion: Motion
+
+    @property
+    def sample_times(self) -> Array:
+        """Times of the pressure samples, shape (m,) [s]."""
+        return self.times[self.samples]
+
+    @property
+    def span(self) -> float:
+        """The measured pressure's span p99 - p1 over the whole recording [Pa]."""
+        low, high = np.percentile(self.pressure, [1.0, 99.0])
+        return float(high - low)
+
+
+def observed_motion(recording: Recording) -> tuple[Motion, Array]:
+    """
+    Return the smoothed displacement and the times at which its strokes begin and end.
+
+    Raises
+    ------
+    InputError
+        If the recording is too short or nothing moves in it.
+
+    """
+    signal = recording.displacement
+    if signal.times.size < _FEWEST_SAMPLES:
+        raise InputError(
+            f'{recording.name}: {signal.times.size} displacement samples are too few to identify anything: '
+            f'record at least {_FEWEST_SAMPLES}'
+        )
+    motion = smooth_motion(signal.times, signal.values)
+    strokes = stroke_times(motion.times, motion.displacement, motion.noise)
+    if strokes.size == 0 or np.ptp(signal.values) <= 6.0 * motion.noise:
+        raise InputError(
+            f'{recording.name}: the piston does not move (range {np.ptp(signal.values) * 1e3:.3g} mm, '
+            f'noise {motion.noise * 1e3:.3g} mm): record strokes of the piston'
+        )
+    return motion, strokes
+
+
+def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: Split) -> Experiment:
+    """
+    Return one cylinder of a recording on the model's grid.
+
+    Raises
+    ------
+    InputError
+        If pressure and displacement hardly overlap in time.
+
+    """
+    signals = recording.cylinders[cylinder]
+    first, last = motion.times[0], motion.times[-1]
+    within = (signals.pressure.times >= first) & (signals.pressure.times <= last)
+    pressure_times = signals.pressure.times[within]
+    pressure = signals.pressure.values[within]
+    if pressure.size < _FEWEST_SAMPLES:
+        raise InputError(
+            f'{recording.name}: only {pressure.size} samples of {cylinder}/pressure lie between the first and the last '
+            'displacement sample: check the time offsets of the two topics'
+        )
+    grid = [motion.knots(), pressure_times]
+    if signals.setpoint is not None:
+        changes = signals.setpoint.times
+        grid.append(changes[(changes > first) & (changes < last)])
+    times = np.unique(np.concatenate(grid))
+    times = times[times <= pressure_times[-1]]
+    return Experiment(
+        recording=recording.name,
+        cylinder=cylinder,
+        times=times,
+        displacement=DIRECTIONS[cylinder] * motion.at(times),
+        setpoint=_setpoint_on(times, signals.setpoint, float(np.median(pressure))),
+        setpoint_recorded=signals.setpoint is not None,
+        samples=np.searchsorted(times, pressure_times),
+        pressure=pressure,
+        part=split.part_of(pressure_times),
+        starts_at_rest=_rests_at_start(motion),
+        motion=motion,
+    )
+
+
+def _setpoint_on(times: Array, setpoint: Signal | None, otherwise: float) -> Array:
+    """Return the set-point that acts on the step ending at each grid time: the one held when the step began."""
+    if setpoint is None:
+        return np.full(times.size, otherwise)
+    begins = np.concatenate([times[:1], times[:-1]])
+    held = np.searchsorted(setpoint.times, begins, side='right') - 1
+    return setpoint.values[np.maximum(held, 0)]
+
+
+def _rests_at_start(motion: Motion) -> bool:
+    opening = motion.displacement[:10]
+    return bool(np.ptp(opening) <= max(6.0 * motion.noise, 2e-3 * np.ptp(motion.displacement)))

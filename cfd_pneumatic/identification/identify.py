@@ -1,0 +1,238 @@
+"""From recordings to an identification: smooth, split, fit, judge."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.experiment import Experiment, make_experiment, observed_motion
+from cfd_pneumatic.identification.fit import Fit, fit
+from cfd_pneumatic.identification.noise import noise_floor
+from cfd_pneumatic.identification.split import FRACTIONS, PARTS, Split, split_recordings
+from cfd_pneumatic.recording import Recording
+
+Array = NDArray[np.float64]
+Masks = list[NDArray[np.bool_]]
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and which share of the whole is done [0 to 1]."""
+
+_LEVEL_GAP = 0.03  # set-points closer than this share of the absolute pressure are one operating point
+
+
+@dataclass(frozen=True)
+class Options:
+    """
+    How to identify.
+
+    Attributes
+    ----------
+    per_setpoint
+        Fit an operating-point table, one row for each set-point, beside the joint fit.
+    fractions
+        Shares of train, validation and test.
+    ambient_pressure
+        What gauge pressures are counted from [Pa].
+
+    """
+
+    per_setpoint: bool = False
+    fractions: tuple[float, float, float] = FRACTIONS
+    ambient_pressure: float = AMBIENT_PRESSURE
+
+
+@dataclass(frozen=True)
+class PartError:
+    """Error of the simulated pressure on one part: RMSE [Pa], and as percent of the span p99 - p1."""
+
+    rmse: float
+    nrmse_percent: float
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """A fit at one set-point, gauge [Pa]."""
+
+    setpoint: float
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class CylinderResult:
+    """
+    What was found for one cylinder.
+
+    Attributes
+    ----------
+    experiments
+        The recordings made ready for the model.
+    fit
+        One joint fit, to train and validation together.
+    schedule
+        Fits at each set-point with `Options.per_setpoint`; otherwise the joint fit at the mean set-point.
+    span
+        Span p99 - p1 of the measured pressure, mean over recordings [Pa].
+    noise_floor
+        Standard deviation that measurement noise alone gives the residual [Pa].
+    before
+        Error on each part that has samples, by its name; by the schedule where there is one.
+    notes
+        Set-points that were left out, for people to read.
+
+    """
+
+    experiments: tuple[Experiment, ...]
+    fit: Fit
+    schedule: tuple[OperatingPoint, ...]
+    span: float
+    noise_floor: float
+    before: Mapping[str, PartError]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Identification:
+    """
+    The result for all cylinders.
+
+    Attributes
+    ----------
+    recordings
+        What was identified.
+    splits
+        Where each recording was cut.
+    no_test
+        Why there is no test part, or None.
+    cylinders
+        Results by cylinder.
+    ambient_pressure
+        What gauge pressures are counted from [Pa].
+
+    """
+
+    recordings: tuple[Recording, ...]
+    splits: tuple[Split, ...]
+    no_test: str | None
+    cylinders: Mapping[str, CylinderResult]
+    ambient_pressure: float
+
+
+def _no_progress(_what: str, _share: float) -> None:
+    return
+
+
+def identify(
+    recordings: Sequence[Recording], options: Options = Options(), progress: Progress = _no_progress
+) -> Identification:
+    """
+    Identify each cylinder that the recordings hold, jointly over all of them.
+
+    Raises
+    ------
+    InputError
+        If a recording holds no motion or too few samples, or tells no parameter.
+
+    """
+    progress('smoothing the displacement', 0.0)
+    motions, strokes = zip(*(observed_motion(recording) for recording in recordings))
+    splits, no_test = split_recordings(list(strokes), options.fractions)
+    present = [name for name in CYLINDERS if any(name in recording.cylinders for recording in recordings)]
+    results = {}
+    for rank, cylinder in enumerate(present):
+        progress(f'fitting {cylinder}', (0.2 + rank) / (0.2 + len(present)))
+        experiments = [
+            make_experiment(recording, cylinder, motion, split)
+            for recording, motion, split in zip(recordings, motions, splits)
+            if cylinder in recording.cylinders
+        ]
+        try:
+            results[cylinder] = _identify_cylinder(experiments, options)
+        except InputError as error:
+            raise InputError(f'{cylinder}: {error}') from error
+    progress('done', 1.0)
+    return Identification(tuple(recordings), tuple(splits), no_test, results, options.ambient_pressure)
+
+
+def _identify_cylinder(experiments: Sequence[Experiment], options: Options) -> CylinderResult:
+    fitted_to = [experiment.part < PARTS.index('test') for experiment in experiments]
+    joint = fit(experiments, fitted_to)
+    levels = [experiment.setpoint[experiment.samples] + offset for experiment, offset in zip(experiments, joint.offsets)]
+    mean_level = float(np.mean(np.concatenate(levels)))
+    schedule = [OperatingPoint(mean_level - options.ambient_pressure, joint)]
+    simulated = list(joint.simulated)
+    notes: list[str] = []
+    if options.per_setpoint:
+        schedule, simulated, notes = _fit_each_setpoint(experiments, fitted_to, levels, joint, options)
+    span = float(np.mean([experiment.span for experiment in experiments]))
+    return CylinderResult(
+        experiments=tuple(experiments),
+        fit=joint,
+        schedule=tuple(schedule),
+        span=span,
+        noise_floor=_pooled([noise_floor(experiment, joint.gains[0]) for experiment in experiments], experiments),
+        before=_errors(experiments, simulated, span),
+        notes=tuple(notes),
+    )
+
+
+def _fit_each_setpoint(
+    experiments: Sequence[Experiment], fitted_to: Masks, levels: Sequence[Array], joint: Fit, options: Options
+) -> tuple[list[OperatingPoint], list[Array], list[str]]:
+    """
+    Fit each set-point on its own; return the schedule, the pressures that it simulates, and what was left out.
+
+    A recording that holds several set-points is simulated whole for each of them, and compared where it applies.
+    """
+    simulated = [pressure.copy() for pressure in joint.simulated]
+    schedule = []
+    notes = []
+    for low, high in _bands(np.concatenate(levels)):
+        applies = [(low <= level) & (level <= high) for level in levels]
+        used = [index for index, mask in enumerate(applies) if np.any(mask & fitted_to[index])]
+        setpoint = float(np.mean(np.concatenate([levels[index][applies[index]] for index in used])))
+        gauge = setpoint - options.ambient_pressure
+        try:
+            found = fit(
+                [experiments[index] for index in used],
+                [applies[index] & fitted_to[index] for index in used],
+                initial=joint.gains,
+            )
+        except InputError as error:
+            notes.append(f'set-point {gauge:.0f} Pa left out of the schedule: {error}')
+            continue
+        schedule.append(OperatingPoint(gauge, found))
+        for rank, index in enumerate(used):
+            simulated[index][applies[index]] = found.simulated[rank][applies[index]]
+    if not schedule:
+        raise InputError('no set-point has data enough for a fit of its own: identify without --per-setpoint')
+    return schedule, simulated, notes
+
+
+def _bands(levels: Array) -> list[tuple[float, float]]:
+    """Return lowest and highest level [Pa] of each group of neighbouring set-points, ascending."""
+    values = np.unique(levels)
+    gaps = np.flatnonzero(np.diff(values) > _LEVEL_GAP * values[:-1]) + 1
+    return [(float(group[0]), float(group[-1])) for group in np.split(values, gaps)]
+
+
+def _errors(experiments: Sequence[Experiment], simulated: Sequence[Array], span: float) -> dict[str, PartError]:
+    residuals = np.concatenate([experiment.pressure - pressure for experiment, pressure in zip(experiments, simulated)])
+    parts = np.concatenate([experiment.part for experiment in experiments])
+    errors = {}
+    for index, name in enumerate(PARTS):
+        if np.any(parts == index):
+            rmse = math.sqrt(float(np.mean(residuals[parts == index] ** 2)))
+            errors[name] = PartError(rmse, 100.0 * rmse / span)
+    return errors
+
+
+def _pooled(values: Sequence[float], experiments: Sequence[Experiment]) -> float:
+    """Return the root mean square of one value for each experiment, weighted by samples."""
+    counts = [experiment.samples.size for experiment in experiments]
+    return math.sqrt(float(np.average(np.square(values), weights=counts)))
