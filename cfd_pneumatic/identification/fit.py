@@ -27,6 +27,8 @@ GAINS = len(SPECS)
 _LOWER = np.log([spec.lower for spec in SPECS])
 _UPPER = np.log([spec.upper for spec in SPECS])
 _STARTING_K = (3.0, 30.0, 150.0)  # charging gains that the search starts from [1/s]
+_ROUGH = (1e-4, 40)  # tolerance and evaluations of a search that chooses among starts
+_FINE = (1e-9, 200)
 _LARGEST_RELATIVE_STD = 0.5  # above this a 95 % interval reaches zero: the recording does not tell the value
 _CONFIDENCE = 0.95
 
@@ -153,13 +155,19 @@ class _Problem:
         parts = zip(self.masks, self.weights, self.simulate(unknowns))
         return np.concatenate([weight * jacobian[mask] for mask, weight, (_, jacobian) in parts])
 
-    def search(self, start: Array) -> tuple[Array, float]:
-        """Return the best unknowns from one start, and their cost."""
+    def search(self, start: Array, tolerance: float, evaluations: int) -> tuple[Array, float]:
+        """Return the best unknowns from one start, and their cost, until it falls by less than a share `tolerance`."""
         lower = np.full(self.size, -np.inf)
         upper = np.full(self.size, np.inf)
         lower[:GAINS], upper[:GAINS] = _LOWER, _UPPER
         found = least_squares(
-            self.residuals, start, jac=self.jacobian, bounds=(lower, upper), x_scale='jac', max_nfev=200
+            self.residuals,
+            start,
+            jac=self.jacobian,
+            bounds=(lower, upper),
+            x_scale='jac',
+            ftol=tolerance,
+            max_nfev=evaluations,
         )
         return found.x, float(found.cost)
 
@@ -190,9 +198,9 @@ def fit(
 
     """
     problem = _Problem(experiments, masks, np.ones(len(experiments)))
-    candidates = [initial] if initial is not None else _first_guesses(experiments)
-    searches = [problem.search(_unknowns_at(problem, gains)) for gains in candidates]
-    best = min(searches, key=lambda search: search[1])[0]
+    candidates = _first_guesses(experiments) if initial is None else [initial]
+    searches = [problem.search(_unknowns_at(problem, gains), *_ROUGH) for gains in candidates]
+    best, _ = problem.search(min(searches, key=lambda search: search[1])[0], *_FINE)
     evaluations = problem.evaluations
     if len(experiments) > 1:
         rmse = [
@@ -200,7 +208,7 @@ def fit(
             for experiment, mask, (pressure, _) in zip(experiments, masks, problem.simulate(best))
         ]
         problem = _Problem(experiments, masks, float(np.mean(rmse)) / np.maximum(rmse, 1e-9))
-        best, _ = problem.search(best)
+        best, _ = problem.search(best, *_FINE)
         evaluations += problem.evaluations
     return _summary(problem, best, evaluations)
 
@@ -311,14 +319,12 @@ def _covariance(jacobian: Array, residuals: Array, degrees: int, lengths: list[i
     if lags == 0:
         return inverse * float(residuals @ residuals) / degrees
     middle = np.zeros_like(inverse)
-    first = 0
-    for length in lengths:
-        scores = jacobian[first : first + length] * residuals[first : first + length, None]
-        middle += scores.T @ scores
-        for lag in range(1, min(lags, length - 1) + 1):
-            product = scores[lag:].T @ scores[:-lag]
-            middle += (1.0 - lag / (lags + 1.0)) * (product + product.T)
-        first += length
+    scores = jacobian * residuals[:, None]
+    for part in np.split(scores, np.cumsum(lengths)[:-1]):
+        # sums over every window of lags + 1 neighbours, which weight products by the Bartlett window
+        total = np.cumsum(np.pad(part, ((lags + 1, lags), (0, 0))), axis=0)
+        windows = total[lags + 1 :] - total[: -lags - 1]
+        middle += windows.T @ windows / (lags + 1.0)
     return inverse @ middle @ inverse * (residuals.size / degrees)
 
 

@@ -201,7 +201,6 @@ def _fit_each_setpoint(
             found = fit(
                 [experiments[index] for index in used],
                 [applies[index] & fitted_to[index] for index in used],
-                initial=joint.gains,
             )
         except InputError as error:
             notes.append(f'set-point {gauge:.0f} Pa left out of the schedule: {error}')

@@ -24,6 +24,10 @@ from numba import njit
 SENSITIVITIES = ('k_x', 'k_sv', 'k_v', 'tau', 'setpoint', 'start')
 """What the pressure is differentiated by, in the order of the sensitivities' columns."""
 
+_CLOSE = 1e-11  # share of a piece; the field is continuous at the switch, so that an error in its time acts squared
+_FLAT = 1e-6  # slope at an extremum, against the distance from the switch that remains there
+_ITERATIONS = 60
+
 kernel = njit(cache=True, error_model='numpy')
 """Compile to machine code kept on disk; a division by zero gives inf, as NumPy's does, instead of a branch to raise."""
 
@@ -120,37 +124,42 @@ def first_crossing(u, w, gain, tau, b1, h, u_end, w_end):
         if side * rate >= 0.0 or side * (u_end - w_end) <= 0.0:
             return h
         first = 0.0
-        for _ in range(200):  # bisect for the extremum, where u = w
-            middle = 0.5 * (first + last)
-            if middle == first or middle == last:
-                break
+        begin = u - w
+        end = u_end - w_end
+        for _ in range(_ITERATIONS):  # the extremum is where u = w: regula falsi, the retained end halved (Illinois)
+            middle = first + (last - first) * begin / (begin - end)
             u_middle, w_middle = relax(u, w, gain, tau, b1, middle)
-            if side * w_middle < 0.0:
+            slope = u_middle - w_middle
+            if side * w_middle < 0.0 or abs(slope) <= _FLAT * abs(w_middle):
                 last = middle
                 break
-            if side * (u_middle - w_middle) < 0.0:
+            if slope * begin > 0.0:
                 first = middle
+                begin = slope
+                end *= 0.5
             else:
                 last = middle
+                end = slope
+                begin *= 0.5
         _, w_last = relax(u, w, gain, tau, b1, last)
         if side * w_last >= 0.0:
             return h
     first = 0.0
     time = 0.5 * last
-    for _ in range(200):  # Newton's method, kept inside its bracket
+    for _ in range(_ITERATIONS):  # Newton's method, kept inside its bracket
         u_now, w_now = relax(u, w, gain, tau, b1, time)
         if side * w_now >= 0.0:
             first = time
         else:
             last = time
         rate = (u_now - w_now) / tau
-        step = -w_now / rate if rate != 0.0 else 0.0
-        following = time + step
+        following = time - w_now / rate if rate != 0.0 else last
         if not first < following < last:
             following = 0.5 * (first + last)
-        if abs(following - time) <= 1e-15 * h or following <= first or following >= last:
-            return following
+        moved = abs(following - time)
         time = following
+        if moved <= _CLOSE * h:
+            break
     return time
 
 
