@@ -1,0 +1,151 @@
+"""The kernel against an independent integrator, its own finite differences, and what physics demands."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reference import AMBIENT, PSI, pressure_between_samples
+
+from cfd_pneumatic.model import TABLE_1, Cylinder, CylinderState, OperatingPoints, simulate_with_sensitivities
+
+GAINS = st.tuples(
+    st.floats(1e5, 1e8), st.floats(0.1, 500.0), st.floats(0.1, 500.0), st.floats(1e-4, 1.0)
+).map(np.array)
+
+
+def random_record(seed, samples=60):
+    """Return irregular times [s], a rough displacement [m] and a stepping set-point [Pa]."""
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.choice([0.001, 0.002, 0.01, 0.3], samples))
+    displacement = np.cumsum(rng.normal(size=samples)) * 1e-4
+    setpoint = AMBIENT + 5.0 * PSI + 2000.0 * rng.integers(0, 3, samples).repeat(10)[:samples]
+    return times, displacement, setpoint
+
+
+def simulate(gains, record, shift=0.0, start=0.0):
+    times, displacement, setpoint = record
+    cylinder = Cylinder(OperatingPoints.constant(*gains), AMBIENT)
+    setpoint = setpoint + shift
+    return cylinder.simulate(times, displacement, setpoint, CylinderState(*[setpoint[0] + start] * 2))
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_agrees_with_a_tight_integrator(seed):
+    record = random_record(seed)
+    gains = np.array([4e6, 100.0, 20.0, 0.01]) * np.exp(np.random.default_rng(seed).normal(size=4))
+    error = simulate(gains, record) - pressure_between_samples(gains, *record)
+    assert np.max(np.abs(error)) < 1e-6 * PSI
+
+
+@settings(max_examples=40, deadline=None)
+@given(GAINS, st.integers(0, 1000))
+def test_sensitivities_are_the_derivatives(gains, seed):
+    record = random_record(seed)
+    pressure, jacobian = simulate_with_sensitivities(gains, *record, start=300.0)
+    np.testing.assert_allclose(pressure, simulate(gains, record, start=300.0), rtol=0, atol=1e-7)
+    for column, gain in enumerate(gains):
+        step = np.zeros(4)
+        step[column] = 1e-4 * gain
+        difference = (simulate(gains + step, record, start=300.0) - simulate(gains - step, record, start=300.0)) / (
+            2e-4 * gain
+        )
+        scale = np.max(np.abs(jacobian[:, column])) + 1e-3 / gain
+        assert np.max(np.abs(difference - jacobian[:, column])) < 1e-3 * scale
+    by_shift = (simulate(gains, record, shift=0.1, start=300.0) - simulate(gains, record, shift=-0.1, start=300.0)) / 0.2
+    np.testing.assert_allclose(jacobian[:, 4], by_shift, atol=1e-6)
+    by_start = (simulate(gains, record, start=300.1) - simulate(gains, record, start=299.9)) / 0.2
+    np.testing.assert_allclose(jacobian[:, 5], by_start, atol=1e-4)
+
+
+@settings(max_examples=60, deadline=None)
+@given(GAINS, st.integers(0, 1000), st.integers(1, 58))
+def test_a_step_may_be_cut_anywhere(gains, seed, at):
+    times, displacement, setpoint = random_record(seed)
+    middle = 0.37 * times[at] + 0.63 * times[at + 1]
+    finer = (
+        np.insert(times, at + 1, middle),
+        np.insert(displacement, at + 1, np.interp(middle, times, displacement)),
+        np.insert(setpoint, at + 1, setpoint[at + 1]),
+    )
+    whole = simulate(gains, (times, displacement, setpoint))
+    cut = np.delete(simulate(gains, finer), at + 1)
+    np.testing.assert_allclose(cut, whole, rtol=0, atol=1e-6 * np.max(np.abs(whole)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(GAINS, st.integers(0, 1000))
+def test_stepping_equals_the_whole_recording_bit_for_bit(gains, seed):
+    times, displacement, setpoint = random_record(seed)
+    cylinder = Cylinder(OperatingPoints.constant(*gains), AMBIENT)
+    state = CylinderState.at_rest(setpoint[0])
+    stepped = [state.p]
+    for i in range(1, times.size):
+        duration = times[i] - times[i - 1]
+        state = cylinder.step(state, duration, (displacement[i] - displacement[i - 1]) / duration, setpoint[i])
+        stepped.append(state.p)
+    np.testing.assert_array_equal(stepped, cylinder.simulate(times, displacement, setpoint))
+
+
+@given(GAINS)
+def test_rests_at_the_set_point(gains):
+    times = np.linspace(0.0, 1.0, 11)
+    setpoint = np.full(11, AMBIENT + 3e4)
+    np.testing.assert_array_equal(simulate(gains, (times, np.full(11, 0.02), setpoint)), setpoint)
+
+
+@settings(deadline=None)
+@given(GAINS)
+def test_a_long_rest_ends_at_the_set_point(gains):
+    times = np.array([0.0, 0.01, 1e4])
+    pressure = simulate(gains, (times, np.array([0.0, 1e-3, 1e-3]), np.full(3, 2e5)))
+    assert abs(pressure[-1] - 2e5) < 1e-3
+
+
+@pytest.mark.parametrize(('k_sv', 'k_v', 'tau'), [(5e3, 5e3, 1e-5), (5e3, 1e-3, 1e2), (1e-3, 5e3, 1e2)])
+def test_corners_of_the_parameter_ranges_stay_finite(k_sv, k_v, tau):
+    times, displacement, setpoint = random_record(1)
+    pressure, jacobian = simulate_with_sensitivities(
+        np.array([1e7, k_sv, k_v, tau]), 10.0 * times, displacement, setpoint
+    )
+    assert np.all(np.isfinite(pressure))
+    assert np.all(np.isfinite(jacobian))
+
+
+def test_charging_gain_acts_below_the_set_point_and_discharging_gain_above():
+    """The paper's printed switch of equation (12) is reversed; equations (9) and (10) say which valve opens."""
+    times = np.arange(0.0, 0.2, 0.002)
+    grows = np.clip(times, 0.0, 0.01) * 0.1
+    setpoint = np.full(times.size, 2e5)
+    gains = np.array([4e6, 50.0, 20.0, 1e-3])
+    other_relief = gains * [1.0, 1.0, 3.0, 1.0]
+    other_supply = gains * [1.0, 3.0, 1.0, 1.0]
+    record = (times, grows, setpoint)
+    falls = slice(1, 10)
+    np.testing.assert_array_equal(simulate(gains, record)[falls], simulate(other_relief, record)[falls])
+    assert np.all(simulate(other_supply, record)[5:10] > simulate(gains, record)[5:10])
+
+
+def test_the_papers_step_drops_and_overshoots_as_measured():
+    """Figure 6b: about -0.9 and +0.2 psi at 5 psig for 60 mil."""
+    times = np.arange(350) * 0.002
+    displacement = np.interp(times, [0.1, 0.108], [0.0, 60e-3 * 0.0254])
+    setpoint = np.full(350, AMBIENT + 5.0 * PSI)
+    change = (Cylinder(TABLE_1, AMBIENT).simulate(times, displacement, setpoint) - setpoint) / PSI
+    assert change.min() == pytest.approx(-0.9, abs=0.1)
+    assert change.max() == pytest.approx(0.2, abs=0.05)
+
+
+def test_gains_follow_the_set_point():
+    setpoints = np.array([5.0, 7.5, 10.0, 40.0]) * PSI
+    at = TABLE_1.at(setpoints)
+    assert at.k_x[1] == pytest.approx(0.5 * (at.k_x[0] + at.k_x[2]))
+    assert at.k_sv[3] == TABLE_1.k_sv[-1]
+    times = np.arange(50) * 0.002
+    displacement = np.linspace(0.0, 1e-3, 50)
+    scheduled = Cylinder(TABLE_1, AMBIENT)
+    for index, setpoint in enumerate(setpoints):
+        fixed = Cylinder(OperatingPoints.constant(at.k_x[index], at.k_sv[index], at.k_v[index], at.tau[index]), AMBIENT)
+        held = np.full(50, AMBIENT + setpoint)
+        np.testing.assert_allclose(
+            scheduled.simulate(times, displacement, held), fixed.simulate(times, displacement, held), atol=1e-6
+        )
