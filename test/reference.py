@@ -1,5 +1,5 @@
 """
-An integrator of the paper's equations that shares nothing with the package: SciPy, tight tolerances, short steps.
+Integrators of the paper's equations that share nothing with the package.
 
 The displacement is a function of time, as a piston has it, not a list of samples.
 """
@@ -24,24 +24,42 @@ def step_like(start, duration, amplitude):
     return displacement
 
 
-def pressure(gains, displacement, setpoint, times, longest_step=2e-4):
-    """
-    Return the outlet pressure [Pa] at `times` [s], from rest, at a constant absolute set-point [Pa].
+def step_like_rate(start, duration, amplitude):
+    """Return the rate [m/s] of `step_like`."""
 
-    `gains` are k_x, k_sv, k_v, tau of equations (8) and (12), K_sv while p_d > p_f.
+    def rate(time):
+        phase = np.clip((time - start) / duration, 0.0, 1.0)
+        return 0.5 * amplitude * np.pi / duration * np.sin(np.pi * phase)
+
+    return rate
+
+
+def pressure(gains, rate, setpoint, times, steps=40):
+    """
+    Return outlet pressures [Pa] at uniform `times` [s], from rest, at a constant absolute set-point [Pa].
+
+    `gains` are k_x, k_sv, k_v, tau of equations (8) and (12), K_sv while p_d > p_f. `rate` may give an array, one entry
+    for each of several pistons, which then makes a column each. Fourth-order Runge-Kutta, `steps` to a sample.
     """
     k_x, k_sv, k_v, tau = gains
 
-    def field(time, state):
-        p, p_f = state
-        rate = (displacement(time + 1e-6) - displacement(time - 1e-6)) / 2e-6
-        gain = k_sv if setpoint > p_f else k_v
-        return [gain * (setpoint - p_f) - k_x * rate, (p - p_f) / tau]
+    def field(time, p, p_f):
+        error = setpoint - p_f
+        return np.where(error > 0.0, k_sv, k_v) * error - k_x * rate(time), (p - p_f) / tau
 
-    solution = solve_ivp(
-        field, (times[0], times[-1]), [setpoint, setpoint], t_eval=times, rtol=1e-9, atol=1e-4, max_step=longest_step
-    )
-    return solution.y[0]
+    h = (times[1] - times[0]) / steps
+    p = p_f = setpoint + 0.0 * rate(times[0])
+    out = [p]
+    for begin in times[:-1]:
+        for time in begin + h * np.arange(steps):
+            dp1, df1 = field(time, p, p_f)
+            dp2, df2 = field(time + 0.5 * h, p + 0.5 * h * dp1, p_f + 0.5 * h * df1)
+            dp3, df3 = field(time + 0.5 * h, p + 0.5 * h * dp2, p_f + 0.5 * h * df2)
+            dp4, df4 = field(time + h, p + h * dp3, p_f + h * df3)
+            p = p + h / 6.0 * (dp1 + 2.0 * dp2 + 2.0 * dp3 + dp4)
+            p_f = p_f + h / 6.0 * (df1 + 2.0 * df2 + 2.0 * df3 + df4)
+        out.append(p)
+    return np.array(out)
 
 
 def pressure_between_samples(gains, times, displacement, setpoint):

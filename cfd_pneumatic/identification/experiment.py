@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.motion import Motion, smooth_motion
-from cfd_pneumatic.identification.split import Split, stroke_times
+from cfd_pneumatic.identification.split import MOTION, PARTS, Split, stroke_times
 from cfd_pneumatic.model import DIRECTIONS
 from cfd_pneumatic.recording import Recording, Signal
 
@@ -95,7 +95,7 @@ def observed_motion(recording: Recording) -> tuple[Motion, Array]:
         )
     motion = smooth_motion(signal.times, signal.values)
     strokes = stroke_times(motion.times, motion.displacement, motion.noise)
-    if strokes.size == 0 or np.ptp(signal.values) <= 6.0 * motion.noise:
+    if strokes.size == 0 or np.ptp(signal.values) <= MOTION * motion.noise:
         raise InputError(
             f'{recording.name}: the piston does not move (range {np.ptp(signal.values) * 1e3:.3g} mm, '
             f'noise {motion.noise * 1e3:.3g} mm): record strokes of the piston'
@@ -129,16 +129,18 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
         grid.append(changes[(changes > first) & (changes < last)])
     times = np.unique(np.concatenate(grid))
     times = times[times <= pressure_times[-1]]
+    part = split.part_of(pressure_times)
+    seen = pressure[part < PARTS.index('test')]
     return Experiment(
         recording=recording.name,
         cylinder=cylinder,
         times=times,
         displacement=DIRECTIONS[cylinder] * motion.at(times),
-        setpoint=_setpoint_on(times, signals.setpoint, float(np.median(pressure))),
+        setpoint=_setpoint_on(times, signals.setpoint, float(np.median(seen if seen.size else pressure))),
         setpoint_recorded=signals.setpoint is not None,
         samples=np.searchsorted(times, pressure_times),
         pressure=pressure,
-        part=split.part_of(pressure_times),
+        part=part,
         starts_at_rest=_rests_at_start(motion),
         motion=motion,
     )
@@ -155,4 +157,4 @@ def _setpoint_on(times: Array, setpoint: Signal | None, otherwise: float) -> Arr
 
 def _rests_at_start(motion: Motion) -> bool:
     opening = motion.displacement[:10]
-    return bool(np.ptp(opening) <= max(6.0 * motion.noise, 2e-3 * np.ptp(motion.displacement)))
+    return bool(np.ptp(opening) <= max(MOTION * motion.noise, 2e-3 * np.ptp(motion.displacement)))

@@ -198,7 +198,7 @@ def fit(
 
     """
     problem = _Problem(experiments, masks, np.ones(len(experiments)))
-    candidates = _first_guesses(experiments) if initial is None else [initial]
+    candidates = _first_guesses(experiments, masks) if initial is None else [initial]
     searches = [problem.search(_unknowns_at(problem, gains), *_ROUGH) for gains in candidates]
     best, _ = problem.search(min(searches, key=lambda search: search[1])[0], *_FINE)
     evaluations = problem.evaluations
@@ -213,9 +213,12 @@ def fit(
     return _summary(problem, best, evaluations)
 
 
-def _first_guesses(experiments: Sequence[Experiment]) -> list[tuple[float, ...]]:
+def _first_guesses(
+    experiments: Sequence[Experiment], masks: Sequence[NDArray[np.bool_]]
+) -> list[tuple[float, ...]]:
     """Return starts about K_x = n p / L with the chamber's length L taken as the stroke's order, and several K."""
-    pressure = float(np.mean([np.median(experiment.pressure) for experiment in experiments]))
+    pressures = [experiment.pressure[mask] for experiment, mask in zip(experiments, masks)]
+    pressure = float(np.median(np.concatenate(pressures)))
     length = max(max(float(np.ptp(experiment.displacement)) for experiment in experiments), 0.03)
     return [(pressure / length, gain, 0.5 * gain, 0.1 / gain) for gain in _STARTING_K]
 

@@ -19,6 +19,8 @@ from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.units import PSI
 
 SCHEMA = 1
+REPORT_FILE = 'report.json'
+PARAMETER_FILE = 'parameters.yaml'
 
 
 def report_data(identification: Identification) -> dict[str, Any]:
@@ -147,8 +149,8 @@ def write_report(identification: Identification, folder: Path) -> None:
 
     """
     make_folder(folder)
-    write_text(folder / 'report.json', json.dumps(report_data(identification), indent=2, allow_nan=False) + '\n')
-    write_text(folder / 'parameters.yaml', parameter_file(identification))
+    write_text(folder / REPORT_FILE, json.dumps(report_data(identification), indent=2, allow_nan=False) + '\n')
+    write_text(folder / PARAMETER_FILE, parameter_file(identification))
 
 
 def make_folder(folder: Path) -> None:

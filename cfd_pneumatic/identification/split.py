@@ -12,6 +12,9 @@ Array = NDArray[np.float64]
 PARTS = ('train', 'validation', 'test')
 FRACTIONS = (0.6, 0.2, 0.2)
 
+MOTION = 8.0
+"""What counts as motion, in standard deviations of the displacement's noise: an hour's noise spans less."""
+
 _FEWEST_STROKES = 5  # below this no cut leaves three parts with motion that resembles the rest
 
 
@@ -71,9 +74,9 @@ def stroke_times(times: Array, displacement: Array, noise: float) -> Array:
     """
     Return the times at which strokes begin and end, shape (strokes + 1,); empty where nothing moves.
 
-    What counts as motion is more than six times the displacement's noise [m] and 2 % of its whole range.
+    What counts as motion is more than `MOTION` times the displacement's noise [m] and 2 % of its whole range.
     """
-    threshold = max(6.0 * noise, 0.02 * float(np.ptp(displacement)))
+    threshold = max(MOTION * noise, 0.02 * float(np.ptp(displacement)))
     return times[turning_points(displacement, threshold)]
 
 

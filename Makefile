@@ -1,0 +1,90 @@
+# What a first-time user and a developer run. All of it happens in virtual environments in this folder, with ROS 2 Jazzy
+# from PyPI; with a system's ROS 2 use colcon (see README).
+#
+#   make PYTHON=python3.12 ...   another Python for .venv (after make clean)
+#   make EXTRAS=test test        without ROS 2: what needs it is left out, and said so
+
+PYTHON ?= python3
+PYTHON310 ?= python3.10
+EXTRAS ?= jazzy,test
+VENV ?= .venv
+HUMBLE ?= .venv-humble
+PY := $(VENV)/bin/python
+PACKAGING := setup.py setup.cfg pyproject.toml package.xml resource $(wildcard config launch config/* launch/*)
+
+# colcon's --symlink-install copies with setuptools 80; below 70.1 setuptools needs the package wheel.
+SETUPTOOLS := 'setuptools>=70.1,<80'
+
+# A sourced ROS 2 would mix its rclpy and its libraries with those of .venv.
+ifdef AMENT_PREFIX_PATH
+unexport PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
+unexport ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION RMW_IMPLEMENTATION
+endif
+# Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.PHONY: help setup test demo benchmark lint format colcon test-humble clean
+.DELETE_ON_ERROR:
+
+help:  ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
+
+setup: $(VENV)/.ready  ## make .venv with all that is needed
+
+test: $(VENV)/.ready  ## run all tests; ARGS='-k name' goes to pytest
+	@$(PY) -c 'import rclpy' || test '$(findstring jazzy,$(EXTRAS))' = ''
+	$(PY) -m pytest $(ARGS)
+
+demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify the recording
+	@$(PY) scripts/demo.py $(ARGS)
+
+benchmark: $(VENV)/.with-benchmark  ## time simulation and fit against SciPy's
+	$(PY) -m pytest benchmark $(ARGS)
+
+lint: $(VENV)/.with-lint  ## check style and types
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+	$(PY) -m mypy
+
+format: $(VENV)/.with-lint  ## put the code into the common style
+	$(PY) -m ruff check --fix .
+	$(PY) -m ruff format .
+
+colcon: $(VENV)/.with-colcon  ## build and test as a ROS 2 workspace does
+	@sh scripts/colcon.sh $(abspath $(VENV)) $(ARGS)
+
+test-humble: $(HUMBLE)/.ready  ## run what needs no ROS with Humble's versions
+	$(HUMBLE)/bin/python -m pytest $(ARGS)
+
+clean:  ## remove the environments and caches
+	rm -rf $(VENV) $(HUMBLE) build *.egg-info .benchmarks .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find cfd_pneumatic test benchmark launch scripts -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
+
+# Stop with one line where the Python that the variable (1) names can't make an environment; (2) is 'wheels' where
+# ROS 2 is to come from PyPI.
+missing = $(shell sh scripts/missing.sh $(1) '$($(1))' $(2))
+require = $(if $(missing),$(error $(missing)))
+
+# Install into the environment (1) what (2) says; without isolation, so that a repetition needs no network.
+install = $(1)/bin/python -m pip install -qq --disable-pip-version-check --no-build-isolation $(2) || \
+	{ echo 'pip could not install the packages (see above): is PyPI within reach? Then run make again.' >&2; exit 1; }
+
+$(VENV)/.ready: $(PACKAGING)
+	@$(call require,PYTHON,$(if $(findstring jazzy,$(EXTRAS)),wheels))
+	@echo 'Setting up $(VENV): about a minute and 800 MB, once'
+	@$(VENV)/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	@$(call install,$(VENV),$(SETUPTOOLS))
+	@$(call install,$(VENV),--editable '.[$(EXTRAS)]')
+	@touch $@
+
+# Developers' tools, each when it is first wanted.
+$(VENV)/.with-%: $(VENV)/.ready
+	@$(call install,$(VENV),--editable '.[$*]')
+	@touch $@
+
+$(HUMBLE)/.ready: $(PACKAGING) requirements/humble.txt
+	@$(call require,PYTHON310)
+	@$(HUMBLE)/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON310) -m venv --clear $(HUMBLE)
+	@$(call install,$(HUMBLE),$(SETUPTOOLS) --requirement requirements/humble.txt)
+	@$(call install,$(HUMBLE),--no-deps --editable .)
+	@touch $@

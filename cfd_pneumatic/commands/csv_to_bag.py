@@ -1,0 +1,80 @@
+"""`csv_to_bag`: make a bag of a table."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cfd_pneumatic.commands import program
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording import Recording, read_mapping, read_recording, write_recording
+from cfd_pneumatic.recording.writer import STORAGES
+
+NAME = 'csv_to_bag'
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program and return its exit code."""
+    return program.run(NAME, convert, arguments)
+
+
+def convert(arguments: Sequence[str] | None = None) -> None:
+    """
+    Make a bag of the table that the arguments name.
+
+    Raises
+    ------
+    InputError
+        If the table or its mapping can't be read, or the bag can't be written.
+
+    """
+    options = _parser().parse_args(arguments)
+    mapping = read_mapping(options.mapping)
+    if mapping.table is None:
+        raise InputError(f'{options.mapping} maps the topics of a bag: for a table it needs the entry `table`')
+    recording = read_recording(options.file, mapping=mapping, ambient_pressure=options.ambient_pressure)
+    write_recording(
+        options.output,
+        recording,
+        namespace=options.namespace,
+        storage=options.storage,
+        ambient_pressure=options.ambient_pressure,
+        overwrite=options.force,
+    )
+    print(f'{options.output}: {_summary(recording)}')
+    for note in recording.health:
+        print(f'  {note}')
+
+
+def _summary(recording: Recording) -> str:
+    signals = {'displacement': recording.displacement, 'force': recording.force}
+    for cylinder, parts in recording.cylinders.items():
+        signals.update({f'{cylinder} pressure': parts.pressure, f'{cylinder} setpoint': parts.setpoint})
+    return ', '.join(f'{name} {len(signal):,}' for name, signal in signals.items() if signal is not None)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog=NAME, description='Make a ROS 2 bag of a table of measurements.')
+    parser.add_argument('file', type=Path, metavar='FILE', help='text file with a row for each sample')
+    parser.add_argument(
+        '--mapping', type=Path, required=True, metavar='FILE', help='YAML file that says what the columns are'
+    )
+    parser.add_argument('--output', type=Path, required=True, metavar='BAG', help='folder of the bag to write')
+    parser.add_argument('--storage', choices=STORAGES, default='mcap', help='format of the bag (default: %(default)s)')
+    parser.add_argument('--namespace', default='/cfd/device', help='namespace of the topics (default: %(default)s)')
+    parser.add_argument(
+        '--ambient-pressure',
+        type=float,
+        default=AMBIENT_PRESSURE,
+        metavar='PA',
+        help='what gauge pressures are above, in Pa (default: %(default)s)',
+    )
+    parser.add_argument('--force', action='store_true', help='replace a bag that is there')
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,47 @@
+"""What all offline programs have in common: how they end."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+
+from cfd_pneumatic.errors import InputError
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+BROKEN_PIPE = 141
+
+
+def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: Sequence[str] | None = None) -> int:
+    """
+    Run a program and return its exit code.
+
+    Parameters
+    ----------
+    name : str
+        Name of the program, which begins its error message.
+    program : callable
+        Takes the arguments, does the work.
+    arguments : sequence of str, optional
+        Arguments; by default those of the command line.
+
+    Returns
+    -------
+    int
+        0; 2 after an `InputError`, with its one line on stderr; as a shell reports it after an interrupt (130) or where
+        the reader of the output has gone (141).
+
+    """
+    try:
+        program(arguments)
+        sys.stdout.flush()
+    except InputError as error:
+        print(f'{name}: error: {error}', file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains again when it flushes
+        return BROKEN_PIPE
+    return 0

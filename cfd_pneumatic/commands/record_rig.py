@@ -1,0 +1,105 @@
+"""`record_rig`: what a test on the virtual rig leaves, as a bag, without a ROS graph."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cfd_pneumatic.commands import program
+from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, write_recording
+from cfd_pneumatic.recording.writer import STORAGES
+from cfd_pneumatic.rig import SCHEDULES, RigRecord, record, schedule_named
+
+NAME = 'record_rig'
+
+EPOCH = 946_684_800_000_000_000
+"""When every test on the rig begins [ns]: the year 2000, so that the same seed gives the same bag."""
+
+OPTIONS = ('setpoint', 'setpoint_b', 'amplitude', 'duration')
+"""Options that are handed on to the schedule where they are given."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program and return its exit code."""
+    return program.run(NAME, record_bag, arguments)
+
+
+def record_bag(arguments: Sequence[str] | None = None) -> None:
+    """
+    Play the schedule that the arguments name and write its recording.
+
+    Raises
+    ------
+    InputError
+        If the schedule can't be played, or the bag can't be written.
+
+    """
+    options = _parser().parse_args(arguments)
+    if options.seed < 0:
+        raise InputError(f'--seed {options.seed}: give a number from 0 on')
+    chosen = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
+    if options.schedule == 'surface_following':
+        chosen['seed'] = options.seed
+    schedule = schedule_named(options.schedule, **chosen)
+    recording = as_recording(record(schedule, seed=options.seed), schedule.name)
+    write_recording(
+        options.output, recording, namespace=options.namespace, storage=options.storage, overwrite=options.force
+    )
+    print(f'{options.output}: {schedule.name}, {schedule.samples:,} samples in {schedule.duration:g} s')
+
+
+def as_recording(run: RigRecord, name: str) -> Recording:
+    """Return a record of the rig as a recording, as if it had been read from a bag."""
+    start = float(run.times[0])
+    times = run.times - start
+    cylinders = {
+        cylinder: CylinderSignals(
+            pressure=Signal(times, run.pressures[:, index]), setpoint=_held(times, run.setpoints[:, index])
+        )
+        for index, cylinder in enumerate(CYLINDERS)
+    }
+    return Recording(
+        name=name,
+        epoch=EPOCH + round(start * 1e9),
+        displacement=Signal(times, run.displacement),
+        cylinders=cylinders,
+        force=Signal(times, run.force),
+        health=(),
+    )
+
+
+def _held(times: np.ndarray, applied: np.ndarray) -> Signal:
+    """Return a set-point [Pa] that holds from its time on, of one that acted up to each sample since the one before."""
+    changed = np.flatnonzero(np.diff(applied)) + 1
+    return Signal(
+        times=np.concatenate([times[:1], times[changed - 1]]), values=np.concatenate([applied[:1], applied[changed]])
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=NAME,
+        description='Play a schedule on the virtual rig and write what its sensors read as a ROS 2 bag.',
+        epilog='example: record_rig paper_step --setpoint 34.5e3 --output step_5psig',
+    )
+    parser.add_argument('schedule', choices=tuple(SCHEDULES), metavar='SCHEDULE', help=', '.join(SCHEDULES))
+    parser.add_argument('--output', type=Path, required=True, metavar='BAG', help='folder of the bag to write')
+    parser.add_argument('--setpoint', type=float, metavar='PA', help='set pressure of cylinder A, gauge [Pa]')
+    parser.add_argument('--setpoint-b', type=float, metavar='PA', help='set pressure of cylinder B, gauge [Pa]')
+    parser.add_argument('--amplitude', type=float, metavar='M', help='displacement [m]')
+    parser.add_argument('--duration', type=float, metavar='S', help='length of surface_following [s]')
+    parser.add_argument('--seed', type=int, default=0, metavar='N', help='picks noise and surface (default: 0)')
+    parser.add_argument('--storage', choices=STORAGES, default='mcap', help='format of the bag (default: %(default)s)')
+    parser.add_argument('--namespace', default='/cfd/device', help='namespace of the topics (default: %(default)s)')
+    parser.add_argument('--force', action='store_true', help='replace a bag that is there')
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The ROS shells: the only place that imports rclpy."""

@@ -1,0 +1,59 @@
+"""Messages made and read."""
+
+from __future__ import annotations
+
+import math
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import WrenchStamped
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import FluidPressure, JointState
+
+OUTPUT_QOS = QoSProfile(depth=10)
+"""Reliable, as a driver publishes."""
+
+COMMAND_QOS = QoSProfile(depth=10)
+"""Reliable: no set-point may be lost."""
+
+SAMPLE_QOS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Fits every publisher; deep enough that a burst at 1 kHz is not lost while a callback runs."""
+
+AXES = ('x', 'y', 'z')
+
+
+def nanoseconds(stamp: Time) -> int:
+    """Return a stamp as one number [ns]."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def stamp_message(stamp: int) -> Time:
+    """Return a stamp [ns] as a message."""
+    return Time(sec=stamp // 1_000_000_000, nanosec=stamp % 1_000_000_000)
+
+
+def pressure_message(stamp: int, frame_id: str, pressure: float) -> FluidPressure:
+    """Return an absolute pressure [Pa] of unknown variance."""
+    message = FluidPressure()
+    message.header.stamp = stamp_message(stamp)
+    message.header.frame_id = frame_id
+    message.fluid_pressure = pressure
+    return message
+
+
+def force_message(stamp: int, frame_id: str, axis: str, force: float) -> WrenchStamped:
+    """Return a force [N] along one axis of a frame."""
+    message = WrenchStamped()
+    message.header.stamp = stamp_message(stamp)
+    message.header.frame_id = frame_id
+    setattr(message.wrench.force, axis, force)
+    return message
+
+
+def joint_position(message: JointState, joint: str) -> float | None:
+    """Return a joint's position [m]; None where the joint or its position is missing, or it is not finite."""
+    if joint not in message.name:
+        return None
+    index = list(message.name).index(joint)
+    if index >= len(message.position) or not math.isfinite(message.position[index]):
+        return None
+    return float(message.position[index])

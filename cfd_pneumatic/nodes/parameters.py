@@ -1,0 +1,100 @@
+"""ROS parameters of the model: declared with unit, range and description, checked before they act."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, ParameterType
+from rclpy.node import Node
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.model import NAMES, SPECS, TABLE_1, OperatingPoints
+
+
+def number(unit: str, lower: float, upper: float, description: str, read_only: bool = False) -> ParameterDescriptor:
+    """Return the descriptor of a number in a range [unit]."""
+    return ParameterDescriptor(
+        type=ParameterType.PARAMETER_DOUBLE,
+        description=f'{description} [{unit}]',
+        floating_point_range=[FloatingPointRange(from_value=lower, to_value=upper)],
+        read_only=read_only,
+    )
+
+
+def text(description: str, constraints: str = '', read_only: bool = False) -> ParameterDescriptor:
+    """Return the descriptor of a string."""
+    return ParameterDescriptor(
+        type=ParameterType.PARAMETER_STRING,
+        description=description,
+        additional_constraints=constraints,
+        read_only=read_only,
+    )
+
+
+def switch(description: str, read_only: bool = False) -> ParameterDescriptor:
+    """Return the descriptor of a boolean."""
+    return ParameterDescriptor(type=ParameterType.PARAMETER_BOOL, description=description, read_only=read_only)
+
+
+def numbers(unit: str, description: str, constraints: str) -> ParameterDescriptor:
+    """Return the descriptor of a list of numbers; rclpy checks no range of a list, its owner has to."""
+    return ParameterDescriptor(
+        type=ParameterType.PARAMETER_DOUBLE_ARRAY,
+        description=f'{description} [{unit}]',
+        additional_constraints=constraints,
+    )
+
+
+def texts(description: str) -> ParameterDescriptor:
+    """Return the descriptor of a list of strings."""
+    return ParameterDescriptor(type=ParameterType.PARAMETER_STRING_ARRAY, description=description)
+
+
+def declare_operating_points(node: Node, cylinder: str) -> None:
+    """
+    Declare a cylinder's scheduled gains: `cylinder_a.setpoints`, `cylinder_a.k_x` and so on.
+
+    Their default is the paper's Table 1; a gain that is not given is Table 1's at the set-points that are.
+    """
+    setpoints = node.declare_parameter(
+        f'{cylinder}.setpoints',
+        list(map(float, TABLE_1.setpoints)),
+        numbers('Pa', 'gauge set pressures at which the gains are given', 'finite, strictly increasing'),
+    ).value
+    try:
+        default = TABLE_1.at(setpoints)
+    except ValueError as error:
+        raise InputError(f'{cylinder}: {error}') from error
+    for spec in SPECS:
+        node.declare_parameter(
+            f'{cylinder}.{spec.name}',
+            list(map(float, getattr(default, spec.name))),
+            numbers(
+                spec.unit,
+                f'{spec.description}, one for each set-point',
+                f'{spec.lower:g} to {spec.upper:g} {spec.unit}, as many as setpoints',
+            ),
+        )
+
+
+def operating_points(node: Node, cylinder: str, changes: Mapping[str, Any]) -> OperatingPoints:
+    """
+    Return a cylinder's scheduled gains as they are with some changes.
+
+    Raises
+    ------
+    InputError
+        If lengths differ or a value is out of its range, with the parameter's name.
+
+    """
+
+    def value(name: str) -> Any:
+        full = f'{cylinder}.{name}'
+        return changes[full] if full in changes else node.get_parameter(full).value
+
+    try:
+        return OperatingPoints.from_rows({name: np.asarray(value(name), dtype=float) for name in ('setpoints', *NAMES)})
+    except ValueError as error:
+        raise InputError(f'{cylinder}.{error}') from error

@@ -1,0 +1,92 @@
+"""`recorder_node`: topics to a bag, as `ros2 bag record` does, where no rosbag2 is installed."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.nodes.parameters import switch, text, texts
+from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.recording import BagWriter
+
+_LOOK_PERIOD = 0.1  # how often topics that were not there yet are looked for [s]
+_DEPTH = 1000  # messages of one topic that may wait while others are written
+
+
+class RecorderNode(Node):
+    """
+    Writes every message of the chosen topics to a bag until it is interrupted; the bag appears when it is complete.
+
+    Parameters: `topics` (absolute or relative names, each recorded once it appears), `output` (folder of the bag),
+    `storage` (mcap or sqlite3), `overwrite`.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Open the bag and wait for the topics."""
+        super().__init__('recorder_node', **kwargs)
+        topics = self.declare_parameter('topics', [''], texts('names of the topics to record')).value
+        output = self.declare_parameter('output', '', text('folder of the bag to be written')).value
+        storage = self.declare_parameter('storage', 'mcap', text('storage of the bag', 'mcap or sqlite3')).value
+        overwrite = self.declare_parameter('overwrite', False, switch('replace a bag that is there')).value
+        if not output:
+            raise InputError("parameter 'output' is empty: give the folder of the bag, -p output:=my_bag")
+        if storage not in ('mcap', 'sqlite3'):
+            raise InputError(f"parameter 'storage' is {storage!r}: choose mcap or sqlite3")
+        self._wanted = {self.resolve_topic_name(topic) for topic in topics if topic}
+        if not self._wanted:
+            raise InputError("parameter 'topics' is empty: name the topics, -p topics:=[/cfd/device/piston_state]")
+        self._bag = BagWriter(output, storage=storage, overwrite=overwrite)
+        self._written = 0
+        self.create_timer(_LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._look()
+
+    def _look(self) -> None:
+        """Subscribe to wanted topics that have a publisher by now."""
+        for topic, types in self.get_topic_names_and_types():
+            publishers = self.get_publishers_info_by_topic(topic) if topic in self._wanted else []
+            if publishers:
+                self._wanted.discard(topic)
+                reliable = all(info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in publishers)
+                self._record(topic, types[0], reliable)
+
+    def _record(self, topic: str, type_name: str, reliable: bool) -> None:
+        self._bag.add_topic(topic, type_name)
+        package, _, name = type_name.split('/')
+        message_type = getattr(importlib.import_module(f'{package}.msg'), name)
+        reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+        self.create_subscription(
+            message_type,
+            topic,
+            lambda payload: self._write(topic, payload),
+            QoSProfile(depth=_DEPTH, reliability=reliability),
+            raw=True,
+        )
+        self.get_logger().info(f'recording {topic}')
+
+    def _write(self, topic: str, payload: bytes) -> None:
+        self._bag.write(topic, self.get_clock().now().nanoseconds, payload)
+        self._written += 1
+
+    def destroy_node(self) -> None:
+        """Complete the bag."""
+        if self._wanted:
+            self.get_logger().warning(f'never seen, so not in the bag: {", ".join(sorted(self._wanted))}')
+        self._bag.close()
+        self.get_logger().info(f'{self._written} messages in {self._bag.path}')
+        super().destroy_node()
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run `recorder_node`."""
+    sys.exit(run('recorder_node', RecorderNode, args))
+
+
+if __name__ == '__main__':
+    main()

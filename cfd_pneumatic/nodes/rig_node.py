@@ -1,0 +1,364 @@
+"""`rig_node`: the virtual test rig, publishing what a real device's drivers would."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, Protocol
+
+from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterType
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Float64
+
+from cfd_pneumatic import convention
+from cfd_pneumatic.nodes.messages import COMMAND_QOS, force_message, pressure_message, stamp_message
+from cfd_pneumatic.nodes.parameters import number, switch, text
+from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.rig import (
+    SCHEDULES,
+    Bench,
+    CommandedPiston,
+    Performance,
+    Rig,
+    RigParameters,
+    RigRecord,
+    Sensors,
+    paper_step,
+    record,
+    schedule_named,
+)
+from cfd_pneumatic.units import PSI
+
+_KNOTS = 10  # of the commanded piston's motion in a sample
+_BURST = 200  # samples at most that one tick catches up on, so that callbacks and signals get their turn
+_OUTPUT_QOS = QoSProfile(depth=_BURST)  # reliable; deep enough for such a burst
+_WAITING_PERIOD = 0.05  # [s]
+_THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
+_DELIVERY = 1.0  # how long the last messages may take to arrive before the node ends [s]
+
+
+class Play(Protocol):
+    """What the rig is made to do, sample by sample."""
+
+    @property
+    def remaining(self) -> float:
+        """Number of samples still to come."""
+
+    @property
+    def setpoints(self) -> tuple[float, float]:
+        """Set pressures on the way to the next sample, gauge [Pa]."""
+
+    def take(self) -> RigRecord:
+        """Return the next sample."""
+
+
+class Scheduled:
+    """A schedule, once or over and over."""
+
+    def __init__(self, performance: Performance, repeat: bool) -> None:
+        self._performance = performance
+        self._repeat = repeat
+
+    @property
+    def remaining(self) -> float:
+        """Number of samples still to come."""
+        return math.inf if self._repeat else self._performance.remaining
+
+    @property
+    def setpoints(self) -> tuple[float, float]:
+        """Set pressures on the way to the next sample, gauge [Pa]."""
+        return self._performance.setpoints
+
+    def take(self) -> RigRecord:
+        """Return the next sample."""
+        sample = self._performance.take(1)
+        if self._repeat and not self._performance.remaining:
+            self._performance.rewind()
+        return sample
+
+
+class Commanded:
+    """A piston that goes where it is told, and regulators that are set by hand."""
+
+    remaining = math.inf
+
+    def __init__(self, bench: Bench, piston: CommandedPiston, setpoints: tuple[float, float]) -> None:
+        self._bench = bench
+        self.piston = piston
+        self.setpoints = setpoints
+
+    def take(self) -> RigRecord:
+        """Return the next sample."""
+        positions, velocities = self.piston.move(_KNOTS, self._bench.sampling_period / _KNOTS)
+        return self._bench.take(positions, velocities, [self.setpoints])
+
+
+class RigNode(Node):
+    """
+    The device's stand-in.
+
+    Publishes `piston_state`, `cylinder_*/pressure`, `cylinder_*/setpoint_applied` and `measured_force`. With a schedule
+    it publishes `cylinder_*/setpoint` too; without one it subscribes to it, and to `piston_command`.
+
+    Parameters
+    ----------
+    parameters
+        What the rig is made of.
+    sensors
+        What it is read with.
+    kwargs
+        Handed on to the node.
+
+    """
+
+    def __init__(
+        self, parameters: RigParameters = RigParameters(), sensors: Sensors = Sensors(), **kwargs: Any
+    ) -> None:
+        """Declare parameters, compile the physics, and begin."""
+        super().__init__('rig_node', **kwargs)
+        self._declare_parameters()
+        self._period = 1.0 / self._value('sample_rate')
+        self._joint, self._frame = self._value('joint'), self._value('frame_id')
+        self._device, self._sensors = parameters, sensors
+        record(paper_step(), parameters)  # compiles the physics, or loads it compiled, before a sample is due
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._published = 0
+        self._position: float | None = None
+        self._announced: tuple[tuple[float, float], tuple[int, ...]] | None = None
+        self._open_outputs()
+        self._play: Play
+        if self._value('schedule'):
+            self._play = self._scheduled()
+            self._commands_out = [
+                self._publisher(Float64, convention.setpoint_topic(name)) for name in convention.CYLINDERS
+            ]
+            self._audience_since: float | None = None
+            self._waiting = self.create_timer(_WAITING_PERIOD, self._await_audience, clock=self._steady)
+        else:
+            self._commands_out = []
+            self._play = self._obeying()
+            self._begin()
+
+    # parameters
+
+    def _value(self, name: str) -> Any:
+        return self.get_parameter(name).value
+
+    def _declare_parameters(self) -> None:
+        def declare(name: str, default: Any, descriptor: ParameterDescriptor) -> None:
+            descriptor.read_only = True
+            self.declare_parameter(name, default, descriptor)
+
+        declare('joint', convention.PISTON_JOINT, text('name of the piston joint in piston_state'))
+        declare('frame_id', 'cfd', text('frame of measured_force and of the pressures'))
+        declare('sample_rate', 500.0, number('Hz', 1.0, 2000.0, 'samples in a second'))
+        declare('seed', 0, _whole(0, 2**31 - 1, "picks the sensors' noise, and the surface that is followed"))
+        declare('schedule', '', text('what to play; empty: follow piston_command', f'empty or {", ".join(SCHEDULES)}'))
+        declare(
+            'schedule_setpoint',
+            0.0,
+            number('Pa', 0.0, 5e5, 'gauge set-point of cylinder A in the schedule; 0: its own'),
+        )
+        declare('schedule_amplitude', 0.0, number('m', -5e-3, 5e-3, 'displacement in the schedule; 0: its own'))
+        declare('schedule_duration', 0.0, number('s', 0.0, 3600.0, 'length of surface_following; 0: its own'))
+        declare('start_subscribers', 0, _whole(0, 100, 'subscribers to piston_state that a schedule waits for'))
+        declare(
+            'start_delay', 0.5, number('s', 0.0, 60.0, 'pause before a schedule begins, once its subscribers are there')
+        )
+        declare('repeat', False, switch('play the schedule over and over, with a way back in between'))
+        declare('exit_when_done', False, switch('end the program when the schedule has been played'))
+        declare('speed_limit', 0.2, number('m/s', 1e-4, 1.0, 'highest speed on the way to a piston_command'))
+        declare('acceleration_limit', 50.0, number('m/s^2', 1e-2, 500.0, 'highest acceleration on that way'))
+        for cylinder in convention.CYLINDERS:
+            declare(
+                f'{cylinder}.initial_setpoint',
+                10.0 * PSI,
+                number('Pa', -1e5, 2e6, 'gauge set-point until one arrives, without a schedule'),
+            )
+
+    def _scheduled(self) -> Scheduled:
+        name = self._value('schedule')
+        options = {
+            option: self._value(f'schedule_{option}')
+            for option in ('setpoint', 'amplitude', 'duration')
+            if self._value(f'schedule_{option}') != 0.0
+        }
+        if name == 'surface_following':
+            options['seed'] = self._value('seed')
+        schedule = schedule_named(name, **options, sampling_period=self._period)
+        if self._value('repeat'):
+            schedule = schedule.with_return()
+        return Scheduled(Performance(schedule, self._device, self._sensors, self._value('seed')), self._value('repeat'))
+
+    def _obeying(self) -> Commanded:
+        first, second = (self._value(f'{cylinder}.initial_setpoint') for cylinder in convention.CYLINDERS)
+        rig = Rig((first, second), self._device)
+        piston = CommandedPiston(
+            rig.position,
+            self._device.piston.travel,
+            self._value('speed_limit'),
+            self._value('acceleration_limit'),
+        )
+        commanded = Commanded(Bench(rig, self._period, self._sensors, self._value('seed')), piston, (first, second))
+        overridable = QoSOverridingOptions.with_default_policies()
+
+        def on_piston_command(message: Float64) -> None:
+            if math.isfinite(message.data):
+                piston.command(message.data)
+            else:
+                self.get_logger().warning(
+                    f'ignored: piston_command {message.data:g} m', throttle_duration_sec=_THROTTLE
+                )
+
+        self.create_subscription(
+            Float64, convention.PISTON_COMMAND, on_piston_command, COMMAND_QOS, qos_overriding_options=overridable
+        )
+        for index, name in enumerate(convention.CYLINDERS):
+            self.create_subscription(
+                Float64,
+                convention.setpoint_topic(name),
+                partial(self._on_setpoint, commanded, index),
+                COMMAND_QOS,
+                qos_overriding_options=overridable,
+            )
+        return commanded
+
+    def _on_setpoint(self, commanded: Commanded, index: int, message: Float64) -> None:
+        """Set a regulator, to act from the next sample on."""
+        setpoint, air = message.data, self._device.air
+        if not 0.0 < setpoint + air.ambient_pressure < air.supply_pressure:
+            self.get_logger().warning(
+                f'ignored: {convention.setpoint_topic(convention.CYLINDERS[index])} {setpoint:g} Pa, which does not '
+                'lie between vacuum and the supply',
+                throttle_duration_sec=_THROTTLE,
+            )
+            return
+        first, second = commanded.setpoints
+        commanded.setpoints = (setpoint, second) if index == 0 else (first, setpoint)
+
+    # topics
+
+    def _publisher(self, message_type: type, topic: str) -> Publisher:
+        overridable = QoSOverridingOptions.with_default_policies()
+        return self.create_publisher(message_type, topic, _OUTPUT_QOS, qos_overriding_options=overridable)
+
+    def _open_outputs(self) -> None:
+        self._piston_out = self._publisher(JointState, convention.PISTON_STATE)
+        self._pressures_out = [
+            self._publisher(FluidPressure, convention.pressure_topic(name)) for name in convention.CYLINDERS
+        ]
+        self._applied_out = [
+            self._publisher(FluidPressure, convention.setpoint_applied_topic(name)) for name in convention.CYLINDERS
+        ]
+        self._force_out = self._publisher(WrenchStamped, convention.MEASURED_FORCE)
+
+    def _publish(self, sample: RigRecord) -> None:
+        stamp = self._epoch + round(float(sample.times[0]) * 1e9)
+        position = float(sample.displacement[0])
+        speed = 0.0 if self._position is None else (position - self._position) / self._period
+        self._position = position
+        piston = JointState(name=[self._joint], position=[position], velocity=[speed])
+        piston.header.stamp = stamp_message(stamp)
+        piston.header.frame_id = self._frame
+        self._piston_out.publish(piston)
+        for out, pressure in zip(self._pressures_out, sample.pressures[0].tolist()):
+            out.publish(pressure_message(stamp, self._frame, pressure))
+        for out, setpoint in zip(self._applied_out, sample.setpoints[0].tolist()):
+            out.publish(pressure_message(stamp, self._frame, setpoint))
+        self._force_out.publish(force_message(stamp, self._frame, 'x', float(sample.force[0])))
+        self._published += 1
+
+    def _announce(self) -> None:
+        """
+        Publish a schedule's set-points when they change, and for those who have just begun to listen.
+
+        They leave as soon as the sample before the change has: a set-point acts from the next sample on.
+        """
+        state = (self._play.setpoints, tuple(out.get_subscription_count() for out in self._commands_out))
+        if state == self._announced:
+            return
+        self._announced = state
+        for out, setpoint in zip(self._commands_out, self._play.setpoints):
+            out.publish(Float64(data=setpoint))
+
+    # time
+
+    def _seconds(self) -> float:
+        return self._steady.now().nanoseconds * 1e-9
+
+    def _await_audience(self) -> None:
+        """Begin the schedule `start_delay` after the subscribers that it waits for are there."""
+        self._announce()
+        if self._piston_out.get_subscription_count() < self._value('start_subscribers'):
+            self._audience_since = None
+            return
+        if self._audience_since is None:
+            self._audience_since = self._seconds()
+        if self._seconds() - self._audience_since >= self._value('start_delay'):
+            self._waiting.cancel()
+            self.get_logger().info(f'playing {self._value("schedule")}')
+            self._begin()
+
+    def _begin(self) -> None:
+        self._epoch = self.get_clock().now().nanoseconds
+        self._began = self._seconds()
+        self._ticking = self.create_timer(self._period, self._tick, clock=self._steady)
+
+    def _tick(self) -> None:
+        """Publish every sample that is due, those of missed ticks too."""
+        due = math.floor((self._seconds() - self._began) / self._period) + 1
+        try:
+            for _ in range(min(due - self._published, _BURST)):
+                if not self._play.remaining:
+                    break
+                self._publish(self._play.take())
+                self._announce()
+        except RuntimeError as error:  # rclpy's, where a signal has ended the context between two messages
+            if self.context.ok():
+                raise
+            raise ExternalShutdownException from error
+        if not self._play.remaining:
+            self._finish()
+
+    def _finish(self) -> None:
+        """Rest after the schedule, or end the program once its last messages have arrived."""
+        self._ticking.cancel()
+        self.get_logger().info(f'played {self._published} samples')
+        if self._value('exit_when_done'):
+            for out in (
+                self._piston_out,
+                *self._pressures_out,
+                *self._applied_out,
+                self._force_out,
+                *self._commands_out,
+            ):
+                out.wait_for_all_acked(Duration(seconds=_DELIVERY))
+            self.context.try_shutdown()
+
+
+def _whole(lower: int, upper: int, description: str) -> ParameterDescriptor:
+    """Return the descriptor of a whole number in a range."""
+    return ParameterDescriptor(
+        type=ParameterType.PARAMETER_INTEGER,
+        description=description,
+        integer_range=[IntegerRange(from_value=lower, to_value=upper, step=1)],
+    )
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run `rig_node`."""
+    sys.exit(run('rig_node', RigNode, args))
+
+
+if __name__ == '__main__':
+    main()

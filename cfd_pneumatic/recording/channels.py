@@ -1,0 +1,86 @@
+"""Channels: where a recording keeps the numbers of a signal, and what makes SI units of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Role = Literal['displacement', 'pressure', 'setpoint', 'setpoint_applied', 'force']
+
+RECEIVE = 'receive'
+"""As a `Channel.stamp`: the time of reception, whatever stamps the messages have."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """
+    One signal of a recording.
+
+    A raw number is ``gain * raw + bias`` in SI units, plus the ambient pressure if it is a `gauge` pressure.
+
+    Attributes
+    ----------
+    role : str
+        What the signal is.
+    cylinder : str or None
+        Whose it is; None for the displacement and the force.
+    source : str or int
+        Topic of a bag, or column of a table: its name, or its number from 1 on.
+    field : str or None
+        Path of the number inside a message; None for the obvious one of a standard type.
+    stamp : str or None
+        Path of the time inside a message, or `RECEIVE`; None for the header's stamp where there is a header.
+    stamp_unit : float
+        Unit of a stamp that is a plain number [s].
+    gain, bias : float
+        Conversion to SI units, with the sign.
+    gauge : bool
+        Whether the number is a pressure above ambient.
+    time_offset : float
+        Added to the times [s].
+
+    """
+
+    role: Role
+    cylinder: str | None
+    source: str | int
+    field: str | None = None
+    stamp: str | None = None
+    stamp_unit: float = 1.0
+    gain: float = 1.0
+    bias: float = 0.0
+    gauge: bool = False
+    time_offset: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Name for people: `displacement`, `cylinder_a pressure`."""
+        return self.role if self.cylinder is None else f'{self.cylinder} {self.role}'
+
+    def si(self, raw: NDArray[np.float64], ambient_pressure: float) -> NDArray[np.float64]:
+        """Return raw numbers in SI units; pressures come out absolute."""
+        return self.gain * raw + (self.bias + (ambient_pressure if self.gauge else 0.0))
+
+
+@dataclass(frozen=True)
+class Samples:
+    """
+    What a source holds for a channel, as found: unsorted, in the channel's own units.
+
+    Attributes
+    ----------
+    channel : Channel
+        The channel.
+    times : (n,) array of int
+        Times [ns].
+    raw : (n,) array
+        Numbers as recorded.
+
+    """
+
+    channel: Channel
+    times: NDArray[np.int64]
+    raw: NDArray[np.float64]

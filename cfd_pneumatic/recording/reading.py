@@ -1,0 +1,150 @@
+"""Reading a recording, from whatever it is in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.bag import Bag
+from cfd_pneumatic.recording.channels import Channel, Role, Samples
+from cfd_pneumatic.recording.mapping import ChannelMapping
+from cfd_pneumatic.recording.messages import NANOSECONDS
+from cfd_pneumatic.recording.sampling import Defaults, read_samples
+from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.table import read_table
+from cfd_pneumatic.recording.tidying import Tidied, changes, tidy
+from cfd_pneumatic.recording.topics import convention_channels, resolve
+
+FORCE_AXES = ('x', 'y', 'z')
+
+
+def read_recording(
+    path: Path | str,
+    *,
+    mapping: ChannelMapping | None = None,
+    namespace: str | None = None,
+    ambient_pressure: float = AMBIENT_PRESSURE,
+    joint: str = PISTON_JOINT,
+    force_axis: str = 'x',
+) -> Recording:
+    """
+    Read a bag or a table.
+
+    Parameters
+    ----------
+    path : Path or str
+        A ROS 2 bag (its folder, or a .mcap or .db3 file), a ROS 1 .bag file, or with a mapping that says so a table.
+    mapping : ChannelMapping, optional
+        Where the signals are; by default they are at the names of our convention.
+    namespace : str, optional
+        Namespace of the topics; needed where several hold our convention's topics. Relative topics of a mapping are in
+        it.
+    ambient_pressure : float
+        What gauge pressures are above, absolute [Pa].
+    joint : str
+        Name of the piston in a JointState.
+    force_axis : str
+        Axis of the force in a WrenchStamped: x, y or z.
+
+    Returns
+    -------
+    Recording
+        All that was found, in SI units, each signal on its own times.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to read or it can't be meant: the message says what to do.
+
+    """
+    path = Path(path)
+    if force_axis not in FORCE_AXES:
+        raise InputError(f'the force has no axis {force_axis!r}: choose one of {", ".join(FORCE_AXES)}')
+    try:
+        if mapping is not None and mapping.table is not None:
+            samples, notes = read_table(path, mapping.table, mapping.channels), list[str]()
+        else:
+            samples, notes = _read_bag(path, mapping, namespace, Defaults(joint, force_axis))
+        return _assemble(path.resolve().name, samples, notes, ambient_pressure)
+    except InputError as error:
+        raise InputError(f'{path}: {error}') from error
+
+
+def _read_bag(
+    path: Path, mapping: ChannelMapping | None, namespace: str | None, defaults: Defaults
+) -> tuple[list[Samples], list[str]]:
+    with Bag(path) as bag:
+        if mapping is None:
+            channels = convention_channels(bag.topics, namespace)
+        else:
+            channels = [
+                replace(channel, source=resolve(namespace, str(channel.source))) for channel in mapping.channels
+            ]
+        samples, notes = read_samples(bag, _preferred(channels), mapping.types if mapping else None, defaults)
+        return samples, bag.notes + notes
+
+
+def _preferred(channels: Sequence[Channel]) -> list[Channel]:
+    """Leave out the set-points of cylinders whose applied set-point is there."""
+    applied = {channel.cylinder for channel in channels if channel.role == 'setpoint_applied'}
+    return [channel for channel in channels if channel.role != 'setpoint' or channel.cylinder not in applied]
+
+
+def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambient_pressure: float) -> Recording:
+    """Make a recording of samples, at least of the displacement and of one pressure."""
+    tidied = {(one.channel.role, one.channel.cylinder): _tidy(one, ambient_pressure) for one in samples}
+    epoch = min(int(one.times[0]) for one in tidied.values())
+
+    def signal(role: Role, cylinder: str | None = None) -> Signal | None:
+        found = tidied.get((role, cylinder))
+        return None if found is None else Signal((found.times - epoch) / NANOSECONDS, found.values)
+
+    cylinders = {}
+    for cylinder in CYLINDERS:
+        pressure = signal('pressure', cylinder)
+        if pressure is not None:
+            setpoint = signal('setpoint_applied', cylinder) or signal('setpoint', cylinder)
+            cylinders[cylinder] = CylinderSignals(pressure, setpoint)
+    displacement = signal('displacement')
+    assert displacement is not None
+    _check_overlap(displacement, cylinders)
+    health = [*notes, *(note for one in tidied.values() for note in one.notes)]
+    return Recording(name, epoch, displacement, cylinders, signal('force'), tuple(health))
+
+
+def _tidy(samples: Samples, ambient_pressure: float) -> Tidied:
+    channel = samples.channel
+    values = channel.si(samples.raw, ambient_pressure)
+    if channel.role == 'setpoint':
+        return _at_changes(tidy(samples.times, values, channel.name, held=True))
+    tidied = tidy(samples.times, values, channel.name)
+    return _at_changes(_from_previous(tidied)) if channel.role == 'setpoint_applied' else tidied
+
+
+def _from_previous(applied: Tidied) -> Tidied:
+    """Return set-points that acted up to their times at the times from which they acted on."""
+    if len(applied.times) == 1:
+        return applied
+    return Tidied(applied.times[:-1], applied.values[1:], applied.notes)
+
+
+def _at_changes(tidied: Tidied) -> Tidied:
+    begins = changes(tidied.values)
+    return Tidied(tidied.times[begins], tidied.values[begins], tidied.notes)
+
+
+def _check_overlap(displacement: Signal, cylinders: dict[str, CylinderSignals]) -> None:
+    for cylinder, signals in cylinders.items():
+        times = signals.pressure.times
+        if times[0] > displacement.times[-1] or displacement.times[0] > times[-1]:
+            raise InputError(
+                f'the displacement ({_span(displacement)}) and the {cylinder} pressure ({_span(signals.pressure)}) '
+                'have no time in common: if their clocks differ, give `stamp: receive` in a mapping file'
+            )
+
+
+def _span(signal: Signal) -> str:
+    return f'{signal.times[0]:.3f} to {signal.times[-1]:.3f} s'

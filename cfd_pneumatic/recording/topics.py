@@ -1,0 +1,116 @@
+"""Finding our convention's topics in a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from cfd_pneumatic.convention import (
+    CYLINDERS,
+    MEASURED_FORCE,
+    PISTON_STATE,
+    pressure_topic,
+    setpoint_applied_topic,
+    setpoint_topic,
+)
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.bag import Topic
+from cfd_pneumatic.recording.channels import Channel, Role
+from cfd_pneumatic.recording.messages import FLOAT64, FLUID_PRESSURE, JOINT_STATE, WRENCH_STAMPED
+
+_MAX_LISTED = 40
+
+
+def convention_channels(topics: Mapping[str, Topic], namespace: str | None) -> list[Channel]:
+    """
+    Return the channels that a bag in our convention has.
+
+    Parameters
+    ----------
+    topics : Mapping
+        The bag's topics.
+    namespace : str or None
+        Namespace to look in; None if there is but one that fits.
+
+    Raises
+    ------
+    InputError
+        If no namespace fits, several do and none is chosen, or a topic has another type than the convention's.
+
+    """
+    chosen = _choose(topics, namespace)
+    channels = [_channel(topics, chosen, PISTON_STATE, JOINT_STATE, 'displacement')]
+    for cylinder in CYLINDERS:
+        channels += [
+            _channel(topics, chosen, pressure_topic(cylinder), FLUID_PRESSURE, 'pressure', cylinder),
+            _channel(topics, chosen, setpoint_topic(cylinder), FLOAT64, 'setpoint', cylinder),
+            _channel(topics, chosen, setpoint_applied_topic(cylinder), FLUID_PRESSURE, 'setpoint_applied', cylinder),
+        ]
+    channels.append(_channel(topics, chosen, MEASURED_FORCE, WRENCH_STAMPED, 'force'))
+    present = [channel for channel in channels if channel is not None]
+    measured = {channel.cylinder for channel in present if channel.role == 'pressure'}
+    return [channel for channel in present if channel.cylinder is None or channel.cylinder in measured]
+
+
+def resolve(namespace: str | None, topic: str) -> str:
+    """Return a topic's full name; one that begins with a slash is full already."""
+    return topic if topic.startswith('/') else f'{_normalise(namespace or "")}/{topic}'
+
+
+def list_topics(topics: Mapping[str, Topic]) -> str:
+    """Return topics with their types, for a message."""
+    names = sorted(topics)
+    listed = ', '.join(f'{name} ({topics[name].msgtype})' for name in names[:_MAX_LISTED])
+    return listed + (f', and {len(names) - _MAX_LISTED} more' if len(names) > _MAX_LISTED else '')
+
+
+def _choose(topics: Mapping[str, Topic], namespace: str | None) -> str:
+    fitting = sorted(_fitting(topics))
+    pressures = ' or '.join(map(pressure_topic, CYLINDERS))
+    if namespace is not None:
+        chosen = _normalise(namespace)
+        if chosen in fitting:
+            return chosen
+        others = f'; namespaces that do: {_list(fitting)}' if fitting else ''
+        raise InputError(
+            f'no {PISTON_STATE} and {pressures} in the namespace {chosen or "/"}{others}; '
+            f'the topics are {list_topics(topics)}'
+        )
+    if not fitting:
+        raise InputError(
+            f'no {PISTON_STATE} and {pressures} in one namespace: give a mapping file for the topics that there are: '
+            f'{list_topics(topics)}'
+        )
+    if len(fitting) > 1:
+        raise InputError(f'several devices are recorded: choose a namespace, one of {_list(fitting)}')
+    return fitting[0]
+
+
+def _fitting(topics: Iterable[str]) -> set[str]:
+    """Return the namespaces with a displacement and a pressure."""
+    names = set(topics)
+    namespaces = {name[: -len(PISTON_STATE) - 1] for name in names if name.endswith(f'/{PISTON_STATE}')}
+    return {
+        namespace
+        for namespace in namespaces
+        if any(f'{namespace}/{pressure_topic(cylinder)}' in names for cylinder in CYLINDERS)
+    }
+
+
+def _channel(
+    topics: Mapping[str, Topic], namespace: str, name: str, msgtype: str, role: Role, cylinder: str | None = None
+) -> Channel | None:
+    topic = topics.get(f'{namespace}/{name}')
+    if topic is None:
+        return None
+    if topic.msgtype != msgtype:
+        raise InputError(f'topic {topic.name} holds {topic.msgtype}, not {msgtype}: give a mapping file')
+    return Channel(role, cylinder, topic.name, gauge=role == 'setpoint')
+
+
+def _normalise(namespace: str) -> str:
+    name = namespace.strip('/')
+    return f'/{name}' if name else ''
+
+
+def _list(namespaces: Iterable[str]) -> str:
+    return ', '.join(namespace or '/' for namespace in namespaces)

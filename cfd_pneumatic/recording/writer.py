@@ -1,0 +1,266 @@
+"""Writing bags: whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from cfd_pneumatic.convention import (
+    AMBIENT_PRESSURE,
+    MEASURED_FORCE,
+    PISTON_JOINT,
+    PISTON_STATE,
+    pressure_topic,
+    setpoint_topic,
+)
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording import messages
+from cfd_pneumatic.recording.bag import METADATA
+from cfd_pneumatic.recording.messages import NANOSECONDS
+from cfd_pneumatic.recording.signals import Recording, Signal
+from cfd_pneumatic.recording.topics import resolve
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+StorageName = Literal['mcap', 'sqlite3']
+
+STORAGES: tuple[StorageName, ...] = ('mcap', 'sqlite3')
+
+_BAG_VERSION: Literal[8] = 8
+"""What Humble's rosbag2 reads, too."""
+
+_LAST_STAMP = 2**31
+"""Seconds that a stamp can't hold any more."""
+
+
+class BagWriter:
+    """
+    Writes a ROS 2 bag aside and moves it to its place when it is complete.
+
+    As a context manager it closes the bag at the end, or drops it if there was an error.
+
+    Parameters
+    ----------
+    path : Path or str
+        Folder of the bag.
+    storage : str
+        `mcap` or `sqlite3`.
+    overwrite : bool
+        Whether a bag that is there may be replaced; anything else there is kept in any case.
+
+    Raises
+    ------
+    InputError
+        If there is something at the path already or its parent can't be written.
+
+    """
+
+    def __init__(self, path: Path | str, *, storage: StorageName = 'mcap', overwrite: bool = False) -> None:
+        self.path = Path(path)
+        self._connections: dict[str, Connection] = {}
+        self._check_free(overwrite)
+        with self._reported():
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._aside = Path(tempfile.mkdtemp(dir=self.path.parent, prefix=f'.{self.path.name}.'))
+            self._writer = Writer(
+                self._aside / self.path.name, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()]
+            )
+            self._writer.open()
+
+    def add_topic(self, topic: str, msgtype: str) -> None:
+        """
+        Announce a topic; needed before its first message.
+
+        Raises
+        ------
+        InputError
+            If ROS 2 has no such message type.
+
+        """
+        types = messages.standard_types()
+        if msgtype not in types.fielddefs:
+            raise InputError(f'topic {topic} cannot be recorded: its type {msgtype} is not one that ROS 2 ships')
+        with self._reported():
+            self._connections[topic] = self._writer.add_connection(topic, msgtype, typestore=types)
+
+    def write(self, topic: str, time: int, payload: bytes | memoryview) -> None:
+        """Write a serialised (CDR) message on an announced topic, received at a time [ns]."""
+        with self._reported():
+            self._writer.write(self._connections[topic], time, payload)
+
+    def write_message(self, topic: str, time: int, message: object) -> None:
+        """Write a message, made by `cfd_pneumatic.recording.messages`, on an announced topic at a time [ns]."""
+        payload = messages.standard_types().serialize_cdr(message, self._connections[topic].msgtype)
+        self.write(topic, time, payload)
+
+    def close(self) -> None:
+        """Complete the bag and move it to its place."""
+        with self._reported():
+            self._writer.close()
+            self._take_place()
+            shutil.rmtree(self._aside, ignore_errors=True)
+
+    def abort(self) -> None:
+        """Drop what was written."""
+        with suppress(Exception):
+            self._writer.abort()
+        shutil.rmtree(self._aside, ignore_errors=True)
+
+    def __enter__(self) -> Self:
+        """Return the writer."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the bag, or drop it after an error."""
+        if kind is not None:
+            self.abort()
+            return
+        try:
+            self.close()
+        except BaseException:
+            self.abort()
+            raise
+
+    def _check_free(self, overwrite: bool) -> None:
+        if self.path.parent.exists() and not self.path.parent.is_dir():
+            raise InputError(f'cannot write {self.path}: {self.path.parent} is not a folder')
+        if not self.path.exists():
+            return
+        if not overwrite:
+            raise InputError(f'{self.path} exists already: choose another name or let it be overwritten')
+        if not (self.path / METADATA).is_file():
+            raise InputError(f'{self.path} is not a bag and is not overwritten: choose another name')
+
+    def _take_place(self) -> None:
+        """Move the bag to its place; where that fails an earlier bag is put back."""
+        earlier = self._aside / 'earlier'
+        if self.path.exists():
+            os.replace(self.path, earlier)
+        try:
+            os.replace(self._aside / self.path.name, self.path)
+        except OSError:
+            if earlier.exists():
+                os.replace(earlier, self.path)
+            raise
+
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        """Turn what a disk can do wrong into an error for the user."""
+        try:
+            yield
+        except (OSError, sqlite3.Error) as error:
+            reason = getattr(error, 'strerror', None) or str(error)
+            raise InputError(f'cannot write {self.path}: {reason}; choose a folder that can be written') from error
+
+
+def write_recording(
+    path: Path | str,
+    recording: Recording,
+    *,
+    namespace: str = '/cfd/device',
+    storage: StorageName = 'mcap',
+    ambient_pressure: float = AMBIENT_PRESSURE,
+    joint: str = PISTON_JOINT,
+    overwrite: bool = False,
+) -> None:
+    """
+    Write a recording as a bag in our convention.
+
+    Parameters
+    ----------
+    path : Path or str
+        Folder of the bag.
+    recording : Recording
+        What to write.
+    namespace : str
+        Namespace of the topics.
+    storage : str
+        `mcap` or `sqlite3`.
+    ambient_pressure : float
+        What the set-points, which are gauge pressures in a bag, are above [Pa].
+    joint : str
+        Name of the piston in JointState.
+    overwrite : bool
+        Whether a bag that is there may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the bag can't be written, or the recording's times don't fit a message.
+
+    """
+    tracks = _tracks(recording, namespace, joint, ambient_pressure)
+    last = max(int(track.times[-1]) for track in tracks) / NANOSECONDS
+    if recording.epoch < 0 or last >= _LAST_STAMP:
+        raise InputError(f'{recording.name}: times up to {last:g} s do not fit a stamp: check their unit and offset')
+    with BagWriter(path, storage=storage, overwrite=overwrite) as bag:
+        for track in tracks:
+            bag.add_topic(track.topic, track.msgtype)
+        for index, sample in _in_order_of_time(tracks):
+            track = tracks[index]
+            time = int(track.times[sample])
+            bag.write_message(track.topic, time, track.message(time, float(track.values[sample])))
+
+
+@dataclass(frozen=True)
+class _Track:
+    """A topic to write: its samples, at times [ns], and what makes a message of a time and a value."""
+
+    topic: str
+    msgtype: str
+    times: NDArray[np.int64]
+    values: NDArray[np.float64]
+    message: Callable[[int, float], object]
+
+
+def _tracks(recording: Recording, namespace: str, joint: str, ambient_pressure: float) -> list[_Track]:
+    """Return the topics of a recording, set-points first: at equal times they come before the samples they act on."""
+
+    def track(name: str, msgtype: str, signal: Signal, message: Callable[[int, float], object]) -> _Track:
+        times = recording.epoch + np.rint(signal.times * NANOSECONDS).astype(np.int64)
+        return _Track(resolve(namespace, name), msgtype, times, signal.values, message)
+
+    def setpoint(time: int, value: float) -> object:
+        return messages.float64(value - ambient_pressure)
+
+    def piston_state(time: int, value: float) -> object:
+        return messages.joint_state(time, joint, value)
+
+    tracks = [
+        track(setpoint_topic(cylinder), messages.FLOAT64, signals.setpoint, setpoint)
+        for cylinder, signals in recording.cylinders.items()
+        if signals.setpoint is not None
+    ]
+    tracks.append(track(PISTON_STATE, messages.JOINT_STATE, recording.displacement, piston_state))
+    tracks += [
+        track(pressure_topic(cylinder), messages.FLUID_PRESSURE, signals.pressure, messages.fluid_pressure)
+        for cylinder, signals in recording.cylinders.items()
+    ]
+    if recording.force is not None:
+        tracks.append(track(MEASURED_FORCE, messages.WRENCH_STAMPED, recording.force, messages.wrench_stamped))
+    return tracks
+
+
+def _in_order_of_time(tracks: Sequence[_Track]) -> Iterator[tuple[int, int]]:
+    """Yield track and sample of every sample, in the order of time and then of the tracks."""
+    times = np.concatenate([track.times for track in tracks])
+    owners = np.repeat(np.arange(len(tracks)), [len(track.times) for track in tracks])
+    samples = np.concatenate([np.arange(len(track.times)) for track in tracks])
+    order = np.argsort(times, kind='stable')
+    yield from zip(owners[order].tolist(), samples[order].tolist())

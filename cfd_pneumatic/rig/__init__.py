@@ -1,0 +1,53 @@
+"""
+A virtual test rig: the stand-in for a real constant force device.
+
+Its physics are its own, nonlinear, and share nothing with the model that is identified from its records::
+
+    from cfd_pneumatic.rig import paper_step, record
+
+    run = record(paper_step(setpoint=34.5e3), seed=1)
+    run.times, run.displacement, run.pressures   # what the sensors read
+    run.truth.pressures                          # what really happened
+"""
+
+from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record
+from cfd_pneumatic.rig.device import Rig, Truth
+from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal
+from cfd_pneumatic.rig.piston import CommandedPiston
+from cfd_pneumatic.rig.schedule import (
+    SCHEDULES,
+    Schedule,
+    SetPoints,
+    lay_out,
+    out_and_back,
+    paper_step,
+    schedule_named,
+    surface_following,
+)
+from cfd_pneumatic.rig.sensors import Sensors
+from cfd_pneumatic.rig.stroke import Stroke
+
+__all__ = [
+    'SCHEDULES',
+    'Air',
+    'Bench',
+    'CommandedPiston',
+    'Cylinder',
+    'Performance',
+    'Piston',
+    'Rig',
+    'RigParameters',
+    'RigRecord',
+    'Schedule',
+    'Seal',
+    'Sensors',
+    'SetPoints',
+    'Stroke',
+    'Truth',
+    'lay_out',
+    'out_and_back',
+    'paper_step',
+    'record',
+    'schedule_named',
+    'surface_following',
+]

@@ -1,0 +1,178 @@
+"""The rig as a thing with a state: it is moved, and answers with pressures and a force."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.rig import physics
+from cfd_pneumatic.rig.parameters import RigParameters, checked
+
+LONGEST_STEP = 5e-5
+"""Longest integration step [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What really happened at a number of times, which no sensor sees."""
+
+    times: NDArray[np.float64]
+    """Time since the rig was at rest [s], (n,)."""
+
+    displacement: NDArray[np.float64]
+    """Position of the piston [m], (n,)."""
+
+    velocity: NDArray[np.float64]
+    """Velocity of the piston [m/s], (n,)."""
+
+    acceleration: NDArray[np.float64]
+    """Acceleration of the piston [m/s^2], (n,)."""
+
+    pressures: NDArray[np.float64]
+    """Absolute pressure in the cylinders A and B [Pa], (n, 2)."""
+
+    sensed_pressures: NDArray[np.float64]
+    """Absolute pressure in the regulators' control chambers [Pa], (n, 2)."""
+
+    setpoints: NDArray[np.float64]
+    """Absolute set pressure that acted up to each time [Pa], (n, 2)."""
+
+    force: NDArray[np.float64]
+    """Force on the workpiece along +x [N], (n,)."""
+
+    def every(self, stride: int) -> Truth:
+        """Return each stride-th time, counted so that the last of every `stride` times is kept."""
+        return Truth(**{name: values[stride - 1 :: stride] for name, values in vars(self).items()})
+
+
+class Rig:
+    """
+    Two opposing, pressure-regulated cylinders whose piston is moved.
+
+    The rig starts at rest with both cylinders at their set-points.
+
+    Parameters
+    ----------
+    setpoints
+        Set pressure of the cylinders A and B, gauge [Pa].
+    parameters
+        What the rig is made of.
+    position
+        Position of the piston [m].
+    longest_step
+        Longest integration step [s].
+
+    """
+
+    def __init__(
+        self,
+        setpoints: tuple[float, float],
+        parameters: RigParameters = RigParameters(),
+        *,
+        position: float = 0.0,
+        longest_step: float = LONGEST_STEP,
+    ) -> None:
+        self.parameters = checked(parameters)
+        self._longest_step = longest_step
+        resting = self._absolute(np.array(setpoints, dtype=float))
+        self._pressures = np.column_stack([resting, resting])
+        self._stretch = 0.0
+        self._time = 0.0
+        self._position = float(self._reachable(np.array([position]))[0])
+        self._velocity = 0.0
+
+    @property
+    def time(self) -> float:
+        """Time since the rig was at rest [s]."""
+        return self._time
+
+    @property
+    def position(self) -> float:
+        """Position of the piston [m]."""
+        return self._position
+
+    @property
+    def velocity(self) -> float:
+        """Velocity of the piston [m/s]."""
+        return self._velocity
+
+    @property
+    def pressures(self) -> NDArray[np.float64]:
+        """Absolute pressure in the cylinders A and B [Pa], (2,)."""
+        return self._pressures[:, physics.OUTLET].copy()
+
+    def advance(self, positions: ArrayLike, velocities: ArrayLike, setpoints: ArrayLike, period: float) -> Truth:
+        """
+        Move the piston from knot to knot and return what happened at each.
+
+        Parameters
+        ----------
+        positions, velocities : (knots,)
+            Where the piston arrives at each knot [m] and how fast [m/s]; cubic in between.
+        setpoints : (2,) or (knots, 2)
+            Set pressure of the cylinders on the way to each knot, gauge [Pa].
+        period
+            Time between knots [s].
+
+        Raises
+        ------
+        InputError
+            If a position is beyond the travel, or a set-point below vacuum or above the supply.
+
+        """
+        reached = self._reachable(np.atleast_1d(np.asarray(positions, dtype=float)))
+        knots = len(reached)
+        acting = np.ascontiguousarray(np.broadcast_to(self._absolute(np.asarray(setpoints, dtype=float)), (knots, 2)))
+        x = np.concatenate([[self._position], reached])
+        v = np.concatenate([[self._velocity], np.atleast_1d(np.asarray(velocities, dtype=float))])
+        trajectory = np.empty((knots, 2, 2))
+        forces, accelerations = np.empty(knots), np.empty(knots)
+        steps = math.ceil(period / self._longest_step * (1.0 - 1e-9))
+        self._stretch = physics.advance(
+            self._pressures,
+            self._stretch,
+            x,
+            v,
+            acting,
+            period,
+            steps,
+            self.parameters,
+            trajectory,
+            forces,
+            accelerations,
+        )
+        times = self._time + period * np.arange(1.0, knots + 1.0)
+        self._time, self._position, self._velocity = float(times[-1]), float(x[-1]), float(v[-1])
+        return Truth(
+            times=times,
+            displacement=x[1:],
+            velocity=v[1:],
+            acceleration=accelerations,
+            pressures=trajectory[:, :, physics.OUTLET],
+            sensed_pressures=trajectory[:, :, physics.SENSED],
+            setpoints=acting,
+            force=forces,
+        )
+
+    def _reachable(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        travel = self.parameters.piston.travel
+        if not np.all(np.abs(positions) <= travel):
+            raise InputError(
+                f'the piston travels {travel * 1e3:g} mm to either side: '
+                f'{np.max(np.abs(positions)) * 1e3:g} mm is out of reach'
+            )
+        return positions
+
+    def _absolute(self, setpoints: NDArray[np.float64]) -> NDArray[np.float64]:
+        air = self.parameters.air
+        absolute = setpoints + air.ambient_pressure
+        if not np.all((absolute > 0.0) & (absolute < air.supply_pressure)):
+            raise InputError(
+                f'a set-point lies between vacuum and the supply, {-air.ambient_pressure:.6g} to '
+                f'{air.supply_pressure - air.ambient_pressure:.6g} Pa gauge, not at {setpoints.tolist()}'
+            )
+        return absolute

@@ -1,0 +1,179 @@
+"""
+What the virtual rig is made of.
+
+Plain named tuples of floats, so that the compiled physics reads them by name. Change one with ``_replace``::
+
+    parameters = RigParameters()
+    leaner = parameters._replace(piston=parameters.piston._replace(mass=0.1))
+
+The defaults are a device of the CFD2100's size whose small-signal behaviour from 5 to 20 psig follows Table 1 of Guvenc
+and Srinivasan. An effect that a healthy device lacks becomes a field with a strength, 0 by default, read in one
+function of `cfd_pneumatic.rig.physics`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.units import PSI
+
+
+class Air(NamedTuple):
+    """The air that the device breathes, one temperature throughout."""
+
+    supply_pressure: float = AMBIENT_PRESSURE + 75 * PSI
+    """Absolute pressure ahead of the supply valves [Pa]."""
+
+    ambient_pressure: float = AMBIENT_PRESSURE
+    """Absolute pressure behind the vents [Pa]."""
+
+    temperature: float = 293.15
+    """Absolute temperature [K]."""
+
+    gas_constant: float = 287.05
+    """Specific gas constant [J/(kg K)]."""
+
+    viscosity: float = 1.81e-5
+    """Dynamic viscosity [Pa s]."""
+
+
+class Cylinder(NamedTuple):
+    """One air cylinder and the self-relieving regulator that feeds it."""
+
+    area: float = 1.14e-3
+    """Cross-section of the piston [m^2]: a bore of 1.5 inch."""
+
+    rest_volume: float = 4.77e-5
+    """Volume of cylinder and line with the piston at x = 0 [m^3]."""
+
+    polytropic_exponent: float = 1.3
+    """n, between 1 (isothermal) and 1.4 (adiabatic)."""
+
+    supply_gain: float = 3.57e-14
+    """Sonic conductance of the supply valve per pascal that the sensed pressure is too low [m^3/(s Pa) / Pa]."""
+
+    supply_gain_growth: float = 2.7e-5
+    """
+    Relative growth of `supply_gain` per pascal of set pressure [1/Pa].
+
+    Empirical. Choked supply flow alone makes K_sv the same at every set-point, but Table 1's more than triples from 5
+    to 20 psig.
+    """
+
+    supply_conductance: float = 3.1e-8
+    """Sonic conductance of the supply valve fully open [m^3/(s Pa)]: the regulator's 40 scfm."""
+
+    supply_critical_ratio: float = 0.5
+    """Critical pressure ratio b of the supply valve."""
+
+    relief_gain: float = 6.38e-14
+    """Sonic conductance of the relief valve per pascal that the sensed pressure is too high [m^3/(s Pa) / Pa]."""
+
+    relief_conductance: float = 1.5e-8
+    """Sonic conductance of the relief valve fully open [m^3/(s Pa)]: the regulator's 5.5 scfm."""
+
+    relief_critical_ratio: float = 0.5
+    """Critical pressure ratio b of the relief valve."""
+
+    control_volume: float = 5e-7
+    """Volume of the regulator's control chamber, under the diaphragm [m^3]."""
+
+    aspirator_diameter: float = 2.5e-4
+    """Inner diameter of the aspirator tube between outlet and control chamber [m]."""
+
+    aspirator_length: float = 2.25e-2
+    """Length of the aspirator tube [m]."""
+
+    reference_pressure: float = AMBIENT_PRESSURE + 10 * PSI
+    """Absolute pressure at which `pressure_dependence` = 0 freezes the coefficients [Pa]."""
+
+    pressure_dependence: float = 1.0
+    """How far flows, densities and stiffness follow the pressure: 1 as in nature, 0 not at all."""
+
+    position_dependence: float = 1.0
+    """How far the volume follows the piston in the coefficients: 1 as in nature, 0 not at all."""
+
+
+class Piston(NamedTuple):
+    """What moves between the two cylinders, and what it pushes on."""
+
+    mass: float = 0.15
+    """Mass between the air and the load cell [kg]."""
+
+    geometric_factor: float = 1.0
+    """Contact force per newton of difference between the cylinders' forces."""
+
+    travel: float = 6.35e-3
+    """Largest displacement to either side of mid-stroke [m]."""
+
+
+class Seal(NamedTuple):
+    """Friction of both cylinders' seals together; small, for glass cylinders."""
+
+    coulomb: float = 0.1
+    """Coulomb friction without pressure [N]."""
+
+    coulomb_per_pressure: float = 1e-6
+    """Coulomb friction for each pascal of gauge pressure, both cylinders added [N/Pa]."""
+
+    viscous: float = 2.0
+    """Viscous friction [N s/m]."""
+
+    presliding: float = 5e-5
+    """Displacement over which the friction turns round after a reversal [m] (Dahl)."""
+
+
+class RigParameters(NamedTuple):
+    """The whole rig: cylinder A grows with +x, cylinder B shrinks."""
+
+    air: Air = Air()
+    cylinder_a: Cylinder = Cylinder()
+    cylinder_b: Cylinder = Cylinder()
+    piston: Piston = Piston()
+    seal: Seal = Seal()
+
+
+MAY_BE_ZERO = frozenset(
+    {
+        'supply_gain',
+        'supply_gain_growth',
+        'relief_gain',
+        'pressure_dependence',
+        'position_dependence',
+        'mass',
+        'coulomb',
+        'coulomb_per_pressure',
+        'viscous',
+    }
+)
+
+
+def checked(parameters: RigParameters) -> RigParameters:
+    """
+    Return the parameters as floats, once they make a device.
+
+    Raises
+    ------
+    InputError
+        If a value isn't finite, has the wrong sign, or leaves a chamber without volume.
+
+    """
+    for part, values in parameters._asdict().items():
+        for name, value in values._asdict().items():
+            if not math.isfinite(value) or value < 0.0 or (value == 0.0 and name not in MAY_BE_ZERO):
+                raise InputError(f'rig parameter {part}.{name} = {value:g}: give a positive number')
+    for part in ('cylinder_a', 'cylinder_b'):
+        cylinder = getattr(parameters, part)
+        if cylinder.rest_volume <= cylinder.area * parameters.piston.travel:
+            raise InputError(
+                f'rig parameter {part}.rest_volume = {cylinder.rest_volume:g} m^3 is gone before the end '
+                'of the travel: enlarge it or shorten piston.travel'
+            )
+        if cylinder.supply_critical_ratio >= 1.0 or cylinder.relief_critical_ratio >= 1.0:
+            raise InputError(f'rig parameter {part}: a critical pressure ratio is below 1')
+    if parameters.air.supply_pressure <= parameters.air.ambient_pressure:
+        raise InputError('rig parameter air.supply_pressure: a supply has more than ambient pressure')
+    return RigParameters._make(type(part)(*map(float, part)) for part in parameters)

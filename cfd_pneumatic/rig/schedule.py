@@ -1,0 +1,309 @@
+"""
+What a test does to the rig: how the piston is moved, and what the regulators are set to.
+
+The paper's test, strokes out and back, and a tool that follows a surface, by name in `SCHEDULES`.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.rig.stroke import Stroke
+from cfd_pneumatic.units import INCH, PSI
+
+MIL = 1e-3 * INCH
+"""A thousandth of an inch [m]."""
+
+SAMPLING_PERIOD = 2e-3
+"""The paper's sampling period [s]."""
+
+LONGEST_KNOT = 2e-4
+"""Longest time between knots of a motion [s]: a stop within a millisecond takes some."""
+
+Motion = Callable[[NDArray[np.float64]], 'tuple[NDArray[np.float64], NDArray[np.float64]]']
+"""Times [s] to positions [m] and velocities [m/s]."""
+
+
+class SetPoints(NamedTuple):
+    """What the regulators are set to from a time on."""
+
+    time: float
+    """Since the schedule began [s]."""
+
+    cylinder_a: float
+    """Gauge [Pa]."""
+
+    cylinder_b: float
+    """Gauge [Pa]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """
+    A motion and its set-points, laid out for a number of samples, one each `sampling_period` from time 0 on.
+
+    The piston is at rest until the first sample, so that everything before it is known.
+    """
+
+    name: str
+    sampling_period: float
+    """Time between samples [s]."""
+
+    knots_per_sample: int
+    """Knots of the motion in a sampling period; the motion is cubic in between."""
+
+    positions: NDArray[np.float64]
+    """Displacement at the end of each knot's interval [m], (samples * knots_per_sample,)."""
+
+    velocities: NDArray[np.float64]
+    """Velocity there [m/s], of the same shape."""
+
+    setpoints: NDArray[np.float64]
+    """Set pressures of A and B on the way to each sample, gauge [Pa], (samples, 2)."""
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(self.setpoints)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last [s]."""
+        return (self.samples - 1) * self.sampling_period
+
+    def with_return(self, settling: float = 1.0) -> Schedule:
+        """
+        Return the schedule with a way back at its end, so that it can begin again on the same rig.
+
+        The set-points go back to the first ones, and the piston in the first half of `settling` [s].
+        """
+        samples = max(round(settling / self.sampling_period), 2)
+        knots = samples * self.knots_per_sample
+        duration = samples * self.sampling_period
+        first, last = float(self.positions[0]), float(self.positions[-1])
+        back = Stroke(0.0, last, first, 0.5 * duration, release=0.1 * duration, impact=0.1 * duration)
+        positions, velocities = back(np.arange(1.0, knots + 1.0) * (duration / knots))
+        return replace(
+            self,
+            positions=np.concatenate([self.positions, positions]),
+            velocities=np.concatenate([self.velocities, velocities]),
+            setpoints=np.concatenate([self.setpoints, np.tile(self.setpoints[0], (samples, 1))]),
+        )
+
+
+def lay_out(name: str, motion: Motion, setpoints: list[SetPoints], samples: int, sampling_period: float) -> Schedule:
+    """
+    Return a schedule of a number of samples, one each `sampling_period` [s].
+
+    The set-points stand in order of time. The first is taken as set since long ago, the others act from the sample next
+    to their time on.
+    """
+    if not sampling_period > 0.0 or not math.isfinite(sampling_period):
+        raise InputError(f'sampling period {sampling_period:g} s: give a positive number')
+    if samples < 2:
+        raise InputError(f'schedule {name!r} would hold {samples} samples: make it longer')
+    knots = math.ceil(sampling_period / LONGEST_KNOT * (1.0 - 1e-9))
+    times = np.maximum(np.arange(1 - knots, (samples - 1) * knots + 1) * (sampling_period / knots), 0.0)
+    positions, velocities = motion(times)
+    velocities = np.where(times > 0.0, velocities, 0.0)
+    changes = [round(change.time / sampling_period) for change in setpoints[1:]]
+    in_force = np.searchsorted(changes, np.arange(samples) - 1, side='right')
+    levels = np.array([[change.cylinder_a, change.cylinder_b] for change in setpoints])
+    return Schedule(name, sampling_period, knots, positions, velocities, levels[in_force])
+
+
+def paper_step(
+    setpoint: float = 5 * PSI,
+    amplitude: float = 60 * MIL,
+    *,
+    setpoint_b: float | None = None,
+    sampling_period: float = SAMPLING_PERIOD,
+) -> Schedule:
+    """
+    Return the paper's test: 50 samples at rest, a step-like displacement, 300 samples from its trigger on.
+
+    A gage block is pulled away and the piston flies to a mechanical stop.
+
+    Parameters
+    ----------
+    setpoint
+        Set pressure, gauge [Pa].
+    amplitude
+        Displacement [m]: 60 or 17 mil in the paper. A negative one compresses cylinder A.
+    setpoint_b
+        Set pressure of cylinder B, gauge [Pa]; the same as A's by default, so that the record tests both alike.
+    sampling_period
+        Time between samples [s].
+
+    """
+    before, after = 50, 300
+    level_b = setpoint if setpoint_b is None else setpoint_b
+    step = Stroke.flight((before - 1) * sampling_period, 0.0, amplitude)
+    return lay_out('paper_step', step, [SetPoints(0.0, setpoint, level_b)], before + after, sampling_period)
+
+
+def out_and_back(
+    setpoint: float = 5 * PSI,
+    amplitude: float = 60 * MIL,
+    *,
+    second_setpoint: float | None = None,
+    second_amplitude: float | None = None,
+    setpoint_b: float = 5 * PSI,
+    repeats: int = 2,
+    sampling_period: float = SAMPLING_PERIOD,
+) -> Schedule:
+    """
+    Return strokes out and back at two amplitudes and two set-points.
+
+    Parameters
+    ----------
+    setpoint, second_setpoint
+        Set pressures of cylinder A, gauge [Pa]; the second is 5 psi above the first by default.
+    amplitude, second_amplitude
+        Displacements [m]; the second is 17/60 of the first by default, as in the paper.
+    setpoint_b
+        Set pressure of cylinder B throughout, gauge [Pa].
+    repeats
+        How often to go through all of it.
+    sampling_period
+        Time between samples [s].
+
+    """
+    rest, settling = 0.3, 0.4
+    levels = (setpoint, setpoint + 5 * PSI if second_setpoint is None else second_setpoint)
+    amplitudes = (amplitude, amplitude * 17 / 60 if second_amplitude is None else second_amplitude)
+    if repeats < 1:
+        raise InputError(f'repeats {repeats}: give 1 or more')
+    strokes: list[Stroke] = []
+    setpoints = [SetPoints(0.0, levels[0], setpoint_b)]
+    time = 0.1
+    for repeat in range(repeats):
+        for level in levels:
+            if repeat or level is levels[1]:
+                setpoints.append(SetPoints(time, level, setpoint_b))
+                time += settling
+            for reach in amplitudes:
+                strokes.append(Stroke.flight(time, 0.0, reach))
+                strokes.append(Stroke.flight(time + rest, reach, 0.0))
+                time += 2 * rest
+
+    def motion(times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        positions, velocities = np.zeros_like(times), np.zeros_like(times)
+        for stroke in strokes:
+            leg, speed = stroke(times)
+            positions += leg - stroke.start
+            velocities += speed
+        return positions, velocities
+
+    return lay_out('out_and_back', motion, setpoints, round(time / sampling_period) + 1, sampling_period)
+
+
+def surface_following(
+    setpoint: float = 10 * PSI,
+    amplitude: float = 0.8e-3,
+    *,
+    setpoint_steps: float = 2 * PSI,
+    setpoint_b: float = 5 * PSI,
+    bandwidth: float = 12.0,
+    duration: float = 60.0,
+    seed: int = 0,
+    sampling_period: float = SAMPLING_PERIOD,
+) -> Schedule:
+    """
+    Return a tool that follows a random surface, while the force is changed now and then.
+
+    Parameters
+    ----------
+    setpoint
+        Set pressure of cylinder A, gauge [Pa], about which its steps are spread.
+    amplitude
+        Standard deviation of the surface [m]; its highest points are rounded off at 3.5 times that.
+    setpoint_steps
+        Half the span of the set-points of cylinder A [Pa]; cylinder B's have half of it. 0 leaves them alone.
+    setpoint_b
+        Set pressure of cylinder B, gauge [Pa], about which its steps are spread.
+    bandwidth
+        Highest frequency in the surface [Hz].
+    duration
+        Length [s].
+    seed
+        Picks the surface and the steps.
+    sampling_period
+        Time between samples [s].
+
+    """
+    if not 2.0 <= duration <= 3600.0:
+        raise InputError(f'duration {duration:g} s: a surface takes 2 s to an hour')
+    rng = np.random.default_rng(seed)
+    surface = _random_surface(amplitude, bandwidth, duration, rng)
+    setpoints = [SetPoints(0.0, setpoint, setpoint_b)]
+    time = rng.uniform(1.0, 4.0)
+    while time < duration:
+        _, level_a, level_b = setpoints[-1]
+        if rng.random() < 0.6:
+            level_a = setpoint + setpoint_steps * rng.uniform(-1.0, 1.0)
+        else:
+            level_b = setpoint_b + 0.5 * setpoint_steps * rng.uniform(-1.0, 1.0)
+        setpoints.append(SetPoints(time, level_a, level_b))
+        time += rng.uniform(1.0, 4.0)
+    return lay_out('surface_following', surface, setpoints, round(duration / sampling_period) + 1, sampling_period)
+
+
+def _random_surface(amplitude: float, bandwidth: float, duration: float, rng: np.random.Generator) -> Motion:
+    """Return a Gaussian, band-limited surface that begins and ends flat, its height kept by a smooth limiter."""
+    fade, fastest = 0.5, 1e-3
+    count = 2 ** math.ceil(math.log2(max(duration / fastest, 2.0)))
+    frequencies = np.fft.rfftfreq(count, fastest)
+    shape = np.where((frequencies > 0.1) & (frequencies < bandwidth), 1.0 / np.hypot(1.0, frequencies / 3.0), 0.0)
+    spectrum = shape * (rng.standard_normal(len(shape)) + 1j * rng.standard_normal(len(shape)))
+    heights = np.fft.irfft(spectrum, count)
+    slopes = np.fft.irfft(2j * np.pi * frequencies * spectrum, count)
+    scale = amplitude / np.std(heights)
+    highest = 3.5 * amplitude
+    spline = CubicHermiteSpline(fastest * np.arange(count), scale * heights, scale * slopes)
+
+    def motion(times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        nearness = np.clip(np.minimum(times, duration - times) / fade, 0.0, 1.0)
+        envelope = nearness**3 * (10.0 - 15.0 * nearness + 6.0 * nearness**2)
+        growth = 30.0 * (nearness * (1.0 - nearness)) ** 2 / fade * np.where(times < duration / 2, 1.0, -1.0)
+        height, slope = spline(times), spline(times, 1)
+        raw, rate = envelope * height, envelope * slope + growth * height
+        limited = highest * np.tanh(raw / highest)
+        return limited, rate * (1.0 - (limited / highest) ** 2)
+
+    return motion
+
+
+SCHEDULES: dict[str, Callable[..., Schedule]] = {
+    builder.__name__: builder for builder in (paper_step, out_and_back, surface_following)
+}
+"""The schedules by name."""
+
+
+def schedule_named(name: str, **options: float) -> Schedule:
+    """
+    Return a schedule by its name.
+
+    Raises
+    ------
+    InputError
+        If there is no such schedule, or it has no such option.
+
+    """
+    builder = SCHEDULES.get(name)
+    if builder is None:
+        raise InputError(f'schedule {name!r} is not known: use one of {", ".join(SCHEDULES)}')
+    known = inspect.signature(builder).parameters
+    for option in options:
+        if option not in known:
+            raise InputError(f'schedule {name!r} has no option {option!r}: it takes {", ".join(known)}')
+    return builder(**options)

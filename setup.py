@@ -1,0 +1,62 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'cfd_pneumatic'
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    description='Simulates a pneumatic constant-force device in ROS 2 and identifies it from recordings.',
+    maintainer='cfd_pneumatic maintainers',
+    maintainer_email='maintainers@cfd-pneumatic.example',
+    license='Apache-2.0',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    package_data={PACKAGE: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        (f'share/{PACKAGE}/config', glob('config/*.*')),
+        (f'share/{PACKAGE}/launch', glob('launch/*.*')),
+    ],
+    python_requires='>=3.10',
+    # The lower bounds are Ubuntu 22.04's (ROS 2 Humble); `make test-humble` tests with them.
+    install_requires=[
+        'PyYAML>=5.4',
+        'mcap>=1.2',
+        'numba>=0.55',
+        'numpy>=1.21',
+        'rich>=11.2',
+        'rosbags>=0.11',
+        'scipy>=1.8',
+        'tqdm>=4.57',
+    ],
+    extras_require={
+        # ROS 2 without a system installation: Linux on x86_64 only.
+        'jazzy': [
+            'ros-jazzy-diagnostic-msgs',
+            'ros-jazzy-geometry-msgs',
+            'ros-jazzy-rclpy',
+            'ros-jazzy-rmw-fastrtps-cpp',
+            'ros-jazzy-sensor-msgs',
+            'ros-jazzy-std-msgs',
+            'ros-jazzy-std-srvs',
+        ],
+        'test': ['hypothesis', 'pytest'],  # colcon runs pytest because it stands here
+        'benchmark': ['pytest-benchmark'],
+        'lint': ['mypy', 'ruff', 'types-PyYAML', 'types-tqdm'],
+        'colcon': ['colcon-common-extensions'],
+    },
+    zip_safe=False,
+    entry_points={
+        'console_scripts': [
+            'csv_to_bag = cfd_pneumatic.commands.csv_to_bag:main',
+            'identifier_node = cfd_pneumatic.nodes.identifier_node:main',
+            'identify_bag = cfd_pneumatic.commands.identify_bag:main',
+            'record_rig = cfd_pneumatic.commands.record_rig:main',
+            'recorder_node = cfd_pneumatic.nodes.recorder_node:main',
+            'rig_node = cfd_pneumatic.nodes.rig_node:main',
+            'sim_node = cfd_pneumatic.nodes.sim_node:main',
+        ],
+    },
+)

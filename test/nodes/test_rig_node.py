@@ -1,0 +1,262 @@
+"""`rig_node` as a process of its own, over real DDS."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+import rclpy
+from geometry_msgs.msg import WrenchStamped
+from rclpy.exceptions import InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Float64
+
+from cfd_pneumatic.convention import (
+    AMBIENT_PRESSURE,
+    CYLINDERS,
+    MEASURED_FORCE,
+    PISTON_COMMAND,
+    PISTON_STATE,
+    pressure_topic,
+    setpoint_applied_topic,
+    setpoint_topic,
+)
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.nodes.messages import nanoseconds
+from cfd_pneumatic.nodes.rig_node import RigNode
+from cfd_pneumatic.rig import paper_step, record
+from cfd_pneumatic.units import PSI
+
+try:  # hears several times as many messages in a second
+    from rclpy.experimental import EventsExecutor as Executor
+except ImportError:
+    from rclpy.executors import SingleThreadedExecutor as Executor
+
+NAMESPACE = '/cfd/device'
+PATIENCE = 20.0
+
+
+class Listener:
+    """Hears all that the rig publishes."""
+
+    def __init__(self) -> None:
+        self.node = Node('listener', namespace=NAMESPACE)
+        self.executor = Executor()
+        self.executor.add_node(self.node)
+        self.heard: dict[str, list] = {}
+        self.samples_before: dict[str, list[int]] = {}
+        self._listen(JointState, PISTON_STATE)
+        self._listen(WrenchStamped, MEASURED_FORCE)
+        for cylinder in CYLINDERS:
+            self._listen(FluidPressure, pressure_topic(cylinder))
+            self._listen(FluidPressure, setpoint_applied_topic(cylinder))
+            self._listen(Float64, setpoint_topic(cylinder))
+
+    def _listen(self, message_type: type, topic: str) -> None:
+        self.heard[topic], self.samples_before[topic] = [], []
+
+        def hear(message: object) -> None:
+            self.heard[topic].append(message)
+            self.samples_before[topic].append(len(self.heard[PISTON_STATE]))
+
+        self.node.create_subscription(message_type, topic, hear, QoSProfile(depth=2000))
+
+    def publisher(self, topic: str) -> Callable[[float], None]:
+        out = self.node.create_publisher(Float64, topic, 10)
+        self.until(lambda: out.get_subscription_count() > 0)
+        return lambda value: out.publish(Float64(data=value))
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        limit = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < limit, {topic: len(messages) for topic, messages in self.heard.items()}
+            self.executor.spin_once(timeout_sec=0.1)
+
+    def positions(self) -> np.ndarray:
+        return np.array([message.position[0] for message in self.heard[PISTON_STATE]])
+
+    def pressures(self, topic: str) -> np.ndarray:
+        return np.array([message.fluid_pressure for message in self.heard[topic]])
+
+    def stamps(self, topic: str = PISTON_STATE) -> np.ndarray:
+        return np.array([nanoseconds(message.header.stamp) for message in self.heard[topic]])
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    rclpy.init()
+    ear = Listener()
+    yield ear
+    ear.executor.shutdown()
+    ear.node.destroy_node()
+    rclpy.shutdown()
+
+
+@contextmanager
+def rig(**parameters: object) -> Iterator[subprocess.Popen]:
+    """Run the node; it ends with the block at the latest."""
+    command = [sys.executable, '-m', 'cfd_pneumatic.nodes.rig_node', '--ros-args', '-r', f'__ns:={NAMESPACE}']
+    for name, value in parameters.items():
+        command += ['-p', f'{name.replace("__", ".")}:={value}']
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_a_schedule_played_is_the_one_recorded(listener: Listener) -> None:
+    with rig(
+        schedule='paper_step',
+        schedule_setpoint=10 * PSI,
+        seed=3,
+        start_subscribers=1,
+        start_delay=0.3,
+        exit_when_done=True,
+    ) as process:
+        listener.until(lambda: process.poll() is not None)
+        listener.until(lambda: all(len(listener.heard[topic]) >= 350 for topic in (PISTON_STATE, MEASURED_FORCE)))
+        assert process.returncode == 0
+    expected = record(paper_step(10 * PSI), seed=3)
+    assert np.array_equal(listener.positions(), expected.displacement)
+    assert np.array_equal([message.wrench.force.x for message in listener.heard[MEASURED_FORCE]], expected.force)
+    for index, cylinder in enumerate(CYLINDERS):
+        assert np.array_equal(listener.pressures(pressure_topic(cylinder)), expected.pressures[:, index])
+        assert np.array_equal(listener.pressures(setpoint_applied_topic(cylinder)), expected.setpoints[:, index])
+        assert listener.heard[setpoint_topic(cylinder)][0].data == pytest.approx(10 * PSI)
+        assert np.array_equal(listener.stamps(pressure_topic(cylinder)), listener.stamps())
+    stamps = listener.stamps()
+    assert (stamps - stamps[0]) * 1e-9 == pytest.approx(expected.times - expected.times[0], abs=2e-9)
+    first = listener.heard[PISTON_STATE][0]
+    assert list(first.name) == ['piston']
+    speeds = np.array([message.velocity[0] for message in listener.heard[PISTON_STATE]])
+    assert speeds[1:] == pytest.approx(np.diff(expected.displacement) / 2e-3)
+
+
+def test_a_schedule_announces_its_set_points_with_the_sample_before_they_act(listener: Listener) -> None:
+    with rig(schedule='out_and_back', start_subscribers=1, start_delay=0.2) as process:
+        applied = setpoint_applied_topic('cylinder_a')
+        listener.until(lambda: len(listener.heard[applied]) > 700)
+        assert len(set(listener.pressures(applied))) == 2
+        process.send_signal(signal.SIGINT)
+        assert process.wait(5.0) == 0
+    announced = [message.data for message in listener.heard[setpoint_topic('cylinder_a')]]
+    assert announced[-1] == pytest.approx(10 * PSI)
+    assert set(announced) == {announced[0], announced[-1]}
+    first_felt = int(np.argmax(np.diff(listener.pressures(applied)))) + 1
+    assert listener.samples_before[setpoint_topic('cylinder_a')][-1] == pytest.approx(first_felt, abs=1)
+
+
+def test_without_a_schedule_it_does_as_it_is_told(listener: Listener) -> None:
+    with rig(cylinder_a__initial_setpoint=5 * PSI) as process:
+        command, setpoint = (listener.publisher(topic) for topic in (PISTON_COMMAND, setpoint_topic('cylinder_a')))
+        listener.until(lambda: len(listener.heard[PISTON_STATE]) > 20)
+        assert listener.pressures(pressure_topic('cylinder_a'))[0] == pytest.approx(AMBIENT_PRESSURE + 5 * PSI, abs=300)
+        pressure = pressure_topic('cylinder_a')
+        for nonsense in (math.nan, math.inf):
+            command(nonsense)
+            setpoint(nonsense)
+        setpoint(1e6)
+        command(1e-3)
+        setpoint(8 * PSI)
+        listener.until(lambda: abs(listener.heard[PISTON_STATE][-1].position[0] - 1e-3) < 1e-5)
+        listener.until(lambda: abs(listener.heard[pressure][-1].fluid_pressure - AMBIENT_PRESSURE - 8 * PSI) < 500)
+        command(1.0)
+        listener.until(lambda: abs(listener.heard[PISTON_STATE][-1].position[0] - 6.35e-3) < 1e-5)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(5.0) == 0
+        assert 'ignored: piston_command nan' in process.stderr.read()
+    assert set(listener.pressures(setpoint_applied_topic('cylinder_a'))) == {
+        AMBIENT_PRESSURE + 5 * PSI, AMBIENT_PRESSURE + 8 * PSI}  # fmt: skip
+    speeds = np.diff(listener.positions()) / 2e-3
+    assert 0.15 < np.max(speeds) < 0.205
+
+
+def test_what_a_stalled_machine_missed_is_published_afterwards(listener: Listener) -> None:
+    with rig() as process:
+        listener.until(lambda: len(listener.heard[PISTON_STATE]) > 20)
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(0.5)
+        process.send_signal(signal.SIGCONT)
+        listener.until(lambda: len(listener.heard[PISTON_STATE]) > 400)
+    gaps = np.diff(listener.stamps()) * 1e-9
+    assert gaps == pytest.approx(2e-3, abs=5e-4)
+    assert np.ptp(listener.stamps()) * 1e-9 == pytest.approx(0.8, abs=0.05)
+
+
+def test_a_repeated_schedule_has_no_seam(listener: Listener) -> None:
+    with rig(schedule='paper_step', repeat=True, start_subscribers=1, start_delay=0.2) as process:
+        listener.until(lambda: len(listener.heard[PISTON_STATE]) > 1000)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(5.0) == 0
+    assert np.diff(listener.stamps()) * 1e-9 == pytest.approx(2e-3, abs=5e-4)
+    positions = listener.positions()
+    assert np.max(np.abs(np.diff(positions[450:850]))) < 2e-5, 'it goes back gently'
+    assert positions[850:1000] == pytest.approx(positions[:150], abs=1e-5)
+
+
+def test_what_cannot_be_played_ends_with_one_line() -> None:
+    with rig(schedule='paper') as process:
+        _, errors = process.communicate(timeout=PATIENCE)
+        assert process.returncode == 2
+    (line,) = errors.strip().splitlines()
+    assert line == (
+        "rig_node: error: schedule 'paper' is not known: use one of paper_step, out_and_back, surface_following"
+    )
+
+
+def test_drivers_publish_reliably_and_alone(listener: Listener) -> None:
+    with rig():
+        listener.until(lambda: all(
+            messages for topic, messages in listener.heard.items() if not topic.endswith('/setpoint')))  # fmt: skip
+        for topic in listener.heard:
+            publishers = listener.node.get_publishers_info_by_topic(f'{NAMESPACE}/{topic}')
+            if topic.endswith('/setpoint'):
+                assert publishers == []
+                continue
+            (publisher,) = publishers
+            assert publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+
+
+@pytest.fixture
+def graph() -> Iterator[None]:
+    rclpy.init()
+    yield
+    rclpy.shutdown()
+
+
+@pytest.mark.usefixtures('graph')
+def test_every_parameter_is_described() -> None:
+    node = RigNode()
+    own = [name for name in node._parameters if not name.startswith(('qos_overrides', 'use_sim_time', 'start_type'))]
+    assert 'schedule' in own
+    for descriptor in node.describe_parameters(own):
+        assert len(descriptor.description) > 15, descriptor.name
+        if descriptor.floating_point_range:
+            assert descriptor.description.endswith(']'), f'{descriptor.name} has no unit'
+    node.destroy_node()
+
+
+@pytest.mark.usefixtures('graph')
+@pytest.mark.parametrize(
+    ('values', 'error', 'message'),
+    [
+        ({'schedule': 'paper_step', 'schedule_duration': 3.0}, InputError, "no option 'duration'"),
+        ({'cylinder_a.initial_setpoint': 1e6}, InputError, 'between vacuum and the supply'),
+        ({'sample_rate': 0.0}, InvalidParameterValueException, 'sample_rate'),
+    ],
+)
+def test_what_the_rig_cannot_be_is_named(values: dict[str, object], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        RigNode(parameter_overrides=[Parameter(name, value=value) for name, value in values.items()])

@@ -1,0 +1,126 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+from recording_cases import ROOT, assert_same
+
+from cfd_pneumatic.commands import program
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording import read_mapping, read_recording
+
+MAPPING = """\
+table: {time: {column: 1, unit: ms}}
+displacement: {column: 2, unit: mm, sign: -1}
+cylinder_a:
+  pressure: {column: 3, unit: bar, reference: gauge}
+  setpoint: {column: 4, unit: bar, reference: gauge}
+force: {column: 5, unit: N}
+"""
+
+TALK = """\
+import sys
+from cfd_pneumatic.commands import program
+
+def talk(arguments):
+    for _ in range(99_999):
+        print('word ' * 20)
+
+sys.exit(program.run('talk', talk))
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / 'run.csv').write_text(''.join(f'{10 * i} {i % 7} {2 + i % 5} {2 + i // 25} {i}\n' for i in range(50)))
+    (tmp_path / 'mapping.yaml').write_text(MAPPING)
+    return tmp_path
+
+
+def csv_to_bag(folder, *arguments):
+    return subprocess.run(
+        [sys.executable, '-m', 'cfd_pneumatic.commands.csv_to_bag', *arguments],
+        cwd=folder,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_table_becomes_a_bag_that_says_the_same(folder, storage):
+    done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'out/bag', '--storage', storage)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout == 'out/bag: displacement 50, force 50, cylinder_a pressure 50, cylinder_a setpoint 2\n'
+    direct = read_recording(folder / 'run.csv', mapping=read_mapping(folder / 'mapping.yaml'))
+    assert_same(read_recording(folder / 'out' / 'bag'), direct, setpoint_error=1e-9)
+
+
+def test_bad_input_ends_with_one_line_and_earlier_output_stays(folder):
+    (folder / 'out').mkdir()
+    (folder / 'out' / 'metadata.yaml').write_text('of an earlier run')
+    with (folder / 'run.csv').open('a') as rows:
+        rows.write('500 x 1 1 1\n')
+    done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'out', '--force')
+    assert (done.returncode, done.stdout) == (2, '')
+    assert done.stderr.startswith('csv_to_bag: error: run.csv: cannot be read as a table of numbers: ')
+    assert done.stderr.count('\n') == 1
+    assert (folder / 'out' / 'metadata.yaml').read_text() == 'of an earlier run'
+    assert sorted(os.listdir(folder)) == ['mapping.yaml', 'out', 'run.csv']
+
+
+def test_a_bag_that_is_there_is_kept_or_replaced(folder):
+    arguments = ('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
+    assert csv_to_bag(folder, *arguments).returncode == 0
+    done = csv_to_bag(folder, *arguments)
+    assert done.returncode == 2
+    assert done.stderr == 'csv_to_bag: error: bag exists already: choose another name or let it be overwritten\n'
+    assert csv_to_bag(folder, *arguments, '--force', '--namespace', '/other').returncode == 0
+    assert len(read_recording(folder / 'bag', namespace='/other').displacement) == 50
+
+
+def test_a_mapping_for_bags_does_not_do(folder):
+    (folder / 'mapping.yaml').write_text(
+        'displacement: {topic: a, unit: m}\ncylinder_a: {pressure: {topic: b, unit: Pa, reference: gauge}}\n'
+    )
+    done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
+    assert done.stderr == (
+        'csv_to_bag: error: mapping.yaml maps the topics of a bag: for a table it needs the entry `table`\n'
+    )
+
+
+@pytest.mark.parametrize(
+    ('error', 'code', 'line'),
+    [(InputError('no'), 2, 'name: error: no\n'), (KeyboardInterrupt(), 130, ''), (None, 0, '')],
+)
+def test_how_a_program_ends(capsys, error, code, line):
+    def main(arguments):
+        if error:
+            raise error
+
+    assert program.run('name', main, []) == code
+    assert capsys.readouterr().err == line
+
+
+def test_an_error_of_ours_is_not_hidden():
+    def main(arguments):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        program.run('name', main, [])
+
+
+def test_a_reader_that_has_gone_is_no_error():
+    with subprocess.Popen(
+        [sys.executable, '-c', TALK],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)},
+    ) as process:
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == b''
+    assert process.returncode == 141

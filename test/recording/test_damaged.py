@@ -1,0 +1,173 @@
+"""Bags that are missing, empty, cut off or something else: one line that says what is wrong and what to do."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+
+import pytest
+from recording_cases import EPOCH, piston, plain_messages, pressure, recording, write_bag, write_ros1_bag
+from rosbags.rosbag2 import CompressionMode
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording import read_recording, write_recording
+
+SUFFIX = {'mcap': '.mcap', 'sqlite3': '.db3'}
+
+
+def error_of(path):
+    with pytest.raises(InputError) as caught:
+        read_recording(path)
+    message = str(caught.value)
+    assert '\n' not in message
+    assert message.startswith(f'{path}: ')
+    return message[len(f'{path}: ') :]
+
+
+@pytest.fixture(scope='module')
+def long_bags(tmp_path_factory):
+    """Return a folder with a bag of several chunks in each storage."""
+    folder = tmp_path_factory.mktemp('long')
+    for storage in SUFFIX:
+        write_recording(folder / storage, recording(12_000, setpoints=False), storage=storage)
+    return folder
+
+
+def cut(source, target, part):
+    content = source.read_bytes()
+    target.write_bytes(content[: int(part * len(content))])
+    return target
+
+
+@pytest.mark.parametrize('storage', SUFFIX)
+@pytest.mark.parametrize('part', [0.7, 0.999])
+def test_what_a_cut_off_file_still_holds_is_salvaged(long_bags, tmp_path, storage, part):
+    whole = read_recording(long_bags / storage)
+    file = cut(long_bags / storage / f'{storage}{SUFFIX[storage]}', tmp_path / f'cut{SUFFIX[storage]}', part)
+    read = read_recording(file)
+    count = len(read.displacement)
+    salvaged = count + len(read.cylinders['cylinder_a'].pressure)
+    assert 0.3 * part * 24_000 < salvaged <= 24_000
+    assert read.health == (f'{file.name} is cut off: salvaged {salvaged:,} messages',)
+    assert (read.displacement.values == whole.displacement.values[:count]).all()
+    assert (read.displacement.times == whole.displacement.times[:count]).all()
+
+
+@pytest.mark.parametrize('metadata', [True, False])
+@pytest.mark.parametrize('storage', SUFFIX)
+def test_a_folder_with_a_cut_off_file_is_salvaged(long_bags, tmp_path, storage, metadata):
+    shutil.copytree(long_bags / storage, tmp_path / 'bag')
+    cut(long_bags / storage / f'{storage}{SUFFIX[storage]}', tmp_path / 'bag' / f'{storage}{SUFFIX[storage]}', 0.8)
+    if not metadata:
+        (tmp_path / 'bag' / 'metadata.yaml').unlink()
+    read = read_recording(tmp_path / 'bag')
+    assert len(read.displacement) > 3000
+    assert 'is cut off: salvaged' in read.health[0]
+
+
+@pytest.mark.parametrize(
+    ('storage', 'message'),
+    [
+        ('mcap', 'is cut off and nothing can be salvaged; mcap recover may mend it'),
+        ('sqlite3', 'is cut off and nothing can be salvaged; sqlite3 .recover may mend it'),
+    ],
+)
+def test_nothing_to_salvage(long_bags, tmp_path, storage, message):
+    file = cut(long_bags / storage / f'{storage}{SUFFIX[storage]}', tmp_path / f'cut{SUFFIX[storage]}', 0.01)
+    assert error_of(file) == message
+
+
+def test_a_database_with_a_damaged_page(long_bags, tmp_path):
+    content = bytearray((long_bags / 'sqlite3' / 'sqlite3.db3').read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 5000] = bytes(5000)
+    (tmp_path / 'rot.db3').write_bytes(content)
+    read = read_recording(tmp_path / 'rot.db3')
+    assert read.health[0].startswith('rot.db3 is damaged (Cannot open database')
+    assert len(read.displacement) > 1000
+
+
+def test_a_damaged_chunk(tmp_path):
+    write_bag(tmp_path / 'bag', plain_messages(), compression=CompressionMode.STORAGE)
+    file = tmp_path / 'bag' / 'bag.mcap'
+    content = bytearray(file.read_bytes())
+    frame = content.index(b'\x28\xb5\x2f\xfd')  # where the compressed messages begin
+    content[frame : frame + 4] = bytes(4)
+    file.write_bytes(content)
+    assert error_of(file).startswith('is damaged: ')
+    assert error_of(file).endswith('; mcap recover may mend it')
+
+
+def test_a_cut_off_ros1_bag(tmp_path):
+    bag = cut(write_ros1_bag(tmp_path / 'whole.bag'), tmp_path / 'cut.bag', 0.5)
+    assert error_of(bag).startswith('cannot be read: ')
+    assert error_of(bag).endswith('; rosbag reindex may mend it')
+
+
+def test_a_path_that_is_not_there(tmp_path):
+    assert error_of(tmp_path / 'nowhere') == 'does not exist: give the path of a recording'
+
+
+def test_a_folder_without_a_bag(tmp_path):
+    assert error_of(tmp_path) == 'holds no bag, neither metadata.yaml nor .mcap or .db3 files'
+
+
+def test_a_folder_of_bags(tmp_path):
+    for name in ('one', 'two'):
+        write_bag(tmp_path / name, plain_messages())
+    assert error_of(tmp_path) == 'is a folder of bags: give one of one, two'
+
+
+def test_several_bags_in_a_folder_are_not_one(tmp_path):
+    for name in ('one', 'two'):
+        write_bag(tmp_path / name, plain_messages())
+        shutil.move(tmp_path / name / f'{name}.mcap', tmp_path)
+    assert error_of(tmp_path) == 'holds several bags without metadata.yaml: give one of one.mcap, two.mcap'
+
+
+def test_an_empty_bag(tmp_path):
+    write_bag(tmp_path / 'bag', [])
+    assert error_of(tmp_path / 'bag') == 'holds no messages: was anything published while it was recorded?'
+
+
+@pytest.mark.parametrize('name', ['empty.mcap', 'empty.db3', 'empty.bag'])
+def test_an_empty_file(tmp_path, name):
+    (tmp_path / name).touch()
+    assert 'seems to be empty' in error_of(tmp_path / name) or 'is damaged' in error_of(tmp_path / name)
+
+
+@pytest.mark.parametrize('name', ['letter.mcap', 'letter.db3', 'letter.bag'])
+def test_a_file_that_is_no_bag(tmp_path, name):
+    (tmp_path / name).write_text('Dear engineer,\n' * 50)
+    assert error_of(tmp_path / name).startswith(('is damaged (', 'cannot be read: '))
+
+
+def test_broken_metadata_is_done_without(tmp_path):
+    write_bag(tmp_path / 'bag', plain_messages())
+    (tmp_path / 'bag' / 'metadata.yaml').write_text('rosbag2_bagfile_information: {version: 5}\n')
+    read = read_recording(tmp_path / 'bag')
+    assert len(read.displacement) == 20
+    assert read.health == ("metadata.yaml was not used: A metadata key is missing KeyError('relative_file_paths')",)
+
+
+def test_a_compressed_bag_without_metadata(tmp_path):
+    write_bag(tmp_path / 'bag', plain_messages(), compression=CompressionMode.FILE)
+    (tmp_path / 'bag' / 'metadata.yaml').unlink()
+    assert error_of(tmp_path / 'bag') == 'is compressed and has no metadata.yaml: unpack its files with zstd -d'
+
+
+def test_what_was_not_merged_into_a_database_is_told(tmp_path):
+    write_bag(tmp_path / 'bag', plain_messages(), storage='sqlite3')
+    (tmp_path / 'bag' / 'bag.db3-wal').write_bytes(b'rows')
+    note = 'bag.db3-wal is not read: open bag.db3 once with sqlite3 to merge it'
+    assert read_recording(tmp_path / 'bag').health == (note,)
+    assert read_recording(tmp_path / 'bag' / 'bag.db3').health == (note,)
+
+
+def test_a_topic_without_messages(tmp_path):
+    write_bag(tmp_path / 'bag', [piston(0.0, EPOCH), pressure(2e5, EPOCH)], storage='sqlite3')
+    with sqlite3.connect(tmp_path / 'bag' / 'bag.db3') as database:
+        database.execute("DELETE FROM messages WHERE topic_id = (SELECT id FROM topics WHERE name LIKE '%pressure')")
+    assert error_of(tmp_path / 'bag') == (
+        'topic /cfd/device/cylinder_a/pressure, the cylinder_a pressure, has no messages'
+    )

@@ -1,0 +1,293 @@
+from __future__ import annotations
+
+import sqlite3
+
+import numpy as np
+import pytest
+from recording_cases import EPOCH, ROOT, plain_messages, press_messages, press_types, write_bag, write_press_types
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording import mapping as mapping_module
+from cfd_pneumatic.recording import read_mapping, read_recording
+from cfd_pneumatic.units import INCH, PSI
+
+GOOD = """\
+displacement: {topic: piston_state, unit: m}
+cylinder_a:
+  pressure: {topic: cylinder_a/pressure, unit: Pa, reference: absolute}
+"""
+
+PRESS = """\
+types: messages
+displacement: {topic: /press/state, field: 'channels[1].reading', unit: um, sign: -1, stamp: t_us, stamp_unit: us}
+cylinder_a:
+  pressure:
+    topic: /press/state
+    field: analog[3]
+    unit: psi
+    scale: 25/5
+    offset: -1
+    reference: gauge
+    stamp: t_us
+    stamp_unit: us
+    time_offset: -0.002
+cylinder_b:
+  pressure: {topic: /press/state, field: 'analog[2]', unit: bar, reference: absolute, stamp: receive}
+"""
+
+
+def written(folder, text):
+    path = folder / 'mapping.yaml'
+    path.write_text(text)
+    return read_mapping(path)
+
+
+@pytest.fixture(scope='module')
+def press(tmp_path_factory):
+    """Return a folder with a bag of another make, in both storages, and the definitions of its messages."""
+    folder = tmp_path_factory.mktemp('press')
+    for storage in ('mcap', 'sqlite3'):
+        write_bag(folder / storage, press_messages(), storage=storage, types=press_types())
+    with sqlite3.connect(folder / 'sqlite3' / 'sqlite3.db3') as database:
+        database.execute('DELETE FROM message_definitions')  # as ROS 2 Humble records
+    write_press_types(folder / 'messages')
+    return folder
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_messages_of_another_make_are_read(press, storage):
+    read = read_recording(press / storage, mapping=written(press, PRESS))
+    index = np.arange(20)
+    assert read.epoch == EPOCH // 1000 * 1000 - 2_000_000
+    np.testing.assert_allclose(read.displacement.values, -1e-4 * index, rtol=1e-15)
+    np.testing.assert_allclose(read.displacement.times, 0.002 + 0.01 * index, atol=1e-9)
+    oil = read.cylinders['cylinder_a'].pressure
+    np.testing.assert_allclose(oil.times, 0.01 * index, atol=1e-9)
+    np.testing.assert_allclose(oil.values, 101_325 + (5 * (2 + 0.125 * index) - 1) * PSI, rtol=1e-15)
+    np.testing.assert_allclose(read.cylinders['cylinder_b'].pressure.times, 0.007 + 0.01 * index, atol=1e-6)
+    np.testing.assert_array_equal(read.cylinders['cylinder_b'].pressure.values, 1e5)
+
+
+def test_definitions_may_lie_in_the_package_itself(press):
+    text = PRESS.replace('types: messages', 'types: messages/acme_msgs')
+    assert len(read_recording(press / 'sqlite3', mapping=written(press, text)).displacement) == 20
+
+
+def test_topics_are_relative_to_the_namespace_and_standard_types_need_no_field(tmp_path):
+    write_bag(tmp_path / 'bag', plain_messages())
+    read = read_recording(tmp_path / 'bag', mapping=written(tmp_path, GOOD), namespace='/cfd/device')
+    plain = read_recording(tmp_path / 'bag')
+    np.testing.assert_array_equal(read.displacement.values, plain.displacement.values)
+    np.testing.assert_array_equal(
+        read.cylinders['cylinder_a'].pressure.values, plain.cylinders['cylinder_a'].pressure.values
+    )
+
+
+def test_volts_as_in_the_paper(tmp_path):
+    text = GOOD.replace('unit: m', 'unit: inch, scale: 1/3.1736').replace('unit: Pa', 'unit: psi, scale: 25/5')
+    displacement, pressure = written(tmp_path, text).channels
+    assert displacement.si(np.array(3.1736), 0.0) == pytest.approx(INCH)
+    assert pressure.si(np.array(5.0), 0.0) == pytest.approx(25 * PSI)
+
+
+def test_the_example_in_the_documentation_is_valid(tmp_path):
+    bag, table = (block for block in mapping_module.__doc__.split('::\n') if 'displacement:' in block)
+    (tmp_path / 'msgs').mkdir()
+    found = written(tmp_path, dedented(bag))
+    assert [channel.name for channel in found.channels] == [
+        'displacement',
+        'cylinder_a pressure',
+        'cylinder_a setpoint',
+        'cylinder_b pressure',
+        'force',
+    ]
+    assert written(tmp_path, dedented(table)).table is not None
+
+
+def dedented(block):
+    lines = [line for line in block.splitlines() if line.startswith('    ')]
+    return '\n'.join(line[4:] for line in lines)
+
+
+def test_the_mapping_of_the_measured_data_is_valid():
+    assert len(read_mapping(ROOT / 'config' / 'pneumatic_actuator.yaml').channels) == 3
+
+
+BAD = {
+    'no entry': ('', 'must hold keys and values, not None'),
+    'a list': ('[1, 2]', 'must hold keys and values, not [1, 2]'),
+    'no displacement': ('force: {topic: a, unit: N}', 'displacement is missing'),
+    'no pressure': ('displacement: {topic: a, unit: m}', 'cylinder_a is missing: give the pressure of a cylinder'),
+    'only a set-point': (
+        'displacement: {topic: a, unit: m}\ncylinder_b: {setpoint: {topic: a, unit: Pa, reference: gauge}}',
+        'cylinder_b: pressure is missing',
+    ),
+    'unknown entry': (
+        f'{GOOD}cylinder_c: 1\n',
+        "unknown key 'cylinder_c': the keys are displacement, cylinder_a, cylinder_b, force, table, types",
+    ),
+    'unknown role': (
+        f'{GOOD}  temperature: 1\n',
+        "cylinder_a: unknown key 'temperature': the keys are pressure, setpoint, setpoint_applied",
+    ),
+    'unknown key': (
+        GOOD.replace('unit: m', 'units: m'),
+        "displacement: unknown key 'units': the keys are topic, field, stamp, stamp_unit, unit, scale, offset, sign, "
+        'time_offset',
+    ),
+    'unknown unit': (
+        GOOD.replace('Pa', 'kg'),
+        "cylinder_a.pressure: unit 'kg' is not one of pressure: use one of Pa, hPa, kPa, MPa, mbar, bar, psi",
+    ),
+    'unit of another quantity': (
+        GOOD.replace('unit: m', 'unit: bar'),
+        "displacement: unit 'bar' is not one of length: use one of m, mm, um, inch, mil",
+    ),
+    'no unit': (GOOD.replace(', unit: m}', '}'), 'displacement: unit is missing'),
+    'no topic': (GOOD.replace('topic: piston_state, ', ''), 'displacement: topic is missing'),
+    'no reference': (GOOD.replace(', reference: absolute', ''), 'cylinder_a.pressure: reference is missing'),
+    'unknown reference': (
+        GOOD.replace('absolute', 'abs'),
+        "cylinder_a.pressure: reference must be gauge or absolute, not 'abs'",
+    ),
+    'sign': (GOOD.replace('unit: m', 'unit: m, sign: 2'), 'displacement: sign must be 1 or -1, not 2'),
+    'scale': (GOOD.replace('unit: m', 'unit: m, scale: big'), "displacement: scale must be a number, not 'big'"),
+    'scale by zero': (
+        GOOD.replace('unit: m', 'unit: m, scale: 1/0'),
+        "displacement: scale must be a number, not '1/0'",
+    ),
+    'offset': (GOOD.replace('unit: m', 'unit: m, offset: .nan'), 'displacement: offset must be a number, not nan'),
+    'field path': (
+        GOOD.replace('unit: m', "unit: m, field: 'a..b'"),
+        "displacement: field: 'a..b' is not a field path: write it like wrench.force.x or data[3]",
+    ),
+    'types': (f'{GOOD}types: nowhere', 'types: {folder}/nowhere is not a folder'),
+    'column in a mapping for bags': (
+        GOOD.replace('topic: piston_state', 'column: 1'),
+        "displacement: unknown key 'column': the keys are topic, field, stamp, stamp_unit, unit, scale, offset, sign, "
+        'time_offset',
+    ),
+    'topic in a mapping for tables': (
+        f'{GOOD}table: {{time: {{column: 1, unit: s}}}}',
+        "displacement: unknown key 'topic': the keys are column, unit, scale, offset, sign, time_offset",
+    ),
+    'delimiter': (
+        f'{GOOD}table: {{time: {{column: 1, unit: s}}, delimiter: or}}',
+        "table: delimiter must be one character or one of space, whitespace, tab, comma, semicolon, not 'or'",
+    ),
+    'column': (
+        f'{GOOD}table: {{time: {{column: 0, unit: s}}}}',
+        'table.time: column must be a name or a number from 1 on, not 0',
+    ),
+    'header rows': (
+        f'{GOOD}table: {{time: {{column: 1, unit: s}}, header_rows: -1}}',
+        'table: header_rows must be a number of rows, not -1',
+    ),
+}
+
+
+@pytest.mark.parametrize(('text', 'message'), BAD.values(), ids=BAD.keys())
+def test_a_bad_mapping_is_told_by_file_entry_and_key(tmp_path, text, message):
+    with pytest.raises(InputError) as caught:
+        written(tmp_path, text)
+    assert str(caught.value) == f'{tmp_path}/mapping.yaml: {message.format(folder=tmp_path)}'
+
+
+def test_a_mapping_that_is_not_there_or_not_yaml(tmp_path):
+    with pytest.raises(InputError, match=r'^cannot read the mapping file .*/none.yaml: No such file or directory$'):
+        read_mapping(tmp_path / 'none.yaml')
+    with pytest.raises(InputError, match=r'^.*/mapping.yaml is not YAML: while parsing [^\n]*$'):
+        written(tmp_path, 'a: [1,')
+
+
+NUMBERS = 'its numbers are t_us, channels[0].reading, analog[0]'
+BAD_FOR_THE_BAG = {
+    'missing topic': (
+        ('topic: /press/state', 'topic: /press/stat'),
+        'no topic /press/stat for the displacement: the topics are /press/state (acme_msgs/msg/Press)',
+    ),
+    'no field': (
+        ("field: 'channels[1].reading', ", ''),
+        f'topic /press/state: say which field of acme_msgs/msg/Press is meant: {NUMBERS}',
+    ),
+    'unknown field': (
+        ('channels[1].reading', 'channels[1].value'),
+        f'topic /press/state: acme_msgs/msg/Press has no field channels[1].value: {NUMBERS}',
+    ),
+    'a string': (
+        ('channels[1].reading', 'state'),
+        f'topic /press/state: field state of acme_msgs/msg/Press is a string, not a number: {NUMBERS}',
+    ),
+    'a message': (
+        ('channels[1].reading', 'channels[1]'),
+        f'topic /press/state: field channels[1] of acme_msgs/msg/Press is a message: {NUMBERS}',
+    ),
+    'an array': (
+        ('channels[1].reading', 'analog'),
+        'topic /press/state: field analog of acme_msgs/msg/Press is an array: say which entry, as in analog[0]',
+    ),
+    'no array': (
+        ('channels[1].reading', 't_us[0]'),
+        f'topic /press/state: field t_us of acme_msgs/msg/Press is not an array: {NUMBERS}',
+    ),
+    'beyond a fixed array': (
+        ('channels[1].reading', 'analog[4]'),
+        'topic /press/state: field analog[4] of acme_msgs/msg/Press: the array has 4 entries, the first is analog[0]',
+    ),
+    'beyond every sequence': (
+        ('channels[1].reading', 'channels[2].reading'),
+        'no message on topic /press/state has channels[2].reading',
+    ),
+    'by name without names': (
+        ('channels[1].reading', 'channels[ram].reading'),
+        'topic /press/state: field channels[ram].reading of acme_msgs/msg/Press: the entries have no names, '
+        'give a number, channels[0]',
+    ),
+    'unknown stamp': (
+        ('stamp: t_us', 'stamp: t_ms'),
+        f'topic /press/state: acme_msgs/msg/Press has no field t_ms: {NUMBERS}',
+    ),
+}
+
+
+@pytest.mark.parametrize(('change', 'message'), BAD_FOR_THE_BAG.values(), ids=BAD_FOR_THE_BAG.keys())
+def test_a_mapping_that_does_not_fit_the_bag(press, change, message):
+    with pytest.raises(InputError) as caught:
+        read_recording(press / 'mcap', mapping=written(press, PRESS.replace(*change, 1)))
+    assert str(caught.value) == f'{press}/mcap: {message}'
+
+
+def test_an_unknown_type_is_named_and_what_to_do(press):
+    with pytest.raises(InputError) as caught:
+        read_recording(press / 'sqlite3', mapping=written(press, PRESS.replace('types: messages\n', '')))
+    assert str(caught.value) == (
+        f'{press}/sqlite3: topic /press/state has messages of type acme_msgs/msg/Press, which is unknown: '
+        'in a mapping file give `types:`, the folder with its .msg files'
+    )
+
+
+def test_an_unknown_type_inside_another(press, tmp_path):
+    package = write_press_types(tmp_path / 'messages') / 'acme_msgs' / 'msg'
+    (package / 'Channel.msg').unlink()
+    with pytest.raises(InputError) as caught:
+        read_recording(press / 'sqlite3', mapping=written(tmp_path, PRESS))
+    assert str(caught.value) == (
+        f'{press}/sqlite3: topic /press/state has messages of type acme_msgs/msg/Channel (inside acme_msgs/msg/Press), '
+        'which is unknown: in a mapping file give `types:`, the folder with its .msg files'
+    )
+
+
+def test_a_definition_that_is_none(press, tmp_path):
+    package = write_press_types(tmp_path / 'messages') / 'acme_msgs' / 'msg'
+    (package / 'Press.msg').write_text('float64 1st\n')
+    with pytest.raises(InputError, match=rf'^.*: {package}/Press.msg is not a message definition: [^\n]+$'):
+        read_recording(press / 'sqlite3', mapping=written(tmp_path, PRESS))
+
+
+def test_a_definition_other_than_what_was_recorded(press, tmp_path):
+    package = write_press_types(tmp_path / 'messages') / 'acme_msgs' / 'msg'
+    (package / 'Channel.msg').write_text('string label\nfloat64 reading\nfloat64 mean\n')
+    with pytest.raises(
+        InputError, match=r'topic /press/state: a message .*: the bag is damaged, or acme_msgs/msg/Press'
+    ):
+        read_recording(press / 'sqlite3', mapping=written(tmp_path, PRESS))

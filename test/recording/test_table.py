@@ -1,0 +1,154 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from recording_cases import MEASURED, ROOT, assert_same
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording import read_mapping, read_recording, write_recording
+
+BY_NUMBER = """\
+table:
+  time: {column: 1, unit: ms}
+displacement: {column: 2, unit: mm, sign: -1}
+cylinder_a:
+  pressure: {column: 3, unit: bar, reference: gauge}
+"""
+ROWS = '0 1.0 2.0\n10 1.5 2.5\n20 2.0 3.0\n'
+
+
+def read(folder, rows, mapping=BY_NUMBER):
+    (folder / 'run.csv').write_text(rows)
+    (folder / 'mapping.yaml').write_text(mapping)
+    return read_recording(folder / 'run.csv', mapping=read_mapping(folder / 'mapping.yaml'))
+
+
+def test_columns_by_number(tmp_path):
+    found = read(tmp_path, ROWS)
+    assert (found.name, found.epoch, found.force, found.health) == ('run.csv', 0, None, ())
+    np.testing.assert_array_equal(found.displacement.times, [0.0, 0.01, 0.02])
+    np.testing.assert_allclose(found.displacement.values, [-1e-3, -1.5e-3, -2e-3], rtol=1e-15)
+    np.testing.assert_allclose(found.cylinders['cylinder_a'].pressure.values, 101_325 + np.array([2e5, 2.5e5, 3e5]))
+
+
+def test_columns_by_name_and_a_delimiter(tmp_path):
+    mapping = """\
+table: {time: {column: t, unit: s}, delimiter: comma, header_rows: 2, skip_rows: 1}
+displacement: {column: laser raw, unit: mm}
+cylinder_b:
+  pressure: {column: p, unit: kPa, reference: absolute}
+  setpoint: {column: set, unit: kPa, reference: absolute}
+force: {column: f, unit: N}
+"""
+    rows = 'a run of May\nt, laser raw, p, set, f, note\n' + ''.join(
+        f'{time},{2 * time},{3 * time},{100 if time < 3 else 200},{time},n/a\n' for time in range(1, 6)
+    )
+    found = read(tmp_path, rows, mapping)
+    assert found.epoch == 2_000_000_000
+    np.testing.assert_allclose(found.displacement.values, [0.004, 0.006, 0.008, 0.01])
+    np.testing.assert_array_equal(found.cylinders['cylinder_b'].setpoint.times, [0.0, 1.0])
+    np.testing.assert_array_equal(found.cylinders['cylinder_b'].setpoint.values, [1e5, 2e5])
+    np.testing.assert_array_equal(found.force.values, [2, 3, 4, 5])
+
+
+def test_names_may_stand_in_a_comment(tmp_path):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  header_rows: 1').replace('column: 2', 'column: x')
+    found = read(tmp_path, '# t x p\n' + ROWS, mapping)
+    np.testing.assert_allclose(found.displacement.values, [-1e-3, -1.5e-3, -2e-3])
+
+
+def test_times_before_a_trigger_are_moved_up(tmp_path):
+    found = read(tmp_path, '-10 1 2\n0 1 2\n10 1 2\n', BY_NUMBER.replace('unit: mm', 'unit: mm, time_offset: -0.005'))
+    assert found.epoch == 0
+    np.testing.assert_allclose(found.displacement.times, [0.0, 0.01, 0.02])
+    np.testing.assert_allclose(found.cylinders['cylinder_a'].pressure.times, [0.005, 0.015, 0.025])
+
+
+def test_rows_that_are_not_finite_are_dropped(tmp_path):
+    found = read(tmp_path, ROWS + 'nan 1 1\n30 nan 4.0\n')
+    assert len(found.displacement) == 3
+    assert len(found.cylinders['cylinder_a'].pressure) == 4
+    assert found.health == ('displacement: dropped 1 sample not finite',)
+
+
+BAD = {
+    'no rows': ('', BY_NUMBER, 'holds no samples'),
+    'all skipped': (
+        ROWS,
+        BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  skip_rows: 9'),
+        'holds no samples after the 9 that are skipped',
+    ),
+    'no such column': (
+        ROWS,
+        BY_NUMBER.replace('column: 3', 'column: 4'),
+        'has no column 4: the first row has 3; check the delimiter in the mapping',
+    ),
+    'no such name': (
+        'a b c\n' + ROWS,
+        BY_NUMBER.replace('column: 3', 'column: d').replace('unit: ms}', 'unit: ms}\n  header_rows: 1'),
+        "has no column 'd': its columns are a, b, c",
+    ),
+    'a name without a header': (
+        ROWS,
+        BY_NUMBER.replace('column: 3', 'column: d'),
+        "has no column 'd': for columns by name set header_rows in the mapping",
+    ),
+    'far too late': (
+        '1e10 1 1\n',
+        BY_NUMBER.replace('unit: ms', 'unit: s'),
+        'the times in column 1 are far too large: check their unit',
+    ),
+}
+
+
+@pytest.mark.parametrize(('rows', 'mapping', 'message'), BAD.values(), ids=BAD.keys())
+def test_a_table_that_cannot_be_read(tmp_path, rows, mapping, message):
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, rows, mapping)
+    assert str(caught.value) == f'{tmp_path}/run.csv: {message}'
+
+
+@pytest.mark.parametrize('rows', [ROWS + '30 1.0\n', ROWS + '30 1.0 high\n'])
+def test_a_row_that_is_not_numbers(tmp_path, rows):
+    with pytest.raises(InputError, match=r'run.csv: cannot be read as a table of numbers: [^\n]+; check delimiter'):
+        read(tmp_path, rows)
+
+
+def test_a_table_that_is_not_there_or_not_text(tmp_path):
+    (tmp_path / 'mapping.yaml').write_text(BY_NUMBER)
+    mapping = read_mapping(tmp_path / 'mapping.yaml')
+    with pytest.raises(InputError, match=r'none.csv: cannot be read: No such file or directory$'):
+        read_recording(tmp_path / 'none.csv', mapping=mapping)
+    (tmp_path / 'bag.mcap').write_bytes(b'\x89MCAP0\r\n\xff\xfe')
+    with pytest.raises(InputError, match=r'bag.mcap: is not a text file, and the mapping is for tables$'):
+        read_recording(tmp_path / 'bag.mcap', mapping=mapping)
+
+
+def test_a_table_without_a_mapping(tmp_path):
+    (tmp_path / 'run.csv').write_text(ROWS)
+    with pytest.raises(InputError) as caught:
+        read_recording(tmp_path / 'run.csv')
+    assert str(caught.value) == (
+        f'{tmp_path}/run.csv: is not a bag: give the folder of a ROS 2 bag, a .mcap, .db3 or ROS 1 .bag file, '
+        'or a table together with its mapping file'
+    )
+
+
+MEASURED_RUNS = sorted(MEASURED.glob('*/*.csv'))
+
+
+@pytest.mark.skipif(not MEASURED_RUNS, reason='the measured data are not there: set CFD_PNEUMATIC_DATA to their folder')
+def test_the_measured_runs_come_out_of_a_bag_as_they_went_in(tmp_path):
+    mapping = read_mapping(ROOT / 'config' / 'pneumatic_actuator.yaml')
+    for run in MEASURED_RUNS[:3]:
+        measured = read_recording(run, mapping=mapping)
+        write_recording(tmp_path / run.stem, measured)
+        assert_same(read_recording(tmp_path / run.stem), measured)
+        rows = np.loadtxt(run)[15:]
+        pressure = measured.cylinders['cylinder_a'].pressure
+        np.testing.assert_allclose(measured.displacement.values, -1e-3 * rows[:, 4], rtol=0, atol=1e-15)
+        np.testing.assert_allclose(pressure.values, 1e5 * rows[:, 5] + 101_325, rtol=1e-15)
+        np.testing.assert_allclose(measured.force.values, rows[:, 6])
+        np.testing.assert_allclose(pressure.times, 1e-3 * (rows[:, 0] - rows[0, 0]), rtol=0, atol=1e-9)
+        # The pressure rises while the laser's reading does, because the chamber shrinks.
+        assert np.corrcoef(measured.displacement.values, pressure.values)[0, 1] < 0

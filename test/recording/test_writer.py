@@ -1,0 +1,104 @@
+from __future__ import annotations
+
+import os
+
+import pytest
+from recording_cases import EPOCH, assert_same, recording
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording import BagWriter, messages, read_recording, write_recording
+
+
+def fill(bag, count=3):
+    bag.add_topic('/cfd/device/piston_state', messages.JOINT_STATE)
+    bag.add_topic('/cfd/device/cylinder_a/pressure', messages.FLUID_PRESSURE)
+    for index in range(count):
+        time = EPOCH + index * 1000
+        bag.write_message('/cfd/device/piston_state', time, messages.joint_state(time, 'piston', 0.5))
+        payload = messages.standard_types().serialize_cdr(messages.fluid_pressure(time, 2e5), messages.FLUID_PRESSURE)
+        bag.write('/cfd/device/cylinder_a/pressure', time, bytes(payload))
+
+
+def fail_to_write(path, **options):
+    with BagWriter(path, **options) as bag:
+        fill(bag)
+        raise KeyError
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_bag_is_written_message_by_message(tmp_path, storage):
+    with BagWriter(tmp_path / 'new' / 'bag', storage=storage) as bag:
+        fill(bag)
+        assert not (tmp_path / 'new' / 'bag').exists()
+    assert len(read_recording(tmp_path / 'new' / 'bag').displacement) == 3
+    assert os.listdir(tmp_path / 'new') == ['bag']
+
+
+def test_nothing_is_left_of_a_bag_that_failed(tmp_path):
+    with pytest.raises(KeyError):
+        fail_to_write(tmp_path / 'bag')
+    assert os.listdir(tmp_path) == []
+
+
+def test_an_earlier_bag_stays_unless_it_is_to_be_overwritten(tmp_path):
+    first, second = recording(10), recording(20)
+    write_recording(tmp_path / 'bag', first)
+    with pytest.raises(InputError) as caught:
+        write_recording(tmp_path / 'bag', second)
+    assert str(caught.value) == f'{tmp_path}/bag exists already: choose another name or let it be overwritten'
+    assert_same(read_recording(tmp_path / 'bag'), first, setpoint_error=1e-9)
+    write_recording(tmp_path / 'bag', second, overwrite=True)
+    assert_same(read_recording(tmp_path / 'bag'), second, setpoint_error=1e-9)
+    assert os.listdir(tmp_path) == ['bag']
+
+
+def test_an_earlier_bag_stays_when_its_successor_fails(tmp_path):
+    write_recording(tmp_path / 'bag', recording(10))
+    with pytest.raises(KeyError):
+        fail_to_write(tmp_path / 'bag', overwrite=True)
+    assert len(read_recording(tmp_path / 'bag').displacement) == 10
+
+
+def test_what_is_not_a_bag_is_not_overwritten(tmp_path):
+    (tmp_path / 'notes').mkdir()
+    (tmp_path / 'file').touch()
+    for name in ('notes', 'file'):
+        with pytest.raises(InputError) as caught:
+            write_recording(tmp_path / name, recording(), overwrite=True)
+        assert str(caught.value) == f'{tmp_path / name} is not a bag and is not overwritten: choose another name'
+
+
+def test_a_folder_that_cannot_be_written(tmp_path):
+    (tmp_path / 'file').touch()
+    with pytest.raises(InputError) as caught:
+        write_recording(tmp_path / 'file' / 'bag', recording())
+    assert str(caught.value) == f'cannot write {tmp_path}/file/bag: {tmp_path}/file is not a folder'
+
+
+def test_a_disk_that_is_full(tmp_path, monkeypatch):
+    def fail(*arguments):
+        raise OSError(28, 'No space left on device')
+
+    monkeypatch.setattr('rosbags.rosbag2.Writer.write', fail)
+    with pytest.raises(InputError) as caught:
+        write_recording(tmp_path / 'bag', recording())
+    assert str(caught.value) == (
+        f'cannot write {tmp_path}/bag: No space left on device; choose a folder that can be written'
+    )
+    assert os.listdir(tmp_path) == []
+
+
+def test_an_unknown_type_is_refused(tmp_path):
+    with BagWriter(tmp_path / 'bag') as bag:
+        fill(bag)
+        with pytest.raises(InputError) as caught:
+            bag.add_topic('/x', 'acme_msgs/msg/Press')
+    assert str(caught.value) == (
+        'topic /x cannot be recorded: its type acme_msgs/msg/Press is not one that ROS 2 ships'
+    )
+
+
+def test_times_that_do_not_fit_a_stamp(tmp_path):
+    with pytest.raises(InputError, match=r'^made up: times up to 3e\+09 s do not fit a stamp: check their unit'):
+        write_recording(tmp_path / 'bag', recording(epoch=3 * 10**18))
+    assert os.listdir(tmp_path) == []

@@ -1,0 +1,89 @@
+"""`record_rig`: a test on the rig as a bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cfd_pneumatic.commands.record_rig import main
+from cfd_pneumatic.recording import read_recording
+from cfd_pneumatic.rig import out_and_back, record
+from cfd_pneumatic.units import PSI
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_the_bag_holds_what_the_sensors_read(tmp_path: Path, storage: str) -> None:
+    bag = tmp_path / 'bag'
+    assert main(['out_and_back', '--output', str(bag), '--seed', '4', '--storage', storage]) == 0
+    expected = record(out_and_back(), seed=4)
+    read = read_recording(bag)
+    times = expected.times - expected.times[0]
+    assert read.displacement.times == pytest.approx(times, abs=2e-9)
+    assert np.array_equal(read.displacement.values, expected.displacement)
+    assert read.force is not None
+    assert np.array_equal(read.force.values, expected.force)
+    for index, cylinder in enumerate(('cylinder_a', 'cylinder_b')):
+        assert np.array_equal(read.cylinders[cylinder].pressure.values, expected.pressures[:, index])
+
+
+def test_a_set_point_holds_from_the_sample_before_it_was_felt(tmp_path: Path) -> None:
+    bag = tmp_path / 'bag'
+    main(['out_and_back', '--output', str(bag)])
+    expected = record(out_and_back())
+    setpoint = read_recording(bag).cylinders['cylinder_a'].setpoint
+    assert setpoint is not None
+    changed = np.flatnonzero(np.diff(expected.setpoints[:, 0]))
+    assert setpoint.times[0] == 0.0
+    assert setpoint.times[1:] == pytest.approx(expected.times[changed] - expected.times[0], abs=2e-9)
+    assert setpoint.values[1:] == pytest.approx(expected.setpoints[changed + 1, 0])
+
+
+def test_options_reach_the_schedule(tmp_path: Path) -> None:
+    bag = tmp_path / 'bag'
+    options = ['--setpoint', '100e3', '--setpoint-b', '50e3', '--amplitude', '1e-3', '--namespace', '/cell']
+    assert main(['paper_step', '--output', str(bag), *options]) == 0
+    read = read_recording(bag, namespace='/cell')
+    assert read.displacement.values[-1] == pytest.approx(1e-3, abs=5e-6)
+    assert read.cylinders['cylinder_b'].setpoint is not None
+    assert read.cylinders['cylinder_b'].setpoint.values == pytest.approx([101325 + 50e3])
+
+
+def test_the_same_seed_gives_the_same_surface(tmp_path: Path) -> None:
+    displacements = []
+    for name, seed in (('one', '1'), ('again', '1'), ('other', '2')):
+        main(['surface_following', '--duration', '3', '--seed', seed, '--output', str(tmp_path / name)])
+        displacements.append(read_recording(tmp_path / name).displacement.values)
+    assert np.array_equal(displacements[0], displacements[1])
+    assert not np.array_equal(displacements[0], displacements[2])
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (['paper_step', '--duration', '3'], "schedule 'paper_step' has no option 'duration': it takes setpoint"),
+        (['paper_step', '--setpoint', '1e6'], 'between vacuum and the supply'),
+        (['paper_step', '--amplitude', '60e-3'], 'the piston travels 6.35 mm to either side: 60 mm is out of reach'),
+        (['surface_following', '--duration', 'inf'], 'duration inf s'),
+        (['paper_step', '--amplitude', 'nan'], 'out of reach'),
+        (['paper_step', '--seed', '-1'], '--seed -1'),
+    ],
+)
+def test_what_cannot_be_recorded_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main([*arguments, '--output', str(tmp_path / 'bag')]) == 2
+    errors = capsys.readouterr().err
+    assert message in errors
+    assert errors.startswith('record_rig: error: ')
+    assert errors.count('\n') == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_bag_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ['paper_step', '--output', str(tmp_path / 'bag'), '--setpoint', str(5 * PSI)]
+    assert main(arguments) == 0
+    assert main(arguments) == 2
+    assert 'exists already' in capsys.readouterr().err
+    assert main([*arguments, '--force']) == 0

@@ -1,0 +1,105 @@
+"""Imports point downwards only, as docs/design.md draws the layers."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / 'cfd_pneumatic'
+
+BELOW = {
+    'nodes': {'commands', 'identification', 'recording', 'model', 'rig'},
+    'commands': {'identification', 'recording', 'model', 'rig'},
+    'identification': {'recording', 'model'},
+    'recording': set(),
+    'model': set(),
+    'rig': set(),
+}
+"""What each layer may import, besides itself and the single modules at the top of the package."""
+
+ROS = re.compile(r'(rclpy|rcl_interfaces|ament_\w+|builtin_interfaces|launch\w*|rosidl\w*|ros2\w*|\w+_(msgs|srvs))$')
+INPUT_OUTPUT = {'csv', 'io', 'json', 'logging', 'os', 'pathlib', 'shutil', 'socket', 'sqlite3', 'subprocess', 'sys'}
+
+
+def imports(path: Path) -> set[str]:
+    """Return the full dotted names that a module imports, at its top and inside of functions."""
+    # A package's own relative imports start from itself, a module's from the package that it is in.
+    home = ['cfd_pneumatic', *path.relative_to(PACKAGE).parent.parts]
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            start = home[: len(home) + 1 - node.level] if node.level else []
+            module = '.'.join([*start, *([node.module] if node.module else [])])
+            # `from cfd_pneumatic import rig` imports a layer, too.
+            names |= {f'{module}.{alias.name}' for alias in node.names}
+    return names
+
+
+def layer_of(name: str) -> str:
+    """Return the layer of a module of ours, or '' for one at the top."""
+    part = name.split('.')[1]
+    return part if part in BELOW else ''
+
+
+MODULES = sorted(PACKAGE.rglob('*.py'))
+
+
+def in_layer(*layers: str) -> list[Path]:
+    return [path for path in MODULES if path.relative_to(PACKAGE).parts[0] in layers]
+
+
+def outside(path: Path) -> set[str]:
+    """Return the top names of what a module imports from elsewhere."""
+    return {name.split('.')[0] for name in imports(path)} - {'cfd_pneumatic'}
+
+
+def test_every_layer_is_known_and_a_package():
+    folders = {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != '__pycache__'}
+    assert folders == set(BELOW)
+    assert [layer for layer in BELOW if not (PACKAGE / layer / '__init__.py').is_file()] == []
+
+
+@pytest.mark.parametrize('path', MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_downwards(path):
+    own = path.relative_to(PACKAGE).parts[0]
+    allowed = {'', own, *BELOW[own]} if own in BELOW else {''}
+    ours = {name for name in imports(path) if name.startswith('cfd_pneumatic.')}
+    assert {name for name in ours if layer_of(name) not in allowed} == set()
+
+
+def test_only_the_nodes_import_ros():
+    users = {str(path.relative_to(PACKAGE)) for path in MODULES if any(ROS.match(name) for name in outside(path))}
+    assert {path for path in users if not path.startswith('nodes/')} == set()
+
+
+@pytest.mark.parametrize('path', in_layer('model'), ids=lambda path: path.name)
+def test_the_model_is_numpy_and_numba_without_input_or_output(path):
+    assert outside(path) & INPUT_OUTPUT == set()
+    assert outside(path) - sys.stdlib_module_names <= {'numpy', 'numba'}
+
+
+def test_this_test_sees_each_form_of_import(tmp_path, monkeypatch):
+    monkeypatch.setitem(globals(), 'PACKAGE', tmp_path)
+    module = tmp_path / 'rig' / 'module.py'
+    module.parent.mkdir()
+    module.write_text(
+        'import numpy as np\n'
+        'from cfd_pneumatic import model\n'
+        'def late():\n'
+        '    from ..recording import bag\n'
+        '    from . import physics\n'
+        '    import cfd_pneumatic.nodes.sim_node\n'
+    )
+    assert imports(module) == {
+        'numpy',
+        'cfd_pneumatic.model',
+        'cfd_pneumatic.recording.bag',
+        'cfd_pneumatic.rig.physics',
+        'cfd_pneumatic.nodes.sim_node',
+    }

@@ -1,0 +1,107 @@
+"""What stands in more than one file about the package says the same everywhere."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+import cfd_pneumatic
+
+ROOT = Path(__file__).parents[1]
+
+KEYS = {
+    'mcap': ('mcap', 'mcap-ros2-support'),
+    'numba': ('numba', 'python3-numba'),
+    'numpy': ('numpy', 'python3-numpy'),
+    'psutil': ('psutil', 'python3-psutil'),
+    'rich': ('rich', 'python3-rich'),
+    'rosbags': ('rosbags', 'python3-rosbags-pip'),
+    'scipy': ('scipy', 'python3-scipy'),
+    'tqdm': ('tqdm', 'python3-tqdm'),
+    'yaml': ('PyYAML', 'python3-yaml'),
+}
+"""For each module that is not ROS's: its name on PyPI, and the rosdep key that brings it."""
+
+
+def setup_arguments() -> dict:
+    """Return those arguments of setup.py's `setup` that are literals; it is read and not run."""
+    tree = ast.parse((ROOT / 'setup.py').read_text(encoding='utf-8'))
+    call = next(node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == 'setup')
+    found = {}
+    for keyword in call.keywords:
+        try:
+            found[keyword.arg] = ast.literal_eval(keyword.value)
+        except ValueError:
+            continue
+    return found
+
+
+SETUP = setup_arguments()
+XML = ElementTree.parse(ROOT / 'package.xml').getroot()
+PROGRAMS = dict(re.split(r' = ', line) for line in SETUP['entry_points']['console_scripts'])
+
+
+def xml_text(tag: str) -> str:
+    element = XML.find(tag)
+    assert element is not None, f'package.xml has no <{tag}>'
+    return element.text or ''
+
+
+def imported(folder: str) -> set[str]:
+    """Return the top names of the modules from elsewhere that the Python files below a folder import."""
+    names = set()
+    for path in (ROOT / folder).rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split('.')[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                names.add(node.module.split('.')[0])
+    return names - sys.stdlib_module_names - {'cfd_pneumatic'}
+
+
+def test_versions_agree():
+    assert cfd_pneumatic.__version__ == SETUP['version'] == xml_text('version')
+    headings = re.findall(r'^(.+)\n-+$', (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8'), re.MULTILINE)
+    if headings[0] == 'Forthcoming':
+        headings = headings[1:]
+    assert headings == [] or headings[0].split()[0] == cfd_pneumatic.__version__
+
+
+def test_descriptions_agree():
+    for argument, tag in [('description', 'description'), ('license', 'license'), ('maintainer', 'maintainer')]:
+        assert SETUP[argument] == xml_text(tag)
+    assert SETUP['maintainer_email'] == XML.find('maintainer').get('email')
+
+
+def test_maintainer_is_reached_as_colcon_demands():
+    # The pattern of catkin_pkg, with which colcon reads package.xml: a malformed address makes it no ROS package.
+    word = r'[-a-zA-Z0-9_%+]+(\.[-a-zA-Z0-9_%+]+)*'
+    assert re.fullmatch(word + r'@[-a-zA-Z0-9%]+(\.[-a-zA-Z0-9%]+)*\.[a-zA-Z]{2,}', SETUP['maintainer_email'])
+
+
+def test_what_is_imported_is_required_and_nothing_else():
+    required = {re.match(r'[\w.-]+', line).group() for line in SETUP['install_requires']}
+    keys = {element.text for element in XML.findall('depend')}
+    used = imported('cfd_pneumatic')
+    assert required == {KEYS[name][0] for name in used & set(KEYS)}
+    # What is not in KEYS is ROS's, and has the same name as its package.
+    assert keys == {KEYS[name][1] if name in KEYS else name for name in used}
+
+
+def test_what_launch_files_import_is_required():
+    assert imported('launch') <= {element.text for element in XML.findall('exec_depend') + XML.findall('depend')}
+
+
+@pytest.mark.parametrize('name', PROGRAMS)
+def test_program_is_there(name):
+    module, function = PROGRAMS[name].split(':')
+    if '.nodes.' in module:
+        pytest.importorskip('rclpy', reason='ROS 2 is not to be had here')
+    assert module.split('.')[-1] == name
+    assert callable(getattr(importlib.import_module(module), function))
