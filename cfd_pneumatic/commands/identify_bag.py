@@ -67,9 +67,9 @@ def _fractions(text: str) -> tuple[float, float, float]:
     return train / total, validation / total, test / total
 
 
-def main(args: Sequence[str] | None = None) -> None:
+def main(args: Sequence[str] | None = None) -> int:
     """Run `identify_bag`."""
-    sys.exit(run('identify_bag', _identify, args))
+    return run('identify_bag', _identify, args)
 
 
 def _identify(args: Sequence[str] | None) -> None:
@@ -112,4 +112,4 @@ def _read(path: Path, arguments: argparse.Namespace) -> Recording:
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

@@ -110,7 +110,7 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
     Raises
     ------
     InputError
-        If pressure and displacement hardly overlap in time.
+        If pressure and displacement hardly overlap in time, or the pressure never changes.
 
     """
     signals = recording.cylinders[cylinder]
@@ -122,6 +122,10 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
         raise InputError(
             f'{recording.name}: only {pressure.size} samples of {cylinder}/pressure lie between the first and the last '
             'displacement sample: check the time offsets of the two topics'
+        )
+    if np.ptp(pressure) == 0.0:
+        raise InputError(
+            f'{recording.name}: {cylinder}/pressure never changes ({pressure[0]:g} Pa): is its sensor connected?'
         )
     grid = [motion.knots(), pressure_times]
     if signals.setpoint is not None:

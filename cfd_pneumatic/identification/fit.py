@@ -29,7 +29,8 @@ _UPPER = np.log([spec.upper for spec in SPECS])
 _STARTING_K = (3.0, 30.0, 150.0)  # charging gains that the search starts from [1/s]
 _ROUGH = (1e-4, 40)  # tolerance and evaluations of a search that chooses among starts
 _FINE = (1e-9, 200)
-_LARGEST_RELATIVE_STD = 0.5  # above this a 95 % interval reaches zero: the recording does not tell the value
+_LARGEST_RELATIVE_STD = 1.0 / 3.0  # above this zero lies within three standard errors: the recording does not tell it
+_LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone reached 26 in 100
 _CONFIDENCE = 0.95
 
 
@@ -233,6 +234,7 @@ def _unknowns_at(problem: _Problem, gains: Sequence[float]) -> Array:
 
 
 def _summary(problem: _Problem, unknowns: Array, evaluations: int) -> Fit:
+    _check_that_pressure_follows(problem, unknowns)
     residuals = problem.residuals(unknowns)
     jacobian = problem.jacobian(unknowns)
     reasons = {index: reason for index, reason in enumerate(_unmoved(unknowns, jacobian)) if reason is not None}
@@ -245,9 +247,7 @@ def _summary(problem: _Problem, unknowns: Array, evaluations: int) -> Fit:
         std = np.sqrt(np.diag(covariance))
         gains_free = free[free < GAINS]
         if gains_free.size == 0:
-            raise InputError(
-                'no parameter can be told from these recordings: let the piston move faster or farther, both ways'
-            )
+            raise InputError(_NOTHING_TOLD)
         worst = int(np.argmax(std[: gains_free.size]))
         if std[worst] <= _LARGEST_RELATIVE_STD:
             break
@@ -271,6 +271,26 @@ def _summary(problem: _Problem, unknowns: Array, evaluations: int) -> Fit:
         evaluations=evaluations,
     )
 
+
+def _check_that_pressure_follows(problem: _Problem, unknowns: Array) -> None:
+    """Raise InputError where the pressure is explained as well by one that does not follow the piston at all."""
+    if any(np.ptp(experiment.setpoint) > 0.0 for experiment in problem.experiments):
+        return
+    rested = np.concatenate([
+        weight * (experiment.pressure[mask] - np.mean(experiment.pressure[mask]))
+        for experiment, mask, weight in zip(problem.experiments, problem.masks, problem.weights)
+        if np.any(mask)
+    ])
+    residuals = problem.residuals(unknowns)
+    evidence = residuals.size * math.log(float(rested @ rested) / max(float(residuals @ residuals), 1e-300))
+    if evidence < _LEAST_EVIDENCE:
+        raise InputError(_NOTHING_TOLD)
+
+
+_NOTHING_TOLD = (
+    'no parameter can be told from these recordings, the pressure does not follow the piston: '
+    'let it move faster or farther, both ways'
+)
 
 _HINTS = {
     'k_x': 'let the piston move farther',

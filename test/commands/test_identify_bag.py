@@ -1,0 +1,203 @@
+"""`identify_bag` as people call it: on bags, on bad ones, and on folders that can't be written."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import yaml
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from cfd_pneumatic.commands.identify_bag import main
+from cfd_pneumatic.commands.record_rig import main as record_rig
+from cfd_pneumatic.recording import BagWriter, messages
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    path = tmp_path_factory.mktemp('bags') / 'strokes'
+    assert record_rig(['out_and_back', '--output', str(path)]) == 0
+    return path
+
+
+@pytest.fixture
+def output(tmp_path):
+    """Return a folder with earlier results, which must outlive a failure."""
+    folder = tmp_path / 'out'
+    folder.mkdir()
+    for name in ('report.json', 'parameters.yaml'):
+        (folder / name).write_text('earlier')
+    return folder
+
+
+def refusal(capsys, output, *arguments):
+    """Return the one line with which identify_bag refuses; check that it fails as it should."""
+    capsys.readouterr()
+    assert main([*map(str, arguments), '--output', str(output)]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith('identify_bag: error: ')
+    assert {path.name for path in output.iterdir()} == {'report.json', 'parameters.yaml'}
+    assert all((output / name).read_text() == 'earlier' for name in ('report.json', 'parameters.yaml'))
+    return lines[0]
+
+
+def device_bag(path, piston, pressure, stamps=None, storage='mcap'):
+    """Write a bag of one cylinder, sampled at 500 Hz or at the stamps given [ns]."""
+    stamps = 10**9 + 2_000_000 * np.arange(len(piston)) if stamps is None else stamps
+    with BagWriter(path, storage=storage) as writer:
+        writer.add_topic('/cfd/device/piston_state', messages.JOINT_STATE)
+        writer.add_topic('/cfd/device/cylinder_a/pressure', messages.FLUID_PRESSURE)
+        for stamp, position, value in zip(map(int, stamps), piston, pressure):
+            writer.write_message('/cfd/device/piston_state', stamp, messages.joint_state(stamp, 'piston', position))
+            writer.write_message('/cfd/device/cylinder_a/pressure', stamp, messages.fluid_pressure(stamp, value))
+    return path
+
+
+def test_a_bag_becomes_a_report_and_parameters(bag, tmp_path, capsys):
+    output = tmp_path / 'new' / 'folder'
+    assert main([str(bag), '--output', str(output)]) == 0
+    printed = capsys.readouterr().out
+    assert 'lbf/in^3' in printed
+    assert 'report.json' in printed
+    report = json.loads((output / 'report.json').read_text())
+    assert set(report['cylinders']) == {'cylinder_a', 'cylinder_b'}
+    parameters = yaml.safe_load((output / 'parameters.yaml').read_text())['/**']['ros__parameters']
+    assert parameters['cylinder_b']['k_x'] == [report['cylinders']['cylinder_b']['parameters']['k_x']['value']]
+
+
+def test_the_same_bag_gives_the_same_files(bag, tmp_path):
+    for name in ('one', 'two'):
+        assert main([str(bag), '--output', str(tmp_path / name), '--progress', 'none']) == 0
+    for name in ('report.json', 'parameters.yaml'):
+        assert (tmp_path / 'one' / name).read_bytes() == (tmp_path / 'two' / name).read_bytes()
+
+
+def test_operating_points_of_a_bag_with_two_set_points(bag, tmp_path):
+    assert main([str(bag), '--per-setpoint', '--output', str(tmp_path)]) == 0
+    report = json.loads((tmp_path / 'report.json').read_text())
+    setpoints = [point['setpoint_pa'] for point in report['cylinders']['cylinder_a']['schedule']]
+    np.testing.assert_allclose(setpoints, [34_473.8, 68_947.6], rtol=0.01)
+
+
+def test_progress_as_lines_for_programs(bag, tmp_path, capsys):
+    assert main([str(bag), '--output', str(tmp_path), '--progress', 'lines']) == 0
+    shares = [json.loads(line)['progress'] for line in capsys.readouterr().out.splitlines()]
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_a_missing_bag(capsys, output, tmp_path):
+    assert 'nowhere' in refusal(capsys, output, tmp_path / 'nowhere.mcap')
+
+
+def test_an_empty_bag(capsys, output, tmp_path):
+    with BagWriter(tmp_path / 'empty') as writer:
+        writer.add_topic('/cfd/device/piston_state', messages.JOINT_STATE)
+    assert 'no messages' in refusal(capsys, output, tmp_path / 'empty')
+
+
+def test_a_bag_of_something_else_lists_its_topics(capsys, output, tmp_path):
+    with BagWriter(tmp_path / 'other') as writer:
+        writer.add_topic('/temperature', messages.FLOAT64)
+        writer.write_message('/temperature', 1, messages.float64(20.0))
+    message = refusal(capsys, output, tmp_path / 'other')
+    assert '/temperature' in message
+    assert 'piston_state' in message
+
+
+def test_an_unknown_message_type(capsys, output, tmp_path):
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    with Writer(tmp_path / 'odd', version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        connection = writer.add_connection('/cfd/device/piston_state', 'std_msgs/msg/Float64', typestore=types)
+        writer.write(connection, 1, types.serialize_cdr(messages.float64(1.0), 'std_msgs/msg/Float64'))
+        pressure = writer.add_connection('/cfd/device/cylinder_a/pressure', 'std_msgs/msg/Float64', typestore=types)
+        writer.write(pressure, 1, types.serialize_cdr(messages.float64(1.0), 'std_msgs/msg/Float64'))
+    assert 'std_msgs/msg/Float64' in refusal(capsys, output, tmp_path / 'odd')
+
+
+def test_a_bag_without_motion(capsys, output, tmp_path):
+    rng = np.random.default_rng(0)
+    path = device_bag(tmp_path / 'still', 1e-6 * rng.normal(size=500), 2e5 + 50.0 * rng.normal(size=500))
+    assert 'does not move' in refusal(capsys, output, path)
+
+
+def test_a_bag_of_nan(capsys, output, tmp_path):
+    path = device_bag(tmp_path / 'nan', np.full(100, np.nan), np.full(100, 2e5))
+    assert 'finite' in refusal(capsys, output, path)
+
+
+def test_a_clock_set_back(capsys, output, tmp_path):
+    stamps = 10**13 + 2_000_000 * np.arange(400)
+    stamps[200:] -= 3600 * 10**9
+    path = device_bag(tmp_path / 'back', np.linspace(0.0, 1e-3, 400), np.full(400, 2e5), stamps)
+    assert 'back' in refusal(capsys, output, path)
+
+
+def test_a_stuck_pressure_sensor(capsys, output, tmp_path):
+    times = 0.002 * np.arange(2000)
+    path = device_bag(tmp_path / 'stuck', 1e-3 * np.sin(5.0 * times), np.full(2000, 2e5))
+    assert 'cylinder_a/pressure never changes' in refusal(capsys, output, path)
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_a_pressure_that_does_not_follow_the_piston(capsys, output, tmp_path, seed):
+    """Noise is no answer of a cylinder; no number may come out of it."""
+    times = 0.002 * np.arange(2000)
+    noise = 50.0 * np.random.default_rng(seed).normal(size=2000)
+    path = device_bag(tmp_path / 'deaf', 1e-3 * np.sin(5.0 * times), 2e5 + noise)
+    assert 'no parameter can be told' in refusal(capsys, output, path)
+
+
+def test_a_cut_off_mcap_is_salvaged_and_said_so(bag, tmp_path, capsys):
+    whole = next(bag.glob('*.mcap')).read_bytes()
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(whole[: int(0.9 * len(whole))])
+    code = main([str(cut), '--output', str(tmp_path / 'out')])
+    captured = capsys.readouterr()
+    if code == 0:
+        assert 'cut off' in captured.out
+    else:  # the writer put all of this short bag into one chunk, which is incomplete
+        assert code == 2
+        assert len(captured.err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize('text', ['60/40', 'a/b/c', '60/20/0'])
+def test_a_split_that_is_none(bag, tmp_path, capsys, text):
+    with pytest.raises(SystemExit) as ended:
+        main([str(bag), '--output', str(tmp_path), '--split', text])
+    assert ended.value.code == 2
+    assert repr(text) in capsys.readouterr().err
+
+
+def test_a_mapping_with_an_unknown_unit(bag, capsys, output, tmp_path):
+    mapping = tmp_path / 'mapping.yaml'
+    mapping.write_text('displacement: {topic: piston_state, field: "position[0]", unit: furlong}\n')
+    message = refusal(capsys, output, bag, '--mapping', mapping)
+    assert 'furlong' in message
+    assert 'inch' in message
+
+
+def test_a_folder_that_cannot_be_made(bag, capsys, tmp_path):
+    (tmp_path / 'file').write_text('in the way')
+    assert main([str(bag), '--output', str(tmp_path / 'file' / 'out')]) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert 'choose a folder' in lines[0]
+
+
+def test_the_program_itself_ends_with_code_2_and_no_traceback(tmp_path):
+    run = subprocess.run(
+        [sys.executable, '-m', 'cfd_pneumatic.commands.identify_bag', 'nowhere', '--output', str(tmp_path / 'out')],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 2
+    assert run.stdout == ''
+    assert len(run.stderr.strip().splitlines()) == 1
+    assert 'Traceback' not in run.stderr
