@@ -63,7 +63,7 @@ def pressure(gains, rate, setpoint, times, steps=40):
 
 
 def pressure_between_samples(gains, times, displacement, setpoint):
-    """Return the outlet pressure [Pa] for a displacement that is straight between samples, set-points held over steps."""
+    """Return the outlet pressure [Pa]: displacement straight between samples, entry i of the set-point on step i."""
     k_x, k_sv, k_v, tau = gains
     state = np.array([setpoint[0], setpoint[0]])
     out = [state[0]]

@@ -33,9 +33,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('bags', metavar='BAG', nargs='+', type=Path, help='ROS 1 or 2 bag, or a table with --mapping')
     parser.add_argument('--output', metavar='DIR', type=Path, required=True, help='folder for the results')
-    parser.add_argument('--mapping', metavar='FILE', type=Path, help='YAML file that says what the topics or columns are')
+    parser.add_argument(
+        '--mapping', metavar='FILE', type=Path, help='YAML file that says what the topics or columns are'
+    )
     parser.add_argument('--namespace', help='namespace of the device where the bag holds several, e.g. /cfd/device')
-    parser.add_argument('--per-setpoint', action='store_true', help='fit a table of operating points, one for each set-point')
+    parser.add_argument(
+        '--per-setpoint', action='store_true', help='fit a table of operating points, one for each set-point'
+    )
     parser.add_argument(
         '--split',
         type=_fractions,
@@ -51,7 +55,10 @@ def _parser() -> argparse.ArgumentParser:
         help='absolute ambient pressure [Pa] (default: %(default)s)',
     )
     parser.add_argument(
-        '--progress', choices=('bar', 'lines', 'none'), default='bar', help='how to show progress (default: %(default)s)'
+        '--progress',
+        choices=('bar', 'lines', 'none'),
+        default='bar',
+        help='how to show progress (default: %(default)s)',
     )
     return parser
 

@@ -30,7 +30,9 @@ _STARTING_K = (3.0, 30.0, 150.0)  # charging gains that the search starts from [
 _ROUGH = (1e-4, 40)  # tolerance and evaluations of a search that chooses among starts
 _FINE = (1e-9, 200)
 _LARGEST_RELATIVE_STD = 1.0 / 3.0  # above this zero lies within three standard errors: the recording does not tell it
-_LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone reached 26 in 100
+_LEAST_EVIDENCE = (
+    40.0  # by which following the piston must raise twice the log likelihood; noise alone reached 26 in 100
+)
 _CONFIDENCE = 0.95
 
 
@@ -147,9 +149,9 @@ class _Problem:
     def residuals(self, unknowns: Array) -> Array:
         """Return weighted simulated less measured pressure of all experiments, masked."""
         parts = zip(self.experiments, self.masks, self.weights, self.simulate(unknowns))
-        return np.concatenate([
-            weight * (pressure - experiment.pressure)[mask] for experiment, mask, weight, (pressure, _) in parts
-        ])
+        return np.concatenate(
+            [weight * (pressure - experiment.pressure)[mask] for experiment, mask, weight, (pressure, _) in parts]
+        )
 
     def jacobian(self, unknowns: Array) -> Array:
         """Return the weighted Jacobian of `residuals`."""
@@ -214,9 +216,7 @@ def fit(
     return _summary(problem, best, evaluations)
 
 
-def _first_guesses(
-    experiments: Sequence[Experiment], masks: Sequence[NDArray[np.bool_]]
-) -> list[tuple[float, ...]]:
+def _first_guesses(experiments: Sequence[Experiment], masks: Sequence[NDArray[np.bool_]]) -> list[tuple[float, ...]]:
     """Return starts about K_x = n p / L with the chamber's length L taken as the stroke's order, and several K."""
     pressures = [experiment.pressure[mask] for experiment, mask in zip(experiments, masks)]
     pressure = float(np.median(np.concatenate(pressures)))
@@ -252,7 +252,9 @@ def _summary(problem: _Problem, unknowns: Array, evaluations: int) -> Fit:
         if std[worst] <= _LARGEST_RELATIVE_STD:
             break
         name = NAMES[free[worst]]
-        reasons[int(free[worst])] = f'its standard error would be {100.0 * std[worst]:.0f} % of its value: {_HINTS[name]}'
+        reasons[int(free[worst])] = (
+            f'its standard error would be {100.0 * std[worst]:.0f} % of its value: {_HINTS[name]}'
+        )
     stds = dict(zip((int(index) for index in free), std))
     quantile = float(student_t.ppf(0.5 + 0.5 * _CONFIDENCE, degrees))
     return Fit(
@@ -276,11 +278,13 @@ def _check_that_pressure_follows(problem: _Problem, unknowns: Array) -> None:
     """Raise InputError where the pressure is explained as well by one that does not follow the piston at all."""
     if any(np.ptp(experiment.setpoint) > 0.0 for experiment in problem.experiments):
         return
-    rested = np.concatenate([
-        weight * (experiment.pressure[mask] - np.mean(experiment.pressure[mask]))
-        for experiment, mask, weight in zip(problem.experiments, problem.masks, problem.weights)
-        if np.any(mask)
-    ])
+    rested = np.concatenate(
+        [
+            weight * (experiment.pressure[mask] - np.mean(experiment.pressure[mask]))
+            for experiment, mask, weight in zip(problem.experiments, problem.masks, problem.weights)
+            if np.any(mask)
+        ]
+    )
     residuals = problem.residuals(unknowns)
     evidence = residuals.size * math.log(float(rested @ rested) / max(float(residuals @ residuals), 1e-300))
     if evidence < _LEAST_EVIDENCE:

@@ -162,7 +162,9 @@ def identify(
 def _identify_cylinder(experiments: Sequence[Experiment], options: Options) -> CylinderResult:
     fitted_to = [experiment.part < PARTS.index('test') for experiment in experiments]
     joint = fit(experiments, fitted_to)
-    levels = [experiment.setpoint[experiment.samples] + offset for experiment, offset in zip(experiments, joint.offsets)]
+    levels = [
+        experiment.setpoint[experiment.samples] + offset for experiment, offset in zip(experiments, joint.offsets)
+    ]
     mean_level = float(np.mean(np.concatenate(levels)))
     schedule = [OperatingPoint(mean_level - options.ambient_pressure, joint)]
     simulated = list(joint.simulated)

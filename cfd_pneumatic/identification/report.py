@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from rich.console import Console
 from rich.table import Table
@@ -131,10 +133,10 @@ def _floats(values: list[float]) -> str:
 
 def _held(estimates: list[Estimate]) -> list[float] | None:
     """Return values with gaps filled from the nearest identifiable neighbour, or None where there is none."""
-    known = [index for index, estimate in enumerate(estimates) if estimate.value is not None]
-    if not known:
+    known = np.array([index for index, estimate in enumerate(estimates) if estimate.value is not None], dtype=np.intp)
+    if known.size == 0:
         return None
-    nearest = (min(known, key=lambda other, index=index: abs(other - index)) for index in range(len(estimates)))
+    nearest = (int(known[np.argmin(np.abs(known - index))]) for index in range(len(estimates)))
     return [float(estimates[index].value or 0.0) for index in nearest]
 
 
@@ -176,7 +178,7 @@ def make_folder(folder: Path) -> None:
 def print_report(identification: Identification, console: Console) -> None:
     """Print tables of parameters and errors, the paper's units beside SI."""
     for recording in identification.recordings:
-        for note in recording.health:
+        for note in _merged(recording.health):
             console.print(f'{recording.name}: {note}', style='yellow', highlight=False)
     for cylinder, result in identification.cylinders.items():
         for point in result.schedule:
@@ -186,6 +188,15 @@ def print_report(identification: Identification, console: Console) -> None:
         console.print(_error_table(cylinder, result))
     if identification.no_test is not None:
         console.print(f'No test part: {identification.no_test}.', highlight=False)
+
+
+def _merged(notes: Sequence[str]) -> list[str]:
+    """Return notes of the form 'signal: what' with the signals that share one gathered in front of it."""
+    signals: dict[str, list[str]] = {}
+    for note in notes:
+        signal, _, what = note.rpartition(': ')
+        signals.setdefault(what, []).append(signal)
+    return [f'{", ".join(names)}: {what}' if any(names) else what for what, names in signals.items()]
 
 
 def _parameter_table(cylinder: str, setpoint: float, fit: Fit) -> Table:

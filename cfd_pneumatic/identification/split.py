@@ -124,8 +124,7 @@ def split_recordings(
     """
     if any(times.size - 1 >= _FEWEST_STROKES for times in strokes):
         splits = [
-            _cut(times, fractions) if times.size - 1 >= _FEWEST_STROKES else _whole('train', times)
-            for times in strokes
+            _cut(times, fractions) if times.size - 1 >= _FEWEST_STROKES else _whole('train', times) for times in strokes
         ]
         return splits, None
     count = len(strokes)

@@ -65,7 +65,8 @@ class Device:
 
     def at_rest(self, setpoint_a: float, setpoint_b: float) -> DeviceState:
         """Return the equilibrium at absolute set-points [Pa]."""
-        return DeviceState(CylinderState.at_rest(setpoint_a), self.b and CylinderState.at_rest(setpoint_b))
+        b = None if self.b is None else CylinderState.at_rest(setpoint_b)
+        return DeviceState(CylinderState.at_rest(setpoint_a), b)
 
     def step(
         self, state: DeviceState, duration: float, rate: float, setpoint_a: float, setpoint_b: float

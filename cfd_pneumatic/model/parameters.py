@@ -42,9 +42,7 @@ class ParameterSpec:
 
 
 SPECS = (
-    ParameterSpec(
-        'k_x', 'Pa/m', 1e3, 1e10, 'velocity input gain K_x, equation (12)', 'lbf/in^3', PSI_PER_INCH
-    ),
+    ParameterSpec('k_x', 'Pa/m', 1e3, 1e10, 'velocity input gain K_x, equation (12)', 'lbf/in^3', PSI_PER_INCH),
     ParameterSpec('k_sv', '1/s', 1e-3, 5e3, 'charging gain K_sv, acts while p_d > p_f, equation (12)', '1/s', 1.0),
     ParameterSpec('k_v', '1/s', 1e-3, 5e3, 'discharging gain K_v, acts while p_f > p_d, equation (12)', '1/s', 1.0),
     ParameterSpec('tau', 's', 1e-5, 1e2, 'control chamber sensing time constant, equation (8)', 's', 1.0),

@@ -145,7 +145,12 @@ def test_a_recording_may_begin_while_the_piston_moves():
 
     signals = recording.cylinders['cylinder_a']
     cut = Recording(
-        'cut', 0, later(recording.displacement), {'cylinder_a': CylinderSignals(later(signals.pressure), None)}, None, ()
+        'cut',
+        0,
+        later(recording.displacement),
+        {'cylinder_a': CylinderSignals(later(signals.pressure), None)},
+        None,
+        (),
     )
     found = identify([cut]).cylinders['cylinder_a']
     assert_close(found.fit.estimates, GAINS[5.0])
@@ -216,7 +221,9 @@ def test_a_frozen_displacement_is_no_motion():
 
 def test_too_few_samples_are_said():
     recording = strokes(12)
-    short = replace(recording, displacement=Signal(recording.displacement.times[:10], recording.displacement.values[:10]))
+    short = replace(
+        recording, displacement=Signal(recording.displacement.times[:10], recording.displacement.values[:10])
+    )
     with pytest.raises(InputError, match='10 displacement samples are too few'):
         identify([short])
 

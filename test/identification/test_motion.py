@@ -64,7 +64,7 @@ def test_does_not_depend_on_units():
 
 @pytest.mark.parametrize('seed', range(5))
 def test_sample_noise_is_what_was_added(seed):
-    times, truth, measured = slow_strokes(seed)
+    times, _, measured = slow_strokes(seed)
     assert sample_noise(times, measured) == pytest.approx(4e-5, rel=0.06)
 
 

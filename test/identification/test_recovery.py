@@ -96,7 +96,8 @@ def test_a_step_that_only_charges_tells_no_discharging_gain():
     displacement = step_like(0.1, STEP_DURATION, 17e-3 * INCH)(times)
     sensors = Sensors()
     found = fit_recording(
-        step_recording(times, sensors.measure_displacement(displacement, rng), sensors.measure_pressure(exact, rng)), None
+        step_recording(times, sensors.measure_displacement(displacement, rng), sensors.measure_pressure(exact, rng)),
+        None,
     )
     k_v = found.estimates[NAMES.index('k_v')]
     assert not k_v.identifiable

@@ -49,7 +49,9 @@ def test_the_printed_equation_follows_the_subsonic_flow_up_to_a_factor():
     assert np.all((quotient > 0.6) & (quotient < 0.85))
 
 
-@pytest.mark.parametrize(('upstream', 'downstream', 'temperature'), [(1e5, 2e5, 293.0), (1e5, 0.0, 293.0), (2e5, 1e5, 0.0)])
+@pytest.mark.parametrize(
+    ('upstream', 'downstream', 'temperature'), [(1e5, 2e5, 293.0), (1e5, 0.0, 293.0), (2e5, 1e5, 0.0)]
+)
 def test_impossible_flows_are_refused(upstream, downstream, temperature):
     with pytest.raises(ValueError, match=r'upstream|temperature'):
         flow_per_area(upstream, downstream, temperature)

@@ -8,9 +8,7 @@ from reference import AMBIENT, PSI, pressure_between_samples
 
 from cfd_pneumatic.model import TABLE_1, Cylinder, CylinderState, OperatingPoints, simulate_with_sensitivities
 
-GAINS = st.tuples(
-    st.floats(1e5, 1e8), st.floats(0.1, 500.0), st.floats(0.1, 500.0), st.floats(1e-4, 1.0)
-).map(np.array)
+GAINS = st.tuples(st.floats(1e5, 1e8), st.floats(0.1, 500.0), st.floats(0.1, 500.0), st.floats(1e-4, 1.0)).map(np.array)
 
 
 def random_record(seed, samples=60):
@@ -51,7 +49,9 @@ def test_sensitivities_are_the_derivatives(gains, seed):
         )
         scale = np.max(np.abs(jacobian[:, column])) + 1e-3 / gain
         assert np.max(np.abs(difference - jacobian[:, column])) < 1e-3 * scale
-    by_shift = (simulate(gains, record, shift=0.1, start=300.0) - simulate(gains, record, shift=-0.1, start=300.0)) / 0.2
+    by_shift = (
+        simulate(gains, record, shift=0.1, start=300.0) - simulate(gains, record, shift=-0.1, start=300.0)
+    ) / 0.2
     np.testing.assert_allclose(jacobian[:, 4], by_shift, atol=1e-6)
     by_start = (simulate(gains, record, start=300.1) - simulate(gains, record, start=299.9)) / 0.2
     np.testing.assert_allclose(jacobian[:, 5], by_start, atol=1e-4)
