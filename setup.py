@@ -23,13 +23,12 @@ setup(
     # The lower bounds are Ubuntu 22.04's (ROS 2 Humble); `make test-humble` tests with them.
     install_requires=[
         'PyYAML>=5.4',
-        'mcap>=1.2',
+        'mcap>=1.0',
         'numba>=0.55',
         'numpy>=1.21',
         'rich>=11.2',
         'rosbags>=0.11',
         'scipy>=1.8',
-        'tqdm>=4.57',
     ],
     extras_require={
         # ROS 2 without a system installation: Linux on x86_64 only.
@@ -44,7 +43,7 @@ setup(
         ],
         'test': ['hypothesis', 'pytest'],  # colcon runs pytest because it stands here
         'benchmark': ['pytest-benchmark'],
-        'lint': ['mypy', 'ruff', 'types-PyYAML', 'types-tqdm'],
+        'lint': ['mypy', 'ruff', 'types-PyYAML'],
         'colcon': ['colcon-common-extensions'],
     },
     zip_safe=False,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[1] / 'scripts'), str(Path(__file__).parent)]
 
-from ros_environment import isolate
+from ros_environment import isolate  # noqa: E402
 
 isolate()
 

@@ -23,7 +23,6 @@ KEYS = {
     'rich': ('rich', 'python3-rich'),
     'rosbags': ('rosbags', 'python3-rosbags-pip'),
     'scipy': ('scipy', 'python3-scipy'),
-    'tqdm': ('tqdm', 'python3-tqdm'),
     'yaml': ('PyYAML', 'python3-yaml'),
 }
 """For each module that is not ROS's: its name on PyPI, and the rosdep key that brings it."""
@@ -54,10 +53,14 @@ def xml_text(tag: str) -> str:
 
 
 def imported(folder: str) -> set[str]:
-    """Return the top names of the modules from elsewhere that the Python files below a folder import."""
+    """Return the top names of the modules from elsewhere that the Python files below a folder import when they run."""
     names = set()
     for path in (ROOT / folder).rglob('*.py'):
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        tree = ast.parse(path.read_text(encoding='utf-8'))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.If) and ast.unparse(node.test) == 'TYPE_CHECKING':
+                node.body = []
+        for node in ast.walk(tree):
             if isinstance(node, ast.Import):
                 names |= {alias.name.split('.')[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and not node.level:

@@ -123,7 +123,9 @@ class OperatingPoints:
 
     def covers(self, setpoint: float) -> bool:
         """Tell whether a gauge set pressure [Pa] lies within the schedule (a constant covers every one)."""
-        return self.setpoints.size == 1 or bool(self.setpoints[0] <= setpoint <= self.setpoints[-1])
+        edge = 1e-3 * float(np.ptp(self.setpoints))  # a parameter file rounds
+        low, high = self.setpoints[0] - edge, self.setpoints[-1] + edge
+        return self.setpoints.size == 1 or bool(low <= setpoint <= high)
 
 
 def _rows(*rows: tuple[float, float, float, float, float]) -> OperatingPoints:
