@@ -12,7 +12,6 @@ from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterType
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -40,11 +39,11 @@ from cfd_pneumatic.rig import (
 from cfd_pneumatic.units import PSI
 
 _KNOTS = 10  # of the commanded piston's motion in a sample
-_BURST = 200  # samples at most that one tick catches up on, so that callbacks and signals get their turn
-_OUTPUT_QOS = QoSProfile(depth=_BURST)  # reliable; deep enough for such a burst
+_BURST = 20  # samples at most that one tick catches up on, so that callbacks and signals get their turn
+_OUTPUT_QOS = QoSProfile(depth=10 * _BURST)  # reliable, some bursts deep
 _WAITING_PERIOD = 0.05  # [s]
 _THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
-_DELIVERY = 1.0  # how long the last messages may take to arrive before the node ends [s]
+_DELIVERY = 4.0  # how long the last messages may take to arrive before the node ends; DDS asks every 3 s [s]
 
 
 class Play(Protocol):
@@ -317,16 +316,11 @@ class RigNode(Node):
     def _tick(self) -> None:
         """Publish every sample that is due, those of missed ticks too."""
         due = math.floor((self._seconds() - self._began) / self._period) + 1
-        try:
-            for _ in range(min(due - self._published, _BURST)):
-                if not self._play.remaining:
-                    break
-                self._publish(self._play.take())
-                self._announce()
-        except RuntimeError as error:  # rclpy's, where a signal has ended the context between two messages
-            if self.context.ok():
-                raise
-            raise ExternalShutdownException from error
+        for _ in range(min(due - self._published, _BURST)):
+            if not self._play.remaining:
+                break
+            self._publish(self._play.take())
+            self._announce()
         if not self._play.remaining:
             self._finish()
 
@@ -335,15 +329,14 @@ class RigNode(Node):
         self._ticking.cancel()
         self.get_logger().info(f'played {self._published} samples')
         if self._value('exit_when_done'):
-            for out in (
-                self._piston_out,
-                *self._pressures_out,
-                *self._applied_out,
-                self._force_out,
-                *self._commands_out,
-            ):
-                out.wait_for_all_acked(Duration(seconds=_DELIVERY))
+            self._await_delivery()
             self.context.try_shutdown()
+
+    def _await_delivery(self) -> None:
+        limit = self._seconds() + _DELIVERY
+        for out in self.publishers:
+            if not out.wait_for_all_acked(Duration(seconds=max(limit - self._seconds(), 0.0))):
+                self.get_logger().warning(f'{out.topic_name}: the last samples have not reached every subscriber')
 
 
 def _whole(lower: int, upper: int, description: str) -> ParameterDescriptor:
