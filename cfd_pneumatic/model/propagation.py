@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from cfd_pneumatic.model.kernel import kernel
 
 SENSITIVITIES = ('k_x', 'k_sv', 'k_v', 'tau', 'setpoint', 'start')
 """What the pressure is differentiated by, in the order of the sensitivities' columns."""
@@ -27,9 +27,6 @@ SENSITIVITIES = ('k_x', 'k_sv', 'k_v', 'tau', 'setpoint', 'start')
 _CLOSE = 1e-11  # share of a piece; the field is continuous at the switch, so that an error in its time acts squared
 _FLAT = 1e-6  # slope at an extremum, against the distance from the switch that remains there
 _ITERATIONS = 60
-
-kernel = njit(cache=True, error_model='numpy')
-"""Compile to machine code kept on disk; a division by zero gives inf, as NumPy's does, instead of a branch to raise."""
 
 _SERIES_BELOW = 0.5  # |z| up to which these series are exact to rounding
 C1, C2, C3, C4, C5, C6 = (1.0 / math.factorial(2 * n) for n in range(1, 7))  # cosh(sqrt z)

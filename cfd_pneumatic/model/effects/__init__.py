@@ -1,0 +1,25 @@
+"""Physical effects that the paper's model lacks; each module here that defines `EFFECT` is one."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from types import ModuleType
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter, Moment
+
+
+def _modules() -> dict[str, ModuleType]:
+    """Return the modules that define an effect, by its name, in the order in which effects enter the model."""
+    modules = [importlib.import_module(f'{__name__}.{found.name}') for found in pkgutil.iter_modules(__path__)]
+    effects = [module for module in modules if isinstance(getattr(module, 'EFFECT', None), Effect)]
+    return {module.EFFECT.name: module for module in sorted(effects, key=lambda one: (one.EFFECT.rank, one.EFFECT.name))}
+
+
+MODULES = _modules()
+"""Module of each effect, by name."""
+
+EFFECTS = {name: module.EFFECT for name, module in MODULES.items()}
+"""Each effect, by name, in the order in which they enter the model."""
+
+__all__ = ['EFFECTS', 'MODULES', 'Data', 'Effect', 'EffectParameter', 'Moment']

@@ -1,0 +1,26 @@
+"""Displacement lag: the measured displacement lags the piston."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+@kernel
+def displacement(x, moment, lag):
+    """Return the piston's displacement [m]."""
+    return x + lag * moment.rate
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return a lag of a sample and of a few."""
+    return [(data['period'],), (4.0 * data['period'],)]
+
+
+EFFECT = Effect(
+    name='displacement_lag',
+    description='the displacement sensor is a first-order lag',
+    parameters=(EffectParameter('lag', 's', 0.0, 1.0, 0.0, 'time constant'),),
+    starts=starts,
+    rank=40,
+)

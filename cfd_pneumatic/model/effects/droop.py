@@ -1,0 +1,38 @@
+"""Droop: the regulated pressure sags under flow, with a lag; without one it would be part of K."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+@kernel
+def setpoint(p_d, moment, passed, slope, lag):
+    """Return the set-point that acts [Pa]."""
+    return p_d - slope * passed
+
+
+@kernel
+def evolve(moment, flow, passed, slope, lag):
+    """Return the rate of the lagged flow [Pa/s^2]."""
+    return ((flow - passed) / lag,)
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return droops that are slow beside the regulator's own dynamics."""
+    settling = 1.0 / data['k_sv']
+    return [(0.3 * settling, 10.0 * settling), (0.3 * settling, 50.0 * settling)]
+
+
+EFFECT = Effect(
+    name='droop',
+    description='the regulated pressure sags under flow, with a lag',
+    parameters=(
+        EffectParameter('slope', 's', 0.0, 10.0, 0.0, 'sag for each unit of the rate that the flow makes'),
+        EffectParameter('lag', 's', 1e-3, 1e2, 1.0, 'time constant', logarithmic=True),
+    ),
+    starts=starts,
+    states=1,
+    follows='flow',
+    rank=50,
+)

@@ -1,0 +1,136 @@
+"""
+What an effect is: a small file that says its name, its parameters and where it enters the model.
+
+A module of this package that defines `EFFECT` is an effect; nothing else has to know of it. It enters the model through
+functions with the names below, compiled by `kernel`. Each takes the value that it changes and returns the changed one;
+then come the `Moment`, the effect's own states (`EFFECT.states` of them) and its own parameters, in their order.
+
+=================  ====================================================================================================
+function           what it changes
+=================  ====================================================================================================
+``displacement``   displacement of a sample [m], which the chamber follows in a straight line from the last one
+``setpoint``       set-point p_d [Pa]
+``error``          valve error p_d - p_f [Pa]
+``flow``           pressure rate that the valve's flow makes [Pa/s]
+``velocity_gain``  K_x [Pa/m]
+``chamber``        rate of the outlet pressure [Pa/s]
+``outlet``         pressure that the aspirator tube senses [Pa]; a last argument is the flow [Pa/s]
+``time_constant``  tau [s]
+``signal``         pressure that the sensor reads [Pa]
+=================  ====================================================================================================
+
+An effect with states says what they follow (`EFFECT.follows`): the flow, the rate of the chamber, or the signal; and it
+gives their rates, ``evolve(moment, value, *states, *parameters)``. One that follows the error or the displacement is a
+play: its single state becomes what its function returns, at the end of a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Moment(NamedTuple):
+    """Where the cylinder is: what an effect's function may look at."""
+
+    time: float
+    """Since the start [s]."""
+
+    x: float
+    """Displacement that grows the chamber [m]."""
+
+    rate: float
+    """Speed at which it does [m/s]."""
+
+    p: float
+    """Outlet pressure, absolute [Pa]."""
+
+    setpoint: float
+    """Set-point p_d as it was given, absolute [Pa]."""
+
+    ambient: float
+    """Ambient pressure [Pa]."""
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """
+    One parameter of an effect.
+
+    Attributes
+    ----------
+    name, unit, description
+        What it is.
+    lower, upper
+        Bounds of its search [unit].
+    null
+        Value at which the model is the baseline, or what stands for it while another parameter makes it so [unit].
+    logarithmic
+        Whether it is searched in its logarithm.
+    choice
+        Whether its starting values are all there is: it is not searched.
+
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    null: float
+    description: str
+    logarithmic: bool = False
+    choice: bool = False
+
+
+Data = Mapping[str, float]
+"""What starting values are drawn from: see `identification.starts`."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """
+    A physical effect that the paper's model lacks.
+
+    Attributes
+    ----------
+    name
+        Standard name, as in parameter files.
+    description
+        One line.
+    parameters
+        In the order in which its functions take them.
+    states
+        Number of states of its own.
+    follows
+        What its states follow: `flow`, `chamber`, `signal`, or for a play `error` or `displacement`.
+    rests_anywhere
+        Whether the cylinder may rest off the set-point, so that its first pressure has to be fitted.
+    delays
+        Whether its one parameter is a time by which the displacement is shifted before the model sees it [s].
+    rank
+        Among effects that change the same value the lower comes first.
+    starts
+        Returns starting points of a search from what is known of the data, each with a value for every parameter.
+
+    """
+
+    name: str
+    description: str
+    parameters: tuple[EffectParameter, ...]
+    starts: Callable[[Data], list[tuple[float, ...]]] = field(repr=False)
+    states: int = 0
+    follows: str = ''
+    rests_anywhere: bool = False
+    delays: bool = False
+    rank: int = 50
+
+    @property
+    def null(self) -> tuple[float, ...]:
+        """Parameter values at which the model is the baseline."""
+        return tuple(parameter.null for parameter in self.parameters)

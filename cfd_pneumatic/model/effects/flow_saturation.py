@@ -1,0 +1,38 @@
+"""Flow saturation: the valves pass no more than so much, charging and exhausting apart."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+@kernel
+def flow(value, moment, charge, exhaust):
+    """Return the pressure rate that the flow makes [Pa/s]."""
+    return min(max(value, -exhaust), charge)
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return limits at shares of the largest flow, on either side and both; elsewhere they don't bind."""
+    charge, exhaust = data['largest_charge'], data['largest_exhaust']
+    free = NEVER
+    return [
+        *((0.7 * charge, free), (0.4 * charge, free)),
+        *((free, 0.7 * exhaust), (free, 0.4 * exhaust)),
+        *((0.6 * charge, 0.6 * exhaust),),
+    ]
+
+
+NEVER = 1e9
+"""A limit that no flow reaches [Pa/s]."""
+
+EFFECT = Effect(
+    name='flow_saturation',
+    description='the largest flow is limited, charging and exhausting apart',
+    parameters=(
+        EffectParameter('charge', 'Pa/s', 1.0, NEVER, NEVER, 'largest rate while charging', logarithmic=True),
+        EffectParameter('exhaust', 'Pa/s', 1.0, NEVER, NEVER, 'largest rate while exhausting', logarithmic=True),
+    ),
+    starts=starts,
+    rank=60,
+)

@@ -1,0 +1,38 @@
+"""Heat transfer: a fast change of volume is adiabatic, and relaxes to isothermal as the walls take up the heat."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+SHARE = 1.0 - 1.0 / 1.4
+"""Part of an adiabatic change of pressure that goes as the temperature evens out [-]."""
+
+
+@kernel
+def chamber(rate, moment, heat, loss):
+    """Return the outlet pressure's rate [Pa/s]."""
+    return rate - loss * heat
+
+
+@kernel
+def evolve(moment, rate, heat, loss):
+    """Return the rate at which pressure due to temperature builds up and goes [Pa/s]."""
+    return (SHARE * rate - loss * heat,)
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return time constants of the walls of a second and of a tenth."""
+    return [(1.0,), (10.0,)]
+
+
+EFFECT = Effect(
+    name='heat_transfer',
+    description='adiabatic changes of pressure relax to isothermal',
+    parameters=(EffectParameter('loss', '1/s', 0.0, 1e3, 0.0, 'inverse of the time constant m c_v / (h A)'),),
+    starts=starts,
+    states=1,
+    follows='chamber',
+    rank=90,
+)

@@ -1,0 +1,42 @@
+"""Line resonance: the air in the line to the pressure sensor swings."""
+
+from __future__ import annotations
+
+import math
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+@kernel
+def signal(p, moment, reading, slope, frequency, damping):
+    """Return what the sensor reads [Pa]."""
+    return reading
+
+
+@kernel
+def evolve(moment, p, reading, slope, frequency, damping):
+    """Return the rates of the reading [Pa/s] and of its slope [Pa/s^2]."""
+    omega = 2.0 * math.pi * frequency
+    return slope, omega * omega * (p - reading) - 2.0 * damping * omega * slope
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return resonances at shares of the sampling rate."""
+    rate = 1.0 / data['period']
+    return [(share * rate, 0.2) for share in (0.08, 0.2, 0.4)]
+
+
+EFFECT = Effect(
+    name='line_resonance',
+    description='the line to the pressure sensor resonates',
+    parameters=(
+        EffectParameter('frequency', 'Hz', 1.0, 1e4, 1e4, 'natural frequency', logarithmic=True),
+        # above 0.7 a resonance would pass for a lag
+        EffectParameter('damping', '-', 1e-3, 0.7, 0.7, 'damping ratio', logarithmic=True),
+    ),
+    starts=starts,
+    states=2,
+    follows='signal',
+    rank=70,
+)

@@ -1,0 +1,29 @@
+"""Lost motion: the piston follows the measured displacement with play."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+@kernel
+def displacement(x, moment, play, width):
+    """Return the piston's displacement [m]; it becomes the play's state."""
+    return min(max(play, x - width), x + width)
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return plays of small shares of the stroke."""
+    stroke = data['x_high'] - data['x_low']
+    return [(0.005 * stroke,), (0.03 * stroke,)]
+
+
+EFFECT = Effect(
+    name='lost_motion',
+    description='backlash between the measured displacement and the piston',
+    parameters=(EffectParameter('width', 'm', 0.0, 0.1, 0.0, 'half of the backlash'),),
+    starts=starts,
+    states=1,
+    follows='displacement',
+    rank=60,
+)

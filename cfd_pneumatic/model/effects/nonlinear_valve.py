@@ -1,0 +1,36 @@
+"""Nonlinear valve: flow as a power of the valve's error."""
+
+from __future__ import annotations
+
+import math
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+REFERENCE = 1e3
+"""Error at which the flow is the linear valve's [Pa]."""
+
+ROUNDING = 50.0
+"""Error below which the power law becomes linear, so that its slope stays finite at zero [Pa]."""
+
+
+@kernel
+def error(value, moment, exponent):
+    """Return the error [Pa] at which a linear valve would pass the same flow."""
+    size = math.sqrt(value * value + ROUNDING * ROUNDING) / REFERENCE
+    return value * size ** (exponent - 1.0)
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return a valve that opens faster than its error, and one that opens slower."""
+    return [(0.7,), (1.4,)]
+
+
+EFFECT = Effect(
+    name='nonlinear_valve',
+    description="flow is a power of the valve's error",
+    parameters=(EffectParameter('exponent', '-', 0.2, 3.0, 1.0, 'of the error'),),
+    starts=starts,
+    rank=70,
+)

@@ -1,0 +1,63 @@
+"""Operating point: the gains follow the absolute pressure as equations (1), (11) and (12) say."""
+
+from __future__ import annotations
+
+import math
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+REFERENCE = 2e5
+"""Absolute pressure at which the gains are the model's own [Pa]."""
+
+CRITICAL = 0.528
+"""Pressure ratio below which the supply valve is choked [-]."""
+
+
+@kernel
+def passed(ratio):
+    """Return ISO 6358's flow function of the pressure ratio, 1 where choked."""
+    if ratio <= CRITICAL:
+        return 1.0
+    share = min((ratio - CRITICAL) / (1.0 - CRITICAL), 1.0)
+    return math.sqrt(1.0 - share * share)
+
+
+@kernel
+def velocity_gain(k_x, moment, strength, supply, exponent):
+    """Return K_x [Pa/m], proportional to absolute pressure."""
+    return k_x * (moment.p / REFERENCE) ** strength
+
+
+@kernel
+def flow(value, moment, strength, supply, exponent):
+    """Return the pressure rate that the flow makes [Pa/s]."""
+    if value < 0.0:
+        return value * (moment.p / REFERENCE) ** (strength * exponent)
+    reference = passed(REFERENCE / supply)
+    return value * (max(passed(moment.p / supply), 1e-3) / max(reference, 1e-3)) ** strength
+
+
+@kernel
+def time_constant(tau, moment, strength, supply, exponent):
+    """Return tau [s], inverse to absolute pressure."""
+    return tau * (REFERENCE / moment.p) ** strength
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return full dependence on the pressure, from a supply well above it and one close to it."""
+    return [(1.0, 3.0 * data['highest_pressure'], 1.0), (1.0, 1.2 * data['highest_pressure'], 1.0)]
+
+
+EFFECT = Effect(
+    name='operating_point',
+    description='gains follow absolute pressure: K_x in proportion, K_sv by the choked flow function, K_v by a power',
+    parameters=(
+        EffectParameter('strength', '-', 0.0, 1.0, 0.0, '0: not at all, 1: as physics has it', choice=True),
+        EffectParameter('supply', 'Pa', 1e5, 5e6, 1e6, 'absolute supply pressure', logarithmic=True),
+        EffectParameter('exponent', '-', -1.0, 4.0, 1.0, 'of absolute pressure in K_v'),
+    ),
+    starts=starts,
+    rank=30,
+)

@@ -1,0 +1,27 @@
+"""Set-point drift: the regulator creeps."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+@kernel
+def setpoint(p_d, moment, rate):
+    """Return the set-point that acts [Pa]."""
+    return p_d + rate * moment.time
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return a drift by the residual's size over the recording, up and down."""
+    rate = data['residual'] / data['duration']
+    return [(rate,), (-rate,)]
+
+
+EFFECT = Effect(
+    name='set_point_drift',
+    description='the set-point moves linearly with time',
+    parameters=(EffectParameter('rate', 'Pa/s', -1e5, 1e5, 0.0, 'of the drift'),),
+    starts=starts,
+    rank=30,
+)

@@ -1,0 +1,34 @@
+"""Supply variation: the supply pressure swings, and the regulated pressure with it."""
+
+from __future__ import annotations
+
+import math
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+@kernel
+def setpoint(p_d, moment, in_phase, quadrature, frequency):
+    """Return the set-point that acts [Pa]."""
+    angle = 2.0 * math.pi * frequency * moment.time
+    return p_d + in_phase * math.sin(angle) + quadrature * math.cos(angle)
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return the strongest slow period of the residual."""
+    amplitude = 0.5 * data['residual']
+    return [(amplitude, amplitude, data['slow_frequency'])]
+
+
+EFFECT = Effect(
+    name='supply_variation',
+    description='a slow period in the supply pressure reaches the regulated pressure',
+    parameters=(
+        EffectParameter('in_phase', 'Pa', -1e5, 1e5, 0.0, 'amplitude of the sine'),
+        EffectParameter('quadrature', 'Pa', -1e5, 1e5, 0.0, 'amplitude of the cosine'),
+        EffectParameter('frequency', 'Hz', 1e-2, 3.0, 1.0, 'of the supply', logarithmic=True),
+    ),
+    starts=starts,
+    rank=40,
+)

@@ -1,0 +1,31 @@
+"""Valve dead band: neither valve opens until the error leaves a band."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+@kernel
+def error(value, moment, band):
+    """Return the error [Pa] that opens a valve."""
+    if value > band:
+        return value - band
+    if value < -band:
+        return value + band
+    return 0.0
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return bands as wide as the residual and wider."""
+    return [(data['residual'],), (3.0 * data['residual'],)]
+
+
+EFFECT = Effect(
+    name='valve_dead_band',
+    description='no flow while the error is within a band',
+    parameters=(EffectParameter('band', 'Pa', 0.0, 1e5, 0.0, 'half width of the band'),),
+    starts=starts,
+    rests_anywhere=True,
+    rank=60,
+)

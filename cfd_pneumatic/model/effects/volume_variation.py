@@ -1,0 +1,37 @@
+"""Volume variation: V = V0 + A x in all gains."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+SMALLEST = 0.05
+"""Share of the volume at x = 0 that is always left [-]."""
+
+
+@kernel
+def velocity_gain(k_x, moment, slope):
+    """Return K_x [Pa/m], inverse to the volume."""
+    return k_x / max(1.0 + slope * moment.x, SMALLEST)
+
+
+@kernel
+def flow(value, moment, slope):
+    """Return the pressure rate that the flow makes [Pa/s], inverse to the volume."""
+    return value / max(1.0 + slope * moment.x, SMALLEST)
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return a stroke that changes the volume by a quarter, either way of counting it."""
+    stroke = data['x_high'] - data['x_low']
+    return [(0.25 / stroke,), (-0.25 / stroke,)]
+
+
+EFFECT = Effect(
+    name='volume_variation',
+    description="the chamber's volume changes with displacement, and all gains with it",
+    parameters=(EffectParameter('slope', '1/m', -1e3, 1e3, 0.0, 'A / V0: change of volume with displacement'),),
+    starts=starts,
+    rank=20,
+)
