@@ -23,7 +23,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test demo benchmark lint format colcon test-humble clean
+.PHONY: help setup test demo benchmark kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -40,6 +40,10 @@ demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify
 
 benchmark: $(VENV)/.with-benchmark  ## time simulation and fit against SciPy's
 	$(PY) -m pytest benchmark $(ARGS)
+
+kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a change to any of them
+	$(PY) scripts/compose_kernel.py
+	$(PY) -m ruff format --quiet cfd_pneumatic/model/composed.py
 
 lint: $(VENV)/.with-lint  ## check style and types
 	$(PY) -m ruff check .

@@ -24,7 +24,6 @@ from cfd_pneumatic.model.effects import (
     sensor_lag,
     set_point_drift,
     supply_variation,
-    transport_delay,
     valve_dead_band,
     valve_hysteresis,
     volume_variation,

@@ -13,7 +13,9 @@ def _modules() -> dict[str, ModuleType]:
     """Return the modules that define an effect, by its name, in the order in which effects enter the model."""
     modules = [importlib.import_module(f'{__name__}.{found.name}') for found in pkgutil.iter_modules(__path__)]
     effects = [module for module in modules if isinstance(getattr(module, 'EFFECT', None), Effect)]
-    return {module.EFFECT.name: module for module in sorted(effects, key=lambda one: (one.EFFECT.rank, one.EFFECT.name))}
+    return {
+        module.EFFECT.name: module for module in sorted(effects, key=lambda one: (one.EFFECT.rank, one.EFFECT.name))
+    }
 
 
 MODULES = _modules()

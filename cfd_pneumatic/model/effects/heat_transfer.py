@@ -5,7 +5,6 @@ from __future__ import annotations
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
-
 SHARE = 1.0 - 1.0 / 1.4
 """Part of an adiabatic change of pressure that goes as the temperature evens out [-]."""
 

@@ -20,8 +20,6 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='leakage',
     description='air escapes from the chamber to ambient',
-    parameters=(
-        EffectParameter('conductance', '1/s', 0.0, 1e2, 0.0, 'share of the gauge pressure lost in a second'),
-    ),
+    parameters=(EffectParameter('conductance', '1/s', 0.0, 1e2, 0.0, 'share of the gauge pressure lost in a second'),),
     starts=starts,
 )

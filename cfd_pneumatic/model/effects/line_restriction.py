@@ -21,7 +21,9 @@ EFFECT = Effect(
     name='line_restriction',
     description='laminar resistance between valve and cylinder',
     parameters=(
-        EffectParameter('resistance', 's', 0.0, 1.0, 0.0, 'pressure drop for each unit of the rate that the flow makes'),
+        EffectParameter(
+            'resistance', 's', 0.0, 1.0, 0.0, 'pressure drop for each unit of the rate that the flow makes'
+        ),
     ),
     starts=starts,
 )

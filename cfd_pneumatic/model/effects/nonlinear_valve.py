@@ -7,7 +7,6 @@ import math
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
-
 REFERENCE = 1e3
 """Error at which the flow is the linear valve's [Pa]."""
 

@@ -7,7 +7,6 @@ import math
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
-
 REFERENCE = 2e5
 """Absolute pressure at which the gains are the model's own [Pa]."""
 

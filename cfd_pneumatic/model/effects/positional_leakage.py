@@ -31,12 +31,20 @@ EFFECT = Effect(
     name='positional_leakage',
     description='a leak to ambient that opens with position near one end of the stroke',
     parameters=(
-        EffectParameter('conductance', '1/s', 0.0, 1e3, 0.0, 'share of the gauge pressure lost in a second, fully open'),
+        EffectParameter(
+            'conductance', '1/s', 0.0, 1e3, 0.0, 'share of the gauge pressure lost in a second, fully open'
+        ),
         EffectParameter('position', 'm', -1.0, 1.0, 0.0, 'displacement at which it begins to open'),
         EffectParameter('width', 'm', 1e-5, 1.0, 1.0, 'displacement over which it opens', logarithmic=True),
         EffectParameter('end', '-', -1.0, 1.0, 1.0, '1: opens towards larger displacement, -1: smaller', choice=True),
         EffectParameter(
-            'direction', '-', -1.0, 1.0, 0.0, 'leaks while the chamber grows (1), shrinks (-1) or always (0)', choice=True
+            'direction',
+            '-',
+            -1.0,
+            1.0,
+            0.0,
+            'leaks while the chamber grows (1), shrinks (-1) or always (0)',
+            choice=True,
         ),
     ),
     starts=starts,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
-
 SMALLEST = 0.05
 """Share of the volume at x = 0 that is always left [-]."""
 

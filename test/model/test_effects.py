@@ -1,0 +1,182 @@
+"""Each effect: null is the baseline, strong it shows as physics has it, and the composed kernel is up to date."""
+
+import ast
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reference import AMBIENT, PSI
+
+from cfd_pneumatic.model import TABLE_1, Cylinder, OperatingPoints
+from cfd_pneumatic.model.composed import STATES, propagate, rest
+from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.model.places import PLACES, all_parameters, switches
+
+GAINS = TABLE_1.table[0, 1:]
+TIMES = np.arange(700) * 0.002
+STROKE = np.interp(TIMES, [0.1, 0.11, 0.7, 0.71], [0.0, 1.5e-3, 1.5e-3, 0.0])
+SETPOINT = np.full(TIMES.size, AMBIENT + 5.0 * PSI)
+
+
+def simulate(effects, stroke=STROKE, stiffness=2e3, gains=GAINS):
+    state = np.empty(STATES + 2)
+    rest(stroke[0], SETPOINT[0], state)
+    signal = np.empty(TIMES.size)
+    propagate(
+        TIMES, stroke, SETPOINT, AMBIENT, stiffness, state, all_parameters(gains, effects), switches(effects), signal
+    )
+    return signal
+
+
+def change(effects):
+    """Return what effects change in the pressure [Pa]."""
+    return simulate(effects) - simulate({})
+
+
+def test_without_effects_it_is_the_papers_model():
+    exact = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT).simulate(TIMES, STROKE, SETPOINT)
+    np.testing.assert_allclose(simulate({}), exact, atol=1e-7 * PSI * 1e3)
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_at_its_null_value_an_effect_is_absent(name):
+    null = {name: EFFECTS[name].null}
+    if name == 'line_resonance':  # at 10 kHz it is still a delay of 20 us
+        np.testing.assert_allclose(simulate(null, stiffness=1e5), simulate({}, stiffness=1e5), atol=15.0)
+    else:
+        np.testing.assert_allclose(simulate(null), simulate({}), atol=1e-9)
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_every_effect_says_what_it_is(name):
+    effect = EFFECTS[name]
+    assert effect.name == name
+    assert effect.description
+    for parameter in effect.parameters:
+        assert parameter.lower <= parameter.null <= parameter.upper
+        assert parameter.unit
+        assert parameter.description
+
+
+def test_places_do_not_overlap():
+    for kind in ('parameters', 'states'):
+        taken = [
+            index for place in PLACES.values() for index in range(getattr(place, kind).start, getattr(place, kind).stop)
+        ]
+        assert len(taken) == len(set(taken))
+
+
+def test_the_composed_kernel_is_up_to_date():
+    """`make kernel` makes it."""
+    root = Path(__file__).parents[2]
+    sys.path.insert(0, str(root / 'scripts'))
+    from compose_kernel import KERNEL, composed
+
+    assert ast.dump(ast.parse(composed())) == ast.dump(ast.parse(KERNEL.read_text()))
+    fingerprint = next(line for line in composed().splitlines() if line.startswith('# fingerprint'))
+    assert fingerprint in KERNEL.read_text()
+
+
+def test_a_leak_lowers_the_resting_pressure():
+    """At rest K_sv (p_d - p) makes up for what leaks."""
+    conductance = 0.5
+    gauge = SETPOINT[0] - AMBIENT
+    expected = -conductance * gauge / (GAINS[1] + conductance)
+    assert change({'leakage': (conductance,)})[300] == pytest.approx(expected, rel=0.01)
+
+
+def test_a_positional_leak_shows_only_at_its_end():
+    dropped = change({'positional_leakage': (0.5, 1e-3, 2e-4, 1.0, 0.0)})
+    assert abs(dropped[45]) < 1e-6
+    assert dropped[300] < -50.0
+
+
+def test_a_dead_band_leaves_an_offset_of_its_width():
+    final = simulate({'valve_dead_band': (300.0,)})[340] - SETPOINT[0]
+    assert abs(final) == pytest.approx(300.0, rel=0.05)
+
+
+def test_hysteresis_keeps_the_valve_open_past_zero_error():
+    assert np.ptp(change({'valve_hysteresis': (200.0,)})) > 200.0
+
+
+def test_saturation_binds_only_beyond_its_limit():
+    largest = GAINS[1] * np.max(SETPOINT - simulate({}))
+    assert np.max(np.abs(change({'flow_saturation': (1.5 * largest, 1e9)}))) < 1e-6
+    assert np.min(change({'flow_saturation': (0.3 * largest, 1e9)})) < -100.0
+
+
+def test_a_sensor_lag_is_a_first_order_lag():
+    lag = 0.01
+    p = simulate({})
+    fine = np.interp(np.arange(0.0, TIMES[-1], 1e-5), TIMES, p)
+    reading = np.empty_like(fine)
+    reading[0] = fine[0]
+    for i in range(1, fine.size):
+        reading[i] = reading[i - 1] + 1e-5 / lag * (fine[i - 1] - reading[i - 1])
+    expected = np.interp(TIMES[:-1], np.arange(0.0, TIMES[-1], 1e-5), reading)
+    np.testing.assert_allclose(simulate({'sensor_lag': (lag,)})[:-1], expected, atol=15.0)
+
+
+def test_a_resonance_rings_at_its_frequency():
+    ringing = change({'line_resonance': (60.0, 0.05)})[55:300]
+    spectrum = np.abs(np.fft.rfft(ringing * np.hanning(ringing.size)))
+    assert np.fft.rfftfreq(ringing.size, 0.002)[np.argmax(spectrum)] == pytest.approx(60.0, abs=4.0)
+
+
+def test_lost_motion_swallows_small_strokes():
+    small = 0.1 * STROKE
+    moved = simulate({'lost_motion': (2e-4,)}, stroke=small) - SETPOINT
+    assert np.max(np.abs(moved)) < 1e-6
+
+
+def test_the_volume_scales_all_gains():
+    """At twice the volume the chamber is as one with half of K_x, K_sv and K_v."""
+    slope = 1.0 / 1.5e-3
+    far = simulate({'volume_variation': (slope,)}, stroke=STROKE + 1.5e-3)
+    halved = GAINS * [0.5, 0.5, 0.5, 1.0]
+    assert np.min(far) > np.min(simulate({})) + 500.0
+    assert np.min(far) == pytest.approx(np.min(simulate({}, gains=halved)), abs=700.0)
+
+
+def test_heat_transfer_takes_a_fast_change_to_isothermal():
+    """Without flow an adiabatic change of 1.4 parts relaxes to 1."""
+    closed = np.array([GAINS[0], 1e-3, 1e-3, GAINS[3]])
+    p = simulate({'heat_transfer': (20.0,)}, gains=closed) - SETPOINT
+    assert p[300] / p[55] == pytest.approx(1.0 / 1.4, rel=0.1)
+
+
+def test_a_drift_is_followed():
+    assert change({'set_point_drift': (100.0,)})[-1] == pytest.approx(100.0 * TIMES[-1], rel=0.1)
+
+
+def test_restriction_makes_the_regulator_stop_early():
+    p = simulate({'line_restriction': (0.05,)})
+    assert np.min(p) < np.min(simulate({}))
+
+
+def test_droop_sags_and_recovers():
+    sagging = change({'droop': (0.05, 0.2)})
+    assert np.min(sagging[50:150]) < -20.0
+
+
+def test_a_displacement_that_lagged_is_brought_forward():
+    """The piston runs ahead of a lagging reading, so that the pressure falls earlier and farther."""
+    assert np.min(simulate({'displacement_lag': (0.005,)})) < np.min(simulate({}))
+
+
+def test_a_valve_below_power_one_is_stiffer_for_small_errors():
+    late = slice(200, 340)
+    assert np.max(np.abs((simulate({'nonlinear_valve': (0.6,)}) - SETPOINT)[late])) < np.max(
+        np.abs((simulate({}) - SETPOINT)[late])
+    )
+
+
+def test_gains_follow_the_operating_point():
+    from cfd_pneumatic.model.effects.operating_point import REFERENCE
+
+    ratio = SETPOINT[0] / REFERENCE
+    scaled = GAINS * [ratio, 1.0, ratio, 1.0 / ratio]
+    whole = simulate({'operating_point': (1.0, 5e6, 1.0)})
+    assert np.max(np.abs(whole - simulate({}, gains=scaled))) < 0.1 * np.ptp(whole)
