@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -19,17 +20,39 @@ def composed() -> str:
     """Return the kernel's text."""
     effects = [_described(name) for name in MODULES]
     templates = Environment(loader=FileSystemLoader(HERE), undefined=StrictUndefined, keep_trailing_newline=True)
+
+    def having(function: str) -> list[dict[str, Any]]:
+        return [effect for effect in effects if hasattr(MODULES[effect['name']], function)]
+
+    def states_of(function: str) -> list[int]:
+        return sorted({0}.union(*(PLACES[effect['name']].state_indices for effect in having(function))))
+
     return templates.get_template('kernel.py.jinja').render(
         effects=effects,
-        having=lambda function: [effect for effect in effects if hasattr(MODULES[effect['name']], function)],
+        having=having,
+        states_of=states_of,
         states=STATES,
         fingerprint=_fingerprint(),
     )
 
 
-def _described(name: str) -> dict[str, object]:
+FUNCTIONS = (
+    'displacement',
+    'setpoint',
+    'error',
+    'flow',
+    'velocity_gain',
+    'chamber',
+    'outlet',
+    'time_constant',
+    'signal',
+)
+"""What an effect may change, by the name of the function that does; see `model.effects.effect`."""
+
+
+def _described(name: str) -> dict[str, Any]:
     place = PLACES[name]
-    states = range(place.states.start, place.states.stop)
+    states = place.state_indices
     own = [f'y{index}' for index in states]
     own += [f'a[{index}]' for index in range(place.parameters.start, place.parameters.stop)]
     return {
@@ -39,6 +62,7 @@ def _described(name: str) -> dict[str, object]:
         'rates': ', '.join(f'dy{index}' for index in states),
         'first_state': place.states.start,
         'follows': MODULES[name].EFFECT.follows,
+        'compiled': any(hasattr(MODULES[name], function) for function in FUNCTIONS),
     }
 
 

@@ -1,10 +1,9 @@
 """
 The paper's equations and every physical effect, each behind a switch, for Runge-Kutta of fourth order.
 
-Made by `make kernel` from the effects; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint 257143f07a2ed514; changes by hand are lost.
 """
 
-# fingerprint of the effects: d79c643bbaf6eed3
 from __future__ import annotations
 
 import math
@@ -278,14 +277,7 @@ def left_behind_valve_hysteresis(time, x, rate, setpoint, ambient, y0, y1, y2, y
 def follow(time, x, h, setpoint, ambient, state, a, on):
     """Return the displacement that the chamber follows to, from the one measured h seconds after the last."""
     y0 = state[0]
-    y1 = state[1]
-    y2 = state[2]
-    y3 = state[3]
     y4 = state[4]
-    y5 = state[5]
-    y6 = state[6]
-    y7 = state[7]
-    y8 = state[8]
     moment = Moment(time, x, (x - state[MEASURED]) / h, y0, setpoint, ambient)
     if on[3]:
         x = displacement_lag.displacement(x, moment, a[9])
@@ -299,14 +291,9 @@ def follow(time, x, h, setpoint, ambient, state, a, on):
 def reading(time, x, rate, setpoint, ambient, state, a, on):
     """Return what the pressure sensor reads [Pa]."""
     y0 = state[0]
-    y1 = state[1]
-    y2 = state[2]
-    y3 = state[3]
-    y4 = state[4]
     y5 = state[5]
     y6 = state[6]
     y7 = state[7]
-    y8 = state[8]
     moment = Moment(time, x, rate, y0, setpoint, ambient)
     signal = y0
     if on[13]:

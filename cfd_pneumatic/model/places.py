@@ -27,6 +27,11 @@ class Place:
     parameters: slice
     states: slice
 
+    @property
+    def state_indices(self) -> range:
+        """Indices of the states."""
+        return range(self.states.start, self.states.stop)
+
 
 def _places() -> dict[str, Place]:
     places = {}
