@@ -1,7 +1,7 @@
 """
 The paper's equations and every physical effect, each behind a switch, for Runge-Kutta of fourth order.
 
-Made by `make kernel` from the effects, fingerprint 257143f07a2ed514; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint 725ae087bda337b4; changes by hand are lost.
 """
 
 from __future__ import annotations

@@ -24,6 +24,11 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(0.3 * settling, 10.0 * settling), (0.3 * settling, 50.0 * settling)]
 
 
+def fastest(slope: float, lag: float) -> float:
+    """Return the inverse of the lag [1/s]."""
+    return 1.0 / lag
+
+
 EFFECT = Effect(
     name='droop',
     description='the regulated pressure sags under flow, with a lag',
@@ -32,6 +37,7 @@ EFFECT = Effect(
         EffectParameter('lag', 's', 1e-3, 1e2, 1.0, 'time constant', logarithmic=True),
     ),
     starts=starts,
+    fastest=fastest,
     states=1,
     follows='flow',
     rank=50,

@@ -113,6 +113,8 @@ class Effect:
         Whether the cylinder may rest off the set-point, so that its first pressure has to be fitted.
     delays
         Whether its one parameter is a time by which the displacement is shifted before the model sees it [s].
+    fastest
+        Returns the inverse of its fastest time constant from its parameters [1/s], where it has one.
     rank
         Among effects that change the same value the lower comes first.
     starts
@@ -128,6 +130,7 @@ class Effect:
     follows: str = ''
     rests_anywhere: bool = False
     delays: bool = False
+    fastest: Callable[..., float] | None = field(default=None, repr=False)
     rank: int = 50
 
     @property

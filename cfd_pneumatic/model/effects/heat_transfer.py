@@ -26,11 +26,17 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(1.0,), (10.0,)]
 
 
+def fastest(loss: float) -> float:
+    """Return the inverse of the walls' time constant [1/s]."""
+    return loss
+
+
 EFFECT = Effect(
     name='heat_transfer',
     description='adiabatic changes of pressure relax to isothermal',
     parameters=(EffectParameter('loss', '1/s', 0.0, 1e3, 0.0, 'inverse of the time constant m c_v / (h A)'),),
     starts=starts,
+    fastest=fastest,
     states=1,
     follows='chamber',
     rank=90,

@@ -27,6 +27,11 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(share * rate, 0.2) for share in (0.08, 0.2, 0.4)]
 
 
+def fastest(frequency: float, damping: float) -> float:
+    """Return the natural frequency [rad/s]."""
+    return 2.0 * math.pi * frequency
+
+
 EFFECT = Effect(
     name='line_resonance',
     description='the line to the pressure sensor resonates',
@@ -36,6 +41,7 @@ EFFECT = Effect(
         EffectParameter('damping', '-', 1e-3, 0.7, 0.7, 'damping ratio', logarithmic=True),
     ),
     starts=starts,
+    fastest=fastest,
     states=2,
     follows='signal',
     rank=70,

@@ -23,14 +23,21 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(data['period'],), (4.0 * data['period'],)]
 
 
-SHORTEST = 1e-5
+SHORTEST = 2e-4
 """Time constant below which there is no lag [s]."""
+
+
+def fastest(lag: float) -> float:
+    """Return the inverse of the lag [1/s]."""
+    return 1.0 / max(lag, SHORTEST)
+
 
 EFFECT = Effect(
     name='sensor_lag',
     description='the pressure sensor is a first-order lag',
     parameters=(EffectParameter('lag', 's', 0.0, 1.0, 0.0, 'time constant'),),
     starts=starts,
+    fastest=fastest,
     states=1,
     follows='signal',
     rank=60,
