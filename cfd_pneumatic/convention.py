@@ -29,6 +29,10 @@ AMBIENT_PRESSURE = 101_325.0
 """Default ambient pressure, absolute [Pa]."""
 
 
+SUPPLY_PRESSURE = 517_106.8
+"""Default supply pressure, gauge: 75 psi, as the paper has it [Pa]. A set-point above it is refused."""
+
+
 def pressure_topic(cylinder: str) -> str:
     """Return the topic of a cylinder's pressure: sensor_msgs/FluidPressure, absolute [Pa]."""
     return f'{cylinder}/pressure'

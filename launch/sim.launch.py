@@ -1,11 +1,10 @@
 """The simulator beside a device: its topics in one namespace, its inputs from the device's."""
 
+from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
-
-from launch import LaunchDescription
 
 INPUTS = ('piston_state', 'cylinder_a/setpoint', 'cylinder_b/setpoint', 'force_setpoint')
 

@@ -12,6 +12,7 @@ import yaml
 from rich.console import Console
 from rich.table import Table
 
+from cfd_pneumatic.convention import SUPPLY_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification.fit import Estimate, Fit
@@ -107,11 +108,16 @@ def parameter_file(identification: Identification) -> str:
     A parameter that is identifiable at no set-point is left out with a comment; `sim_node` then takes Table 1's. One
     identifiable at some set-points only is held from the nearest of those.
     """
-    lines = ['/**:', '  ros__parameters:', f'    ambient_pressure: {identification.ambient_pressure!r}  # Pa']
+    lines = ['/**:', '  ros__parameters:', f'    ambient_pressure: {_float(identification.ambient_pressure)}  # Pa']
+    highest = max(point.setpoint for result in identification.cylinders.values() for point in result.schedule)
+    if highest > SUPPLY_PRESSURE:
+        lines.append(
+            f'    supply_pressure: {_float(1.2 * highest)}  # Pa, gauge; not measured, leaves room for set-points'
+        )
     for cylinder, result in identification.cylinders.items():
         lines += [
             f'    {cylinder}:',
-            f'      initial_setpoint: {result.schedule[0].setpoint!r}  # Pa, gauge',
+            f'      initial_setpoint: {_float(result.schedule[0].setpoint)}  # Pa, gauge',
             f'      setpoints: {_floats([point.setpoint for point in result.schedule])}  # Pa, gauge',
         ]
         for rank, spec in enumerate(SPECS):
@@ -126,9 +132,15 @@ def parameter_file(identification: Identification) -> str:
     return text
 
 
-def _floats(values: list[float]) -> str:
+def _floats(values: Sequence[float]) -> str:
     """Return a YAML list that every reader takes for floats; an integer among them would stop rclpy."""
-    return '[' + ', '.join(repr(float(value)) for value in values) + ']'
+    return '[' + ', '.join(_float(value) for value in values) + ']'
+
+
+def _float(value: float) -> str:
+    """Return a number with a decimal point, without which YAML 1.1 reads 5e-05 as text."""
+    digits, exponent, power = repr(float(value)).partition('e')
+    return (digits if '.' in digits else f'{digits}.0') + exponent + power
 
 
 def _held(estimates: list[Estimate]) -> list[float] | None:

@@ -27,6 +27,7 @@ SENSITIVITIES = ('k_x', 'k_sv', 'k_v', 'tau', 'setpoint', 'start')
 _CLOSE = 1e-11  # share of a piece; the field is continuous at the switch, so that an error in its time acts squared
 _FLAT = 1e-6  # slope at an extremum, against the distance from the switch that remains there
 _ITERATIONS = 60
+_SETTLED = 1e-9  # an oscillation smaller than this is over [Pa]
 
 _SERIES_BELOW = 0.5  # |z| up to which these series are exact to rounding
 C1, C2, C3, C4, C5, C6 = (1.0 / math.factorial(2 * n) for n in range(1, 7))  # cosh(sqrt z)
@@ -162,18 +163,27 @@ def first_crossing(u, w, gain, tau, b1, h, u_end, w_end):
 
 @kernel
 def next_piece(u, w, tau, b1, k_sv, k_v, remaining):
-    """Return (gain, duration, u, w, crossed) of the piece of a step that begins at (u, w)."""
+    """
+    Return (gain, duration, u, w) of the piece of a step that begins at (u, w).
+
+    Pieces end where w crosses zero, and where an oscillation would turn more than once; one that has died away, or a
+    state that has left the range of numbers, is not followed any more.
+    """
     gain = branch_gain(u, w, tau, b1, k_sv, k_v)
     h = remaining
+    rest = b1 / gain
     turn = (gain / tau - 0.25 / (tau * tau)) * h * h
-    if turn > _LONGEST_TURN:
+    if turn > _LONGEST_TURN and abs(u - rest) + abs(w - rest) > _SETTLED:
         h = h / math.ceil(math.sqrt(turn / _LONGEST_TURN))
     u_end, w_end = relax(u, w, gain, tau, b1, h)
+    if not abs(w_end) < math.inf:
+        return gain, remaining, math.nan, math.nan
     time = first_crossing(u, w, gain, tau, b1, h, u_end, w_end)
     if time < h:
+        time = max(time, _CLOSE * h)
         u_end, _ = relax(u, w, gain, tau, b1, time)
-        return gain, time, u_end, 0.0, True
-    return gain, h, u_end, w_end, False
+        return gain, time, u_end, 0.0
+    return gain, h, u_end, w_end
 
 
 @kernel
@@ -188,7 +198,7 @@ def advance(p, p_f, h, rate, setpoint, k_x, k_sv, k_v, tau):
     b1 = -k_x * rate
     remaining = h
     while remaining > 0.0:
-        _, time, u, w, _ = next_piece(u, w, tau, b1, k_sv, k_v, remaining)
+        _, time, u, w = next_piece(u, w, tau, b1, k_sv, k_v, remaining)
         remaining -= time
     return setpoint + u, setpoint + w
 
@@ -268,7 +278,7 @@ def propagate_sensitivities(times, displacement, setpoint, gains, state, pressur
         w = p_f - p_d
         remaining = h
         while remaining > 0.0:
-            gain, time, u_end, w_end, _ = next_piece(u, w, tau, b1, k_sv, k_v, remaining)
+            gain, time, u_end, w_end = next_piece(u, w, tau, b1, k_sv, k_v, remaining)
             mu, squared, cosine, sine = exponential(0.0, -gain, 1.0 / tau, -1.0 / tau, time)
             z = squared * time * time
             if abs(z) < _SERIES_BELOW:  # d sine / d squared, without e^(mu h)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -12,13 +10,16 @@ from sensor_msgs.msg import FluidPressure, JointState
 OUTPUT_QOS = QoSProfile(depth=10)
 """Reliable, as a driver publishes."""
 
-COMMAND_QOS = QoSProfile(depth=10)
-"""Reliable: no set-point may be lost."""
+COMMAND_QOS = QoSProfile(depth=200)
+"""Reliable: no set-point may be lost; as deep as `SAMPLE_QOS`, or a burst would part set-points from their samples."""
 
 SAMPLE_QOS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Fits every publisher; deep enough that a burst at 1 kHz is not lost while a callback runs."""
 
 AXES = ('x', 'y', 'z')
+
+_FARTHEST = 1e3
+"""No piston is farther away [m]; a number beyond is garbage, and would take the model out of floating point's range."""
 
 
 def nanoseconds(stamp: Time) -> int:
@@ -28,7 +29,8 @@ def nanoseconds(stamp: Time) -> int:
 
 def stamp_message(stamp: int) -> Time:
     """Return a stamp [ns] as a message."""
-    return Time(sec=stamp // 1_000_000_000, nanosec=stamp % 1_000_000_000)
+    seconds, rest = divmod(stamp, 1_000_000_000)
+    return Time(sec=seconds, nanosec=rest)
 
 
 def pressure_message(stamp: int, frame_id: str, pressure: float) -> FluidPressure:
@@ -50,10 +52,10 @@ def force_message(stamp: int, frame_id: str, axis: str, force: float) -> WrenchS
 
 
 def joint_position(message: JointState, joint: str) -> float | None:
-    """Return a joint's position [m]; None where the joint or its position is missing, or it is not finite."""
+    """Return a joint's position [m]; None where the joint or its position is missing, or it is no piston's."""
     if joint not in message.name:
         return None
-    index = list(message.name).index(joint)
-    if index >= len(message.position) or not math.isfinite(message.position[index]):
+    index = message.name.index(joint)
+    if index >= len(message.position) or not abs(message.position[index]) <= _FARTHEST:  # neither is NaN
         return None
     return float(message.position[index])

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, ParameterType
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import NAMES, SPECS, TABLE_1, OperatingPoints
+
+_HINTS = {
+    ('INTEGER', 'DOUBLE'): ' (write 1.0 for 1)',
+    ('INTEGER_ARRAY', 'DOUBLE_ARRAY'): ' (write 1.0 for 1)',
+    ('BOOL', 'STRING'): ' (quote it, as YAML takes a bare y or on for true)',
+}
 
 
 def number(unit: str, lower: float, upper: float, description: str, read_only: bool = False) -> ParameterDescriptor:
@@ -50,6 +57,17 @@ def numbers(unit: str, description: str, constraints: str) -> ParameterDescripto
 def texts(description: str) -> ParameterDescriptor:
     """Return the descriptor of a list of strings."""
     return ParameterDescriptor(type=ParameterType.PARAMETER_STRING_ARRAY, description=description)
+
+
+def wrong_type(node: Node, parameters: Sequence[Parameter]) -> str | None:
+    """Return which of these parameters is not of its declared type, or None; rclpy's own reason leaves the name out."""
+    for parameter in parameters:
+        if node.has_parameter(parameter.name):
+            declared = Parameter.Type(node.describe_parameter(parameter.name).type).name
+            given = parameter.type_.name
+            if given != declared:
+                return f'{parameter.name} is {given} where {declared} belongs{_HINTS.get((given, declared), "")}'
+    return None
 
 
 def declare_operating_points(node: Node, cylinder: str) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -10,9 +12,11 @@ import rclpy
 from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
+    NameValidationException,
     ParameterUninitializedException,
 )
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 from rclpy.node import Node
 
 from cfd_pneumatic.errors import InputError
@@ -20,14 +24,25 @@ from cfd_pneumatic.errors import InputError
 try:
     from rclpy.experimental import EventsExecutor
 except ImportError:  # before Jazzy
-    EventsExecutor = None
+    EventsExecutor = None  # type: ignore[assignment]
 
 _SPIN_FOR = 0.5  # EventsExecutor's own spin() does not return on a signal; spin_once with a limit does [s]
+_SHUTDOWN = 1.0  # how long callbacks may take to end [s]
+_BAD_INPUT = 2
+
+_HINTS = {
+    'Sequence should be of same type': 'write 1.0 for 1',
+    "type 'INTEGER', expecting type 'DOUBLE'": 'write 1.0 for 1',
+    "type 'INTEGER_ARRAY', expecting type 'DOUBLE_ARRAY'": 'write 1.0 for 1',
+    "type 'BOOL', expecting type 'STRING'": 'quote it, as YAML takes a bare y or on for true',
+}
+"""What to do about some of ROS 2's own messages."""
 
 _MISTAKES = (
     InputError,
     InvalidParameterTypeException,
     InvalidParameterValueException,
+    NameValidationException,
     ParameterUninitializedException,
 )
 
@@ -39,31 +54,53 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     A mistake in the parameters or files that the user gave is one line on standard error and exit code 2.
     """
     try:
-        rclpy.init(args=args)
-    except Exception as error:  # rclpy raises types of its own that differ between releases
-        return _complain(name, f'the ROS arguments or parameter file cannot be used: {error}')
-    node: Node | None = None
-    executor: Executor | None = None
-    try:
+        _start(args)
         node = make_node()
-        executor = _make_executor()
-        executor.add_node(node)
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=_SPIN_FOR)
+        try:
+            _spin(node)
+        finally:
+            _finish_in_peace()
+            node.destroy_node()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except SystemExit as done:
-        return int(done.code or 0)
     except _MISTAKES as error:
-        return _complain(name, str(error))
+        print(f'{name}: error: {_one_line(str(error))}', file=sys.stderr)
+        return _BAD_INPUT
     finally:
-        with suppress(KeyboardInterrupt, ExternalShutdownException):
-            if executor is not None:
-                executor.shutdown(timeout_sec=1.0)
-            if node is not None:
-                node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _start(args: Sequence[str] | None) -> None:
+    """Initialise ROS; a parameter file that it cannot read is the user's to mend."""
+    set_logger_level('rcl', LoggingSeverity.FATAL)  # it would say the same in a line of its own
+    try:
+        rclpy.init(args=None if args is None else list(args))
+    except RuntimeError as error:
+        raise InputError(f'ROS cannot start: {error}') from error
+    if get_logger_level('rcl') == LoggingSeverity.FATAL:
+        set_logger_level('rcl', LoggingSeverity.UNSET)
+
+
+def _one_line(message: str) -> str:
+    """Return a message in one line, without where in rcl's sources it comes from, and with what to do about it."""
+    line = ' '.join(re.sub(r', at \S+:\d+', '', message).split())
+    hint = next((hint for fragment, hint in _HINTS.items() if fragment in line), None)
+    return line if hint is None else f'{line} ({hint})'
+
+
+def _spin(node: Node) -> None:
+    executor = _make_executor()
+    executor.add_node(node)
+    try:
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=_SPIN_FOR)
+    except RuntimeError:
+        if rclpy.ok():
+            raise
+        # else a signal has ended the context in the middle of a callback, which could not publish any more
+    finally:
+        executor.shutdown(timeout_sec=_SHUTDOWN)
 
 
 def _make_executor() -> Executor:
@@ -75,7 +112,7 @@ def _make_executor() -> Executor:
     return SingleThreadedExecutor() if EventsExecutor is None else EventsExecutor()
 
 
-def _complain(name: str, message: str) -> int:
-    line = ' '.join(message.split())
-    print(f'{name}: error: {line}', file=sys.stderr)
-    return 2
+def _finish_in_peace() -> None:
+    """Let no second interrupt stop what has to be finished, such as a bag; a second SIGTERM still ends the program."""
+    with suppress(KeyboardInterrupt):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.parameters import switch, text, texts
@@ -39,13 +40,18 @@ class RecorderNode(Node):
             raise InputError("parameter 'output' is empty: give the folder of the bag, -p output:=my_bag")
         if storage not in ('mcap', 'sqlite3'):
             raise InputError(f"parameter 'storage' is {storage!r}: choose mcap or sqlite3")
-        self._wanted = {self.resolve_topic_name(topic) for topic in topics if topic}
+        self._wanted = {self._full_name(topic) for topic in topics if topic}
         if not self._wanted:
             raise InputError("parameter 'topics' is empty: name the topics, -p topics:=[/cfd/device/piston_state]")
-        self._bag = BagWriter(output, storage=storage, overwrite=overwrite)
         self._written = 0
         self.create_timer(_LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._look()
+        self._bag = BagWriter(output, storage=storage, overwrite=overwrite)
+
+    def _full_name(self, topic: str) -> str:
+        try:
+            return self.resolve_topic_name(topic)
+        except RuntimeError as error:
+            raise InputError(f"parameter 'topics': {topic!r}: {error}") from error
 
     def _look(self) -> None:
         """Subscribe to wanted topics that have a publisher by now."""
@@ -53,24 +59,19 @@ class RecorderNode(Node):
             publishers = self.get_publishers_info_by_topic(topic) if topic in self._wanted else []
             if publishers:
                 self._wanted.discard(topic)
-                reliable = all(info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in publishers)
-                self._record(topic, types[0], reliable)
+                self._record(topic, types[0], [info.qos_profile for info in publishers])
 
-    def _record(self, topic: str, type_name: str, reliable: bool) -> None:
-        self._bag.add_topic(topic, type_name)
-        package, _, name = type_name.split('/')
-        message_type = getattr(importlib.import_module(f'{package}.msg'), name)
-        reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
-        self.create_subscription(
-            message_type,
-            topic,
-            lambda payload: self._write(topic, payload),
-            QoSProfile(depth=_DEPTH, reliability=reliability),
-            raw=True,
-        )
+    def _record(self, topic: str, type_name: str, offered: Sequence[QoSProfile]) -> None:
+        try:
+            message_type = get_message(type_name)
+            self._bag.add_topic(topic, type_name)
+        except (InputError, ImportError, AttributeError) as error:
+            self.get_logger().error(f'{topic} is left out: {error}')
+            return
+        self.create_subscription(message_type, topic, partial(self._write, topic), _qos_for(offered), raw=True)
         self.get_logger().info(f'recording {topic}')
 
-    def _write(self, topic: str, payload: bytes) -> None:
+    def _write(self, topic: str, payload: Any) -> None:
         self._bag.write(topic, self.get_clock().now().nanoseconds, payload)
         self._written += 1
 
@@ -81,6 +82,24 @@ class RecorderNode(Node):
         self._bag.close()
         self.get_logger().info(f'{self._written} messages in {self._bag.path}')
         super().destroy_node()
+
+
+def get_message(type_name: str) -> type:
+    """Return the class of a message type such as std_msgs/msg/Float64."""
+    package, _, name = type_name.split('/')
+    message_type: type = getattr(importlib.import_module(f'{package}.msg'), name)
+    return message_type
+
+
+def _qos_for(offered: Sequence[QoSProfile]) -> QoSProfile:
+    """Return the most that every publisher offers: nothing lost, and what was latched before we came."""
+    reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
+    latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+    return QoSProfile(
+        depth=_DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -15,7 +15,6 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64
 
@@ -23,6 +22,7 @@ from cfd_pneumatic import convention
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, force_message, pressure_message, stamp_message
 from cfd_pneumatic.nodes.parameters import number, switch, text
 from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.nodes.topics import listen_to, publish_on
 from cfd_pneumatic.rig import (
     SCHEDULES,
     Bench,
@@ -209,7 +209,6 @@ class RigNode(Node):
             self._value('acceleration_limit'),
         )
         commanded = Commanded(Bench(rig, self._period, self._sensors, self._value('seed')), piston, (first, second))
-        overridable = QoSOverridingOptions.with_default_policies()
 
         def on_piston_command(message: Float64) -> None:
             if math.isfinite(message.data):
@@ -219,17 +218,10 @@ class RigNode(Node):
                     f'ignored: piston_command {message.data:g} m', throttle_duration_sec=_THROTTLE
                 )
 
-        self.create_subscription(
-            Float64, convention.PISTON_COMMAND, on_piston_command, COMMAND_QOS, qos_overriding_options=overridable
-        )
+        listen_to(self, Float64, convention.PISTON_COMMAND, on_piston_command, COMMAND_QOS)
         for index, name in enumerate(convention.CYLINDERS):
-            self.create_subscription(
-                Float64,
-                convention.setpoint_topic(name),
-                partial(self._on_setpoint, commanded, index),
-                COMMAND_QOS,
-                qos_overriding_options=overridable,
-            )
+            on_setpoint = partial(self._on_setpoint, commanded, index)
+            listen_to(self, Float64, convention.setpoint_topic(name), on_setpoint, COMMAND_QOS)
         return commanded
 
     def _on_setpoint(self, commanded: Commanded, index: int, message: Float64) -> None:
@@ -248,8 +240,7 @@ class RigNode(Node):
     # topics
 
     def _publisher(self, message_type: type, topic: str) -> Publisher:
-        overridable = QoSOverridingOptions.with_default_policies()
-        return self.create_publisher(message_type, topic, _OUTPUT_QOS, qos_overriding_options=overridable)
+        return publish_on(self, message_type, topic, _OUTPUT_QOS)
 
     def _open_outputs(self) -> None:
         self._piston_out = self._publisher(JointState, convention.PISTON_STATE)

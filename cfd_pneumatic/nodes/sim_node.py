@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
@@ -22,6 +21,7 @@ from std_srvs.srv import Trigger
 from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import Arrival, Cylinder, Device, DeviceState, ForceGeometry, LiveDevice
+from cfd_pneumatic.nodes.health import InputHealth, diagnostics
 from cfd_pneumatic.nodes.messages import (
     AXES,
     COMMAND_QOS,
@@ -32,12 +32,20 @@ from cfd_pneumatic.nodes.messages import (
     nanoseconds,
     pressure_message,
 )
-from cfd_pneumatic.nodes.parameters import declare_operating_points, number, operating_points, switch, text
+from cfd_pneumatic.nodes.parameters import (
+    declare_operating_points,
+    number,
+    operating_points,
+    switch,
+    text,
+    wrong_type,
+)
 from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.nodes.topics import listen_to, publish_on
 from cfd_pneumatic.units import PSI
 
-_THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
+_COUNTED = ('samples', 'repeated stamps', 'resets', 'ignored samples', 'ignored set-points', 'zero stamps')
 _GEOMETRY = ('area', 'geometric_factor', 'ambient_pressure')
 
 
@@ -58,12 +66,11 @@ class SimNode(Node):
         self._cylinders = convention.CYLINDERS[:1] if self._single else convention.CYLINDERS
         self._live = LiveDevice(self._make_device({}), self._value('max_gap'))
         self._setpoints = [self._value(f'{cylinder}.initial_setpoint') for cylinder in convention.CYLINDERS]
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._last_input = self._seconds()
-        self._counts = dict.fromkeys(
-            ('samples', 'repeated stamps', 'resets', 'ignored samples', 'ignored set-points', 'zero stamps'), 0
-        )
-        self._fault: str | None = 'no piston sample yet'
+        for index, name in enumerate(self._cylinders):
+            refusal = self._refusal(self._setpoints[index])
+            if refusal is not None:
+                raise InputError(f'{name}.initial_setpoint is {refusal}')
+        self._health = InputHealth(self, convention.PISTON_STATE)
         self._warm_up()
         self._open_topics()
         self.add_on_set_parameters_callback(self._on_parameters)
@@ -79,7 +86,14 @@ class SimNode(Node):
         declare = self.declare_parameter
         declare('joint', convention.PISTON_JOINT, text('name of the piston joint in piston_state'))
         declare('frame_id', 'cfd', text('frame of contact_force and of the pressures'))
-        declare('axis', 'x', text('axis of frame_id along which contact_force points', ' or '.join(AXES)))
+        declare(
+            'axis',
+            'x',
+            text(
+                'axis of frame_id along which contact_force points',
+                "x, 'y' (in quotes: YAML takes a bare y for true) or z",
+            ),
+        )
         declare('area', 1.14e-3, number('m^2', 1e-6, 1.0, 'piston area of either cylinder'))
         declare('geometric_factor', 1.0, number('-', -1e3, 1e3, 'contact force over piston force, from the linkage'))
         declare(
@@ -87,7 +101,11 @@ class SimNode(Node):
             convention.AMBIENT_PRESSURE,
             number('Pa', 1e4, 2e5, 'absolute pressure that gauge set-points are counted from'),
         )
-        declare('supply_pressure', 75.0 * PSI, number('Pa', 1e4, 2e6, 'gauge; a set-point above it is ignored'))
+        declare(
+            'supply_pressure',
+            convention.SUPPLY_PRESSURE,
+            number('Pa', 1e4, 2e6, 'gauge; a set-point above it is ignored'),
+        )
         declare('bias_pressure', 10.0 * PSI, number('Pa', 0.0, 2e6, 'gauge mean of the pair that force_setpoint sets'))
         declare('max_gap', 1.0, number('s', 1e-3, 1e3, 'a longer step between samples starts the model anew'))
         declare('timeout', 0.5, number('s', 1e-2, 1e3, 'silence of piston_state that /diagnostics calls an error'))
@@ -115,6 +133,13 @@ class SimNode(Node):
             raise InputError('geometric_factor is 0: no force could be set or derived')
         return Device(a, None if self._single else b, geometry)
 
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters as every node does, but say which one is of a wrong type."""
+        refusal = wrong_type(self, parameter_list)
+        if refusal is not None:
+            return SetParametersResult(successful=False, reason=refusal)
+        return super().set_parameters_atomically(parameter_list)
+
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         """Take good values from the next sample on; reject others with the reason."""
         changes = {parameter.name: parameter.value for parameter in parameters}
@@ -135,55 +160,30 @@ class SimNode(Node):
     # topics
 
     def _open_topics(self) -> None:
-        overridable = QoSOverridingOptions.with_default_policies()
-
-        def publisher(message_type: type, topic: str) -> Publisher:
-            return self.create_publisher(message_type, topic, OUTPUT_QOS, qos_overriding_options=overridable)
-
-        self._pressure_out = [publisher(FluidPressure, convention.pressure_topic(name)) for name in self._cylinders]
-        self._applied_out = [
-            publisher(FluidPressure, convention.setpoint_applied_topic(name)) for name in self._cylinders
+        self._pressures_out = [
+            publish_on(self, FluidPressure, convention.pressure_topic(name), OUTPUT_QOS) for name in self._cylinders
         ]
-        self._force_out = publisher(WrenchStamped, convention.CONTACT_FORCE)
+        self._applied_out = [
+            publish_on(self, FluidPressure, convention.setpoint_applied_topic(name), OUTPUT_QOS)
+            for name in self._cylinders
+        ]
+        self._force_out = publish_on(self, WrenchStamped, convention.CONTACT_FORCE, OUTPUT_QOS)
         self._diagnostics_out = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
+        # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
         for index, name in enumerate(self._cylinders):
-            self.create_subscription(
-                Float64,
-                convention.setpoint_topic(name),
-                lambda message, index=index: self._on_setpoint(index, message),
-                COMMAND_QOS,
-                qos_overriding_options=overridable,
-            )
-        self.create_subscription(
-            Float64,
-            convention.FORCE_SETPOINT,
-            self._on_force_setpoint,
-            COMMAND_QOS,
-            qos_overriding_options=overridable,
-        )
-        self.create_subscription(
-            JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, qos_overriding_options=overridable
-        )
+            topic = convention.setpoint_topic(name)
+            listen_to(self, Float64, topic, partial(self._on_setpoint, index), COMMAND_QOS)
+        listen_to(self, Float64, convention.FORCE_SETPOINT, self._on_force_setpoint, COMMAND_QOS)
+        listen_to(self, JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS)
         self.create_service(Trigger, '~/reset', self._on_reset)
-        # steady time: a stopped /clock must not stop the watchdog
-        self.create_timer(self._value('preview_period'), self._on_preview_timer, clock=self._steady)
-        self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=self._steady)
-
-    def _seconds(self) -> float:
-        return self._steady.now().nanoseconds * 1e-9
-
-    def _warn(self, key: str, message: str) -> None:
-        """Warn, at most once in a while; rclpy throttles by the calling line, so that each kind has its own."""
-        now = self._seconds()
-        warned = self.__dict__.setdefault('_warned', {})
-        if now - warned.get(key, -math.inf) >= _THROTTLE:
-            warned[key] = now
-            self.get_logger().warning(message)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # a stopped /clock must not stop the watchdog
+        self.create_timer(self._value('preview_period'), self._preview, clock=steady)
+        self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
 
     def _on_setpoint(self, index: int, message: Float64) -> None:
         refusal = self._refusal(message.data)
         if refusal is not None:
-            self._ignore_setpoint(f'{self._cylinders[index]}/setpoint {refusal}')
+            self._ignore_setpoint(f'{convention.setpoint_topic(self._cylinders[index])} {refusal}')
             return
         self._setpoints[index] = message.data
 
@@ -192,14 +192,16 @@ class SimNode(Node):
         for name, setpoint in zip(self._cylinders, pair):
             refusal = self._refusal(setpoint)
             if refusal is not None:
-                self._ignore_setpoint(f'force_setpoint {message.data:g} N needs {name}/setpoint {refusal}')
+                self._ignore_setpoint(
+                    f'force_setpoint {message.data:g} N needs {convention.setpoint_topic(name)} {refusal}'
+                )
                 return
         self._setpoints[:] = pair
 
     def _refusal(self, setpoint: float) -> str | None:
         """Return why a gauge set-point [Pa] cannot act, or None."""
         if not math.isfinite(setpoint):
-            return 'that is not finite'
+            return f'{setpoint}, not a finite number'
         if setpoint < -self._live.device.geometry.ambient_pressure:
             return f'{setpoint:.0f} Pa, below vacuum'
         if setpoint > self._value('supply_pressure'):
@@ -207,52 +209,59 @@ class SimNode(Node):
         return None
 
     def _ignore_setpoint(self, what: str) -> None:
-        self._counts['ignored set-points'] += 1
-        self._warn('setpoint', f'ignored: {what}')
+        self._health.counts['ignored set-points'] += 1
+        self._health.warn('set-point', f'ignored: {what}')
 
     def _on_piston(self, message: JointState) -> None:
         joint = self._value('joint')
         position = joint_position(message, joint)
         if position is None:
-            self._counts['ignored samples'] += 1
-            self._fault = f'piston_state holds no finite position of joint {joint!r} (it names {list(message.name)})'
-            self._warn('piston', f'ignored: {self._fault}')
+            self._health.counts['ignored samples'] += 1
+            named = ', '.join(map(repr, message.name)) or 'none'
+            self._health.bad(f'{convention.PISTON_STATE} has no usable position of joint {joint!r} (joints: {named})')
             return
+        self._health.good()
+        self._commit(self._stamp(message), position)
+
+    def _stamp(self, message: JointState) -> int:
+        """Return a sample's stamp [ns]; the time of receipt where it has none, as from a bare `ros2 topic pub`."""
         stamp = nanoseconds(message.header.stamp)
-        if stamp == 0:
-            stamp = self.get_clock().now().nanoseconds
-            if self._counts['zero stamps'] == 0:
-                self.get_logger().warning('piston_state has a zero stamp: the time of receipt is taken instead')
-            self._counts['zero stamps'] += 1
-        self._commit(stamp, position)
+        if stamp != 0:
+            return stamp
+        if not self._health.counts['zero stamps']:
+            self.get_logger().warning(
+                f'{convention.PISTON_STATE} has a zero stamp: the time of receipt is taken instead'
+            )
+        self._health.counts['zero stamps'] += 1
+        return self.get_clock().now().nanoseconds
 
     def _commit(self, stamp: int, position: float) -> None:
         last = self._live.committed
         setpoints = self._absolute_setpoints()
         arrival = self._live.sample(stamp, position, setpoints)
-        self._last_input = self._seconds()
-        self._fault = None
         if arrival is Arrival.REPEATED:
-            self._counts['repeated stamps'] += 1
+            self._health.counts['repeated stamps'] += 1
             return
-        self._counts['samples'] += 1
+        self._health.counts['samples'] += 1
         if last is not None and arrival is not Arrival.ADVANCED:
-            self._counts['resets'] += 1
-            self._warn(
+            self._health.counts['resets'] += 1
+            self._health.warn(
                 'reset',
-                f'started anew at rest: the stamp of piston_state moved by {(stamp - last.stamp) * 1e-9:.6f} s '
-                f'(allowed: forward, at most max_gap {self._live.max_gap:g} s)',
+                f'started anew at rest: the stamp of {convention.PISTON_STATE} moved by '
+                f'{(stamp - last.stamp) * 1e-9:.6f} s (allowed: forward, at most max_gap {self._live.max_gap:g} s)',
             )
         committed = self._live.committed
         assert committed is not None
-        self._publish(stamp, committed.state, setpoints)
+        self._publish(stamp, committed.state)
+        for publisher, setpoint in zip(self._applied_out, setpoints):
+            publisher.publish(pressure_message(stamp, self._value('frame_id'), setpoint))
 
     def _absolute_setpoints(self) -> tuple[float, float]:
         device = self._live.device
         for index, cylinder in enumerate((device.a, device.b)):
             if cylinder is not None and not cylinder.parameters.covers(self._setpoints[index]):
-                self._warn(
-                    f'schedule {index}',
+                self._health.warn(
+                    f'operating points {index}',
                     f'{self._cylinders[index]}: set-point {self._setpoints[index]:.0f} Pa lies outside the operating '
                     f'points {cylinder.parameters.setpoints[0]:.0f} to {cylinder.parameters.setpoints[-1]:.0f} Pa: '
                     'the nearest gains are held',
@@ -260,26 +269,29 @@ class SimNode(Node):
         ambient = device.geometry.ambient_pressure
         return self._setpoints[0] + ambient, self._setpoints[1] + ambient
 
-    def _publish(self, stamp: int, state: DeviceState, setpoints: tuple[float, float]) -> None:
+    def _publish(self, stamp: int, state: DeviceState) -> None:
         frame = self._value('frame_id')
-        for publisher, cylinder in zip(self._pressure_out, (state.a, state.b)):
+        for publisher, cylinder in zip(self._pressures_out, (state.a, state.b)):
             if cylinder is not None:
                 publisher.publish(pressure_message(stamp, frame, cylinder.p))
-        for publisher, setpoint in zip(self._applied_out, setpoints):
-            publisher.publish(pressure_message(stamp, frame, setpoint))
         force = self._live.device.contact_force(state)
         self._force_out.publish(force_message(stamp, frame, self._value('axis'), force))
 
-    def _on_preview_timer(self) -> None:
-        """While piston_state is silent show what the pressures do meanwhile, the piston held."""
+    def _preview(self) -> None:
+        """
+        While piston_state is silent show what the pressures do meanwhile, the piston held.
+
+        No longer than `max_gap`, after which the model starts anew anyway, and not where the input is faulty. What was
+        applied is not published: a preview is no sample.
+        """
         committed = self._live.committed
-        elapsed = self._seconds() - self._last_input
-        if committed is None or not self._value('preview_period') <= elapsed <= self._live.max_gap:
+        silence = self._health.silence
+        if committed is None or self._health.fault is not None:
             return
-        setpoints = self._absolute_setpoints()
-        state = self._live.preview(elapsed, setpoints)
-        if state is not None:
-            self._publish(committed.stamp + round(elapsed * 1e9), state, setpoints)
+        if self._value('preview_period') <= silence <= self._live.max_gap:
+            state = self._live.preview(silence, self._absolute_setpoints())
+            if state is not None:
+                self._publish(committed.stamp + round(silence * 1e9), state)
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._live.reset()
@@ -287,33 +299,17 @@ class SimNode(Node):
         response.message = 'the next piston sample starts the model at rest'
         return response
 
-    # health
-
     def _publish_diagnostics(self) -> None:
-        silence = self._seconds() - self._last_input
-        status = DiagnosticStatus(
-            name=f'{self.get_fully_qualified_name()}: input', hardware_id=self.get_fully_qualified_name()
-        )
-        if silence > self._value('timeout'):
-            status.level = DiagnosticStatus.ERROR
-            status.message = self._fault or f'piston_state has been silent for {silence:.1f} s'
-        elif self._fault is not None:
-            status.level = DiagnosticStatus.WARN
-            status.message = self._fault
-        else:
-            status.level = DiagnosticStatus.OK
-            status.message = 'following piston_state'
-        status.values = [KeyValue(key=key, value=str(count)) for key, count in self._counts.items()]
+        values = {key: str(self._health.counts[key]) for key in _COUNTED}
         for name, setpoint in zip(self._cylinders, self._setpoints):
-            status.values.append(KeyValue(key=f'{name} set-point, gauge [Pa]', value=f'{setpoint:.1f}'))
+            values[f'{name} set-point, gauge [Pa]'] = f'{setpoint:.1f}'
         committed = self._live.committed
         if committed is not None:
             for name, cylinder in zip(self._cylinders, (committed.state.a, committed.state.b)):
                 if cylinder is not None:
-                    status.values.append(KeyValue(key=f'{name} pressure, absolute [Pa]', value=f'{cylinder.p:.1f}'))
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._diagnostics_out.publish(message)
+                    values[f'{name} pressure, absolute [Pa]'] = f'{cylinder.p:.1f}'
+        verdict = self._health.verdict(self._value('timeout'))
+        self._diagnostics_out.publish(diagnostics(self, 'input', *verdict, values))
 
 
 def main(args: Sequence[str] | None = None) -> None:

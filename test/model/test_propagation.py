@@ -124,6 +124,24 @@ def test_corners_of_the_parameter_ranges_stay_finite(k_sv, k_v, tau):
     assert np.all(np.isfinite(jacobian))
 
 
+@pytest.mark.parametrize('wild', [1e300, np.inf, np.nan])
+def test_a_wild_displacement_ends_as_nan_and_not_never(wild):
+    times, displacement, setpoint = random_record(1)
+    displacement[30] = wild
+    pressure = simulate(np.array([4e6, 100.0, 20.0, 0.01]), (times, displacement, setpoint))
+    assert np.all(np.isfinite(pressure[:30]))
+    assert not np.isfinite(pressure[-1])
+
+
+@pytest.mark.parametrize('tau', [1e-5, 1e-2, 1e2])
+def test_a_gap_of_a_day_is_crossed_at_once(tau):
+    times = np.array([0.0, 0.002, 86_400.0])
+    gains = np.array([4e6, 5e3, 5e3, tau])
+    pressure, jacobian = simulate_with_sensitivities(gains, times, np.array([0.0, 1e-3, 1e-3]), np.full(3, 2e5))
+    assert abs(pressure[-1] - 2e5) < 1e-3
+    assert np.all(np.isfinite(jacobian))
+
+
 def test_charging_gain_acts_below_the_set_point_and_discharging_gain_above():
     """The paper's printed switch of equation (12) is reversed; equations (9) and (10) say which valve opens."""
     times = np.arange(0.0, 0.2, 0.002)

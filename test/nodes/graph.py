@@ -1,0 +1,316 @@
+"""A ROS graph for a test: the nodes as processes of their own, and a client that talks to them over DDS."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from tempfile import TemporaryFile
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from cfd_pneumatic.convention import (
+    CONTACT_FORCE,
+    CYLINDERS,
+    FORCE_SETPOINT,
+    PISTON_STATE,
+    pressure_topic,
+    setpoint_applied_topic,
+    setpoint_topic,
+)
+from cfd_pneumatic.nodes.messages import nanoseconds, stamp_message
+
+try:
+    from rclpy.experimental import EventsExecutor as Executor
+except ImportError:
+    Executor = SingleThreadedExecutor
+
+PATIENCE = 30.0
+QUEUE = QoSProfile(depth=10_000)
+MILLISECOND = 1_000_000
+
+_numbers = itertools.count()
+
+
+def unique_namespace() -> str:
+    return f'/test_{next(_numbers)}'
+
+
+class Process:
+    """A node that runs."""
+
+    def __init__(self, module: str, arguments: Sequence[str], *, fallback: bool = False) -> None:
+        """Start it; `fallback` leaves it without EventsExecutor, as before Jazzy."""
+        start = ['-m', f'cfd_pneumatic.nodes.{module}']
+        if fallback:
+            start = [
+                '-c',
+                "import sys; sys.modules['rclpy.experimental'] = None; "
+                f'from cfd_pneumatic.nodes.{module} import main; main()',
+            ]
+        self._stderr = TemporaryFile()  # noqa: SIM115
+        self._process = subprocess.Popen([sys.executable, *start, *arguments], stderr=self._stderr)
+
+    @property
+    def stderr(self) -> str:
+        file = self._stderr.fileno()  # not its position, which the process shares
+        return os.pread(file, os.fstat(file).st_size, 0).decode()
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def wait(self) -> int:
+        """Return the exit code."""
+        return self._process.wait(PATIENCE)
+
+    def stop(self, number: int = signal.SIGINT) -> None:
+        """End it as a user does, cleanly."""
+        if self._process.poll() is None:
+            self._process.send_signal(number)
+        assert self.wait() == 0, self.stderr
+        assert 'Traceback' not in self.stderr, self.stderr
+
+    def reap(self) -> None:
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+        self._stderr.close()
+
+
+def ros_arguments(
+    namespace: str = '', parameters: Mapping[str, Any] | None = None, remaps: Mapping[str, str] | None = None
+) -> list[str]:
+    """Return a command line, numbers and lists as a user writes them."""
+    arguments = ['--ros-args']
+    if namespace:
+        arguments += ['-r', f'__ns:={namespace}']
+    for name, value in (parameters or {}).items():
+        arguments += ['-p', f'{name}:={str(value).lower() if isinstance(value, bool) else value}']
+    for name, target in (remaps or {}).items():
+        arguments += ['-r', f'{name}:={target}']
+    return arguments
+
+
+def refusals(module: str, command_lines: Iterable[Sequence[str]]) -> list[str]:
+    """Return what a node says to each of these command lines: one line, with exit code 2."""
+
+    def refusal(arguments: Sequence[str]) -> str:
+        process = Process(module, arguments)
+        try:
+            assert process.wait() == 2, (arguments, process.stderr)
+            (line,) = process.stderr.splitlines()
+        finally:
+            process.reap()
+        assert line.startswith(f'{module}: error: ')
+        return line
+
+    with ThreadPoolExecutor(3) as workers:
+        return list(workers.map(refusal, command_lines))
+
+
+class Graph:
+    """The client."""
+
+    def __init__(self) -> None:
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.node = Node(f'client_{next(_numbers)}', context=self.context)
+        self.executor = Executor(context=self.context)
+        self.executor.add_node(self.node)
+        self.diagnostics: list[DiagnosticStatus] = []
+        self.node.create_subscription(
+            DiagnosticArray, '/diagnostics', lambda array: self.diagnostics.extend(array.status), QUEUE
+        )
+
+    def close(self) -> None:
+        self.executor.shutdown(timeout_sec=1.0)
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    @contextmanager
+    def run(self, module: str, arguments: Sequence[str], *, fallback: bool = False) -> Iterator[Process]:
+        """Run a node; it is ended cleanly, or there is an error."""
+        process = Process(module, arguments, fallback=fallback)
+        try:
+            yield process
+            process.stop()
+        finally:
+            process.reap()
+
+    def until(self, condition: Callable[[], Any], *, doing: Callable[[], None] | None = None) -> Any:
+        """Return what the condition gives as soon as it is true; meanwhile do something again and again."""
+        limit = time.monotonic() + PATIENCE
+        again = 0.0
+        while not (result := condition()):
+            now = time.monotonic()
+            assert now < limit, f'this did not become true in {PATIENCE} s'
+            if doing is not None and now >= again:
+                doing()
+                again = now + 0.1
+            self.executor.spin_once(timeout_sec=0.05)
+        return result
+
+    def listen(self, message_type: type, topic: str, qos: QoSProfile = QUEUE) -> list[Any]:
+        """Return a list that messages are appended to."""
+        heard: list[Any] = []
+        self.node.create_subscription(message_type, topic, heard.append, qos)
+        return heard
+
+    def publisher(self, message_type: type, topic: str) -> Publisher:
+        return self.node.create_publisher(message_type, topic, QUEUE)
+
+    def call(self, service: type, name: str, request: Any = None) -> Any:
+        client = self.node.create_client(service, name)
+        try:
+            self.until(client.service_is_ready)
+            future = client.call_async(service.Request() if request is None else request)
+            self.until(future.done)
+            return future.result()
+        finally:
+            self.node.destroy_client(client)
+
+    def trigger(self, name: str) -> Trigger.Response:
+        return self.call(Trigger, name)
+
+    def set(self, node: str, **values: Any) -> SetParametersResult:
+        """Set one parameter; a name's dot is written as two underscores."""
+        parameters = _parameter_messages(values)
+        (result,) = self.call(
+            SetParameters, f'{node}/set_parameters', SetParameters.Request(parameters=parameters)
+        ).results
+        return result
+
+    def set_atomically(self, node: str, **values: Any) -> SetParametersResult:
+        request = SetParametersAtomically.Request(parameters=_parameter_messages(values))
+        return self.call(SetParametersAtomically, f'{node}/set_parameters_atomically', request).result
+
+    def get(self, node: str, *names: str) -> list[Any]:
+        values = self.call(GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values
+        return [rclpy.parameter.parameter_value_to_python(value) for value in values]
+
+    def next_diagnostics(
+        self, node: str, accept: Callable[[DiagnosticStatus], bool], *, doing: Callable[[], None] | None = None
+    ) -> DiagnosticStatus:
+        """Return the first acceptable status of a node that comes from now on."""
+        self.diagnostics.clear()
+
+        def found() -> DiagnosticStatus | None:
+            return next((one for one in self.diagnostics if one.name.startswith(f'{node}: ') and accept(one)), None)
+
+        return self.until(found, doing=doing)
+
+
+def _parameter_messages(values: Mapping[str, Any]) -> list[Any]:
+    return [Parameter(name.replace('__', '.'), value=value).to_parameter_msg() for name, value in values.items()]
+
+
+class SimClient:
+    """Plays the device to a `sim_node` and hears its answers."""
+
+    def __init__(
+        self, graph: Graph, namespace: str, *, inputs: str | None = None, cylinders: Sequence[str] = CYLINDERS
+    ) -> None:
+        """Talk to the node in a namespace; its inputs are in another one where `inputs` names it."""
+        self.graph = graph
+        self.node = f'{namespace}/sim_node'
+        self.cylinders = cylinders
+        source = namespace if inputs is None else inputs
+        self.piston_out = graph.publisher(JointState, f'{source}/{PISTON_STATE}')
+        self.setpoints_out = [graph.publisher(Float64, f'{source}/{setpoint_topic(name)}') for name in cylinders]
+        self.force_out = graph.publisher(Float64, f'{source}/{FORCE_SETPOINT}')
+        self.heard = {
+            topic: graph.listen(message_type, f'{namespace}/{topic}')
+            for topic, message_type in (
+                *((pressure_topic(name), FluidPressure) for name in cylinders),
+                *((setpoint_applied_topic(name), FluidPressure) for name in cylinders),
+                (CONTACT_FORCE, WrenchStamped),
+            )
+        }
+        self.stamp = 1_000_000_000_000
+        self.sent = 0
+
+    def meet(self) -> SimClient:
+        """Wait until messages get through in both directions, and begin anew."""
+        outs = [*self.setpoints_out, self.force_out]
+        self.graph.until(lambda: all(out.get_subscription_count() for out in outs))
+        self.graph.until(lambda: all(self.heard.values()), doing=lambda: self.send(self.stamp + MILLISECOND, 0.0))
+        self.graph.until(lambda: all(len(messages) == self.sent_heard() for messages in self.heard.values()))
+        return self.restart()
+
+    def sent_heard(self) -> int:
+        return max(len(messages) for messages in self.heard.values())
+
+    def restart(self) -> SimClient:
+        """Reset the node and forget what was heard."""
+        assert self.graph.trigger(f'{self.node}/reset').success
+        for messages in self.heard.values():
+            messages.clear()
+        self.sent = 0
+        return self
+
+    def send(self, stamp: int, position: float, joint: str = 'piston') -> None:
+        self.stamp = stamp
+        message = JointState(name=[joint], position=[position])
+        message.header.stamp = stamp_message(stamp)
+        self.piston_out.publish(message)
+        self.sent += 1
+
+    def setpoint(self, index: int, value: float) -> None:
+        self.setpoints_out[index].publish(Float64(data=float(value)))
+
+    def force_setpoint(self, value: float) -> None:
+        self.force_out.publish(Float64(data=float(value)))
+
+    def sample(self, stamp: int, position: float) -> dict[str, Any]:
+        """Send a sample; return what it is answered with, by topic."""
+        self.send(stamp, position)
+        return self.graph.until(lambda: self.answer(stamp))
+
+    def answer(self, stamp: int) -> dict[str, Any] | None:
+        """Return the answer to a stamp once it is whole, newest first where there are several."""
+        found = {
+            topic: next((message for message in reversed(messages) if nanoseconds(message.header.stamp) == stamp), None)
+            for topic, messages in self.heard.items()
+        }
+        if None in found.values():
+            return None
+        return {
+            topic: message.wrench.force if topic == CONTACT_FORCE else message.fluid_pressure
+            for topic, message in found.items()
+        }
+
+    def series(self, topic: str) -> list[tuple[int, float]]:
+        """Return stamps and values heard on a topic."""
+        return [
+            (
+                nanoseconds(message.header.stamp),
+                message.wrench.force.x if topic == CONTACT_FORCE else message.fluid_pressure,
+            )
+            for message in self.heard[topic]
+        ]
+
+    def count(self, key: str) -> int:
+        """Return a counter from fresh diagnostics."""
+        status = self.graph.next_diagnostics(self.node, lambda _: True)
+        return int(next(value.value for value in status.values if value.key == key))

@@ -1,0 +1,245 @@
+"""`identifier_node`: a bag identified in the background, and the result set on a running simulator."""
+
+from __future__ import annotations
+
+import json
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticStatus
+from graph import Graph, Process, ros_arguments, unique_namespace
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from reference import pressure, step_like, step_like_rate
+from std_msgs.msg import String
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.model import TABLE_1
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, write_recording
+from cfd_pneumatic.units import PSI
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+SETPOINT = 10 * PSI
+GAINS = (5e6, 15.0, 30.0, 0.01)
+"""So slow that the pressure does not overshoot: the piston only ever moves out, and nothing excites K_v."""
+
+ENDING = 2.0  # what a fit may take to end [s]
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a bag of strokes outward, by an integrator of the test's own."""
+    starts, amplitude = np.arange(0.1, 6.0, 0.5), 4e-4
+    times = np.arange(0.0, 6.2, 0.002)
+    displacement = sum(step_like(start, 0.03, amplitude)(times) for start in starts)
+
+    def rate(time: float) -> float:
+        return sum(step_like_rate(start, 0.03, amplitude)(time) for start in starts if start <= time <= start + 0.03)
+
+    absolute = SETPOINT + AMBIENT_PRESSURE
+    rng = np.random.default_rng(1)
+    pressures = pressure(GAINS, lambda time: np.float64(rate(time)), absolute, times, steps=4)
+    recording = Recording(
+        name='strokes',
+        epoch=10**18,
+        displacement=Signal(times, displacement + rng.normal(0.0, 1e-6, times.size)),
+        cylinders={
+            'cylinder_a': CylinderSignals(
+                pressure=Signal(times, pressures + rng.normal(0.0, 20.0, times.size)),
+                setpoint=Signal(times[:1], np.array([absolute])),
+            )
+        },
+        force=None,
+        health=(),
+    )
+    path = tmp_path_factory.mktemp('bags') / 'strokes'
+    write_recording(path, recording)
+    return path
+
+
+class Identifier:
+    """A running `identifier_node` and what it says."""
+
+    def __init__(self, graph: Graph, process: Process, name: str) -> None:
+        self.graph, self.process, self.name = graph, process, name
+
+    def identify(self) -> None:
+        answer = self.graph.trigger(f'{self.name}/identify')
+        assert answer.success, answer.message
+
+    def status(self, words: str) -> DiagnosticStatus:
+        return self.graph.next_diagnostics(self.name, lambda status: words in status.message)
+
+    def progress(self, least: float) -> None:
+        """Wait until so many percent of the fit are done."""
+
+        def is_fitting(status: DiagnosticStatus) -> bool:
+            return any(value.key == 'progress [%]' and float(value.value) >= least for value in status.values)
+
+        self.graph.next_diagnostics(self.name, is_fitting)
+
+    def result(self) -> dict:
+        """Return the report as one who comes late hears it."""
+        heard = self.graph.listen(String, f'{self.name}/result', LATCHED)
+        self.graph.until(lambda: heard)
+        return json.loads(heard[0].data)
+
+
+@contextmanager
+def identifier(graph: Graph, **parameters: object) -> Iterator[Identifier]:
+    namespace = unique_namespace()
+    with graph.run('identifier_node', ros_arguments(namespace, parameters)) as process:
+        yield Identifier(graph, process, f'{namespace}/identifier_node')
+
+
+@contextmanager
+def earlier_results(folder: Path) -> Iterator[Path]:
+    """Put results into a folder that have to outlive what happens."""
+    folder.mkdir(parents=True)
+    names = ('report.json', 'parameters.yaml')
+    for name in names:
+        (folder / name).write_text('earlier')
+    yield folder
+    assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(names, 'earlier')
+
+
+def listed(*bags: Path) -> str:
+    return f'[{",".join(map(str, bags))}]'
+
+
+def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, tmp_path: Path) -> None:
+    output, simulator = tmp_path / 'out', unique_namespace()
+    target = f'{simulator}/sim_node'
+    with (
+        graph.run('sim_node', ros_arguments(simulator)),
+        identifier(graph, bags=listed(bag), output_dir=output, apply_to=target) as node,
+    ):
+        node.identify()
+        second = graph.trigger(f'{node.name}/identify')
+        assert not second.success
+        assert second.message == 'refused: an identification is running; ~/cancel ends it'
+        node.progress(0.0)
+        node.status(f'parameters set on {target}')
+        report = node.result()
+        assert report == json.loads((output / 'report.json').read_text())
+        assert report['schema'] == 1
+        fitted = report['cylinders']['cylinder_a']['parameters']
+        assert fitted['k_x']['value'] == pytest.approx(GAINS[0], rel=0.1)
+        assert not fitted['k_v']['identifiable']
+
+        file = yaml.safe_load((output / 'parameters.yaml').read_text())['/**']['ros__parameters']['cylinder_a']
+        assert 'k_v' not in file
+        names = ('setpoints', 'k_x', 'k_sv', 'tau')
+        assert graph.get(target, *(f'cylinder_a.{name}' for name in names)) == [file[name] for name in names]
+        (k_v,) = graph.get(target, 'cylinder_a.k_v')
+        assert k_v == pytest.approx(np.interp(file['setpoints'], TABLE_1.setpoints, TABLE_1.k_v))
+        assert graph.get(target, 'cylinder_b.k_x') == [TABLE_1.k_x.tolist()]
+        graph.set(node.name, apply_to='')
+        node.identify()  # it can be asked again
+        node.status('done: ')
+
+
+def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(graph: Graph, bag: Path, tmp_path: Path) -> None:
+    namespace = unique_namespace()
+
+    def serve(name: str, values: int) -> None:
+        def get(request: GetParameters.Request, response: GetParameters.Response) -> GetParameters.Response:
+            response.values = [ParameterValue(type=8, double_array_value=[1.0])] * min(values, len(request.names))
+            return response
+
+        def refuse(_: object, response: SetParametersAtomically.Response) -> SetParametersAtomically.Response:
+            response.result.reason = 'not today'
+            return response
+
+        graph.node.create_service(GetParameters, f'{namespace}/{name}/get_parameters', get)
+        graph.node.create_service(SetParametersAtomically, f'{namespace}/{name}/set_parameters_atomically', refuse)
+
+    serve('stubborn', 100)
+    serve('stranger', 0)
+    with identifier(graph, bags=listed(bag), output_dir=tmp_path) as node:
+        for target, words in (
+            ('stubborn', f'{namespace}/stubborn refused the parameters: not today'),
+            ('stranger', f'{namespace}/stranger (parameter apply_to) is no sim_node'),
+            ('nobody', f'{namespace}/nobody (parameter apply_to) is not there'),
+        ):
+            assert graph.set(node.name, apply_to=f'{namespace}/{target}').successful
+            node.identify()
+            assert node.status(words).level == DiagnosticStatus.ERROR
+        assert node.result()['schema'] == 1, 'the report is there all the same'
+
+
+def test_what_cannot_begin_is_refused_with_the_reason(graph: Graph, bag: Path, tmp_path: Path) -> None:
+    with identifier(graph) as node:
+        for parameters, reason in (
+            ({}, "parameter 'bags' is empty"),
+            ({'bags': [str(tmp_path / 'none')]}, "parameter 'output_dir' is empty"),
+            ({'output_dir': str(tmp_path)}, "none (parameter 'bags') does not exist"),
+            ({'bags': [str(bag)], 'apply_to': 'no node'}, "parameter 'apply_to' is 'no node'"),
+        ):
+            for name, value in parameters.items():
+                assert graph.set(node.name, **{name: value}).successful
+            answer = graph.trigger(f'{node.name}/identify')
+            assert not answer.success
+            assert answer.message.startswith('refused: ')
+            assert reason in answer.message
+        assert not graph.trigger(f'{node.name}/cancel').success
+
+
+def test_a_bad_bag_is_an_error_with_its_reason(graph: Graph, bag: Path, tmp_path: Path) -> None:
+    bad = tmp_path / 'bad'
+    bad.mkdir()
+    with (
+        earlier_results(tmp_path / 'out') as output,
+        identifier(graph, bags=listed(bag, bad), output_dir=output) as node,
+    ):
+        node.identify()
+        status = node.status('identify_bag: error: ')
+        assert status.level == DiagnosticStatus.ERROR
+        assert str(bad) in status.message
+        assert 'Traceback' not in status.message
+        graph.set(node.name, bags=[str(bag)])
+        graph.set(node.name, split='60/40')
+        node.identify()
+        assert "'60/40' is not three numbers" in node.status('60/40').message
+
+
+def test_cancel_ends_the_fit_at_once_and_leaves_earlier_outputs(graph: Graph, bag: Path, tmp_path: Path) -> None:
+    with (
+        earlier_results(tmp_path / 'out') as output,
+        identifier(graph, bags=listed(*[bag] * 30), output_dir=output) as node,
+    ):
+        for percent in (0.0, 20.0):  # while it starts, and in its midst
+            node.identify()
+            node.progress(percent)
+            since = time.monotonic()
+            assert graph.trigger(f'{node.name}/cancel').success
+            assert node.status('cancelled').level == DiagnosticStatus.WARN
+            assert time.monotonic() - since < ENDING
+
+
+def test_an_interrupt_ends_node_and_fit(graph: Graph, bag: Path, tmp_path: Path) -> None:
+    with (
+        earlier_results(tmp_path / 'out') as output,
+        identifier(graph, bags=listed(*[bag] * 30), output_dir=output) as node,
+    ):
+        node.identify()
+        node.progress(20.0)
+        (fit,) = children(node.process.pid)
+        since = time.monotonic()
+        node.process.stop(signal.SIGINT)
+        assert time.monotonic() - since < ENDING
+        assert not Path(f'/proc/{fit}').exists()
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    return [
+        int(child) for task in Path(f'/proc/{pid}/task').iterdir() for child in (task / 'children').read_text().split()
+    ]

@@ -1,0 +1,153 @@
+"""`recorder_node`: what it hears is in the bag, and a simulator that hears the bag again says the same."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import numpy as np
+from graph import MILLISECOND, Graph, SimClient, refusals, ros_arguments, unique_namespace
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+from std_msgs.msg import Float64, String
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_STATE, setpoint_topic
+from cfd_pneumatic.nodes.messages import nanoseconds
+from cfd_pneumatic.recording import read_recording
+from cfd_pneumatic.units import PSI
+
+TYPES = get_typestore(Stores.ROS2_HUMBLE)
+
+
+def read_bag(bag: Path) -> dict[str, list]:
+    """Return the messages of each topic in their order."""
+    messages: dict[str, list] = {}
+    with Reader(bag) as reader:
+        for connection, _, data in reader.messages():
+            messages.setdefault(connection.topic, []).append(TYPES.deserialize_cdr(data, connection.msgtype))
+    return messages
+
+
+def recorder(bag: Path, *topics: str, **parameters: object) -> list[str]:
+    return ros_arguments(parameters={'output': bag, 'topics': f'[{",".join(topics)}]', **parameters})
+
+
+def test_nothing_is_lost_at_500_hertz(graph: Graph, tmp_path: Path) -> None:
+    device, bag = unique_namespace(), tmp_path / 'bag'
+    topics = [PISTON_STATE, 'measured_force']
+    for cylinder in CYLINDERS:
+        topics += [f'{cylinder}/{name}' for name in ('setpoint', 'setpoint_applied', 'pressure')]
+    settings = {
+        'schedule': 'surface_following',
+        'schedule_duration': 3.0,
+        'start_subscribers': 1,
+        'start_delay': 1.0,
+        'exit_when_done': True,
+    }
+    with graph.run('recorder_node', recorder(bag, *(f'{device}/{topic}' for topic in topics))) as process:
+        with graph.run('rig_node', ros_arguments(device, settings)) as rig:
+            assert rig.wait() == 0
+            (played,) = (int(line.split()[-2]) for line in rig.stderr.splitlines() if 'played' in line)
+        assert not bag.exists(), 'it appears when it is complete'
+        process.stop()
+    messages = read_bag(bag)
+    assert {topic: len(found) for topic, found in messages.items() if not topic.endswith('/setpoint')} == {
+        f'{device}/{topic}': played for topic in topics if not topic.endswith('/setpoint')
+    }
+    assert messages[f'{device}/cylinder_a/setpoint']
+    recording = read_recording(bag)
+    assert len(recording.displacement) == played
+    assert list(recording.cylinders) == list(CYLINDERS)
+
+
+def test_a_simulator_that_hears_the_recording_again_answers_bit_for_bit(graph: Graph, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    steps = rng.normal(0.0, 1e-5, 300)
+    stamps = 5_000_000_000_000 + np.cumsum(rng.integers(MILLISECOND, 4 * MILLISECOND, steps.size))
+    changes = {index: 10 * PSI + rng.normal(0.0, 3e3, 2) for index in range(0, steps.size, 37)}
+    original, bag = unique_namespace(), tmp_path / 'bag'
+    with graph.run('sim_node', ros_arguments(original)):
+        sim = SimClient(graph, original).meet()
+        topics = [f'{original}/{topic}' for topic in (PISTON_STATE, *map(setpoint_topic, CYLINDERS), *sim.heard)]
+        with graph.run('recorder_node', recorder(bag, *topics)) as process:
+            graph.until(lambda: process.stderr.count('recording /') == len(topics))
+            graph.until(lambda: sim.piston_out.get_subscription_count() == 2)
+            sim.restart()
+            for index, (stamp, position) in enumerate(zip(stamps.tolist(), np.cumsum(steps).tolist())):
+                for cylinder, value in enumerate(changes.get(index, ())):
+                    sim.setpoint(cylinder, value)
+                sim.send(stamp, position)
+                if index == 150:  # a pause, in which there are previews
+                    heard = len(sim.heard['contact_force'])
+                    graph.until(lambda heard=heard: len(sim.heard['contact_force']) > heard + 152)
+            graph.until(lambda: sim.answer(int(stamps[-1])))
+    messages = read_bag(bag)
+    outputs = {
+        topic: {nanoseconds(one.header.stamp): one for one in messages[f'{original}/{topic}']} for topic in sim.heard
+    }
+    recorded = [
+        one for one in messages[f'{original}/{PISTON_STATE}'] if nanoseconds(one.header.stamp) in set(stamps.tolist())
+    ]
+    assert len(recorded) == stamps.size
+
+    again = unique_namespace()
+    with graph.run('sim_node', ros_arguments(again)):
+        sim = SimClient(graph, again).meet()
+        for message in recorded:
+            stamp = nanoseconds(message.header.stamp)
+            for index, cylinder in enumerate(CYLINDERS):
+                applied = outputs[f'{cylinder}/setpoint_applied'][stamp].fluid_pressure
+                sim.setpoint(index, applied - AMBIENT_PRESSURE)
+            answer = sim.sample(stamp, float(message.position[0]))
+            for cylinder in CYLINDERS:
+                for topic in (f'{cylinder}/pressure', f'{cylinder}/setpoint_applied'):
+                    assert answer[topic] == outputs[topic][stamp].fluid_pressure
+            assert answer['contact_force'].x == outputs['contact_force'][stamp].wrench.force.x
+
+
+def test_late_and_latched_topics_are_in_and_missing_ones_are_named(graph: Graph, tmp_path: Path) -> None:
+    namespace, bag = unique_namespace(), tmp_path / 'bag'
+    latched, late, never = (f'{namespace}/{name}' for name in ('latched', 'late', 'never'))
+    latched_out = graph.node.create_publisher(
+        String, latched, QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    )
+    latched_out.publish(String(data='said before'))
+    with graph.run('recorder_node', recorder(bag, latched, late, never, storage='sqlite3')) as process:
+        graph.until(lambda: f'recording {latched}' in process.stderr)
+        late_out = graph.publisher(Float64, late)
+        graph.until(lambda: late_out.get_subscription_count())
+        graph.until(lambda: f'recording {late}' in process.stderr)
+        for value in range(1000):
+            late_out.publish(Float64(data=float(value)))
+        assert late_out.wait_for_all_acked()
+        process.stop(signal.SIGTERM)
+        assert f'never seen, so not in the bag: {never}' in process.stderr
+    messages = read_bag(bag)
+    assert [message.data for message in messages[latched]] == ['said before']
+    assert [message.data for message in messages[late]] == [float(value) for value in range(1000)]
+
+
+BAD = (
+    ({}, "parameter 'output' is empty"),
+    ({'output': '{}/bag'}, "parameter 'topics' is empty"),
+    ({'output': '{}/bag', 'topics': '[a]', 'storage': 'tape'}, "parameter 'storage' is 'tape': choose mcap or sqlite3"),
+    ({'output': '{}/there', 'topics': '[a]'}, 'there exists already'),
+    ({'output': '{}/there', 'topics': '[a]', 'overwrite': True}, 'is not a bag and is not overwritten'),
+    ({'output': '{}/there/bag', 'topics': '[a]'}, 'is not a folder'),
+    ({'output': '{}/bag', 'topics': '[a b]'}, "parameter 'topics': 'a b': failed to resolve name"),
+)  # fmt: skip
+
+
+def test_what_cannot_be_recorded_is_one_line_and_nothing_is_left(tmp_path: Path) -> None:
+    (tmp_path / 'there').write_text('mine')
+    command_lines = []
+    for parameters, _ in BAD:
+        given = {
+            name: value.format(tmp_path) if isinstance(value, str) else value for name, value in parameters.items()
+        }
+        command_lines.append(ros_arguments(parameters=given))
+    for line, (_, message) in zip(refusals('recorder_node', command_lines), BAD):
+        assert message in line
+    assert [path.name for path in tmp_path.iterdir()] == ['there']
+    assert (tmp_path / 'there').read_text() == 'mine'

@@ -1,0 +1,562 @@
+"""`sim_node` as a user meets it: a process of its own, reached over DDS."""
+
+from __future__ import annotations
+
+import math
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from graph import MILLISECOND, PATIENCE, Graph, SimClient, refusals, ros_arguments, unique_namespace
+from measured import MAPPING, ROOT, needs_measured_data
+from rcl_interfaces.srv import DescribeParameters, ListParameters
+from rclpy.parameter import Parameter
+from rclpy.qos import ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from cfd_pneumatic.commands.identify_bag import main as identify_bag
+from cfd_pneumatic.convention import (
+    AMBIENT_PRESSURE,
+    CONTACT_FORCE,
+    CYLINDERS,
+    FORCE_SETPOINT,
+    PISTON_STATE,
+    pressure_topic,
+    setpoint_applied_topic,
+    setpoint_topic,
+)
+from cfd_pneumatic.model import NAMES, SPECS, TABLE_1, Cylinder, Device, ForceGeometry, LiveDevice, OperatingPoints
+from cfd_pneumatic.nodes.messages import stamp_message
+from cfd_pneumatic.units import PSI
+
+PRESSURE_A, PRESSURE_B = map(pressure_topic, CYLINDERS)
+APPLIED_A, APPLIED_B = map(setpoint_applied_topic, CYLINDERS)
+AREA = 1.14e-3
+SET = 10 * PSI
+REST = AMBIENT_PRESSURE + SET
+START = 2_000_000_000_000
+
+
+def model(points: OperatingPoints = TABLE_1, *, single: bool = False) -> LiveDevice:
+    cylinder = Cylinder(points, AMBIENT_PRESSURE)
+    return LiveDevice(
+        Device(cylinder, None if single else cylinder, ForceGeometry(AREA, 1.0, AMBIENT_PRESSURE)), max_gap=1.0
+    )
+
+
+def expected(live: LiveDevice, stamp: int, position: float, setpoints: tuple[float, float]) -> tuple[float, float]:
+    """Step the pure-Python device; return its pressures."""
+    live.sample(stamp, position, setpoints)
+    state = live.committed.state
+    return state.a.p, state.b.p
+
+
+def gains(points: OperatingPoints) -> dict[str, list[float]]:
+    """Return the parameters that give both cylinders these operating points."""
+    return {
+        f'{cylinder}__{name}': getattr(points, name).tolist()
+        for cylinder in CYLINDERS
+        for name in ('setpoints', *NAMES)
+    }
+
+
+@pytest.fixture(scope='module')
+def shared(graph: Graph) -> Iterator[SimClient]:
+    namespace = unique_namespace()
+    with graph.run('sim_node', ros_arguments(namespace)):
+        yield SimClient(graph, namespace).meet()
+
+
+@pytest.fixture
+def sim(shared: SimClient) -> SimClient:
+    """Return a node at rest with its default parameters and set-points."""
+    defaults = {'axis': 'x', 'geometric_factor': 1.0, 'max_gap': 1.0, 'joint': 'piston', 'bias_pressure': SET}
+    assert shared.graph.set_atomically(shared.node, **gains(TABLE_1), **defaults).successful
+    shared.restart()
+    establish(shared, SET, SET)
+    return shared.restart()
+
+
+def establish(sim: SimClient, *setpoints: float) -> None:
+    """Send set-points and wait until the node has them."""
+    for index, setpoint in enumerate(setpoints):
+        sim.setpoint(index, setpoint)
+    applied = [setpoint_applied_topic(name) for name in sim.cylinders]
+
+    def has_them() -> bool:
+        answer = sim.answer(sim.stamp)
+        return answer is not None and [answer[topic] for topic in applied] == [
+            setpoint + AMBIENT_PRESSURE for setpoint in setpoints
+        ]
+
+    sim.graph.until(has_them, doing=lambda: sim.send(sim.stamp + MILLISECOND, 0.0))
+
+
+def stroke(count: int = 40) -> list[tuple[int, float]]:
+    """Return irregular stamps and positions of a smooth step."""
+    rng = np.random.default_rng(5)
+    stamps = START + np.cumsum(rng.integers(1_500_000, 2_500_000, count))
+    positions = 1.5e-3 / (1.0 + np.exp(-(np.arange(count) - 15.0)))
+    return list(zip(stamps.tolist(), positions.tolist()))
+
+
+# answers
+
+
+def test_every_sample_is_answered_with_its_stamp_and_the_model_s_pressures_to_the_last_bit(sim: SimClient) -> None:
+    live = model()
+    for stamp, position in stroke():
+        answer = sim.sample(stamp, position)
+        a, b = expected(live, stamp, position, (REST, REST))
+        assert (answer[PRESSURE_A], answer[PRESSURE_B]) == (a, b)
+        assert (answer[APPLIED_A], answer[APPLIED_B]) == (REST, REST)
+        assert answer[CONTACT_FORCE].x == (a - b) * AREA
+        assert (answer[CONTACT_FORCE].y, answer[CONTACT_FORCE].z) == (0.0, 0.0)
+    assert min(value for _, value in sim.series(PRESSURE_A)) < REST - 100.0, 'A grows with +x'
+    assert all(message.header.frame_id == 'cfd' for messages in sim.heard.values() for message in messages)
+
+
+def test_a_set_point_sent_just_before_a_sample_acts_on_it(sim: SimClient) -> None:
+    live = model()
+    targets = [SET + 500.0 * (-1) ** index * index for index in range(60)]
+    sim.sample(START, 0.0)
+    live.sample(START, 0.0, (REST, REST))
+    stamps = [START + (index + 1) * 2 * MILLISECOND for index in range(len(targets))]
+    for stamp, target in zip(stamps, targets):
+        sim.setpoint(0, target)
+        sim.send(stamp, 0.0)
+    sim.graph.until(lambda: sim.answer(stamps[-1]))
+    applied = dict(sim.series(APPLIED_A))
+    pressures = dict(sim.series(PRESSURE_A))
+    for stamp, target in zip(stamps, targets):
+        assert applied[stamp] == target + AMBIENT_PRESSURE
+        assert pressures[stamp] == expected(live, stamp, 0.0, (target + AMBIENT_PRESSURE, REST))[0]
+
+
+def test_a_force_is_a_pair_about_the_bias_and_the_last_writer_wins(sim: SimClient) -> None:
+    stamps = (START + index * MILLISECOND for index in range(1, 10_000))
+
+    def applied_becomes(a: float, b: float) -> None:
+        answer = sim.graph.until(
+            lambda: (answer := sim.answer(sim.stamp)) and answer[APPLIED_A] == pytest.approx(a, abs=0.01) and answer,
+            doing=lambda: sim.send(next(stamps), 0.0),
+        )
+        assert answer[APPLIED_B] == pytest.approx(b, abs=0.01)
+
+    half = 20.0 / AREA / 2.0
+    sim.force_setpoint(20.0)
+    applied_becomes(REST + half, REST - half)
+    sim.setpoint(0, 8 * PSI)
+    applied_becomes(AMBIENT_PRESSURE + 8 * PSI, REST - half)
+    assert sim.graph.set(sim.node, bias_pressure=12 * PSI).successful
+    assert sim.graph.set(sim.node, geometric_factor=-2.0).successful
+    sim.force_setpoint(20.0)
+    applied_becomes(AMBIENT_PRESSURE + 12 * PSI - half / 2.0, AMBIENT_PRESSURE + 12 * PSI + half / 2.0)
+    last = next(stamps) + 900 * MILLISECOND
+    for pause in range(4):
+        answer = sim.sample(last + 900 * MILLISECOND * pause, 0.0)
+    assert answer[CONTACT_FORCE].x == pytest.approx(20.0, rel=1e-6)
+
+
+def test_the_force_lies_along_the_chosen_axis(sim: SimClient) -> None:
+    assert sim.graph.set(sim.node, axis='y').successful
+    establish(sim, 12 * PSI, SET)
+    sim.restart()
+    force = sim.sample(START, 0.0)[CONTACT_FORCE]
+    assert (force.x, force.z) == (0.0, 0.0)
+    assert force.y == pytest.approx(2 * PSI * AREA)
+
+
+def test_one_cylinder_works_against_ambient_pressure(graph: Graph) -> None:
+    namespace = unique_namespace()
+    parameters = {'cylinder_b.enabled': False, 'ambient_pressure': 9.0e4, 'geometric_factor': 2.0}
+    with graph.run('sim_node', ros_arguments(namespace, parameters)):
+        sim = SimClient(graph, namespace, cylinders=CYLINDERS[:1]).meet()
+        assert sim.sample(START, 0.0)[CONTACT_FORCE].x == pytest.approx(SET * AREA * 2.0)
+        topics = {topic for topic, _ in graph.node.get_topic_names_and_types() if topic.startswith(namespace)}
+        assert not any('cylinder_b' in topic for topic in topics)
+        sim.force_setpoint(300.0)
+        applied = graph.until(
+            lambda: (answer := sim.answer(sim.stamp)) and answer[APPLIED_A] != 9.0e4 + SET and answer[APPLIED_A],
+            doing=lambda: sim.send(sim.stamp + MILLISECOND, 0.0),
+        )
+        assert applied == pytest.approx(9.0e4 + 300.0 / AREA / 2.0), 'it takes all of the difference'
+
+
+def test_topics_have_the_promised_types_and_qos_and_one_publisher_beside_a_device(graph: Graph) -> None:
+    device, simulator = f'{unique_namespace()}/device', f'{unique_namespace()}/sim'
+    inputs = (PISTON_STATE, *map(setpoint_topic, CYLINDERS), FORCE_SETPOINT)
+    remaps = {topic: f'{device}/{topic}' for topic in inputs}
+    # a device that publishes the simulator's outputs, too, in its own namespace
+    with (
+        graph.run('rig_node', ros_arguments(device)),
+        graph.run('sim_node', ros_arguments(simulator, remaps=remaps)),
+    ):
+        sim = SimClient(graph, simulator, inputs=device)
+        graph.until(lambda: all(sim.heard.values()))
+        find = graph.node.get_publishers_info_by_topic
+        graph.until(lambda: all(find(f'{simulator}/{topic}')[0].node_name == 'sim_node' for topic in sim.heard))
+        outputs = {
+            PRESSURE_A: 'FluidPressure', PRESSURE_B: 'FluidPressure',
+            APPLIED_A: 'FluidPressure', APPLIED_B: 'FluidPressure',
+        }  # fmt: skip
+        for topic, kind in outputs.items():
+            for namespace in (device, simulator):
+                (publisher,) = find(f'{namespace}/{topic}')
+                assert publisher.topic_type == f'sensor_msgs/msg/{kind}'
+                assert publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+                assert publisher.qos_profile.depth in (0, 10)  # 0: this middleware does not tell others
+        (publisher,) = graph.node.get_publishers_info_by_topic(f'{simulator}/{CONTACT_FORCE}')
+        assert publisher.topic_type == 'geometry_msgs/msg/WrenchStamped'
+        for topic in inputs:
+            readers = graph.node.get_subscriptions_info_by_topic(f'{device}/{topic}')
+            (reader,) = [one for one in readers if one.node_name == 'sim_node']
+            best_effort = topic == PISTON_STATE
+            assert (reader.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT) == best_effort
+            assert reader.topic_type == f'{"sensor_msgs/msg/JointState" if best_effort else "std_msgs/msg/Float64"}'
+
+
+def test_a_qos_override_holds_for_its_topic_only(graph: Graph) -> None:
+    namespace = unique_namespace()
+    overrides = {
+        f'qos_overrides.{namespace}/{PRESSURE_A}.publisher.reliability': 'best_effort',
+        f'qos_overrides.{namespace}/{PISTON_STATE}.subscription.reliability': 'reliable',
+        f'qos_overrides.{namespace}/{PISTON_STATE}.subscription.depth': 7,
+    }
+    with graph.run('sim_node', ros_arguments(namespace, overrides)):
+        find = graph.node.get_publishers_info_by_topic
+        graph.until(lambda: find(f'{namespace}/{CONTACT_FORCE}'))
+        reliability = {
+            topic: find(f'{namespace}/{topic}')[0].qos_profile.reliability for topic in (PRESSURE_A, PRESSURE_B)
+        }
+        assert reliability == {
+            PRESSURE_A: ReliabilityPolicy.BEST_EFFORT,
+            PRESSURE_B: ReliabilityPolicy.RELIABLE,
+        }
+        (reader,) = graph.until(lambda: graph.node.get_subscriptions_info_by_topic(f'{namespace}/{PISTON_STATE}'))
+        assert reader.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        depth = f'qos_overrides.{namespace}/{PISTON_STATE}.subscription.depth'
+        assert graph.get(f'{namespace}/sim_node', depth) == [7]
+
+
+# stamps
+
+
+def test_a_gap_and_a_stamp_that_goes_back_start_anew_and_equal_stamps_are_ignored(sim: SimClient) -> None:
+    repeated, resets = sim.count('repeated stamps'), sim.count('resets')
+    sim.sample(START, 0.0)
+    assert sim.sample(START + 2 * MILLISECOND, 1e-4)[PRESSURE_A] != REST
+    sim.send(START + 2 * MILLISECOND, 5e-4)
+    assert sim.sample(START + 1003 * MILLISECOND, 1e-3)[PRESSURE_A] == REST, 'beyond max_gap'
+    live = model()
+    live.sample(START + 1003 * MILLISECOND, 1e-3, (REST, REST))
+    stamp = START + 2003 * MILLISECOND
+    assert sim.sample(stamp, 2e-3)[PRESSURE_A] == expected(live, stamp, 2e-3, (REST, REST))[0], 'max_gap itself is none'
+    assert sim.sample(START, 3e-3)[PRESSURE_A] == REST, 'it went back'
+    assert sim.count('repeated stamps') == repeated + 1
+    assert sim.count('resets') == resets + 2
+    assert [stamp for stamp, _ in sim.series(APPLIED_A)].count(START + 2 * MILLISECOND) == 1
+
+
+def test_resets_are_warned_of(graph: Graph) -> None:
+    namespace = unique_namespace()
+    with graph.run('sim_node', ros_arguments(namespace, {'max_gap': 0.25})) as process:
+        sim = SimClient(graph, namespace).meet()
+        sim.sample(START, 0.0)
+        sim.sample(START + 251 * MILLISECOND, 0.0)
+        graph.until(lambda: 'moved by 0.251000 s (allowed: forward, at most max_gap 0.25 s)' in process.stderr)
+        # a bare `ros2 topic pub` has no stamp
+        assert 'zero stamp' not in process.stderr
+        applied = sim.heard[APPLIED_A]
+        before, now = len(applied), time.time()
+        graph.until(lambda: len(applied) > before + 3, doing=lambda: sim.send(0, 0.0))
+        assert applied[-1].header.stamp.sec == pytest.approx(now, abs=PATIENCE)
+        assert process.stderr.count('zero stamp') == 1
+        assert sim.count('zero stamps') >= 4
+
+
+def test_reset_starts_at_rest(sim: SimClient) -> None:
+    sim.sample(START, 0.0)
+    assert sim.sample(START + 2 * MILLISECOND, 1e-3)[PRESSURE_A] < REST
+    assert sim.graph.trigger(f'{sim.node}/reset').success
+    assert sim.sample(START + 4 * MILLISECOND, 2e-3)[PRESSURE_A] == REST
+
+
+def test_previews_fill_a_silence_and_leave_no_trace(sim: SimClient) -> None:
+    live = model()
+    for stamp in (START, START + 2 * MILLISECOND):
+        position = 1e-3 * (stamp - START) / MILLISECOND
+        answer = sim.sample(stamp, position)
+        expected(live, stamp, position, (REST, REST))
+    last = len(sim.heard[PRESSURE_A])
+    sim.graph.until(lambda: len(sim.heard[PRESSURE_A]) >= last + 3 and len(sim.heard[CONTACT_FORCE]) >= last + 3)
+    for stamp, pressure in sim.series(PRESSURE_A)[last:]:
+        elapsed = (stamp - START - 2 * MILLISECOND) * 1e-9
+        assert elapsed >= 0.1
+        assert pressure == pytest.approx(live.preview(elapsed, (REST, REST)).a.p, abs=1e-3)
+        assert abs(pressure - REST) < abs(answer[PRESSURE_A] - REST)
+    assert len(sim.heard[APPLIED_A]) == last, 'a preview is no sample'
+    stamp = START + 500 * MILLISECOND
+    assert sim.sample(stamp, 3e-3)[PRESSURE_A] == expected(live, stamp, 3e-3, (REST, REST))[0]
+
+
+# input that is of no use
+
+
+USELESS = (
+    JointState(name=['piston'], position=[math.nan]),
+    JointState(name=['piston'], position=[math.inf]),
+    JointState(name=['piston'], position=[1e300]),
+    JointState(name=['piston'], position=[]),
+    JointState(name=['elbow'], position=[0.0]),
+    JointState(name=['elbow', 'piston'], position=[0.0]),
+    JointState(),
+)
+
+
+def test_a_sample_of_no_use_is_ignored(sim: SimClient) -> None:
+    ignored = sim.count('ignored samples')
+    live = model()
+    for stamp, position in ((START, 0.0), (START + 2 * MILLISECOND, 1e-3)):
+        sim.sample(stamp, position)
+        expected(live, stamp, position, (REST, REST))
+    for index, message in enumerate(USELESS):
+        message.header.stamp = stamp_message(START + (10 + index) * MILLISECOND)
+        sim.piston_out.publish(message)
+    sim.graph.until(lambda: sim.count('ignored samples') == ignored + len(USELESS))
+    status = sim.graph.next_diagnostics(sim.node, lambda status: status.level == status.ERROR)
+    assert "no usable position of joint 'piston'" in status.message
+    stamp = START + 500 * MILLISECOND
+    assert sim.sample(stamp, 2e-3)[PRESSURE_A] == expected(live, stamp, 2e-3, (REST, REST))[0]
+    assert [stamp for stamp, _ in sim.series(PRESSURE_A)] == [START, START + 2 * MILLISECOND, stamp], 'and no previews'
+
+
+def test_a_set_point_of_no_use_is_ignored(sim: SimClient) -> None:
+    ignored = sim.count('ignored set-points')
+    nonsense = (math.nan, math.inf, -AMBIENT_PRESSURE - 1.0, 75 * PSI + 1.0)
+    for value in nonsense:
+        sim.setpoint(0, value)
+    for force in (math.nan, -math.inf, 1e6):
+        sim.force_setpoint(force)
+    sim.graph.until(lambda: sim.count('ignored set-points') == ignored + 7)
+    answer = sim.sample(START, 0.0)
+    assert (answer[APPLIED_A], answer[APPLIED_B]) == (REST, REST)
+    establish(sim, -AMBIENT_PRESSURE, 75 * PSI)  # vacuum and supply themselves are in
+
+
+def test_warnings_are_throttled_and_say_what_is_wrong(graph: Graph) -> None:
+    namespace = unique_namespace()
+    with graph.run('sim_node', ros_arguments(namespace, {'joint': 'slider'})) as process:
+        sim = SimClient(graph, namespace)
+        graph.until(
+            lambda: sim.sent >= 10 and 'ignored' in process.stderr, doing=lambda: sim.send(START, 0.0, joint='piston')
+        )
+        status = graph.next_diagnostics(sim.node, lambda status: status.level == status.ERROR)
+        assert "no usable position of joint 'slider' (joints: 'piston')" in status.message
+        assert process.stderr.count('no usable position') <= 2
+        graph.until(lambda: 'above the supply pressure' in process.stderr, doing=lambda: sim.setpoint(0, 1e6))
+        graph.until(
+            lambda: 'outside the operating points' in process.stderr,
+            doing=lambda: (sim.setpoint(0, 30 * PSI), sim.send(sim.stamp + MILLISECOND, 0.0, joint='slider')),
+        )
+
+
+def test_silence_is_an_error_until_samples_come_again(sim: SimClient) -> None:
+    sim.sample(START, 0.0)
+    status = sim.graph.next_diagnostics(sim.node, lambda status: status.level == status.ERROR)
+    assert 'piston_state has been silent for' in status.message
+    status = sim.graph.next_diagnostics(
+        sim.node,
+        lambda status: status.level == status.OK,
+        doing=lambda: sim.send(sim.stamp + 100 * MILLISECOND, 0.0),
+    )
+    values = {value.key: value.value for value in status.values}
+    assert status.message == 'following piston_state'
+    assert float(values['cylinder_a pressure, absolute [Pa]']) == pytest.approx(REST, abs=0.1)
+    assert float(values['cylinder_b set-point, gauge [Pa]']) == pytest.approx(SET, abs=0.1)
+
+
+def test_the_watchdog_outlives_a_clock_that_stops(graph: Graph) -> None:
+    namespace = unique_namespace()
+    clock = graph.publisher(Clock, '/clock')
+    with graph.run('sim_node', ros_arguments(namespace, {'use_sim_time': True})):
+        sim = SimClient(graph, namespace)
+        tick = Clock()
+        tick.clock.sec = 77
+        graph.until(lambda: sim.heard[PRESSURE_A], doing=lambda: (clock.publish(tick), sim.send(0, 0.0)))
+        graph.until(
+            lambda: sim.heard[APPLIED_A] and sim.heard[APPLIED_A][-1].header.stamp.sec == 77,
+            doing=lambda: (clock.publish(tick), sim.send(0, 0.0)),
+        )  # a zero stamp takes the simulated time
+        status = graph.next_diagnostics(sim.node, lambda status: status.level == status.ERROR)
+        assert 'silent' in status.message
+        previews = len(sim.heard[PRESSURE_A])
+        sim.sample(START, 0.0)
+        graph.until(lambda: len(sim.heard[PRESSURE_A]) > previews + 3)
+
+
+# parameters
+
+
+def test_every_parameter_is_described_with_its_unit_and_range(sim: SimClient) -> None:
+    names = sim.graph.call(ListParameters, f'{sim.node}/list_parameters').result.names
+    ours = [name for name in names if not name.startswith(('qos_overrides', 'use_sim_time', 'start_type'))]
+    request = DescribeParameters.Request(names=ours)
+    answer = sim.graph.call(DescribeParameters, f'{sim.node}/describe_parameters', request)
+    described = {descriptor.name: descriptor for descriptor in answer.descriptors}
+    for cylinder in CYLINDERS:
+        assert described[f'{cylinder}.setpoints'].description.endswith('[Pa]')
+        for spec in SPECS:
+            descriptor = described[f'{cylinder}.{spec.name}']
+            assert descriptor.description.endswith(f'[{spec.unit}]')
+            assert f'{spec.lower:g} to {spec.upper:g} {spec.unit}' in descriptor.additional_constraints
+    for descriptor in described.values():
+        assert len(descriptor.description) > 15, descriptor.name
+        if descriptor.type == Parameter.Type.DOUBLE.value:
+            (bounds,) = descriptor.floating_point_range
+            assert bounds.from_value < bounds.to_value
+            assert descriptor.description.endswith(']')
+
+
+def test_a_good_value_acts_from_the_next_sample(sim: SimClient) -> None:
+    live = model()
+    for stamp, position in stroke(20):
+        sim.sample(stamp, position)
+        expected(live, stamp, position, (REST, REST))
+    points = OperatingPoints.constant(k_x=4e6, k_sv=80.0, k_v=15.0, tau=0.02, setpoint=SET)
+    assert sim.graph.set_atomically(sim.node, **gains(points)).successful, (
+        'another number of operating points, all at once'
+    )
+    live.device = model(points).device
+    for stamp, position in stroke(40)[20:]:
+        answer = sim.sample(stamp, position)
+        assert (answer[PRESSURE_A], answer[PRESSURE_B]) == expected(live, stamp, position, (REST, REST))
+    assert sim.graph.set(sim.node, cylinder_a__tau=[0.01]).successful
+    assert sim.graph.get(sim.node, 'cylinder_a.tau') == [[0.01]]
+
+
+@pytest.mark.parametrize(('name', 'value', 'reason'), [
+    ('cylinder_a__k_x', [4e6, 4e6], 'cylinder_a.k_x has 2 entries but setpoints has 4'),
+    ('cylinder_a__setpoints', [1e4], 'has 4 entries but setpoints has 1'),
+    ('cylinder_b__setpoints', [4e4, 3e4, 5e4, 6e4], 'cylinder_b.setpoints must be finite and strictly increasing'),
+    ('cylinder_b__k_sv', [100.0, math.nan, 100.0, 100.0], 'cylinder_b.k_sv[1] = nan is outside 0.001 to 5000 1/s'),
+    ('cylinder_b__tau', [0.01, 0.01, 0.01, -1.0], 'cylinder_b.tau[3] = -1 is outside 1e-05 to 100 s'),
+    ('cylinder_a__k_x', [4, 4, 4, 4], 'cylinder_a.k_x is INTEGER_ARRAY where DOUBLE_ARRAY belongs (write 1.0 for 1)'),
+    ('cylinder_a__k_x', 4e6, 'cylinder_a.k_x is DOUBLE where DOUBLE_ARRAY belongs'),
+    ('cylinder_a__k_x', ['fast'], 'cylinder_a.k_x is STRING_ARRAY where'),
+    ('max_gap', 1, 'max_gap is INTEGER where DOUBLE belongs (write 1.0 for 1)'),
+    ('axis', True, 'axis is BOOL where STRING belongs (quote it'),
+    ('max_gap', math.nan, 'max_gap out of range'),
+    ('area', -1.0, 'area out of range'),
+    ('geometric_factor', 0.0, 'geometric_factor is 0'),
+    ('axis', 'w', "axis 'w' is not one of x, y, z"),
+    ('cylinder_b__enabled', False, 'read-only parameter: cylinder_b.enabled'),
+    ('preview_period', 1.0, 'read-only parameter: preview_period'),
+])  # fmt: skip
+def test_a_bad_value_is_rejected_with_its_reason_and_the_old_one_kept(
+    sim: SimClient, name: str, value: object, reason: str
+) -> None:
+    full = name.replace('__', '.')
+    before = sim.graph.get(sim.node, full)
+    for put in (sim.graph.set, sim.graph.set_atomically):
+        result = put(sim.node, **{name: value})
+        assert not result.successful
+        assert reason in result.reason
+    assert sim.graph.get(sim.node, full) == before
+    sim.sample(START, 0.0)
+    live = model()
+    live.sample(START, 0.0, (REST, REST))
+    stamp = START + 2 * MILLISECOND
+    assert sim.sample(stamp, 1e-4)[PRESSURE_A] == expected(live, stamp, 1e-4, (REST, REST))[0]
+
+
+def test_one_bad_value_of_several_rejects_them_all(sim: SimClient) -> None:
+    result = sim.graph.set_atomically(sim.node, max_gap=2.0, cylinder_a__tau=[0.01])
+    assert not result.successful
+    assert 'cylinder_a.tau has 1 entries' in result.reason
+    assert sim.graph.get(sim.node, 'max_gap') == [1.0]
+
+
+GAINS = '    cylinder_a:\n      {}\n'
+
+
+BAD_FILES = (
+    (GAINS.format('k_x: [1.0e6, 2]'), 'Sequence should be of same type'),
+    (GAINS.format('k_x: [1, 2, 3, 4]'), "'cylinder_a.k_x' to '[1, 2, 3, 4]' of type 'INTEGER_ARRAY'"),
+    (GAINS.format('k_x: [1.0e6, 2.0e6]'), 'cylinder_a.k_x has 2 entries but setpoints has 4: give one for each'),
+    (GAINS.format('k_x: []'), "'cylinder_a.k_x' is not initialized"),
+    (GAINS.format('setpoints: [3.0, 2.0]'), 'cylinder_a: setpoints must be finite and strictly increasing'),
+    (GAINS.format('tau: [.nan, 0.1, 0.1, 0.1]'), 'cylinder_a.tau[0] = nan is outside'),
+    (GAINS.format('initial_setpoint: 1.0e6'), 'cylinder_a.initial_setpoint is 1000000 Pa, above the supply pressure'),
+    ('    axis: w\n', "axis 'w' is not one of x, y, z"),
+    ('    axis: y\n', 'expecting type \'STRING\': axis (quote it'),
+    ('    max_gap: 1\n', "'max_gap' to '1' of type 'INTEGER', expecting type 'DOUBLE': max_gap (write 1.0 for 1)"),
+    ('    qos_overrides:\n      /piston_state:\n        subscription:\n          reliability: perhaps\n',
+     'piston_state: Unexpected QoS override'),
+    ('  - [', "Couldn't parse params file"),
+)  # fmt: skip
+
+
+def test_a_bad_parameter_file_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
+    files = [tmp_path / f'{number}.yaml' for number in range(len(BAD_FILES))]
+    for file, (text, _) in zip(files, BAD_FILES):
+        file.write_text(f'/**:\n  ros__parameters:\n{text}')
+    files.append(tmp_path / 'none.yaml')
+    messages = [*(message for _, message in BAD_FILES), 'Error opening YAML file']
+    lines = refusals('sim_node', [['--ros-args', '--params-file', str(file)] for file in files])
+    for line, message in zip(lines, messages):
+        assert message in line
+
+
+def test_a_table_runs_as_a_parameter_file(graph: Graph, request: pytest.FixtureRequest) -> None:
+    namespace = unique_namespace()
+    table = request.config.rootpath / 'config' / 'table_2.yaml'
+    with graph.run('sim_node', [*ros_arguments(namespace), '--params-file', str(table)]):
+        (gains,) = graph.get(f'{namespace}/sim_node', 'cylinder_b.k_sv')
+        assert gains == [25.0, 62.9682]
+
+
+@needs_measured_data
+def test_what_a_measured_run_at_7_bar_gave_runs_as_it_is(graph: Graph, tmp_path: Path) -> None:
+    run = ROOT / 'friction' / 'O-ring257_7bar.csv'
+    assert identify_bag([str(run), '--mapping', str(MAPPING), '--output', str(tmp_path), '--progress', 'none']) == 0
+    namespace = unique_namespace()
+    with graph.run('sim_node', [*ros_arguments(namespace), '--params-file', str(tmp_path / 'parameters.yaml')]):
+        answer = SimClient(graph, namespace).meet().sample(START, 0.0)
+        assert answer[PRESSURE_A] == pytest.approx(AMBIENT_PRESSURE + 7e5, rel=0.02)
+
+
+# the program
+
+
+@pytest.mark.parametrize(('fallback', 'number'), [(False, signal.SIGTERM), (True, signal.SIGINT)],
+                         ids=['EventsExecutor SIGTERM', 'SingleThreadedExecutor SIGINT'])  # fmt: skip
+def test_it_ends_cleanly_in_the_midst_of_its_work(graph: Graph, fallback: bool, number: int) -> None:
+    namespace = unique_namespace()
+    with graph.run('sim_node', ros_arguments(namespace), fallback=fallback) as process:
+        sim = SimClient(graph, namespace).meet()
+        live = model()
+        for stamp, position in stroke(20):
+            answer = sim.sample(stamp, position)
+            assert (answer[PRESSURE_A], answer[PRESSURE_B]) == expected(live, stamp, position, (REST, REST))
+        establish(sim, 12 * PSI, 8 * PSI)
+        for index in range(200):
+            sim.send(sim.stamp + MILLISECOND, 1e-6 * index)
+        process.stop(number)
+
+
+def test_a_node_restarted_in_the_middle_starts_at_rest(graph: Graph) -> None:
+    namespace = unique_namespace()
+    samples = stroke(20)
+    for part in (samples[:10], samples[10:]):
+        with graph.run('sim_node', ros_arguments(namespace)):
+            sim = SimClient(graph, namespace).meet()
+            live = model()
+            for stamp, position in part:
+                answer = sim.sample(stamp, position)
+                assert answer[PRESSURE_A] == expected(live, stamp, position, (REST, REST))[0]
+        graph.until(lambda sim=sim: not sim.piston_out.get_subscription_count())
