@@ -15,6 +15,7 @@ from measured import MAPPING, ROOT, needs_measured_data
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -199,7 +200,12 @@ def test_topics_have_the_promised_types_and_qos_and_one_publisher_beside_a_devic
         sim = SimClient(graph, simulator, inputs=device)
         graph.until(lambda: all(sim.heard.values()))
         find = graph.node.get_publishers_info_by_topic
-        graph.until(lambda: all(find(f'{simulator}/{topic}')[0].node_name == 'sim_node' for topic in sim.heard))
+        # endpoints, and the names of their nodes, are discovered one by one
+        for namespace, node in ((simulator, 'sim_node'), (device, 'rig_node')):
+            for topic in (PRESSURE_A, PRESSURE_B, APPLIED_A, APPLIED_B):
+                graph.until(
+                    lambda name=f'{namespace}/{topic}', node=node: node in {one.node_name for one in find(name)}
+                )
         outputs = {
             PRESSURE_A: 'FluidPressure', PRESSURE_B: 'FluidPressure',
             APPLIED_A: 'FluidPressure', APPLIED_B: 'FluidPressure',
@@ -213,11 +219,14 @@ def test_topics_have_the_promised_types_and_qos_and_one_publisher_beside_a_devic
         (publisher,) = graph.node.get_publishers_info_by_topic(f'{simulator}/{CONTACT_FORCE}')
         assert publisher.topic_type == 'geometry_msgs/msg/WrenchStamped'
         for topic in inputs:
-            readers = graph.node.get_subscriptions_info_by_topic(f'{device}/{topic}')
-            (reader,) = [one for one in readers if one.node_name == 'sim_node']
+            (reader,) = graph.until(lambda topic=topic: readers(graph, f'{device}/{topic}', 'sim_node'))
             best_effort = topic == PISTON_STATE
             assert (reader.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT) == best_effort
             assert reader.topic_type == f'{"sensor_msgs/msg/JointState" if best_effort else "std_msgs/msg/Float64"}'
+
+
+def readers(graph: Graph, topic: str, node: str) -> list[TopicEndpointInfo]:
+    return [one for one in graph.node.get_subscriptions_info_by_topic(topic) if one.node_name == node]
 
 
 def test_a_qos_override_holds_for_its_topic_only(graph: Graph) -> None:
@@ -229,7 +238,7 @@ def test_a_qos_override_holds_for_its_topic_only(graph: Graph) -> None:
     }
     with graph.run('sim_node', ros_arguments(namespace, overrides)):
         find = graph.node.get_publishers_info_by_topic
-        graph.until(lambda: find(f'{namespace}/{CONTACT_FORCE}'))
+        graph.until(lambda: all(find(f'{namespace}/{topic}') for topic in (PRESSURE_A, PRESSURE_B)))
         reliability = {
             topic: find(f'{namespace}/{topic}')[0].qos_profile.reliability for topic in (PRESSURE_A, PRESSURE_B)
         }
