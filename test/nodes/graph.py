@@ -19,6 +19,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -139,6 +140,7 @@ class Graph:
         self.executor = Executor(context=self.context)
         self.executor.add_node(self.node)
         self.diagnostics: list[DiagnosticStatus] = []
+        self.clients: dict[str, Client] = {}
         self.node.create_subscription(
             DiagnosticArray, '/diagnostics', lambda array: self.diagnostics.extend(array.status), QUEUE
         )
@@ -181,14 +183,14 @@ class Graph:
         return self.node.create_publisher(message_type, topic, QUEUE)
 
     def call(self, service: type, name: str, request: Any = None) -> Any:
-        client = self.node.create_client(service, name)
-        try:
-            self.until(client.service_is_ready)
-            future = client.call_async(service.Request() if request is None else request)
-            self.until(future.done)
-            return future.result()
-        finally:
-            self.node.destroy_client(client)
+        # one client for all calls: a reply can get lost while a new one is being discovered
+        if name not in self.clients:
+            self.clients[name] = self.node.create_client(service, name)
+        client = self.clients[name]
+        self.until(client.service_is_ready)
+        future = client.call_async(service.Request() if request is None else request)
+        self.until(future.done)
+        return future.result()
 
     def trigger(self, name: str) -> Trigger.Response:
         return self.call(Trigger, name)
