@@ -19,6 +19,7 @@ import numpy as np
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.client import Client
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
@@ -43,6 +44,7 @@ from cfd_pneumatic.nodes.program import run
 _PERIOD = 0.1  # how often the fit's process is looked after [s]
 _POLL = 0.01  # [s]
 _PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
+_ASK_AGAIN = 1.0  # a request to set or get parameters is repeated after this time [s]
 _SERVICE_WAIT = 5.0  # how long a target of `apply_to` may take to appear or answer [s]
 CANCELLED = 'cancelled: earlier outputs are untouched'
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -306,28 +308,42 @@ class ParameterTransfer:
         self._set = node.create_client(SetParametersAtomically, f'{self._target}/set_parameters_atomically')
         self._present: Future | None = None
         self._outcome: Future | None = None
+        self._asked = 0.0
+
+    def _ask(self, client: Client, request: object) -> Future:
+        self._asked = time.monotonic()
+        return client.call_async(request)
+
+    def _unanswered(self) -> bool:
+        """Tell whether to ask again: a reply is lost if it leaves before its sender has discovered this client."""
+        return time.monotonic() - self._asked > _ASK_AGAIN
 
     def proceed(self) -> tuple[bytes, str] | None:
         """Go on as far as possible; return level and message when it has ended."""
         if self._present is None:
             if self._get.service_is_ready() and self._set.service_is_ready():
-                self._present = self._get.call_async(GetParameters.Request(names=self._names))
+                self._present = self._ask(self._get, GetParameters.Request(names=self._names))
         elif self._outcome is None:
             if self._present.done():
                 present = [list(value.double_array_value) for value in self._present.result().values]
                 if len(present) < len(self._names) or not all(present):
                     return DiagnosticStatus.ERROR, f'{self._target} (parameter apply_to) is no sim_node'
-                self._outcome = self._set.call_async(self._request(dict(zip(self._names, present))))
+                self._request = self._request_from(dict(zip(self._names, present)))
+                self._outcome = self._ask(self._set, self._request)
+            elif self._unanswered():
+                self._present = None
         elif self._outcome.done():
             result = self._outcome.result().result
             if result.successful:
                 return DiagnosticStatus.OK, f'parameters set on {self._target}'
             return DiagnosticStatus.ERROR, f'{self._target} refused the parameters: {result.reason}'
+        elif self._unanswered():
+            self._outcome = self._ask(self._set, self._request)
         if time.monotonic() > self._deadline:
             return DiagnosticStatus.ERROR, f'{self._target} (parameter apply_to) is not there: is its name right?'
         return None
 
-    def _request(self, present: dict[str, list[float]]) -> SetParametersAtomically.Request:
+    def _request_from(self, present: dict[str, list[float]]) -> SetParametersAtomically.Request:
         values = dict(self._fitted)
         for name in self._names:
             if name not in values:

@@ -8,10 +8,13 @@ Its physics are its own, nonlinear, and share nothing with the model that is ide
     run = record(paper_step(setpoint=34.5e3), seed=1)
     run.times, run.displacement, run.pressures   # what the sensors read
     run.truth.pressures                          # what really happened
+
+A device with something wrong with it has `Effects`; `cfd_pneumatic.rig.panel` draws such devices at random.
 """
 
 from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record
 from cfd_pneumatic.rig.device import Rig, Truth
+from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal
 from cfd_pneumatic.rig.piston import CommandedPiston
 from cfd_pneumatic.rig.schedule import (
@@ -33,7 +36,9 @@ __all__ = [
     'Bench',
     'CommandedPiston',
     'Cylinder',
+    'Effects',
     'Performance',
+    'Pickup',
     'Piston',
     'Rig',
     'RigParameters',

@@ -11,6 +11,7 @@ from cfd_pneumatic.rig.device import Rig, Truth
 from cfd_pneumatic.rig.parameters import RigParameters
 from cfd_pneumatic.rig.schedule import Schedule
 from cfd_pneumatic.rig.sensors import Instruments, Sensors
+from cfd_pneumatic.rig.transmission import Transmission
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +28,7 @@ class RigRecord:
     """Measured absolute pressures of the cylinders A and B [Pa], (n, 2)."""
 
     setpoints: NDArray[np.float64]
-    """Absolute set pressures that acted up to each sample, since the one before [Pa], (n, 2)."""
+    """Absolute set pressures up to each sample, since the one before, as they were set [Pa], (n, 2)."""
 
     force: NDArray[np.float64]
     """Measured contact force along +x [N], (n,)."""
@@ -58,6 +59,7 @@ class Bench:
     def __init__(self, rig: Rig, sampling_period: float, sensors: Sensors = Sensors(), seed: int = 0) -> None:
         self.rig = rig
         self.sampling_period = sampling_period
+        self._transmission = Transmission(rig.parameters, rig.pressures, rig.position)
         self._instruments = Instruments(sensors, sampling_period, seed)
         self._taken = 0
 
@@ -79,7 +81,8 @@ class Bench:
         times = self.sampling_period * np.arange(float(self._taken), float(self._taken + samples))
         self._taken += samples
         truth = replace(moved.every(knots), times=times)
-        read = self._instruments.read(truth)
+        arrived = self._transmission.carry(moved, self.sampling_period / knots).every(knots)
+        read = self._instruments.read(replace(arrived, times=times))
         return RigRecord(read.times, read.displacement, read.pressures, truth.setpoints, read.force, truth)
 
 
@@ -94,7 +97,12 @@ class Performance:
         seed: int = 0,
     ) -> None:
         first = tuple(schedule.setpoints[0])
-        rig = Rig((first[0], first[1]), parameters, position=float(schedule.positions[0]))
+        rig = Rig(
+            (first[0], first[1]),
+            parameters,
+            position=float(schedule.positions[0]),
+            time=-schedule.sampling_period,
+        )
         self._schedule = schedule
         self._bench = Bench(rig, schedule.sampling_period, sensors, seed)
         self._played = 0

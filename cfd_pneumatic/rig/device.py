@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.rig import physics
+from cfd_pneumatic.rig import disturbance, physics
+from cfd_pneumatic.rig.linkage import Linkage
 from cfd_pneumatic.rig.parameters import RigParameters, checked
 
 LONGEST_STEP = 5e-5
@@ -24,10 +25,10 @@ class Truth:
     """Time since the rig was at rest [s], (n,)."""
 
     displacement: NDArray[np.float64]
-    """Position of the piston [m], (n,)."""
+    """Position of the tool, and of the piston but for lost motion [m], (n,)."""
 
     velocity: NDArray[np.float64]
-    """Velocity of the piston [m/s], (n,)."""
+    """Velocity of the same [m/s], (n,)."""
 
     acceleration: NDArray[np.float64]
     """Acceleration of the piston [m/s^2], (n,)."""
@@ -39,7 +40,7 @@ class Truth:
     """Absolute pressure in the regulators' control chambers [Pa], (n, 2)."""
 
     setpoints: NDArray[np.float64]
-    """Absolute set pressure that acted up to each time [Pa], (n, 2)."""
+    """Absolute pressure that the regulators were set to up to each time [Pa], (n, 2)."""
 
     force: NDArray[np.float64]
     """Force on the workpiece along +x [N], (n,)."""
@@ -63,6 +64,8 @@ class Rig:
         What the rig is made of.
     position
         Position of the piston [m].
+    time
+        Time at the start [s].
     longest_step
         Longest integration step [s].
 
@@ -74,16 +77,22 @@ class Rig:
         parameters: RigParameters = RigParameters(),
         *,
         position: float = 0.0,
+        time: float = 0.0,
         longest_step: float = LONGEST_STEP,
     ) -> None:
         self.parameters = checked(parameters)
         self._longest_step = longest_step
         resting = self._absolute(np.array(setpoints, dtype=float))
-        self._pressures = np.column_stack([resting, resting])
+        self._states = np.zeros((2, physics.STATES))
+        self._states[:, : physics.PLAY] = [
+            physics.CylinderState(pressure, pressure, pressure, parameters.air.temperature, 0.0, 0.0, 0.0)
+            for pressure in resting
+        ]
         self._stretch = 0.0
-        self._time = 0.0
+        self._time = time
         self._position = float(self._reachable(np.array([position]))[0])
         self._velocity = 0.0
+        self._linkage = Linkage(self._position, self.parameters.piston.lost_motion)
 
     @property
     def time(self) -> float:
@@ -103,7 +112,7 @@ class Rig:
     @property
     def pressures(self) -> NDArray[np.float64]:
         """Absolute pressure in the cylinders A and B [Pa], (2,)."""
-        return self._pressures[:, physics.OUTLET].copy()
+        return self._states[:, physics.OUTLET].copy()
 
     def advance(self, positions: ArrayLike, velocities: ArrayLike, setpoints: ArrayLike, period: float) -> Truth:
         """
@@ -127,17 +136,18 @@ class Rig:
         reached = self._reachable(np.atleast_1d(np.asarray(positions, dtype=float)))
         knots = len(reached)
         acting = np.ascontiguousarray(np.broadcast_to(self._absolute(np.asarray(setpoints, dtype=float)), (knots, 2)))
-        x = np.concatenate([[self._position], reached])
-        v = np.concatenate([[self._velocity], np.atleast_1d(np.asarray(velocities, dtype=float))])
+        arriving = np.atleast_1d(np.asarray(velocities, dtype=float))
+        x, v = self._linkage.drive(reached, arriving)
+        times = self._time + period * np.arange(1.0, knots + 1.0)
         trajectory = np.empty((knots, 2, 2))
         forces, accelerations = np.empty(knots), np.empty(knots)
         steps = math.ceil(period / self._longest_step * (1.0 - 1e-9))
         self._stretch = physics.advance(
-            self._pressures,
+            self._states,
             self._stretch,
             x,
             v,
-            acting,
+            disturbance.disturbed(acting, times - 0.5 * period, self.parameters),
             period,
             steps,
             self.parameters,
@@ -145,12 +155,11 @@ class Rig:
             forces,
             accelerations,
         )
-        times = self._time + period * np.arange(1.0, knots + 1.0)
-        self._time, self._position, self._velocity = float(times[-1]), float(x[-1]), float(v[-1])
+        self._time, self._position, self._velocity = float(times[-1]), float(reached[-1]), float(arriving[-1])
         return Truth(
             times=times,
-            displacement=x[1:],
-            velocity=v[1:],
+            displacement=reached,
+            velocity=arriving,
             acceleration=accelerations,
             pressures=trajectory[:, :, physics.OUTLET],
             sensed_pressures=trajectory[:, :, physics.SENSED],

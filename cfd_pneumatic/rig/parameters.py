@@ -7,8 +7,8 @@ Plain named tuples of floats, so that the compiled physics reads them by name. C
     leaner = parameters._replace(piston=parameters.piston._replace(mass=0.1))
 
 The defaults are a device of the CFD2100's size whose small-signal behaviour from 5 to 20 psig follows Table 1 of Guvenc
-and Srinivasan. An effect that a healthy device lacks becomes a field with a strength, 0 by default, read in one
-function of `cfd_pneumatic.rig.physics`.
+and Srinivasan. An effect that a healthy device lacks is a field with a strength, 0 by default, most of them in
+`cfd_pneumatic.rig.effects`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.units import PSI
 
 
@@ -109,6 +110,12 @@ class Piston(NamedTuple):
     travel: float = 6.35e-3
     """Largest displacement to either side of mid-stroke [m]."""
 
+    lost_motion: float = 0.0
+    """Gap between the piston and the tool whose displacement is measured [m]."""
+
+    inclination: float = 0.0
+    """Angle of +x above the horizontal [rad]."""
+
 
 class Seal(NamedTuple):
     """Friction of both cylinders' seals together; small, for glass cylinders."""
@@ -134,7 +141,25 @@ class RigParameters(NamedTuple):
     cylinder_b: Cylinder = Cylinder()
     piston: Piston = Piston()
     seal: Seal = Seal()
+    effects_a: Effects = Effects()
+    effects_b: Effects = Effects()
+    pickup: Pickup = Pickup()
 
+
+MAY_BE_NEGATIVE = frozenset(
+    {
+        'inclination',
+        'lift_position',
+        'lift_end',
+        'lift_direction',
+        'drift',
+        'pulsation_phase',
+        'jump',
+        'jump_time',
+        'hum_phase',
+        'force_offset',
+    }
+)
 
 MAY_BE_ZERO = frozenset(
     {
@@ -147,6 +172,21 @@ MAY_BE_ZERO = frozenset(
         'coulomb',
         'coulomb_per_pressure',
         'viscous',
+        'lost_motion',
+        'leak_conductance',
+        'leak_admittance',
+        'lift_admittance',
+        'line_resistance',
+        'dead_band',
+        'play',
+        'poppet_frequency',
+        'droop',
+        'heat_transfer',
+        'pulsation',
+        'resonance_frequency',
+        'sensor_lag',
+        'hum',
+        'displacement_lag',
     }
 )
 
@@ -163,7 +203,8 @@ def checked(parameters: RigParameters) -> RigParameters:
     """
     for part, values in parameters._asdict().items():
         for name, value in values._asdict().items():
-            if not math.isfinite(value) or value < 0.0 or (value == 0.0 and name not in MAY_BE_ZERO):
+            allowed = value > 0.0 or name in MAY_BE_NEGATIVE or (value == 0.0 and name in MAY_BE_ZERO)
+            if not math.isfinite(value) or not allowed:
                 raise InputError(f'rig parameter {part}.{name} = {value:g}: give a positive number')
     for part in ('cylinder_a', 'cylinder_b'):
         cylinder = getattr(parameters, part)

@@ -8,15 +8,61 @@ function's own file only, so that a callee in another file could change unnotice
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.rig.compiled import compiled
+from cfd_pneumatic.rig.effects import Effects
 from cfd_pneumatic.rig.parameters import Air, Cylinder, RigParameters, Seal
 
+
+class CylinderState(NamedTuple):
+    """A cylinder's state, or its rates of change; all but the first two stand still unless an effect needs them."""
+
+    outlet: float
+    """Absolute pressure in the cylinder [Pa]."""
+
+    sensed: float
+    """Absolute pressure in the regulator's control chamber [Pa]."""
+
+    regulator: float
+    """Absolute pressure ahead of a line's resistance [Pa]."""
+
+    temperature: float
+    """Temperature of the cylinder's air where it exchanges heat [K]."""
+
+    droop: float
+    """What the set pressure has given way to the flow [Pa]."""
+
+    poppet: float
+    """Where a valve with mass stands, as the error that would hold it there [Pa]."""
+
+    poppet_rate: float
+    """How fast it moves [Pa/s]."""
+
+
 OUTLET, SENSED = 0, 1
-"""Columns of the state of a cylinder: outlet (cylinder) pressure and control chamber pressure, absolute [Pa]."""
+"""Columns of a cylinder's state that others read, as in `CylinderState`."""
+
+PLAY = len(CylinderState._fields)
+"""Column after those of `CylinderState`: the error that the valve's play has passed on [Pa]."""
+
+STATES = PLAY + 1
+"""Number of columns."""
+
+ADIABATIC_EXPONENT = 1.4
+"""Ratio of the specific heats of air."""
+
+GRAVITY = 9.80665
+"""Standard gravity [m/s^2]."""
+
+SEATING_SPEED = 5e-3
+"""Speed above which a lifting seal has taken the side of its travel [m/s]."""
+
+LEAK_CRITICAL_RATIO = 0.4
+"""Critical pressure ratio of a hole with rough edges."""
 
 REFERENCE_DENSITY = 1.185
 """Density of air at ISO 6358's reference conditions, 100 kPa, 293.15 K and 65 % humidity [kg/m^3]."""
@@ -76,52 +122,159 @@ def felt(pressure: float, cylinder: Cylinder) -> float:
 
 
 @compiled
-def supply_opening(setpoint: float, sensed: float, cylinder: Cylinder, air: Air) -> float:
-    """Return the supply valve's sonic conductance [m^3/(s Pa)]: proportional to what is missing, up to the stop."""
-    growth = 1.0 + cylinder.supply_gain_growth * max(felt(setpoint, cylinder) - air.ambient_pressure, 0.0)
-    return min(max(cylinder.supply_gain * growth * (setpoint - sensed), 0.0), cylinder.supply_conductance)
+def played(held: float, target: float, half_width: float) -> float:
+    """Return what lies within half a width of its target, and else is where it was (play, or backlash)."""
+    return min(max(held, target - half_width), target + half_width)
 
 
 @compiled
-def relief_opening(setpoint: float, sensed: float, cylinder: Cylinder) -> float:
+def valve_error(state: CylinderState, setpoint: float, effects: Effects) -> float:
+    """Return the error [Pa] that moves the valves: what the diaphragm feels, or where a poppet with mass has got to."""
+    return state.poppet if effects.poppet_frequency > 0.0 else setpoint - state.droop - state.sensed
+
+
+@compiled
+def characteristic(error: float, effects: Effects) -> float:
+    """Return the error [Pa] at which a linear valve would be as far open: beyond a dead band, and to a power."""
+    beyond = 0.0
+    if error > effects.dead_band:
+        beyond = error - effects.dead_band
+    elif error < -effects.dead_band:
+        beyond = error + effects.dead_band
+    if effects.valve_exponent == 1.0:
+        return beyond
+    share = abs(beyond) / effects.valve_pivot
+    return math.copysign(effects.valve_pivot * share**effects.valve_exponent, beyond)
+
+
+@compiled
+def supply_opening(error: float, setpoint: float, cylinder: Cylinder, air: Air) -> float:
+    """Return the supply valve's sonic conductance [m^3/(s Pa)]: proportional to what is missing, up to the stop."""
+    growth = 1.0 + cylinder.supply_gain_growth * max(felt(setpoint, cylinder) - air.ambient_pressure, 0.0)
+    return min(max(cylinder.supply_gain * growth * error, 0.0), cylinder.supply_conductance)
+
+
+@compiled
+def relief_opening(error: float, cylinder: Cylinder) -> float:
     """Return the relief valve's sonic conductance [m^3/(s Pa)]: proportional to the excess, up to the stop."""
-    return min(max(cylinder.relief_gain * (sensed - setpoint), 0.0), cylinder.relief_conductance)
+    return min(max(cylinder.relief_gain * -error, 0.0), cylinder.relief_conductance)
+
+
+@compiled
+def seal_lift(position: float, velocity: float, effects: Effects) -> float:
+    """Return how far the seal has lifted, 0 to 1, at a position [m] and velocity [m/s]."""
+    near = 0.5 * (1.0 + math.tanh(effects.lift_end * (position - effects.lift_position) / effects.lift_width))
+    if effects.lift_direction == 0.0:
+        return near
+    return near * 0.5 * (1.0 + math.tanh(effects.lift_direction * velocity / SEATING_SPEED))
+
+
+@compiled
+def leak_flow(outlet: float, position: float, velocity: float, effects: Effects, air: Air) -> float:
+    """Return the mass flow [kg/s] that leaks from the cylinder to ambient: a hole, a gap, and a seal that lifts."""
+    flow = effects.leak_admittance * (outlet - air.ambient_pressure)
+    if effects.leak_conductance > 0.0:
+        flow += orifice_flow(
+            effects.leak_conductance, outlet, air.ambient_pressure, LEAK_CRITICAL_RATIO, air.temperature
+        )
+    if effects.lift_admittance > 0.0:
+        lifted = seal_lift(position, velocity, effects)
+        flow += lifted * effects.lift_admittance * (outlet - air.ambient_pressure)
+    return flow
 
 
 @compiled
 def cylinder_rates(
-    outlet: float, sensed: float, setpoint: float, position: float, velocity: float, cylinder: Cylinder, air: Air
-) -> tuple[float, float]:
+    state: CylinderState,
+    play: float,
+    setpoint: float,
+    position: float,
+    velocity: float,
+    cylinder: Cylinder,
+    effects: Effects,
+    air: Air,
+) -> CylinderState:
     """
-    Return the rates of change [Pa/s] of a cylinder's outlet and sensed pressure.
+    Return the rates of change of a cylinder's state.
 
-    Mass balance of both chambers with a polytropic change of state: V dp/dt = n (R T dm/dt - p dV/dt). Position [m] and
-    velocity [m/s] count in the direction in which the volume grows; pressures and set-point are absolute [Pa].
+    Mass balance of the chambers with a polytropic change of state, V dp/dt = n (R T dm/dt - p dV/dt), or with the
+    energy balance where heat is exchanged. Position [m] and velocity [m/s] count in the direction in which the volume
+    grows; the set-point is absolute [Pa]; `play` is the error [Pa] that the valve's play passed on last.
     """
-    pressure = felt(outlet, cylinder)
+    restricted = effects.line_resistance > 0.0
+    fed = state.regulator if restricted else state.outlet
+    pressure = felt(fed, cylinder)
     heat = air.gas_constant * air.temperature
+    error = valve_error(state, setpoint, effects)
+    opened = characteristic(played(play, error, effects.play), effects)
     supply = orifice_flow(
-        supply_opening(setpoint, sensed, cylinder, air),
+        supply_opening(opened, setpoint, cylinder, air),
         air.supply_pressure,
         pressure,
         cylinder.supply_critical_ratio,
         air.temperature,
     )
     relief = orifice_flow(
-        relief_opening(setpoint, sensed, cylinder),
+        relief_opening(opened, cylinder),
         pressure,
         air.ambient_pressure,
         cylinder.relief_critical_ratio,
         air.temperature,
     )
-    mean_pressure = 0.5 * (pressure + felt(sensed, cylinder))
-    aspirated = tube_flow(cylinder.aspirator_diameter, cylinder.aspirator_length, outlet, sensed, mean_pressure, air)
+    mean_pressure = 0.5 * (pressure + felt(state.sensed, cylinder))
+    aspirated = tube_flow(cylinder.aspirator_diameter, cylinder.aspirator_length, fed, state.sensed, mean_pressure, air)
+    leaked = leak_flow(state.outlet, position, velocity, effects, air)
+
+    exponent = cylinder.polytropic_exponent
+    gained = supply - relief - aspirated
+    regulator_rate = 0.0
+    if restricted:
+        through = (state.regulator - state.outlet) / effects.line_resistance
+        regulator_rate = exponent / effects.outlet_volume * heat * (gained - through)
+        gained = through
+        pressure = felt(state.outlet, cylinder)
+    gained -= leaked
 
     volume = cylinder.rest_volume + cylinder.position_dependence * cylinder.area * position
-    exponent = cylinder.polytropic_exponent
-    outlet_rate = exponent / volume * (heat * (supply - relief - aspirated) - pressure * cylinder.area * velocity)
+    work = pressure * cylinder.area * velocity
+    if effects.heat_transfer > 0.0:
+        outlet_rate, temperature_rate = heated_rates(
+            pressure, state.temperature, gained, volume, work, effects.heat_transfer, air
+        )
+    else:
+        outlet_rate = exponent / volume * (heat * gained - work)
+        temperature_rate = 0.0
     sensed_rate = exponent / cylinder.control_volume * heat * aspirated
-    return outlet_rate, sensed_rate
+
+    droop_rate = 0.0
+    if effects.droop > 0.0:
+        droop_rate = (effects.droop * (supply - relief) - state.droop) / effects.droop_lag
+    poppet_acceleration = 0.0
+    if effects.poppet_frequency > 0.0:
+        omega = 2.0 * math.pi * effects.poppet_frequency
+        force = omega * (setpoint - state.droop - state.sensed - state.poppet)
+        poppet_acceleration = omega * (force - 2.0 * effects.poppet_damping * state.poppet_rate)
+    return CylinderState(
+        outlet_rate, sensed_rate, regulator_rate, temperature_rate, droop_rate, state.poppet_rate, poppet_acceleration
+    )
+
+
+@compiled
+def heated_rates(
+    pressure: float, temperature: float, gained: float, volume: float, work: float, heat_transfer: float, air: Air
+) -> tuple[float, float]:
+    """
+    Return the rates of change of pressure [Pa/s] and temperature [K/s] of air that exchanges heat with its wall.
+
+    The energy balance of an open chamber, adiabatic at first and isothermal in the end. What flows in has the wall's
+    temperature, what flows out the chamber's; `gained` is the net mass flow [kg/s], `work` the power that the air gives
+    to the piston [W] and `heat_transfer` the wall's conductance [W/K].
+    """
+    carried = air.gas_constant * (air.temperature if gained > 0.0 else temperature) * gained
+    warming = heat_transfer * (air.temperature - temperature)
+    pressure_rate = (ADIABATIC_EXPONENT * (carried - work) + (ADIABATIC_EXPONENT - 1.0) * warming) / volume
+    mass = pressure * volume / (air.gas_constant * temperature)
+    return pressure_rate, temperature * ((pressure_rate + work / volume) / pressure - gained / mass)
 
 
 @compiled
@@ -145,13 +298,13 @@ def friction(stretch: float, velocity: float, gauge_pressures: float, seal: Seal
 def contact_force(
     outlet_a: float, outlet_b: float, stretch: float, velocity: float, acceleration: float, parameters: RigParameters
 ) -> float:
-    """Return the force on the workpiece along +x [N]: the air's, less the piston's inertia and the seals' friction."""
+    """Return the force on the workpiece along +x [N]: the air's, less the piston's inertia, weight and friction."""
     gauge_a = outlet_a - parameters.air.ambient_pressure
     gauge_b = outlet_b - parameters.air.ambient_pressure
     piston = parameters.piston
     thrust = (gauge_a * parameters.cylinder_a.area - gauge_b * parameters.cylinder_b.area) * piston.geometric_factor
     rubbing = friction(stretch, velocity, gauge_a + gauge_b, parameters.seal)
-    return thrust - piston.mass * acceleration - rubbing
+    return thrust - piston.mass * acceleration - rubbing - piston.mass * GRAVITY * math.sin(piston.inclination)
 
 
 @compiled
@@ -185,14 +338,29 @@ def acceleration_at_end(period: float, x0: float, v0: float, x1: float, v1: floa
 
 
 @compiled
+def ahead(state: CylinderState, rates: CylinderState, duration: float) -> CylinderState:
+    """Return a state after a duration [s] of steady rates of change."""
+    return CylinderState(
+        state.outlet + duration * rates.outlet,
+        state.sensed + duration * rates.sensed,
+        state.regulator + duration * rates.regulator,
+        state.temperature + duration * rates.temperature,
+        state.droop + duration * rates.droop,
+        state.poppet + duration * rates.poppet,
+        state.poppet_rate + duration * rates.poppet_rate,
+    )
+
+
+@compiled
 def step_cylinder(
-    state: NDArray[np.float64],
+    states: NDArray[np.float64],
     setpoint: float,
     start: tuple[float, float],
     middle: tuple[float, float],
     end: tuple[float, float],
     duration: float,
     cylinder: Cylinder,
+    effects: Effects,
     air: Air,
 ) -> None:
     """
@@ -200,19 +368,22 @@ def step_cylinder(
 
     `start`, `middle` and `end` are the position [m] and velocity [m/s] at those times of the step.
     """
-    p, f = state[OUTLET], state[SENSED]
-    p1, f1 = cylinder_rates(p, f, setpoint, start[0], start[1], cylinder, air)
+    now = CylinderState(states[0], states[1], states[2], states[3], states[4], states[5], states[6])
+    play = states[PLAY]
     half = 0.5 * duration
-    p2, f2 = cylinder_rates(p + half * p1, f + half * f1, setpoint, middle[0], middle[1], cylinder, air)
-    p3, f3 = cylinder_rates(p + half * p2, f + half * f2, setpoint, middle[0], middle[1], cylinder, air)
-    p4, f4 = cylinder_rates(p + duration * p3, f + duration * f3, setpoint, end[0], end[1], cylinder, air)
-    state[OUTLET] += duration / 6.0 * (p1 + 2.0 * p2 + 2.0 * p3 + p4)
-    state[SENSED] += duration / 6.0 * (f1 + 2.0 * f2 + 2.0 * f3 + f4)
+    k1 = cylinder_rates(now, play, setpoint, start[0], start[1], cylinder, effects, air)
+    k2 = cylinder_rates(ahead(now, k1, half), play, setpoint, middle[0], middle[1], cylinder, effects, air)
+    k3 = cylinder_rates(ahead(now, k2, half), play, setpoint, middle[0], middle[1], cylinder, effects, air)
+    k4 = cylinder_rates(ahead(now, k3, duration), play, setpoint, end[0], end[1], cylinder, effects, air)
+    for index in range(PLAY):
+        states[index] += duration / 6.0 * (k1[index] + 2.0 * k2[index] + 2.0 * k3[index] + k4[index])
+    then = CylinderState(states[0], states[1], states[2], states[3], states[4], states[5], states[6])
+    states[PLAY] = played(play, valve_error(then, setpoint, effects), effects.play)
 
 
 @compiled
 def advance(
-    pressures: NDArray[np.float64],
+    states: NDArray[np.float64],
     stretch: float,
     positions: NDArray[np.float64],
     velocities: NDArray[np.float64],
@@ -229,8 +400,8 @@ def advance(
 
     Parameters
     ----------
-    pressures : (2, 2)
-        State of the cylinders A and B, absolute [Pa]; advanced in place.
+    states : (2, STATES)
+        State of the cylinders A and B; advanced in place.
     stretch
         State of the seal, -1 to 1.
     positions, velocities : (knots + 1,)
@@ -244,7 +415,7 @@ def advance(
     parameters
         The rig.
     trajectory : (knots, 2, 2)
-        Receives the state at each knot [Pa].
+        Receives the outlet and sensed pressures at each knot [Pa].
     forces, accelerations : (knots,)
         Receive the contact force [N] and the acceleration [m/s^2] at each knot.
 
@@ -262,30 +433,30 @@ def advance(
             x_end = position_between(end, period, x0, v0, x1, v1)
             v_end = velocity_between(end, period, x0, v0, x1, v1)
             step_cylinder(
-                pressures[0],
+                states[0],
                 setpoints[knot, 0],
                 (x, v),
                 (x_middle, v_middle),
                 (x_end, v_end),
                 duration,
                 parameters.cylinder_a,
+                parameters.effects_a,
                 parameters.air,
             )
             step_cylinder(
-                pressures[1],
+                states[1],
                 setpoints[knot, 1],
                 (-x, -v),
                 (-x_middle, -v_middle),
                 (-x_end, -v_end),
                 duration,
                 parameters.cylinder_b,
+                parameters.effects_b,
                 parameters.air,
             )
             stretch = rubbed(stretch, x_end - x, parameters.seal)
             x, v = x_end, v_end
-        trajectory[knot] = pressures
+        trajectory[knot] = states[:, : SENSED + 1]
         accelerations[knot] = acceleration_at_end(period, x0, v0, x1, v1)
-        forces[knot] = contact_force(
-            pressures[0, OUTLET], pressures[1, OUTLET], stretch, v1, accelerations[knot], parameters
-        )
+        forces[knot] = contact_force(states[0, OUTLET], states[1, OUTLET], stretch, v1, accelerations[knot], parameters)
     return stretch

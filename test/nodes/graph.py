@@ -47,6 +47,7 @@ except ImportError:
     Executor = SingleThreadedExecutor
 
 PATIENCE = 30.0
+DISCOVERY = 0.5
 QUEUE = QoSProfile(depth=10_000)
 MILLISECOND = 1_000_000
 
@@ -183,9 +184,12 @@ class Graph:
         return self.node.create_publisher(message_type, topic, QUEUE)
 
     def call(self, service: type, name: str, request: Any = None) -> Any:
-        # one client for all calls: a reply can get lost while a new one is being discovered
+        # a reply that leaves before its sender has discovered the client is lost: one client for all calls, and time
         if name not in self.clients:
             self.clients[name] = self.node.create_client(service, name)
+            self.until(self.clients[name].service_is_ready)
+            discovered = time.monotonic() + DISCOVERY
+            self.until(lambda: time.monotonic() > discovered)
         client = self.clients[name]
         self.until(client.service_is_ready)
         future = client.call_async(service.Request() if request is None else request)

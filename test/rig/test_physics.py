@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.rig import Air, Cylinder, RigParameters, Seal, physics
+from cfd_pneumatic.rig.effects import Effects
 from cfd_pneumatic.units import PSI, PSI_PER_INCH
 
 PRESSURES = st.floats(5e4, 8e5)
@@ -26,12 +27,19 @@ TABLE_1 = [
 ]
 
 
+def at(outlet: float, sensed: float) -> physics.CylinderState:
+    """Return the state of a cylinder without effects at some absolute pressures [Pa]."""
+    return physics.CylinderState(outlet, sensed, outlet, AIR.temperature, 0.0, 0.0, 0.0)
+
+
 def small_signal(psig: float) -> tuple[float, float, float, float]:
     """Return K_x [Pa/m], K_sv [1/s], K_v [1/s] and tau [s] from small changes about rest."""
     rest = AMBIENT_PRESSURE + psig * PSI
 
     def rates(outlet: float = rest, sensed: float = rest, velocity: float = 0.0) -> tuple[float, float]:
-        return physics.cylinder_rates(outlet, sensed, rest, 0.0, velocity, Cylinder(), AIR)
+        state = at(outlet, sensed)
+        rates = physics.cylinder_rates(state, 0.0, rest, 0.0, velocity, Cylinder(), Effects(), AIR)
+        return rates.outlet, rates.sensed
 
     return (
         -rates(velocity=1e-4)[0] / 1e-4,
@@ -109,8 +117,8 @@ def test_tube_flow_is_poiseuille(one: float, other: float) -> None:
 @given(st.floats(1.2e5, 3e5), st.floats(-3e4, 3e4))
 def test_one_valve_at_a_time_is_open_and_only_so_far(setpoint: float, error: float) -> None:
     cylinder = Cylinder(supply_conductance=1e-10, relief_conductance=1e-10)
-    supply = physics.supply_opening(setpoint, setpoint - error, cylinder, AIR)
-    relief = physics.relief_opening(setpoint, setpoint - error, cylinder)
+    supply = physics.supply_opening(error, setpoint, cylinder, AIR)
+    relief = physics.relief_opening(error, cylinder)
     assert supply * relief == 0.0
     assert 0.0 <= supply <= 1e-10
     assert 0.0 <= relief <= 1e-10
@@ -123,7 +131,8 @@ def test_frozen_coefficients_are_linear() -> None:
     rest = frozen.reference_pressure
 
     def rates(error: float, velocity: float) -> np.ndarray:
-        return np.array(physics.cylinder_rates(rest - 0.5 * error, rest - error, rest, 1e-3, velocity, frozen, AIR))
+        state = at(rest - 0.5 * error, rest - error)
+        return np.array(physics.cylinder_rates(state, 0.0, rest, 1e-3, velocity, frozen, Effects(), AIR))
 
     together = rates(3000.0, 0.02)
     assert rates(1000.0, 0.01) + rates(2000.0, 0.01) == pytest.approx(together, rel=1e-9)

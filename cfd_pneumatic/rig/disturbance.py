@@ -1,0 +1,26 @@
+"""What acts on a regulator's set pressure besides the hand that sets it: drift, pulsation, a jump."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.rig.effects import Effects
+from cfd_pneumatic.rig.parameters import RigParameters
+
+
+def shift(times: NDArray[np.float64], effects: Effects) -> NDArray[np.float64]:
+    """Return by how much a set pressure is off at some times [s], in Pa."""
+    phases = 2.0 * np.pi * effects.pulsation_frequency * times + effects.pulsation_phase
+    jumped = np.where(times >= effects.jump_time, effects.jump, 0.0)
+    return effects.drift * times + effects.pulsation * np.sin(phases) + jumped
+
+
+def disturbed(
+    setpoints: NDArray[np.float64], times: NDArray[np.float64], parameters: RigParameters
+) -> NDArray[np.float64]:
+    """Return the set pressures of both cylinders that act at some times [s], in Pa, (n, 2)."""
+    both = (parameters.effects_a, parameters.effects_b)
+    if not any(effects.drift or effects.pulsation or effects.jump for effects in both):
+        return setpoints
+    return setpoints + np.column_stack([shift(times, effects) for effects in both])

@@ -1,0 +1,39 @@
+"""
+Recordings of devices with something wrong with them, drawn at random, and what is wrong kept apart.
+
+::
+
+    from cfd_pneumatic.rig.panel import LIBRARY, baseline_rmse, draw, oracle_rmse
+
+    drawn = draw('leakage', 'surface_following', seed=7)
+    drawn.recording                              # arrays as the sensors give them, and nothing else
+    drawn.truth.effects, drawn.truth.strengths   # for whoever judges an answer
+    baseline_rmse(drawn) / oracle_rmse(drawn)    # whether anybody could have seen it
+
+The same seed draws the same device, schedule and noise whatever the effect, so that ``draw(None, ...)`` is its healthy
+twin.
+"""
+
+from cfd_pneumatic.rig.panel.drawing import NOISES, Draw, PanelRecording, PanelTruth, draw, draw_textbook
+from cfd_pneumatic.rig.panel.floors import baseline_rmse, force_baseline_rmse, force_oracle_rmse, oracle_rmse
+from cfd_pneumatic.rig.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_FORCE, describe
+from cfd_pneumatic.rig.panel.textbook import Gains
+
+__all__ = [
+    'EFFECTS',
+    'FOREIGN',
+    'LIBRARY',
+    'NOISES',
+    'ON_FORCE',
+    'Draw',
+    'Gains',
+    'PanelRecording',
+    'PanelTruth',
+    'baseline_rmse',
+    'describe',
+    'draw',
+    'draw_textbook',
+    'force_baseline_rmse',
+    'force_oracle_rmse',
+    'oracle_rmse',
+]

@@ -1,0 +1,71 @@
+"""
+How well anybody could do on a recording: the oracle knows the device, and the baseline the device without its effects.
+
+Both are given the measured displacement, straight between its samples, so that the oracle's error is the floor of every
+identification. One whose baseline is as good as the oracle hasn't shown its effect.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.rig.panel.drawing import Draw, PanelRecording, at_times, motion_of
+from cfd_pneumatic.rig.panel.specimen import Specimen
+from cfd_pneumatic.rig.panel.textbook import Gains, pressure_along
+from cfd_pneumatic.rig.parameters import Cylinder
+from cfd_pneumatic.rig.schedule import Schedule
+
+
+def oracle_rmse(draw: Draw) -> float:
+    """Return the RMSE of cylinder A's pressure against the true device driven by the measured displacement [Pa]."""
+    return _pressure_rmse(draw, draw.truth.device)
+
+
+def baseline_rmse(draw: Draw) -> float:
+    """Return the same against the device without its effects [Pa]."""
+    return _pressure_rmse(draw, draw.truth.healthy)
+
+
+def force_oracle_rmse(draw: Draw) -> float:
+    """Return the RMSE of the force against the true device's, given the measured pressures [N]."""
+    device = draw.truth.device
+    offset = device.rig.pickup.force_offset if isinstance(device, Specimen) else 0.0
+    thrust = _thrust(draw.recording.pressures) - _thrust(draw.truth.samples.pressures)
+    return _rms(draw.recording.force - draw.truth.samples.force - offset - thrust)
+
+
+def force_baseline_rmse(draw: Draw) -> float:
+    """Return the RMSE of the force against the measured pressures' alone [N]."""
+    return _rms(draw.recording.force - _thrust(draw.recording.pressures))
+
+
+def predict(device: Specimen | Gains, recording: PanelRecording, schedule: Schedule) -> NDArray[np.float64]:
+    """Return what cylinder A's sensor would read of a device that is moved as a recording says [Pa], (n,)."""
+    motion = motion_of(schedule)
+    times = motion.start + motion.period * np.arange(1.0, len(motion.positions) + 1.0)
+    displacement = np.interp(times, recording.times, recording.displacement)
+    if isinstance(device, Gains):
+        levels = motion.setpoints[:, 0] + AMBIENT_PRESSURE
+        return np.interp(recording.times, times, pressure_along(displacement, levels, motion.period, device))
+    lag = device.rig.pickup.displacement_lag
+    if lag:
+        displacement = displacement + lag * np.gradient(displacement, motion.period)
+    driven = motion._replace(positions=displacement, velocities=np.gradient(displacement, motion.period))
+    _, arrived = device.put_through(driven)
+    return at_times(device.clock.sampled(recording.times), arrived)[:, 0]
+
+
+def _pressure_rmse(draw: Draw, device: Specimen | Gains) -> float:
+    return _rms(draw.recording.pressures[:, 0] - predict(device, draw.recording, draw.truth.schedule))
+
+
+def _thrust(pressures: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the force of the air at some pressures of A and B [N]."""
+    area = Cylinder().area
+    return area * (pressures[:, 0] - pressures[:, 1])
+
+
+def _rms(errors: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(errors**2)))

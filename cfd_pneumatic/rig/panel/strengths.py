@@ -1,0 +1,322 @@
+"""
+The panel's effects: what is done to a device, and how strongly.
+
+A strength is drawn evenly on a logarithmic scale between the weakest, hardly to be seen in the longest schedule, and
+the strongest. `describe` prints the table. Cylinder A is the one that is tampered with.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.rig.panel.specimen import Specimen
+from cfd_pneumatic.rig.panel.textbook import Gains
+from cfd_pneumatic.rig.physics import ADIABATIC_EXPONENT, LEAK_CRITICAL_RATIO, orifice_flow
+from cfd_pneumatic.rig.schedule import Schedule
+
+SPECIFIC_HEAT = 717.6
+"""Specific heat of air at constant volume [J/(kg K)]."""
+
+
+class Situation(NamedTuple):
+    """What an effect is put into."""
+
+    specimen: Specimen
+    gains: Gains
+    schedule: Schedule
+    rng: np.random.Generator
+
+    @property
+    def mass_per_pressure(self) -> float:
+        """Mass that flows into cylinder A while its pressure rises by a pascal [kg/Pa]."""
+        cylinder, air = self.specimen.rig.cylinder_a, self.specimen.rig.air
+        return cylinder.rest_volume / (cylinder.polytropic_exponent * air.gas_constant * air.temperature)
+
+    @property
+    def reference_gauge(self) -> float:
+        """Gauge pressure at which strengths are told [Pa]."""
+        return self.specimen.rig.cylinder_a.reference_pressure - self.specimen.rig.air.ambient_pressure
+
+    def between(self, one_end: float, other_end: float) -> float:
+        """Draw evenly on a logarithmic scale."""
+        return float(one_end * (other_end / one_end) ** self.rng.random())
+
+    def sign(self) -> float:
+        """Draw 1 or -1."""
+        return float(self.rng.choice([-1.0, 1.0]))
+
+
+Changes = dict[str, float]
+"""Fields of a specimen, by names like ``effects_a.play``, and their new values."""
+
+
+class Effect(NamedTuple):
+    """One effect by its strength."""
+
+    weakest: float
+    strongest: float
+    unit: str
+    meaning: str
+    """What the strength is."""
+
+    install: Callable[[float, Situation], Changes]
+    """Gives the changes that make a strength."""
+
+
+def leakage(share: float, situation: Situation) -> Changes:
+    """Lower the resting pressure by a share of the gauge pressure, through a gap or through a hole."""
+    gauge, air = situation.reference_gauge, situation.specimen.rig.air
+    flow = situation.gains.k_sv * share * gauge * situation.mass_per_pressure
+    if situation.rng.random() < 0.5:
+        return {'effects_a.leak_admittance': flow / gauge}
+    probe = 1e-12
+    leaked = orifice_flow(
+        probe, gauge + air.ambient_pressure, air.ambient_pressure, LEAK_CRITICAL_RATIO, air.temperature
+    )
+    return {'effects_a.leak_conductance': probe * flow / leaked}
+
+
+def positional_leakage(share: float, situation: Situation) -> Changes:
+    """Let the seal lift somewhere within the schedule's stroke, both ways or one."""
+    low, high = float(np.min(situation.schedule.positions)), float(np.max(situation.schedule.positions))
+    return {
+        'effects_a.lift_admittance': situation.gains.k_sv * share * situation.mass_per_pressure,
+        'effects_a.lift_position': low + situation.rng.uniform(0.3, 0.7) * (high - low),
+        'effects_a.lift_width': situation.between(5e-5, 3e-4),
+        'effects_a.lift_end': situation.sign(),
+        'effects_a.lift_direction': float(situation.rng.choice([-1.0, 0.0, 1.0])),
+    }
+
+
+def transport_delay(delay: float, situation: Situation) -> Changes:
+    """Stamp the pressures late, or all else."""
+    return {'clock.delay': delay * situation.sign()}
+
+
+def sensor_lag(time_constant: float, situation: Situation) -> Changes:
+    """Give the pressure sensor a lag."""
+    return {'effects_a.sensor_lag': time_constant}
+
+
+def line_resonance(frequency: float, situation: Situation) -> Changes:
+    """Let the line to the pressure sensor ring."""
+    damping = situation.between(0.05, 0.3)
+    return {'effects_a.resonance_frequency': frequency, 'effects_a.resonance_damping': damping}
+
+
+def line_restriction(time_constant: float, situation: Situation) -> Changes:
+    """Narrow the line between regulator and cylinder, which then fills with a time constant."""
+    return {
+        'effects_a.line_resistance': time_constant / situation.mass_per_pressure,
+        'effects_a.outlet_volume': 0.08 * situation.specimen.rig.cylinder_a.rest_volume,
+    }
+
+
+def valve_dead_band(half_width: float, situation: Situation) -> Changes:
+    """Let the valves overlap."""
+    return {'effects_a.dead_band': half_width}
+
+
+def valve_hysteresis(half_width: float, situation: Situation) -> Changes:
+    """Give the valves play."""
+    return {'effects_a.play': half_width}
+
+
+def nonlinear_valve(bend: float, situation: Situation) -> Changes:
+    """Let the valves open with a power of the error, less or more than linear."""
+    exponent = math.exp(bend * situation.sign())
+    return {'effects_a.valve_exponent': exponent, 'effects_a.valve_pivot': situation.between(1e3, 3e3)}
+
+
+def flow_saturation(error: float, situation: Situation) -> Changes:
+    """Let the valves be fully open at an error, and the relief at another."""
+    cylinder = situation.specimen.rig.cylinder_a
+    return {
+        'cylinder_a.supply_conductance': cylinder.supply_gain * error,
+        'cylinder_a.relief_conductance': cylinder.relief_gain * error * situation.between(0.5, 2.0),
+    }
+
+
+def operating_point(dependence: float, situation: Situation) -> Changes:
+    """Let flows, densities and stiffness follow the pressure."""
+    return {'cylinder_a.pressure_dependence': dependence}
+
+
+def volume_variation(dependence: float, situation: Situation) -> Changes:
+    """Let the volume follow the piston."""
+    return {'cylinder_a.position_dependence': dependence}
+
+
+def heat_transfer(time_constant: float, situation: Situation) -> Changes:
+    """Let the air exchange heat with the wall, within a time constant; at first it is as stiff as without."""
+    cylinder, air = situation.specimen.rig.cylinder_a, situation.specimen.rig.air
+    volume = cylinder.rest_volume * ADIABATIC_EXPONENT / cylinder.polytropic_exponent
+    mass = cylinder.reference_pressure * volume / (air.gas_constant * air.temperature)
+    return {'cylinder_a.rest_volume': volume, 'effects_a.heat_transfer': mass * SPECIFIC_HEAT / time_constant}
+
+
+def lost_motion(gap: float, situation: Situation) -> Changes:
+    """Leave a gap between tool and piston."""
+    return {'piston.lost_motion': gap}
+
+
+def displacement_lag(time_constant: float, situation: Situation) -> Changes:
+    """Give the displacement sensor a lag."""
+    return {'pickup.displacement_lag': time_constant}
+
+
+def set_point_drift(total: float, situation: Situation) -> Changes:
+    """Let the set pressure drift by a total over the recording."""
+    return {'effects_a.drift': total / situation.schedule.duration * situation.sign()}
+
+
+def _pulsating(amplitude: float, slowest: float, fastest: float, situation: Situation) -> Changes:
+    return {
+        'effects_a.pulsation': amplitude,
+        'effects_a.pulsation_frequency': situation.between(slowest, fastest),
+        'effects_a.pulsation_phase': situation.rng.uniform(0.0, 2.0 * math.pi),
+    }
+
+
+def supply_variation(amplitude: float, situation: Situation) -> Changes:
+    """Let the compressor's cycle through to the set pressure: no slower than once a recording, 0.2 to 2.5 Hz."""
+    return _pulsating(amplitude, max(0.2, 1.0 / situation.schedule.duration), 2.5, situation)
+
+
+def droop(lead: float, situation: Situation) -> Changes:
+    """Let the set pressure give way to the flow, late."""
+    return {
+        'effects_a.droop': lead / situation.mass_per_pressure,
+        'effects_a.droop_lag': situation.between(0.03, 0.2),
+    }
+
+
+def seal_friction(coulomb: float, situation: Situation) -> Changes:
+    """Let the seals rub."""
+    return {
+        'seal.coulomb': coulomb,
+        'seal.coulomb_per_pressure': coulomb * situation.rng.uniform(0.0, 1e-5),
+        'seal.viscous': situation.between(1.0, 20.0),
+        'seal.presliding': situation.between(2e-5, 3e-4),
+    }
+
+
+def force_offset(offset: float, situation: Situation) -> Changes:
+    """Take the load cell's zero away."""
+    return {'pickup.force_offset': offset * situation.sign()}
+
+
+def moving_mass(mass: float, situation: Situation) -> Changes:
+    """Give the piston a mass, in half of the cases on an incline."""
+    inclination = situation.rng.uniform(-0.5, 0.5) * math.pi if situation.rng.random() < 0.5 else 0.0
+    return {'piston.mass': mass, 'piston.inclination': inclination}
+
+
+def poppet_inertia(slowness: float, situation: Situation) -> Changes:
+    """Give the valve a mass that makes it almost as slow as the loop bears: then it would buzz."""
+    damping = situation.between(0.2, 0.5)
+    gains = situation.gains
+    limit = math.sqrt(gains.k_sv / (2.0 * damping * gains.tau)) / (2.0 * math.pi)
+    return {'effects_a.poppet_frequency': limit / slowness, 'effects_a.poppet_damping': damping}
+
+
+def pulsation(amplitude: float, situation: Situation) -> Changes:
+    """Let the set pressure pulsate at 6 to 20 Hz."""
+    return _pulsating(amplitude, 6.0, 20.0, situation)
+
+
+def set_point_jump(size: float, situation: Situation) -> Changes:
+    """Let the set pressure jump once, unrecorded, in the middle of the recording."""
+    duration = situation.schedule.duration
+    return {
+        'effects_a.jump': size * situation.sign(),
+        'effects_a.jump_time': duration * situation.rng.uniform(0.3, 0.7),
+    }
+
+
+def mains_hum(amplitude: float, situation: Situation) -> Changes:
+    """Let the mains into the pressure signal."""
+    return {
+        'effects_a.hum': amplitude,
+        'effects_a.hum_frequency': float(situation.rng.choice([50.0, 60.0])),
+        'effects_a.hum_phase': situation.rng.uniform(0.0, 2.0 * math.pi),
+    }
+
+
+def fast_clock(gain: float, situation: Situation) -> Changes:
+    """Let the pressures' clock run fast."""
+    return {'clock.gain': gain}
+
+
+LIBRARY = {
+    'leakage': Effect(0.0002, 0.05, '1', 'fall of the resting pressure, in gauge pressures', leakage),
+    'positional_leakage': Effect(0.0003, 0.05, '1', 'the same with the seal lifted altogether', positional_leakage),
+    'transport_delay': Effect(0.0005, 0.015, 's', 'dead time', transport_delay),
+    'sensor_lag': Effect(0.0005, 0.015, 's', 'time constant', sensor_lag),
+    'line_resonance': Effect(200.0, 40.0, 'Hz', 'natural frequency', line_resonance),
+    'line_restriction': Effect(
+        0.0005, 0.008, 's', 'time constant of the cylinder filling through the line', line_restriction
+    ),
+    'valve_dead_band': Effect(30.0, 1500.0, 'Pa', 'half the band', valve_dead_band),
+    'valve_hysteresis': Effect(30.0, 1500.0, 'Pa', 'half the play', valve_hysteresis),
+    'nonlinear_valve': Effect(0.03, 0.6, '1', 'logarithm of the exponent, either way', nonlinear_valve),
+    'flow_saturation': Effect(12000.0, 600.0, 'Pa', 'error at which the supply valve is fully open', flow_saturation),
+    'operating_point': Effect(1.0, 1.0, '1', 'dependence on pressure', operating_point),
+    'volume_variation': Effect(1.0, 1.0, '1', 'dependence on position', volume_variation),
+    'heat_transfer': Effect(1.0, 0.03, 's', "time constant to the wall's temperature", heat_transfer),
+    'lost_motion': Effect(1e-05, 0.0003, 'm', 'gap', lost_motion),
+    'displacement_lag': Effect(0.0005, 0.01, 's', 'time constant', displacement_lag),
+    'set_point_drift': Effect(50.0, 2000.0, 'Pa', 'drift over the recording', set_point_drift),
+    'supply_variation': Effect(30.0, 1000.0, 'Pa', 'amplitude in the set pressure', supply_variation),
+    'droop': Effect(0.0006, 0.02, 's', 'fall of the set pressure per rate at which the regulator fills', droop),
+}
+"""Effects that an identifier may be expected to name."""
+
+ON_FORCE = {
+    'seal_friction': Effect(0.05, 5.0, 'N', 'Coulomb friction without pressure', seal_friction),
+    'force_offset': Effect(0.05, 5.0, 'N', 'offset', force_offset),
+    'moving_mass': Effect(0.03, 0.4, 'kg', 'mass', moving_mass),
+}
+"""Effects on the force that it may be expected to name."""
+
+FOREIGN = {
+    'poppet_inertia': Effect(0.25, 0.75, '1', 'slowness of the valve; at 1 the loop is about to buzz', poppet_inertia),
+    'pulsation': Effect(30.0, 1000.0, 'Pa', 'amplitude in the set pressure', pulsation),
+    'set_point_jump': Effect(50.0, 2000.0, 'Pa', 'height', set_point_jump),
+    'mains_hum': Effect(20.0, 500.0, 'Pa', 'amplitude', mains_hum),
+    'fast_clock': Effect(3e-05, 0.01, '1', 'gain of the clock', fast_clock),
+}
+"""Effects that it can't name, but should not pass over."""
+
+EFFECTS = {**LIBRARY, **ON_FORCE, **FOREIGN}
+"""All of them by name."""
+
+
+def install(name: str, situation: Situation) -> tuple[float, Changes]:
+    """
+    Draw an effect's strength and return it with the changes that make it.
+
+    Raises
+    ------
+    InputError
+        If there is no such effect.
+
+    """
+    effect = EFFECTS.get(name)
+    if effect is None:
+        raise InputError(f'effect {name!r} is not known: use one of {", ".join(EFFECTS)}')
+    strength = situation.between(effect.weakest, effect.strongest)
+    return strength, effect.install(strength, situation)
+
+
+def describe() -> str:
+    """Return the effects and the ranges of their strengths as a table."""
+    rows = ['| effect | weakest | strongest | unit | strength |', '|---|---|---|---|---|']
+    for name, effect in EFFECTS.items():
+        rows.append(f'| {name} | {effect.weakest:g} | {effect.strongest:g} | {effect.unit} | {effect.meaning} |')
+    return '\n'.join(rows)

@@ -1,0 +1,143 @@
+"""What lies between the rig and its sensors: lines that ring, sensors that lag, the mains, a load cell's offset."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from cfd_pneumatic.rig.compiled import compiled
+from cfd_pneumatic.rig.device import Truth
+from cfd_pneumatic.rig.effects import Effects
+from cfd_pneumatic.rig.parameters import RigParameters
+
+
+@compiled
+def respond(
+    state: NDArray[np.float64],
+    last: float,
+    transition: NDArray[np.float64],
+    inputs: NDArray[np.float64],
+    outputs: NDArray[np.float64],
+) -> None:
+    """
+    Fill in the response of a second-order system to an input that runs straight from each value to the next.
+
+    `state` (2,) is advanced in place; `transition` (2, 4) multiplies it, the last input and the input's rise.
+    """
+    for index in range(inputs.shape[0]):
+        rise = inputs[index] - last
+        first = (
+            transition[0, 0] * state[0]
+            + transition[0, 1] * state[1]
+            + transition[0, 2] * last
+            + transition[0, 3] * rise
+        )
+        state[1] = (
+            transition[1, 0] * state[0]
+            + transition[1, 1] * state[1]
+            + transition[1, 2] * last
+            + transition[1, 3] * rise
+        )
+        state[0] = first
+        last = inputs[index]
+        outputs[index] = first
+
+
+class Response:
+    """
+    A linear response of first or second order with unit gain, exact for an input that is straight between its values.
+
+    Parameters
+    ----------
+    system : (2, 2)
+        Its state matrix [1/s]; the first state is the output.
+    drive : (2,)
+        What the input adds to the states' rates [1/s].
+    rest
+        Input and output so far.
+
+    """
+
+    def __init__(self, system: list[list[float]], drive: list[float], rest: float) -> None:
+        self._augmented = np.zeros((4, 4))
+        self._augmented[:2, :2] = system
+        self._augmented[:2, 2] = drive
+        self._state = np.array([rest, 0.0])
+        self._last = rest
+
+    @classmethod
+    def lag(cls, time_constant: float, rest: float) -> Response:
+        """Return a first-order lag; its time constant in s."""
+        return cls([[-1.0 / time_constant, 0.0], [0.0, 0.0]], [1.0 / time_constant, 0.0], rest)
+
+    @classmethod
+    def resonance(cls, frequency: float, damping: float, rest: float) -> Response:
+        """Return a mass on a spring, here of air, by its natural frequency [Hz] and damping ratio."""
+        omega = 2.0 * np.pi * frequency
+        return cls([[0.0, omega], [-omega, -2.0 * damping * omega]], [0.0, omega], rest)
+
+    def to(self, inputs: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+        """Return the outputs with the next inputs, which are one period [s] apart."""
+        coupled = self._augmented * period
+        coupled[2, 3] = 1.0
+        outputs = np.empty(len(inputs))
+        respond(self._state, self._last, np.ascontiguousarray(expm(coupled)[:2]), np.ascontiguousarray(inputs), outputs)
+        self._last = float(inputs[-1])
+        return outputs
+
+
+class Transmission:
+    """
+    The way from the rig to its sensors.
+
+    Parameters
+    ----------
+    parameters
+        The rig.
+    pressures : (2,)
+        Absolute pressures at rest [Pa].
+    position
+        Position at rest [m].
+
+    """
+
+    def __init__(self, parameters: RigParameters, pressures: NDArray[np.float64], position: float) -> None:
+        self._effects = (parameters.effects_a, parameters.effects_b)
+        self._lines = [_line(effects, float(rest)) for effects, rest in zip(self._effects, pressures)]
+        self._force_offset = parameters.pickup.force_offset
+        lag = parameters.pickup.displacement_lag
+        self._pickup = Response.lag(lag, position) if lag else None
+
+    def carry(self, truth: Truth, period: float) -> Truth:
+        """Return what arrives at the sensors, at the next times, which are one period [s] apart."""
+        arrived = truth
+        if self._pickup:
+            arrived = replace(arrived, displacement=self._pickup.to(truth.displacement, period))
+        if self._force_offset:
+            arrived = replace(arrived, force=truth.force + self._force_offset)
+        if any(self._lines) or any(effects.hum for effects in self._effects):
+            pressures = [self._arriving(cylinder, truth, period) for cylinder in (0, 1)]
+            arrived = replace(arrived, pressures=np.column_stack(pressures))
+        return arrived
+
+    def _arriving(self, cylinder: int, truth: Truth, period: float) -> NDArray[np.float64]:
+        pressure = truth.pressures[:, cylinder]
+        for response in self._lines[cylinder]:
+            pressure = response.to(pressure, period)
+        effects = self._effects[cylinder]
+        if not effects.hum:
+            return pressure
+        return pressure + effects.hum * np.sin(2.0 * np.pi * effects.hum_frequency * truth.times + effects.hum_phase)
+
+
+def _line(effects: Effects, rest: float) -> list[Response]:
+    """Return the responses of a line and its sensor, which has read a pressure [Pa] at rest, one after the other."""
+    responses = []
+    if effects.resonance_frequency:
+        responses.append(Response.resonance(effects.resonance_frequency, effects.resonance_damping, rest))
+    if effects.sensor_lag:
+        responses.append(Response.lag(effects.sensor_lag, rest))
+    return responses

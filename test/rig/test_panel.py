@@ -1,0 +1,218 @@
+"""The panel: what it draws, what it keeps to itself, and how well anybody could do on it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.rig import RigParameters, Sensors
+from cfd_pneumatic.rig.panel import (
+    EFFECTS,
+    FOREIGN,
+    LIBRARY,
+    ON_FORCE,
+    Draw,
+    baseline_rmse,
+    describe,
+    draw,
+    draw_textbook,
+    force_baseline_rmse,
+    force_oracle_rmse,
+    oracle_rmse,
+    strengths,
+)
+from cfd_pneumatic.rig.panel.specimen import Clock, Specimen
+from cfd_pneumatic.rig.panel.strengths import Situation
+
+SCHEDULES = ('paper_step', 'out_and_back', 'surface_following')
+READ = ('times', 'displacement', 'pressures', 'setpoints', 'force')
+SENSORS = Sensors()
+FLOOR = float(np.hypot(SENSORS.pressure_noise, SENSORS.step(SENSORS.pressure_range) / np.sqrt(12.0)))
+"""What noise and converter leave of a pressure [Pa]."""
+
+FORCE_FLOOR = float(
+    np.sqrt(
+        SENSORS.force_noise**2
+        + SENSORS.step(SENSORS.force_range) ** 2 / 12.0
+        + 2.0 * (RigParameters().cylinder_a.area * FLOOR) ** 2
+    )
+)
+"""What noise and converters leave of a force, given both pressures [N]."""
+
+HIDDEN_IN_A_STEP = {'lost_motion', 'operating_point', 'volume_variation', 'fast_clock'}
+"""Effects that it takes more than the paper's step to see."""
+
+FOLLOWING = draw(None, 'surface_following', 3)
+"""A healthy device for a minute."""
+
+
+def same(one: Draw, other: Draw) -> bool:
+    """Say whether two recordings hold the same to the last bit."""
+    return all(np.array_equal(getattr(one.recording, name), getattr(other.recording, name)) for name in READ)
+
+
+def strongest(name: str, schedule: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> Draw:
+    """Return a draw of an effect at its strongest."""
+    monkeypatch.setitem(strengths.EFFECTS, name, EFFECTS[name]._replace(weakest=EFFECTS[name].strongest))
+    return draw(name, schedule, seed)
+
+
+# recordings
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_a_recording_does_not_say_what_is_wrong(name: str) -> None:
+    """An effect changes readings, but nothing else about a recording."""
+    drawn, healthy = draw(name, 'paper_step', 5), draw(None, 'paper_step', 5)
+    assert vars(drawn.recording).keys() == vars(healthy.recording).keys() == set(READ)
+    for field in READ:
+        values, expected = getattr(drawn.recording, field), getattr(healthy.recording, field)
+        assert type(values) is np.ndarray
+        assert values.dtype == expected.dtype == float
+        assert values.shape == expected.shape
+        assert np.all(np.isfinite(values))
+    assert np.array_equal(drawn.recording.times, healthy.recording.times)
+    assert np.array_equal(drawn.recording.setpoints, healthy.recording.setpoints)
+    assert drawn.truth.effects == (name,)
+    assert drawn.truth.strengths.keys() == {name}
+    assert drawn.truth.healthy == healthy.truth.device
+
+
+def test_a_seed_draws_the_same_again_and_another_something_else() -> None:
+    assert same(FOLLOWING, draw(None, 'surface_following', 3))
+    for schedule in ('paper_step', 'out_and_back'):
+        first, again, other = (draw('leakage', schedule, seed) for seed in (1, 1, 2))
+        assert same(first, again)
+        assert first.truth.strengths == again.truth.strengths
+        assert first.truth.strengths != other.truth.strengths
+        assert first.truth.gains != other.truth.gains
+
+
+@pytest.mark.parametrize('name', EFFECTS)
+def test_strengths_are_drawn_from_their_range(name: str) -> None:
+    effect, truth = EFFECTS[name], FOLLOWING.truth
+    assert isinstance(truth.device, Specimen)
+    situation = Situation(truth.device, truth.gains, truth.schedule, np.random.default_rng(0))
+    drawn = [strengths.install(name, situation)[0] for _ in range(200)]
+    low, high = sorted((effect.weakest, effect.strongest))
+    assert low <= min(drawn) <= max(drawn) <= high
+    if low < high:
+        share = np.mean(np.array(drawn) < np.sqrt(low * high))
+        assert share == pytest.approx(0.5, abs=0.15), 'evenly on a logarithmic scale'
+
+
+def test_the_table_tells_of_each_effect() -> None:
+    assert EFFECTS.keys() == {*LIBRARY, *ON_FORCE, *FOREIGN}
+    rows = describe().splitlines()
+    assert len(rows) == 2 + len(EFFECTS)
+    assert '| sensor_lag | 0.0005 | 0.015 | s | time constant |' in rows
+
+
+def test_two_effects_at_once() -> None:
+    pair = draw(('leakage', 'sensor_lag'), 'out_and_back', 4)
+    alone = [draw(name, 'out_and_back', 4) for name in ('leakage', 'sensor_lag')]
+    assert pair.truth.effects == ('leakage', 'sensor_lag')
+    for one in alone:
+        assert pair.truth.changes.items() >= one.truth.changes.items()
+        assert not same(pair, one)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (('leak', 'paper_step', 0), "effect 'leak' is not known: use one of leakage"),
+        (('leakage', 'step', 0), "schedule 'step' is not known: use one of paper_step"),
+        (('leakage', 'paper_step', 0, 'pink'), "noise 'pink' is not known: use one of white"),
+        ((('supply_variation', 'pulsation'), 'paper_step', 0), 'two of them are the same thing'),
+    ],
+)
+def test_what_cannot_be_drawn(arguments: tuple[str, str, int], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        draw(*arguments)
+
+
+def test_a_clock_is_late_or_fast() -> None:
+    stamps = np.array([0.0, 1.0, 2.0])
+    assert Clock(delay=0.25).sampled(stamps) == pytest.approx([-0.25, 0.75, 1.75])
+    assert Clock(gain=0.25).sampled(stamps) == pytest.approx([0.0, 0.8, 1.6])
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_a_delay_shifts_the_pressure(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn, healthy = strongest('transport_delay', 'out_and_back', seed, monkeypatch), draw(None, 'out_and_back', seed)
+    samples = 1000 * drawn.truth.changes['clock.delay'] / 2
+    late, early = drawn.recording.pressures[:, 0], healthy.recording.pressures[:, 0]
+    lags = range(-12, 13)
+    errors = [np.std(np.roll(early, lag) - late) for lag in lags]
+    assert lags[int(np.argmin(errors))] == pytest.approx(samples, abs=0.75)
+
+
+# healthy devices
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_a_healthy_device_follows_the_papers_model(seed: int) -> None:
+    """Frozen coefficients and a small control chamber: the textbook's equations predict it."""
+    drawn = draw(None, 'paper_step', seed)
+    truth = drawn.truth
+    text = draw_textbook('paper_step', seed, straight=False)
+    assert text.truth.gains == truth.gains
+    assert text.truth.samples.pressures[:, 0] == pytest.approx(truth.samples.pressures[:, 0], abs=10.0)
+    assert np.ptp(truth.samples.pressures[:, 0]) > 3000.0
+
+
+@pytest.mark.parametrize('schedule', SCHEDULES)
+def test_a_recording_begins_at_rest(schedule: str) -> None:
+    drawn = FOLLOWING if schedule == 'surface_following' else draw(None, schedule, 3)
+    samples = drawn.truth.samples
+    assert samples.pressures[0] == pytest.approx(samples.setpoints[0], abs=0.01)
+    assert samples.displacement[0] == samples.velocity[0] == 0.0
+    assert samples.times[0] == pytest.approx(0.0, abs=1e-12)
+    assert samples.times[-1] == pytest.approx(drawn.truth.schedule.duration)
+
+
+# floors
+
+
+def test_the_oracle_of_a_long_recording_leaves_the_noise() -> None:
+    assert oracle_rmse(FOLLOWING) == pytest.approx(FLOOR, rel=0.03)
+    for seed in range(3):
+        assert oracle_rmse(draw(None, 'out_and_back', seed)) == pytest.approx(FLOOR, rel=0.1)
+
+
+@pytest.mark.parametrize('noise', ['white', 'coloured', 'quantised'])
+def test_the_textbooks_oracle_leaves_the_noise(noise: str) -> None:
+    step = SENSORS.step(SENSORS.pressure_range) / np.sqrt(12.0)
+    noises = {'white': FLOOR, 'coloured': FLOOR, 'quantised': float(np.hypot(0.1 * SENSORS.pressure_noise, step))}
+    drawn = draw_textbook('surface_following', 1, noise)
+    assert oracle_rmse(drawn) == pytest.approx(noises[noise], rel=0.15 if noise == 'quantised' else 0.04)
+    residual = drawn.recording.pressures[:, 0] - drawn.truth.samples.pressures[:, 0]
+    memory = np.corrcoef(residual[1:], residual[:-1])[0, 1]
+    assert memory == pytest.approx(0.83 if noise == 'coloured' else 0.0, abs=0.15 if noise == 'quantised' else 0.05)
+
+
+@pytest.mark.parametrize('name', [*LIBRARY, *FOREIGN])
+def test_a_strong_effect_can_be_seen_and_is_known_to_the_oracle(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    schedule = 'out_and_back' if name in HIDDEN_IN_A_STEP else 'paper_step'
+    drawn = strongest(name, schedule, 1, monkeypatch)
+    floor = oracle_rmse(drawn)
+    assert baseline_rmse(drawn) > (1.0 if name == 'volume_variation' else 1.5) * floor
+    # Where a leak or a stamp depends on the moment at which a stroke ends, samples 2 ms apart leave more.
+    assert floor < (6.0 if name == 'positional_leakage' else 1.5) * FLOOR
+
+
+@pytest.mark.parametrize('name', ON_FORCE)
+def test_an_effect_on_the_force_can_be_seen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn, healthy = strongest(name, 'out_and_back', 1, monkeypatch), draw(None, 'out_and_back', 1)
+    assert np.array_equal(drawn.recording.pressures, healthy.recording.pressures)
+    assert force_oracle_rmse(drawn) == pytest.approx(FORCE_FLOOR, rel=0.05)
+    assert force_baseline_rmse(healthy) == pytest.approx(force_oracle_rmse(healthy))
+    assert force_baseline_rmse(drawn) > 3.0 * force_oracle_rmse(drawn)
+
+
+@pytest.mark.parametrize('name', [*LIBRARY, *FOREIGN])
+def test_a_weak_effect_is_hardly_to_be_seen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(strengths.EFFECTS, name, EFFECTS[name]._replace(strongest=EFFECTS[name].weakest))
+    drawn = draw(name, 'paper_step', 1)
+    assert baseline_rmse(drawn) < 2.0 * oracle_rmse(drawn)
