@@ -30,9 +30,7 @@ _STARTING_K = (3.0, 30.0, 150.0)  # charging gains that the search starts from [
 _ROUGH = (1e-4, 40)  # tolerance and evaluations of a search that chooses among starts
 _FINE = (1e-9, 200)
 _LARGEST_RELATIVE_STD = 1.0 / 3.0  # above this zero lies within three standard errors: the recording does not tell it
-_LEAST_EVIDENCE = (
-    40.0  # by which following the piston must raise twice the log likelihood; noise alone reached 26 in 100
-)
+_LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone stays below
 _CONFIDENCE = 0.95
 
 

@@ -17,9 +17,11 @@ HEALTHY = (
 
 @needs_measured_data
 @pytest.mark.parametrize('run', HEALTHY)
-def test_healthy_runs_are_simulated_to_four_percent(run):
+def test_healthy_runs_are_simulated_to_four_percent(run, capsys):
     recording = read_recording(ROOT / f'{run}.csv', mapping=read_mapping(MAPPING))
     result = identify([recording]).cylinders['cylinder_a']
+    with capsys.disabled():
+        print(f'\n{run}: test part {result.before["test"].nrmse_percent:.2f} % of span', end='')
     assert result.before['test'].nrmse_percent <= 4.0
     bar = float(run.split('_')[-1][0])
     assert result.schedule[0].setpoint == pytest.approx(bar * 1e5, rel=0.06)
