@@ -4,34 +4,51 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from cfd_pneumatic.model.effects import MODULES
-from cfd_pneumatic.model.places import PLACES, STATES
-
 HERE = Path(__file__).parent
 KERNEL = HERE.parent / 'cfd_pneumatic' / 'model' / 'composed.py'
+
+if 'cfd_pneumatic.model' not in sys.modules:  # its face imports the kernel, which may not be there or be out of date
+    bare = ModuleType('cfd_pneumatic.model')
+    bare.__path__ = [str(KERNEL.parent)]
+    sys.modules['cfd_pneumatic.model'] = bare
+
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, MODULES, PRESSURE_EFFECTS  # noqa: E402
+from cfd_pneumatic.model.places import (  # noqa: E402
+    FORCE_PLACES,
+    FORCE_STATES,
+    PARAMETERS,
+    PLACES,
+    PRESSURES,
+    STATES,
+    Place,
+)
 
 
 def composed() -> str:
     """Return the kernel's text."""
-    effects = [_described(name) for name in MODULES]
+    effects = [_described(name, PLACES[name], 'y{}') for name in PRESSURE_EFFECTS]
+    force_effects = [_described(name, FORCE_PLACES[name], 'state[{}]') for name in FORCE_EFFECTS]
     templates = Environment(loader=FileSystemLoader(HERE), undefined=StrictUndefined, keep_trailing_newline=True)
 
     def having(function: str) -> list[dict[str, Any]]:
         return [effect for effect in effects if hasattr(MODULES[effect['name']], function)]
 
-    def states_of(function: str) -> list[int]:
-        return sorted({0}.union(*(PLACES[effect['name']].state_indices for effect in having(function))))
-
     return templates.get_template('kernel.py.jinja').render(
         effects=effects,
+        force_effects=force_effects,
         having=having,
-        states_of=states_of,
         states=STATES,
+        parameters=PARAMETERS,
+        resting=_resting(effects),
+        force_states=FORCE_STATES,
         fingerprint=_fingerprint(),
     )
 
@@ -46,24 +63,41 @@ FUNCTIONS = (
     'outlet',
     'time_constant',
     'signal',
+    'force',
 )
 """What an effect may change, by the name of the function that does; see `model.effects.effect`."""
 
 
-def _described(name: str) -> dict[str, Any]:
-    place = PLACES[name]
+def _described(name: str, place: Place, state: str) -> dict[str, Any]:
+    """Return what the template says of an effect; `state` is how a state with a number is written."""
     states = place.state_indices
-    own = [f'y{index}' for index in states]
+    own = [state.format(index) for index in states]
     own += [f'a[{index}]' for index in range(place.parameters.start, place.parameters.stop)]
     return {
         'name': name,
         'switch': place.switch,
         'own': ', '.join(own),
+        'states': ', '.join(own[: len(states)]),
         'rates': ', '.join(f'dy{index}' for index in states),
         'first_state': place.states.start,
         'follows': MODULES[name].EFFECT.follows,
+        'rests_at_pressure': MODULES[name].EFFECT.rests_at_pressure,
+        'state_indices': list(states),
+        'parameter_indices': list(range(place.parameters.start, place.parameters.stop)),
+        'integrated': hasattr(MODULES[name], 'evolve'),
         'compiled': any(hasattr(MODULES[name], function) for function in FUNCTIONS),
     }
+
+
+def _resting(effects: Sequence[Mapping[str, Any]]) -> dict[int, str]:
+    """Return what each state is at rest, as the template writes it."""
+    resting = dict.fromkeys(range(PRESSURES), 'pressure')
+    for effect in effects:
+        for rank, index in enumerate(effect['state_indices']):
+            at_pressure = rank == 0 and effect['rests_at_pressure']
+            at_displacement = effect['follows'] == 'displacement'
+            resting[index] = 'pressure' if at_pressure else 'x' if at_displacement else '0.0'
+    return resting
 
 
 def _fingerprint() -> str:

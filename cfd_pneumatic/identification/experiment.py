@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.motion import Motion, smooth_motion
 from cfd_pneumatic.identification.split import MOTION, PARTS, Split, stroke_times
+from cfd_pneumatic.identification.stamps import regular_clock
 from cfd_pneumatic.model import DIRECTIONS
 from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
 
+_BEYOND = 0.5  # longest time by which a pressure may be read early [s]
 _FEWEST_SAMPLES = 20  # four gains, a set-point, and something left to judge them by
 
 
@@ -70,6 +72,21 @@ class Experiment:
         """Times of the pressure samples, shape (m,) [s]."""
         return self.times[self.samples]
 
+    def until(self, part: str) -> Experiment:
+        """Return the experiment without the pressure samples that come after a part; the motion goes on a little."""
+        last = int(np.flatnonzero(self.part <= PARTS.index(part))[-1])
+        end = self.sample_times[last] + _BEYOND
+        grid = int(np.searchsorted(self.times, end, side='right'))
+        return replace(
+            self,
+            times=self.times[:grid],
+            displacement=self.displacement[:grid],
+            setpoint=self.setpoint[:grid],
+            samples=self.samples[: last + 1],
+            pressure=self.pressure[: last + 1],
+            part=self.part[: last + 1],
+        )
+
     @property
     def span(self) -> float:
         """The measured pressure's span p99 - p1 over the whole recording [Pa]."""
@@ -115,8 +132,9 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
     """
     signals = recording.cylinders[cylinder]
     first, last = motion.times[0], motion.times[-1]
-    within = (signals.pressure.times >= first) & (signals.pressure.times <= last)
-    pressure_times = signals.pressure.times[within]
+    all_times = on_clock(signals.pressure.times, motion)
+    within = (all_times >= first) & (all_times <= last)
+    pressure_times = all_times[within]
     pressure = signals.pressure.values[within]
     if pressure.size < _FEWEST_SAMPLES:
         raise InputError(
@@ -128,8 +146,10 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
             f'{recording.name}: {cylinder}/pressure never changes ({pressure[0]:g} Pa): is its sensor connected?'
         )
     grid = [motion.knots(), pressure_times]
-    if signals.setpoint is not None:
-        changes = signals.setpoint.times
+    setpoint = signals.setpoint
+    if setpoint is not None:
+        setpoint = Signal(motion.on_clock(setpoint.times), setpoint.values)
+        changes = setpoint.times
         grid.append(changes[(changes > first) & (changes < last)])
     times = np.unique(np.concatenate(grid))
     times = times[times <= pressure_times[-1]]
@@ -140,7 +160,7 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
         cylinder=cylinder,
         times=times,
         displacement=DIRECTIONS[cylinder] * motion.at(times),
-        setpoint=_setpoint_on(times, signals.setpoint, float(np.median(seen if seen.size else pressure))),
+        setpoint=_setpoint_on(times, setpoint, float(np.median(seen if seen.size else pressure))),
         setpoint_recorded=signals.setpoint is not None,
         samples=np.searchsorted(times, pressure_times),
         pressure=pressure,
@@ -148,6 +168,16 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
         starts_at_rest=_rests_at_start(motion),
         motion=motion,
     )
+
+
+def on_clock(stamps: Array, motion: Motion) -> Array:
+    """Return when a pressure's samples were taken [s]: with the displacement's, or by a clock of their own."""
+    if motion.stamps is motion.times:
+        return stamps
+    if np.all(np.isin(stamps, motion.stamps)):
+        return motion.on_clock(stamps)
+    clock = regular_clock(stamps)
+    return stamps if clock is None else clock
 
 
 def _setpoint_on(times: Array, setpoint: Signal | None, otherwise: float) -> Array:

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.model import DIRECTIONS, SPECS
-from cfd_pneumatic.model.effects import EFFECTS, EffectParameter
-from cfd_pneumatic.model.extended import ExtendedCylinder
+from cfd_pneumatic.identification.levenberg import least_squares
+from cfd_pneumatic.model import SPECS
+from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
+from cfd_pneumatic.model.extended import ExtendedCylinder, simulate_side_by_side
+from cfd_pneumatic.model.places import GAINS, PARAMETERS, PLACES, all_parameters
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Effects = Mapping[str, tuple[float, ...]]
 """Parameters of each effect that is on, by its name."""
 
-GAINS = len(SPECS)
 _DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's scale
 _SHORTEST_TAU = 0.1  # of a sample: a faster sensing can't be told from none, and would cost steps
 
@@ -28,7 +27,7 @@ _SHORTEST_TAU = 0.1  # of a sample: a faster sensing can't be told from none, an
 @dataclass(frozen=True)
 class Extension:
     """
-    The paper's model with effects, fitted.
+    The paper's model with effects, fitted to experiments.
 
     Attributes
     ----------
@@ -38,8 +37,8 @@ class Extension:
         Fitted parameters of each effect.
     offsets, starts
         As in `fit.Fit` [Pa].
-    simulated
-        For each experiment the pressure at its samples [Pa].
+    unknowns
+        How many numbers were searched.
 
     """
 
@@ -47,144 +46,215 @@ class Extension:
     effects: Effects
     offsets: tuple[float, ...]
     starts: tuple[float, ...]
-    simulated: tuple[Array, ...]
+    unknowns: int = 0
 
-    def residuals(self, experiments: Sequence[Experiment]) -> list[Array]:
-        """Return measured less simulated pressure of each experiment [Pa]."""
-        return [experiment.pressure - pressure for experiment, pressure in zip(experiments, self.simulated)]
+    def settles(self, experiment: Experiment) -> bool:
+        """Return whether the cylinder has to settle, at a rest that effects have moved, before an experiment begins."""
+        return experiment.starts_at_rest and any(PRESSURE_EFFECTS[name].moves_rest for name in self.effects)
+
+    def simulate(self, experiments: Sequence[Experiment], ambient_pressure: float) -> list[Array]:
+        """Return the pressure at the samples of each experiment, or of a part of it [Pa]."""
+        cylinder = ExtendedCylinder(self.gains, self.effects, ambient_pressure)
+        delay = sum(own[0] for name, own in self.effects.items() if PRESSURE_EFFECTS[name].delays)
+        pressures = []
+        for one, offset, start in zip(experiments, self.offsets, self.starts):
+            read = read_late(one, delay)
+            simulated = cylinder.simulate(
+                read.times, read.displacement, read.setpoint + offset, start, self.settles(one)
+            )
+            pressures.append(simulated[read.samples])
+        return pressures
 
 
-class _Unknown:
-    """How one number of the model is searched: in its logarithm or in a scale that makes it about one."""
+def read_late(experiment: Experiment, delay: float) -> Experiment:
+    """Return an experiment whose pressure samples were taken `delay` seconds before they are stamped."""
+    if delay == 0.0:
+        return experiment
+    taken = np.clip(experiment.sample_times - delay, experiment.times[0], experiment.times[-1])
+    times = np.union1d(experiment.times, taken)
+    step = np.searchsorted(experiment.times, times)  # that ends there or later
+    return replace(
+        experiment,
+        times=times,
+        displacement=np.interp(times, experiment.times, experiment.displacement),
+        setpoint=experiment.setpoint[step],
+        samples=np.searchsorted(times, taken),
+    )
 
-    def __init__(self, value: float, lower: float, upper: float, logarithmic: bool, scale: float) -> None:
-        self.logarithmic = logarithmic
-        self.scale = 1.0 if logarithmic else scale
-        self.lower = self.inward(lower)
-        self.upper = self.inward(upper)
-        self.start = min(max(self.inward(value), self.lower), self.upper)
 
-    def inward(self, value: float) -> float:
-        if not self.logarithmic:
-            return value / self.scale
-        return math.log(value) if value < math.inf else math.inf
+class _Unknowns:
+    """
+    What is searched, and how.
 
-    def outward(self, searched: float) -> float:
-        return math.exp(searched) if self.logarithmic else searched * self.scale
+    All numbers of a model stand in one row of slots: the kernel's parameters, then each experiment's offset, then each
+    experiment's start. An unknown is one of them, searched in its logarithm or in a unit that makes it about one.
+    """
+
+    def __init__(self, experiments: Sequence[Experiment], begin: Extension, effects: Effects) -> None:
+        count = len(experiments)
+        self.effects = effects
+        self.row = np.concatenate([all_parameters(begin.gains, effects), begin.offsets, begin.starts])
+        self.offset_slots = PARAMETERS + np.arange(count)
+        self.start_slots = PARAMETERS + count + np.arange(count)
+        span = float(np.mean([one.span for one in experiments]))
+        period = min(float(np.median(np.diff(one.sample_times))) for one in experiments)
+        slots: list[int] = []
+        logarithmic: list[bool] = []
+        units: list[float] = []
+        bounds: list[tuple[float, float]] = []
+
+        def search(slot: int, logarithm: bool, unit: float, lower: float, upper: float) -> None:
+            slots.append(slot)
+            logarithmic.append(logarithm)
+            units.append(unit)
+            bounds.append((lower, upper))
+
+        for slot, spec in enumerate(SPECS):
+            shortest = _SHORTEST_TAU * period if spec.name == 'tau' else 0.0
+            search(slot, True, 1.0, max(spec.lower, shortest), spec.upper)
+        for slot in self.offset_slots.tolist():
+            search(slot, False, span, -np.inf, np.inf)
+        anywhere = any(PRESSURE_EFFECTS[name].rests_anywhere for name in effects)
+        for slot, one in zip(self.start_slots.tolist(), experiments):
+            if anywhere or not one.starts_at_rest:
+                search(slot, False, span, -np.inf, np.inf)
+        for name, own in effects.items():
+            for slot, parameter, value in zip(_slots_of(name), PRESSURE_EFFECTS[name].parameters, own):
+                if not parameter.choice:
+                    unit = abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
+                    search(slot, parameter.logarithmic, unit, parameter.lower, parameter.upper)
+        self.slots = np.array(slots)
+        self.logarithmic = np.array(logarithmic)
+        self.units = np.array(units)
+        self.lower, self.upper = (self.inward(np.array(side)) for side in zip(*bounds))
+        self.start = np.clip(self.inward(self.row[self.slots]), self.lower, self.upper)
+
+    def inward(self, values: Array) -> Array:
+        """Return values as they are searched."""
+        with np.errstate(divide='ignore', invalid='ignore'):
+            return np.where(self.logarithmic, np.log(np.maximum(values, 0.0)), values / self.units)
+
+    def rows(self, points: Array) -> Array:
+        """Return all numbers of the models at some points, shape (points, slots)."""
+        rows = np.tile(self.row, (len(points), 1))
+        searched = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, points, 0.0)), points * self.units)
+        rows[:, self.slots] = searched
+        return rows
+
+    def beside(self, point: Array) -> tuple[Array, Array]:
+        """Return points a difference away from one, each in one unknown, shape (k, k), and the differences, (k,)."""
+        differences = np.where(point + _DIFFERENCE <= self.upper, _DIFFERENCE, -_DIFFERENCE)
+        return point + np.diag(differences), differences
+
+    @property
+    def count(self) -> int:
+        """How many are searched."""
+        return int(self.slots.size)
+
+    def model(self, row: Array) -> Extension:
+        """Return the model that a row of numbers stands for."""
+        effects = {name: tuple(row[list(_slots_of(name))].tolist()) for name in self.effects}
+        return Extension(
+            row[:GAINS].copy(),
+            effects,
+            tuple(row[self.offset_slots].tolist()),
+            tuple(row[self.start_slots].tolist()),
+            self.count,
+        )
+
+
+def _slots_of(name: str) -> range:
+    place = PLACES[name].parameters
+    return range(place.start, place.stop)
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """
+    Residuals of a fit and how they depend on what was searched.
+
+    Attributes
+    ----------
+    residuals
+        Simulated less measured pressure at the samples that count, weighted, shape (n,) [Pa].
+    jacobian
+        By the unknowns, shape (n, k); by the logarithm of those searched so, by the value itself of others.
+    names
+        Of the unknowns: gains by their names, effects' parameters as `EFFECT.PARAMETER`, otherwise empty.
+
+    """
+
+    residuals: Array
+    jacobian: Array
+    names: tuple[str, ...]
+    logarithmic: Mask
 
 
 class _Search:
-    """A joint search of gains, effects, set-point offsets and first pressures."""
+    """Residuals and their Jacobian, from simulations side by side."""
 
     def __init__(
         self,
         experiments: Sequence[Experiment],
         masks: Sequence[Mask],
         ambient_pressure: float,
-        begin: Extension,
-        effects: Effects,
+        unknowns: _Unknowns,
+        weights: Sequence[Array],
     ) -> None:
         self.experiments = experiments
         self.masks = masks
         self.ambient_pressure = ambient_pressure
-        self.names = list(effects)
-        period = min(float(np.median(np.diff(one.sample_times))) for one in experiments)
-        self.unknowns = [
-            _Unknown(
-                float(value),
-                max(spec.lower, _SHORTEST_TAU * period) if spec.name == 'tau' else spec.lower,
-                spec.upper,
-                True,
-                1.0,
+        self.unknowns = unknowns
+        self.weights = weights
+        self.delay_slots = [
+            slot for name in unknowns.effects if PRESSURE_EFFECTS[name].delays for slot in _slots_of(name)
+        ]
+
+    def evaluate(self, point: Array) -> tuple[Array, Array]:
+        """Return weighted simulated less measured pressure of all experiments, and its Jacobian."""
+        beside, differences = self.unknowns.beside(point)
+        rows = self.unknowns.rows(np.vstack([point[None], beside]))
+        parts = [self._evaluate(index, rows, differences) for index in range(len(self.experiments))]
+        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+
+    def _evaluate(self, index: int, rows: Array, differences: Array) -> tuple[Array, Array]:
+        """Do so for one experiment; what belongs to another one makes no difference to it."""
+        mask, weight = self.masks[index], self.weights[index]
+        own = np.flatnonzero(np.any(rows[1:] != rows[0], axis=1) & self._concerns(index))
+        simulated = self._simulate(index, rows[np.concatenate([[0], own + 1])])[mask]
+        jacobian = np.zeros((simulated.shape[0], differences.size))
+        jacobian[:, own] = (simulated[:, 1:] - simulated[:, :1]) / differences[own]
+        residuals = simulated[:, 0] - self.experiments[index].pressure[mask]
+        return residuals * weight[mask], jacobian * weight[mask, None]
+
+    def _concerns(self, index: int) -> Mask:
+        """Return which unknowns concern an experiment, shape (k,)."""
+        slots = self.unknowns.slots
+        mine = (slots == self.unknowns.offset_slots[index]) | (slots == self.unknowns.start_slots[index])
+        return np.asarray((slots < PARAMETERS) | mine)
+
+    def _simulate(self, index: int, rows: Array) -> Array:
+        """Return the pressures at an experiment's samples by the models in some rows, shape (m, rows) [Pa]."""
+        experiment = self.experiments[index]
+        delays = rows[:, self.delay_slots].sum(axis=1)
+        base = self.unknowns.model(rows[0])
+        cylinder = ExtendedCylinder(base.gains, base.effects, self.ambient_pressure)
+        pressures = np.empty((experiment.samples.size, len(rows)))
+        for delay in np.unique(delays):
+            alike = np.flatnonzero(delays == delay)
+            read = read_late(experiment, float(delay))
+            simulated = simulate_side_by_side(
+                cylinder,
+                rows[alike, :PARAMETERS],
+                read.times,
+                read.displacement,
+                read.setpoint,
+                rows[alike, self.unknowns.offset_slots[index]],
+                rows[alike, self.unknowns.start_slots[index]],
+                base.settles(experiment),
             )
-            for spec, value in zip(SPECS, begin.gains)
-        ]
-        scale = float(np.mean([one.span for one in experiments]))
-        self.unknowns += [_Unknown(offset, -math.inf, math.inf, False, scale) for offset in begin.offsets]
-        anywhere = any(EFFECTS[name].rests_anywhere for name in self.names)
-        self.free_starts = [index for index, one in enumerate(experiments) if anywhere or not one.starts_at_rest]
-        self.unknowns += [
-            _Unknown(begin.starts[index], -math.inf, math.inf, False, scale) for index in self.free_starts
-        ]
-        self.chosen = {name: list(effects[name]) for name in self.names}
-        self.searched: list[tuple[str, int, EffectParameter]] = []
-        for name in self.names:
-            for index, parameter in enumerate(EFFECTS[name].parameters):
-                if not parameter.choice:
-                    value = effects[name][index]
-                    size = abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
-                    self.unknowns.append(_Unknown(value, parameter.lower, parameter.upper, parameter.logarithmic, size))
-                    self.searched.append((name, index, parameter))
-
-    def unpack(self, point: Array) -> tuple[Array, Effects, list[float], list[float]]:
-        values = [unknown.outward(value) for unknown, value in zip(self.unknowns, point)]
-        count = len(self.experiments)
-        gains = np.array(values[:GAINS])
-        offsets = values[GAINS : GAINS + count]
-        starts = [0.0] * count
-        for rank, index in enumerate(self.free_starts):
-            starts[index] = values[GAINS + count + rank]
-        effects = {name: list(own) for name, own in self.chosen.items()}
-        for (name, index, _), value in zip(self.searched, values[GAINS + count + len(self.free_starts) :]):
-            effects[name][index] = value
-        return gains, {name: tuple(own) for name, own in effects.items()}, offsets, starts
-
-    def simulate(self, point: Array) -> list[Array]:
-        gains, effects, offsets, starts = self.unpack(point)
-        cylinder = ExtendedCylinder(gains, effects, self.ambient_pressure)
-        delay = sum(effects[name][0] for name in self.names if EFFECTS[name].delays)
-        return [
-            cylinder.simulate(
-                one.times,
-                one.displacement if delay == 0.0 else _delayed(one, delay),
-                one.setpoint + offset,
-                start,
-            )[one.samples]
-            for one, offset, start in zip(self.experiments, offsets, starts)
-        ]
-
-    def residuals(self, point: Array) -> Array:
-        return np.concatenate(
-            [
-                (pressure - one.pressure)[mask]
-                for pressure, one, mask in zip(self.simulate(point), self.experiments, self.masks)
-            ]
-        )
-
-    def jacobian(self, point: Array) -> Array:
-        base = self.residuals(point)
-        columns = []
-        for index, unknown in enumerate(self.unknowns):
-            step = _DIFFERENCE if point[index] + _DIFFERENCE <= unknown.upper else -_DIFFERENCE
-            moved = point.copy()
-            moved[index] += step
-            columns.append((self.residuals(moved) - base) / step)
-        return np.column_stack(columns)
-
-    def run(self, tolerance: float, evaluations: int) -> tuple[Extension, float]:
-        """Return the fit and its sum of squares over the masked samples [Pa^2]."""
-        start = np.array([unknown.start for unknown in self.unknowns])
-        lower = np.array([unknown.lower for unknown in self.unknowns])
-        upper = np.array([unknown.upper for unknown in self.unknowns])
-        inside = np.clip(start, lower + 1e-9, upper - 1e-9)
-        found = least_squares(
-            self.residuals,
-            inside,
-            jac=self.jacobian,
-            bounds=(lower, upper),
-            x_scale='jac',
-            ftol=tolerance,
-            max_nfev=evaluations,
-        )
-        gains, effects, offsets, starts = self.unpack(found.x)
-        simulated = tuple(self.simulate(found.x))
-        return Extension(gains, effects, tuple(offsets), tuple(starts), simulated), 2.0 * float(found.cost)
-
-
-def _delayed(experiment: Experiment, delay: float) -> Array:
-    """Return the displacement that acted `delay` seconds before each grid time [m]."""
-    times = np.clip(experiment.times - delay, experiment.motion.times[0], experiment.motion.times[-1])
-    return DIRECTIONS[experiment.cylinder] * experiment.motion.at(times)
+            pressures[:, alike] = simulated[read.samples]
+        return pressures
 
 
 def extend(
@@ -193,11 +263,12 @@ def extend(
     ambient_pressure: float,
     begin: Extension,
     effects: Effects,
+    weights: Sequence[Array] | None = None,
     tolerance: float = 1e-8,
     evaluations: int = 60,
-) -> tuple[Extension, float]:
+) -> Extension:
     """
-    Fit the paper's model with effects, from given starting values; return it and its sum of squares [Pa^2].
+    Fit the paper's model with effects, from given starting values.
 
     Parameters
     ----------
@@ -209,8 +280,32 @@ def extend(
         A fit to begin from; its effects are not taken over.
     effects
         Effects with starting values; parameters that are choices stay as they are.
+    weights
+        Of each experiment's samples, shape (m,); by default all count alike.
     tolerance, evaluations
         The search ends when the sum of squares falls by less than this share, or after so many steps.
 
     """
-    return _Search(experiments, masks, ambient_pressure, begin, effects).run(tolerance, evaluations)
+    unknowns = _Unknowns(experiments, begin, effects)
+    all_alike = [np.ones_like(one.pressure) for one in experiments]
+    search = _Search(experiments, masks, ambient_pressure, unknowns, weights or all_alike)
+    point, _ = least_squares(search.evaluate, unknowns.start, unknowns.lower, unknowns.upper, tolerance, evaluations)
+    return unknowns.model(unknowns.rows(point[None])[0])
+
+
+def tangent(
+    experiments: Sequence[Experiment],
+    masks: Sequence[Mask],
+    ambient_pressure: float,
+    fitted: Extension,
+    weights: Sequence[Array],
+) -> Tangent:
+    """Return the residuals of a fit and their Jacobian; parameters as in `extend`."""
+    unknowns = _Unknowns(experiments, fitted, fitted.effects)
+    residuals, jacobian = _Search(experiments, masks, ambient_pressure, unknowns, weights).evaluate(unknowns.start)
+    named = {slot: spec.name for slot, spec in enumerate(SPECS)}
+    for name in fitted.effects:
+        for slot, parameter in zip(_slots_of(name), PRESSURE_EFFECTS[name].parameters):
+            named[slot] = f'{name}.{parameter.name}'
+    names = tuple(named.get(slot, '') for slot in unknowns.slots.tolist())
+    return Tangent(residuals, jacobian / unknowns.units, names, unknowns.logarithmic)

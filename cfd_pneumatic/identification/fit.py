@@ -19,6 +19,7 @@ from scipy.stats import t as student_t
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import Experiment
+from cfd_pneumatic.identification.uncertainty import covariance
 from cfd_pneumatic.model import NAMES, SPECS, simulate_with_sensitivities
 
 Array = NDArray[np.float64]
@@ -241,8 +242,7 @@ def _summary(problem: _Problem, unknowns: Array, evaluations: int) -> Fit:
         raise InputError(f'{residuals.size} pressure samples are too few for {problem.size} unknowns: record longer')
     while True:
         free = np.array([index for index in range(problem.size) if index not in reasons])
-        covariance = _covariance(jacobian[:, free], residuals, degrees, _lengths(problem))
-        std = np.sqrt(np.diag(covariance))
+        std = np.sqrt(np.diag(covariance(jacobian[:, free], residuals, degrees, _lengths(problem))))
         gains_free = free[free < GAINS]
         if gains_free.size == 0:
             raise InputError(_NOTHING_TOLD)
@@ -329,43 +329,3 @@ def _estimate(index: int, value: float, std: float | None, quantile: float, reas
 
 def _lengths(problem: _Problem) -> list[int]:
     return [int(np.count_nonzero(mask)) for mask in problem.masks]
-
-
-def _covariance(jacobian: Array, residuals: Array, degrees: int, lengths: list[int]) -> Array:
-    """
-    Return the unknowns' covariance.
-
-    (J'J)^-1 times the residual variance where the residual is white. Where neighbouring residuals are correlated, by
-    the displacement's smoothed noise or by an effect that the model lacks, each of them tells less: the sandwich of
-    Newey and West (1987) with a Bartlett window.
-    """
-    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True)
-    lags = _correlation_length(residuals, lengths)
-    if lags == 0:
-        return inverse * float(residuals @ residuals) / degrees
-    middle = np.zeros_like(inverse)
-    scores = jacobian * residuals[:, None]
-    for part in np.split(scores, np.cumsum(lengths)[:-1]):
-        # sums over every window of lags + 1 neighbours, which weight products by the Bartlett window
-        total = np.cumsum(np.pad(part, ((lags + 1, lags), (0, 0))), axis=0)
-        windows = total[lags + 1 :] - total[: -lags - 1]
-        middle += windows.T @ windows / (lags + 1.0)
-    return inverse @ middle @ inverse * (residuals.size / degrees)
-
-
-def _correlation_length(residuals: Array, lengths: list[int]) -> int:
-    """Return over how many samples residuals are correlated, 0 where the first lag's correlation is noise."""
-    series = np.split(residuals, np.cumsum(lengths)[:-1])
-    power = float(residuals @ residuals)
-    significance = 3.0 / math.sqrt(residuals.size)
-    longest = max(1, min(length for length in lengths) // 4)
-
-    def correlation(lag: int) -> float:
-        return sum(float(part[lag:] @ part[:-lag]) for part in series) / power
-
-    if power == 0.0 or abs(correlation(1)) < significance:
-        return 0
-    lag = 1
-    while lag < longest and correlation(lag) > significance:
-        lag += max(1, lag // 8)
-    return min(2 * lag, longest)

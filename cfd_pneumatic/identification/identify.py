@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,8 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import Experiment, make_experiment, observed_motion
 from cfd_pneumatic.identification.fit import Fit, fit
-from cfd_pneumatic.identification.noise import noise_floor
+from cfd_pneumatic.identification.loop import Closure, close_loop
+from cfd_pneumatic.identification.noise import pressure_noise
 from cfd_pneumatic.identification.split import FRACTIONS, PARTS, Split, split_recordings
 from cfd_pneumatic.recording import Recording
 
@@ -39,12 +40,15 @@ class Options:
         Shares of train, validation and test.
     ambient_pressure
         What gauge pressures are counted from [Pa].
+    close_loop
+        Search for physical effects that the model lacks.
 
     """
 
     per_setpoint: bool = False
     fractions: tuple[float, float, float] = FRACTIONS
     ambient_pressure: float = AMBIENT_PRESSURE
+    close_loop: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,10 @@ class CylinderResult:
         Error on each part that has samples, by its name; by the schedule where there is one.
     notes
         Set-points that were left out, for people to read.
+    closure
+        What came of closing the loop; None where it wasn't asked for.
+    after
+        As `before`, by the model with the effects that were found; empty without a closure.
 
     """
 
@@ -94,6 +102,8 @@ class CylinderResult:
     noise_floor: float
     before: Mapping[str, PartError]
     notes: tuple[str, ...]
+    closure: Closure | None = None
+    after: Mapping[str, PartError] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -172,14 +182,17 @@ def _identify_cylinder(experiments: Sequence[Experiment], options: Options) -> C
     if options.per_setpoint:
         schedule, simulated, notes = _fit_each_setpoint(experiments, fitted_to, levels, joint, options)
     span = float(np.mean([experiment.span for experiment in experiments]))
+    closure = close_loop(experiments, joint, options.ambient_pressure) if options.close_loop else None
     return CylinderResult(
         experiments=tuple(experiments),
         fit=joint,
         schedule=tuple(schedule),
         span=span,
-        noise_floor=_pooled([noise_floor(experiment, joint.gains[0]) for experiment in experiments], experiments),
+        noise_floor=pressure_noise(experiments, joint.simulated, joint.gains[0]).std,
         before=_errors(experiments, simulated, span),
         notes=tuple(notes),
+        closure=closure,
+        after=_errors(experiments, closure.simulated, span) if closure is not None else {},
     )
 
 
@@ -231,9 +244,3 @@ def _errors(experiments: Sequence[Experiment], simulated: Sequence[Array], span:
             rmse = math.sqrt(float(np.mean(residuals[parts == index] ** 2)))
             errors[name] = PartError(rmse, 100.0 * rmse / span)
     return errors
-
-
-def _pooled(values: Sequence[float], experiments: Sequence[Experiment]) -> float:
-    """Return the root mean square of one value for each experiment, weighted by samples."""
-    counts = [experiment.samples.size for experiment in experiments]
-    return math.sqrt(float(np.average(np.square(values), weights=counts)))

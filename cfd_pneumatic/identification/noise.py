@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.stats import norm
 
+from cfd_pneumatic.identification.colour import autoregression, independent_share
 from cfd_pneumatic.identification.experiment import Experiment
 
 Array = NDArray[np.float64]
 
+_SETTLING = 0.15  # after which a pressure is at rest [s]
+_STILL = 6.0  # standard deviations of the displacement's noise
+_SHORTEST_REST = 30  # samples
+_APART = 50  # samples: longer than the memory of a sensor
+_ENOUGH_AT_REST = 100  # samples
 _KEPT = 0.9  # share of the smallest differences that is taken for noise; the rest may be transients
+_NORMAL_PER_MEDIAN = 1.4826  # standard deviation over median absolute deviation
 
 
 def sample_noise(times: Array, values: Array) -> float:
@@ -40,12 +50,146 @@ def sample_noise(times: Array, values: Array) -> float:
     return math.sqrt(float(np.mean(kept)) / share_of_variance)
 
 
-def noise_floor(experiment: Experiment, k_x: float) -> float:
+@dataclass(frozen=True)
+class Noise:
     """
-    Return the RMSE that the true model would leave [Pa].
+    The noise of a cylinder's pressure.
 
-    The pressure's own noise, and the uncertainty that is left of the smoothed displacement times K_x [Pa/m].
+    Attributes
+    ----------
+    std
+        Standard deviation that it gives the residual of the true model [Pa].
+    colour
+        As in `colour.autoregression`; white where it is not known.
+    uncertainty
+        Standard error of `std`, as a share of it [-].
+    known
+        Whether std and colour were seen while the piston and the set-point rested; otherwise the noise is taken for
+        white, and only what neighbouring samples differ by is counted.
+    rounded
+        Whether most of it is the converter's rounding, which depends on the signal.
+
     """
-    pressure = sample_noise(experiment.sample_times, experiment.pressure)
-    displacement = k_x * math.sqrt(float(np.mean(experiment.motion.std**2)))
-    return math.hypot(pressure, displacement)
+
+    std: float
+    colour: Array
+    uncertainty: float
+    known: bool
+    rounded: bool
+
+
+def pressure_noise(experiments: Sequence[Experiment], simulated: Sequence[Array], k_x: float) -> Noise:
+    """
+    Return the noise, from the rests where there are enough of them.
+
+    Parameters
+    ----------
+    experiments
+        What was measured.
+    simulated
+        Pressures by a model, which at rest need not be right but for a level and a trend [Pa].
+    k_x
+        By which the uncertainty of the displacement reaches the pressure [Pa/m].
+
+    """
+    rounding = math.sqrt(float(np.mean([rounding_step(one.pressure) ** 2 for one in experiments])) / 12.0)
+    residuals = [one.pressure - pressure for one, pressure in zip(experiments, simulated)]
+    rests = [rest - np.mean(rest) for one, residual in zip(experiments, residuals) for rest in _at_rest(one, residual)]
+    known = sum(rest.size for rest in rests) >= _ENOUGH_AT_REST
+    colour = autoregression(rests) if known and any(np.any(rest) for rest in rests) else np.empty(0)
+    if colour.size:
+        count = sum(rest.size for rest in rests)
+        std = _spread(rests)
+    else:
+        count = sum(residual.size for residual in residuals)
+        std = _white(experiments, residuals, k_x)
+    uncertainty = 1.0 / math.sqrt(2.0 * count * independent_share(colour))
+    return Noise(max(std, rounding), colour, uncertainty, known, rounding > std)
+
+
+def _white(experiments: Sequence[Experiment], residuals: Sequence[Array], k_x: float) -> float:
+    """Return the standard deviation of white noise, with what the displacement's uncertainty adds [Pa]."""
+    variances = [
+        sample_noise(one.sample_times, residual) ** 2 + k_x**2 * float(np.mean(one.motion.std**2))
+        for one, residual in zip(experiments, residuals)
+    ]
+    return math.sqrt(float(np.average(variances, weights=[residual.size for residual in residuals])))
+
+
+def rounding_step(values: Array) -> float:
+    """Return the step of the converter that a signal's values are multiples of, 0 where there is none to be seen."""
+    distinct = np.unique(values)
+    if distinct.size < 2 or distinct.size > values.size // 2:
+        return 0.0
+    steps = np.diff(distinct)
+    return float(np.min(steps[steps > 1e-6 * np.ptp(distinct)], initial=np.inf)) if np.ptp(distinct) > 0.0 else 0.0
+
+
+def _spread(rests: Sequence[Array]) -> float:
+    """
+    Return the standard deviation of noise in runs, by what samples far apart differ: their means don't matter.
+
+    In short runs of noise with a memory a mean takes much of the noise with it.
+    """
+    apart = min(_APART, max(rest.size for rest in rests) // 2)
+    differences = np.concatenate([rest[apart:] - rest[:-apart] for rest in rests if rest.size > apart])
+    return math.sqrt(0.5 * float(np.mean(differences**2)))
+
+
+def _at_rest(experiment: Experiment, values: Array) -> list[Array]:
+    """Return the runs of a signal's samples in which nothing has moved for a while."""
+    times = experiment.sample_times
+    x = experiment.displacement[experiment.samples]
+    setpoint = experiment.setpoint[experiment.samples]
+    period = float(np.median(np.diff(times)))
+    window = max(int(_SETTLING / period), 2)
+    if window >= times.size:
+        return []
+    reach = x.max() - x.min()
+    spread = maximum_filter1d(x, window, origin=(window - 1) // 2) - minimum_filter1d(
+        x, window, origin=(window - 1) // 2
+    )
+    steps = maximum_filter1d(setpoint, window, origin=(window - 1) // 2) - minimum_filter1d(
+        setpoint, window, origin=(window - 1) // 2
+    )
+    still = (spread <= max(_STILL * experiment.motion.noise, 1e-3 * reach)) & (steps == 0.0)
+    runs = np.split(values, np.flatnonzero(np.diff(still.astype(np.int8)) != 0) + 1)
+    flags = np.split(still, np.flatnonzero(np.diff(still.astype(np.int8)) != 0) + 1)
+    return [run for run, flag in zip(runs, flags) if flag[0] and run.size >= _SHORTEST_REST]
+
+
+def stamp_jitter(times: Array) -> float:
+    """
+    Return how far stamps may lie from when the samples were taken [s]: the spread of the sampling period over root two.
+
+    Where the sampling itself is irregular this is too much, which costs little: it matters only where the pressure
+    changes fast.
+    """
+    steps = np.diff(times)
+    return float(np.median(np.abs(steps - np.median(steps)))) * _NORMAL_PER_MEDIAN / math.sqrt(2.0)
+
+
+def precision(experiment: Experiment, simulated: Array) -> Array:
+    """
+    Return the inverse of each pressure sample's standard deviation, relative to a sample at rest, shape (m,) in (0, 1].
+
+    While the pressure changes fast, the jitter of its stamp counts beside the sensor's noise: a step of the set-point
+    makes 10 kPa in a few milliseconds, and 50 microseconds of it are many times the noise.
+
+    Parameters
+    ----------
+    experiment
+        What was measured.
+    simulated
+        The pressure without noise, shape (m,) [Pa].
+
+    """
+    times = experiment.sample_times
+    noise = sample_noise(times, experiment.pressure)
+    jitter = stamp_jitter(times)
+    if noise == 0.0 or jitter == 0.0:
+        return np.ones_like(simulated)
+    before = np.diff(simulated, prepend=simulated[:1]) / np.diff(times, prepend=times[0] - 1.0)
+    slope = np.maximum(np.abs(before), np.abs(np.append(before[1:], before[-1:])))
+    precisions: Array = 1.0 / np.sqrt(1.0 + (slope * jitter / noise) ** 2)
+    return precisions

@@ -2,6 +2,7 @@
 
 from cfd_pneumatic.model.cylinder import Cylinder, CylinderState, simulate_with_sensitivities
 from cfd_pneumatic.model.device import DIRECTIONS, Device, DeviceState, ForceGeometry
+from cfd_pneumatic.model.extended import ExtendedCylinder, Movement
 from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
 from cfd_pneumatic.model.live import Arrival, Committed, LiveDevice
 from cfd_pneumatic.model.parameters import NAMES, SPECS, TABLE_1, TABLE_2, OperatingPoints, ParameterSpec
@@ -19,8 +20,10 @@ __all__ = [
     'CylinderState',
     'Device',
     'DeviceState',
+    'ExtendedCylinder',
     'ForceGeometry',
     'LiveDevice',
+    'Movement',
     'OperatingPoints',
     'ParameterSpec',
     'Regulator',

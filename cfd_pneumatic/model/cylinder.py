@@ -2,34 +2,101 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
+from cfd_pneumatic.model.extended import ExtendedCylinder, ExtendedState, Movement, check_effects
 from cfd_pneumatic.model.parameters import OperatingPoints
 from cfd_pneumatic.model.propagation import advance, interpolate_gains, propagate, propagate_sensitivities
 
 Array = NDArray[np.float64]
 
 
+class Track(NamedTuple):
+    """What the sensor would have read at the last samples, as far back as a transport delay reaches."""
+
+    times: tuple[float, ...]
+    """Since the start [s]."""
+
+    readings: tuple[float, ...]
+    """Absolute [Pa]."""
+
+    def at(self, time: float) -> float:
+        """Return the reading at a time [Pa], linear between samples; before the first it was as there."""
+        after = bisect_right(self.times, time)
+        if after == 0:
+            return self.readings[0]
+        if after == len(self.times):
+            return self.readings[-1]
+        share = (time - self.times[after - 1]) / (self.times[after] - self.times[after - 1])
+        return (1.0 - share) * self.readings[after - 1] + share * self.readings[after]
+
+    def followed_by(self, time: float, reading: float) -> Track:
+        """Return it with one more sample."""
+        return Track((*self.times, time), (*self.readings, reading))
+
+    def since(self, time: float) -> Track:
+        """Return it without what no later time than this one needs."""
+        first = max(bisect_right(self.times, time) - 1, 0)
+        return Track(self.times[first:], self.readings[first:])
+
+
 @dataclass(frozen=True)
 class CylinderState:
-    """Outlet pressure p and sensed pressure p_f, absolute [Pa]."""
+    """
+    Where a cylinder is.
+
+    Attributes
+    ----------
+    p, p_f
+        Outlet pressure and sensed pressure, absolute [Pa].
+    extended
+        What there is beside them while an effect is on.
+    track
+        What the sensor would have read without a transport delay, while there is one.
+    delayed
+        What it reads then [Pa].
+
+    """
 
     p: float
     p_f: float
+    extended: ExtendedState | None = None
+    track: Track | None = None
+    delayed: float | None = None
 
     @classmethod
     def at_rest(cls, setpoint: float) -> CylinderState:
         """Return the equilibrium p = p_f = p_d at an absolute set-point [Pa]."""
         return cls(setpoint, setpoint)
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether it is made of finite numbers; effects can be so strong that it isn't."""
+        values = (self.p, self.p_f) if self.extended is None else (*self.extended.values, self.extended.reading)
+        return all(map(math.isfinite, (*values, self.reading)))
+
+    @property
+    def reading(self) -> float:
+        """What the pressure sensor reads, absolute [Pa]: p, unless an effect says otherwise."""
+        if self.delayed is not None:
+            return self.delayed
+        return self.p if self.extended is None else self.extended.reading
+
 
 @dataclass(frozen=True)
 class Cylinder:
     """
-    A cylinder and its regulator: equations (8) and (12) with scheduled gains.
+    A cylinder and its regulator: equations (8) and (12) with scheduled gains, and physical effects.
+
+    Without effects they are solved exactly; with effects by Runge-Kutta of fourth order.
 
     Attributes
     ----------
@@ -37,34 +104,64 @@ class Cylinder:
         Gains over the gauge set-point.
     ambient_pressure
         What a gauge set-point is counted from [Pa].
+    effects
+        Parameters of each effect that is on, by its name.
+
+    Raises
+    ------
+    ValueError
+        If there is no such effect on the pressure, or it has another number of parameters.
 
     """
 
     parameters: OperatingPoints
     ambient_pressure: float
+    effects: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
-    def step(self, state: CylinderState, duration: float, rate: float, setpoint: float) -> CylinderState:
+    def __post_init__(self) -> None:
+        """Check the effects."""
+        check_effects(self.effects, PRESSURE_EFFECTS, 'pressure')
+
+    @property
+    def delay(self) -> float | None:
+        """What an effect delays the reading by, where there is one; below zero it looks ahead [s]."""
+        return next((own[0] for name, own in self.effects.items() if PRESSURE_EFFECTS[name].delays), None)
+
+    def step(self, state: CylinderState, movement: Movement, setpoint: float) -> CylinderState:
         """
-        Return the state `duration` seconds later.
+        Return the state after a movement.
+
+        An effect that was not on in `state` starts at rest there; pressures are carried over. A transport delay gives
+        what the sensor would have read before, linear between samples, and the first reading until the delay is over;
+        one below zero what it will read if the reading goes on as in this step.
 
         Parameters
         ----------
         state
-            Pressures now [Pa].
-        duration
-            Length of the step [s].
-        rate
-            Speed at which the piston grows the chamber [m/s].
+            Before the movement.
+        movement
+            Of the piston; its displacement grows the chamber.
         setpoint
-            Absolute set-point that acts over the step [Pa].
+            Absolute set-point that acts meanwhile [Pa].
 
         """
         gains = interpolate_gains(self.parameters.table, setpoint - self.ambient_pressure)
-        return CylinderState(*advance(state.p, state.p_f, duration, rate, setpoint, *gains))
+        if not self.effects:
+            return CylinderState(*advance(state.p, state.p_f, movement.duration, movement.rate, setpoint, *gains))
+        cylinder = ExtendedCylinder(gains, self.effects, self.ambient_pressure)
+        begin = cylinder.begin(state.p, state.p_f, movement.begin, state.extended)
+        end = cylinder.step(begin, movement, setpoint)
+        after = CylinderState(end.p, end.p_f, end)
+        if self.delay is None:
+            return after
+        began = movement.time - movement.duration
+        return _read_late(after, self.delay, movement, cylinder.read(begin, began), state.track)
 
     def simulate(self, times: Array, displacement: Array, setpoint: Array, state: CylinderState | None = None) -> Array:
         """
-        Return the outlet pressure [Pa] at each sample, shape (n,).
+        Return what the pressure sensor reads [Pa] at each sample, shape (n,): p, unless an effect says otherwise.
+
+        It is what `step` gives sample by sample, to the last bit.
 
         Parameters
         ----------
@@ -75,10 +172,12 @@ class Cylinder:
         setpoint
             Absolute set-point, shape (n,) [Pa]; entry i acts on the step that ends at sample i.
         state
-            Pressures at the first sample; by default at rest at the first set-point.
+            At the first sample; by default at rest at the first set-point.
 
         """
         start = state or CylinderState.at_rest(setpoint[0])
+        if self.effects:
+            return self._simulate_with_effects(times, displacement, setpoint, start)
         pressure = np.empty_like(times)
         propagate(
             times,
@@ -90,6 +189,32 @@ class Cylinder:
             pressure,
         )
         return pressure
+
+    def _simulate_with_effects(self, times: Array, displacement: Array, setpoint: Array, state: CylinderState) -> Array:
+        readings = np.empty_like(times)
+        readings[0] = state.reading
+        for i in range(1, times.size):
+            movement = Movement(times[i] - times[0], times[i] - times[i - 1], displacement[i - 1], displacement[i])
+            state = self.step(state, movement, setpoint[i])
+            readings[i] = state.reading
+        return readings
+
+
+def _read_late(
+    state: CylinderState, delay: float, movement: Movement, before: float, track: Track | None
+) -> CylinderState:
+    """
+    Return a state after a movement with the reading that a delay [s] lets through.
+
+    Without a delay the sensor reads `before` at the movement's begin [Pa], and what is on the track before that.
+    """
+    if delay < 0.0:
+        slope = (state.reading - before) / movement.duration
+        return replace(state, delayed=state.reading - delay * slope)
+    past = track or Track((movement.time - movement.duration,), (before,))
+    past = past.followed_by(movement.time, state.reading)
+    wanted = movement.time - delay
+    return replace(state, track=past.since(wanted), delayed=past.at(wanted))
 
 
 def simulate_with_sensitivities(

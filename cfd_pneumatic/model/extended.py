@@ -1,27 +1,127 @@
-"""A cylinder with physical effects beside the paper's equations."""
+"""A cylinder with physical effects beside the paper's equations, at constant gains."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.model.composed import propagate, rest
-from cfd_pneumatic.model.effects import EFFECTS
-from cfd_pneumatic.model.places import STATES, all_parameters, switches
+from cfd_pneumatic.model.composed import (
+    LANES,
+    OFFSET_ROW,
+    PARAMETER_ROWS,
+    S0,
+    SIGNAL_ROW,
+    SIZE,
+    STATE_ROWS,
+    follow,
+    propagate,
+    read,
+    rest,
+    settle,
+    step,
+)
+from cfd_pneumatic.model.effects import MODULES, PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.model.places import FOLLOWED, MEASURED, PLACES, STATES, all_parameters, switches
 
 Array = NDArray[np.float64]
 
+STAGE_ROWS = slice(S0 // LANES, S0 // LANES + STATES)
+"""Rows of the states as effects see them; those that no rate moves have to stand there from the beginning."""
+
+_SETTLED = 8.0  # time constants: to a third of a thousandth
+
 SLOWEST_CUT = 1.0
 """A step is at most this many of the fastest time constants long [-]."""
+
+MOVING = frozenset(name for name in PRESSURE_EFFECTS if hasattr(MODULES[name], 'displacement'))
+"""Effects that make the chamber follow another displacement than the measured one."""
+
+
+def check_effects(effects: Mapping[str, Sequence[float]], known: Mapping[str, Effect], kind: str) -> None:
+    """
+    Check that effects are known, and have as many parameters as belong to them.
+
+    Raises
+    ------
+    ValueError
+        If they are not; `kind` says what they act on.
+
+    """
+    for name, own in effects.items():
+        if name not in known:
+            raise ValueError(f'{name} is no effect on the {kind}; there are: {", ".join(known)}')
+        wanted = len(known[name].parameters)
+        if len(own) != wanted:
+            raise ValueError(f'{name} has {len(own)} parameters where {wanted} belong')
+
+
+class Movement(NamedTuple):
+    """The piston over one step: it moves in a straight line."""
+
+    time: float
+    """At the end, since the start [s]."""
+
+    duration: float
+    """Of the step [s]."""
+
+    begin: float
+    """Displacement at the beginning [m]."""
+
+    end: float
+    """Displacement at the end [m]."""
+
+    @property
+    def rate(self) -> float:
+        """Speed [m/s]."""
+        return (self.end - self.begin) / self.duration
+
+    def along(self, direction: float) -> Movement:
+        """Return it with the displacement counted in a direction, 1 or -1."""
+        return Movement(self.time, self.duration, direction * self.begin, direction * self.end)
+
+
+@dataclass(frozen=True)
+class ExtendedState:
+    """
+    Where a cylinder with effects is.
+
+    Attributes
+    ----------
+    effects
+        Names of those that are on.
+    values
+        States in the composed kernel's order: pressures [Pa], those of the effects, displacements [m].
+    reading
+        What the pressure sensor reads [Pa].
+
+    """
+
+    effects: frozenset[str]
+    values: tuple[float, ...]
+    reading: float
+
+    @property
+    def p(self) -> float:
+        """Outlet pressure, absolute [Pa]."""
+        return self.values[0]
+
+    @property
+    def p_f(self) -> float:
+        """Sensed pressure, absolute [Pa]."""
+        return self.values[1]
 
 
 @dataclass(frozen=True)
 class ExtendedCylinder:
     """
     Equations (8) and (12) at constant gains, with effects.
+
+    A transport delay is not its matter: who reads the sensor late knows by how much.
 
     Attributes
     ----------
@@ -38,18 +138,92 @@ class ExtendedCylinder:
     effects: Mapping[str, Sequence[float]]
     ambient_pressure: float
 
-    @property
+    @cached_property
     def stiffness(self) -> float:
         """Inverse of the fastest time constant [1/s]."""
         _, k_sv, k_v, tau = self.gains
         fastest = max(k_sv, k_v, 1.0 / tau)
         for name, own in self.effects.items():
-            rate = EFFECTS[name].fastest
+            rate = PRESSURE_EFFECTS[name].fastest
             if rate is not None:
                 fastest = max(fastest, rate(*own))
         return fastest / SLOWEST_CUT
 
-    def simulate(self, times: Array, displacement: Array, setpoint: Array, start: float = 0.0) -> Array:
+    @property
+    def settling(self) -> float:
+        """Time in which the pressure settles [s]."""
+        return _SETTLED / min(self.gains[1], self.gains[2])
+
+    def begin(self, p: float, p_f: float, x: float, before: ExtendedState | None = None) -> ExtendedState:
+        """
+        Return the state to step from.
+
+        Parameters
+        ----------
+        p, p_f
+            Pressures [Pa].
+        x
+            Displacement that grows the chamber [m].
+        before
+            State up to now, perhaps with other effects: those that stay on go on from it, others start at rest.
+
+        """
+        effects = frozenset(self.effects)
+        if before is not None and before.effects == effects:
+            return before
+        numbers = self._numbers()
+        rest(x, p, numbers)
+        values = _rows(numbers)[STATE_ROWS, 0].copy()
+        values[1] = p_f
+        if before is not None:
+            for name in effects & before.effects:
+                own = PLACES[name].states
+                values[own] = before.values[own]
+        if before is not None and effects & MOVING == before.effects & MOVING:
+            for index in (FOLLOWED, MEASURED):
+                values[index] = before.values[index]
+        else:  # the chamber stands where it does while the piston rests here
+            numbers = self._numbers(values)
+            follow(0.0, x, 1.0, self.ambient_pressure, numbers, switches(self.effects))
+            values = _rows(numbers)[STATE_ROWS, 0]
+        return ExtendedState(effects, tuple(values.tolist()), p)
+
+    def step(self, state: ExtendedState, movement: Movement, setpoint: float) -> ExtendedState:
+        """Return the state after a movement at an absolute set-point [Pa]."""
+        numbers = self._numbers(state.values)
+        step(
+            movement.time,
+            movement.end,
+            movement.duration,
+            setpoint,
+            self.ambient_pressure,
+            self.stiffness,
+            numbers,
+            switches(self.effects),
+        )
+        rows = _rows(numbers)
+        return ExtendedState(state.effects, tuple(rows[STATE_ROWS, 0].tolist()), float(rows[SIGNAL_ROW, 0]))
+
+    def read(self, state: ExtendedState, time: float) -> float:
+        """Return what the pressure sensor reads in a state, at a time [s] since the start [Pa]."""
+        numbers = self._numbers(state.values)
+        read(time, self.ambient_pressure, numbers, switches(self.effects))
+        return float(_rows(numbers)[SIGNAL_ROW, 0])
+
+    def _numbers(self, values: Sequence[float] | Array | None = None) -> Array:
+        """Return the kernel's numbers with this cylinder in every lane, in a state."""
+        numbers = np.zeros(SIZE)
+        rows = _rows(numbers)
+        rows[PARAMETER_ROWS] = all_parameters(self.gains, self.effects)[:, None]
+        if values is not None:
+            own = np.asarray(values)[:, None]
+            rows[STATE_ROWS] = own
+            rows[STAGE_ROWS] = own[:STATES]
+        return numbers
+
+    def simulate(
+        self, times: Array, displacement: Array, setpoint: Array, start: float = 0.0, settles: bool = False
+    ) -> Array:
         """
         Return what the pressure sensor reads at each sample, shape (n,) [Pa].
 
@@ -59,20 +233,63 @@ class ExtendedCylinder:
             As in `Cylinder.simulate`.
         start
             What the pressures lie above the first set-point at the first sample [Pa].
+        settles
+            Whether it stands still before the first sample until the pressure has settled.
 
         """
-        state = np.empty(STATES + 2)
-        rest(displacement[0], setpoint[0] + start, state)
-        signal = np.empty_like(times)
-        propagate(
-            times,
-            displacement,
-            setpoint,
-            self.ambient_pressure,
-            self.stiffness,
-            state,
-            all_parameters(self.gains, self.effects),
-            switches(self.effects),
-            signal,
-        )
-        return signal
+        parameters = all_parameters(self.gains, self.effects)[None]
+        none, starts = np.zeros(1), np.array([start])
+        return simulate_side_by_side(self, parameters, times, displacement, setpoint, none, starts, settles)[:, 0]
+
+
+def _rows(numbers: Array) -> Array:
+    return numbers.reshape(-1, LANES)
+
+
+def simulate_side_by_side(
+    cylinder: ExtendedCylinder,
+    parameters: Array,
+    times: Array,
+    displacement: Array,
+    setpoint: Array,
+    offsets: Array,
+    starts: Array,
+    settles: bool = False,
+) -> Array:
+    """
+    Return what the sensors of cylinders read that differ little from one, shape (n, cylinders) [Pa].
+
+    All are moved alike and cut into that one's steps, so that their difference is smooth in their parameters.
+
+    Parameters
+    ----------
+    cylinder
+        Says which effects are on, and how fast it all is.
+    parameters
+        Of each cylinder, in the order of `places.all_parameters`, shape (cylinders, parameters).
+    times, displacement, setpoint
+        As in `Cylinder.simulate`.
+    offsets
+        What each one's set-point lies above the common one, shape (cylinders,) [Pa].
+    starts
+        What each one's pressures lie above its first set-point at the first sample, shape (cylinders,) [Pa].
+    settles
+        Whether they stand still before the first sample until the pressure has settled.
+
+    """
+    signals = np.empty((times.size, len(parameters)))
+    on, stiffness = switches(cylinder.effects), cylinder.stiffness
+    for first in range(0, len(parameters), LANES):
+        lanes = np.minimum(first + np.arange(LANES), len(parameters) - 1)  # the last one fills what is left
+        numbers = np.zeros(SIZE)
+        rows = _rows(numbers)
+        rows[PARAMETER_ROWS] = parameters[lanes].T
+        rows[OFFSET_ROW] = offsets[lanes] + starts[lanes]
+        rest(displacement[0], setpoint[0], numbers)
+        rows[OFFSET_ROW] = offsets[lanes]
+        if settles:
+            settle(setpoint[0], cylinder.settling, cylinder.ambient_pressure, stiffness, numbers, on)
+        own = np.empty((times.size, min(LANES, len(parameters) - first)))
+        propagate(times, displacement, setpoint, cylinder.ambient_pressure, stiffness, numbers, on, own)
+        signals[:, first : first + own.shape[1]] = own
+    return signals

@@ -6,6 +6,7 @@ import enum
 from dataclasses import dataclass
 
 from cfd_pneumatic.model.device import Device, DeviceState
+from cfd_pneumatic.model.extended import Movement
 
 NANOSECOND = 1e-9
 
@@ -18,6 +19,7 @@ class Arrival(enum.Enum):
     REPEATED = 'repeated'
     WENT_BACK = 'went back'
     AFTER_GAP = 'after a gap'
+    DIVERGED = 'diverged'
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,8 @@ class Committed:
 
     Attributes
     ----------
+    start
+        Stamp of the sample at which the device started at rest [ns].
     stamp
         Of the sample [ns].
     position
@@ -34,14 +38,19 @@ class Committed:
     setpoints
         Absolute set-points (A, B) that acted up to it [Pa].
     state
-        Pressures at it.
+        Of the device at it.
 
     """
 
+    start: int
     stamp: int
     position: float
     setpoints: tuple[float, float]
     state: DeviceState
+
+    def movement(self, elapsed: float, position: float) -> Movement:
+        """Return the piston's movement to a position [m] that it is at `elapsed` seconds later."""
+        return Movement((self.stamp - self.start) * NANOSECOND + elapsed, elapsed, self.position, position)
 
 
 class LiveDevice:
@@ -66,7 +75,8 @@ class LiveDevice:
         Commit a piston sample.
 
         The piston is taken to move in a straight line from the last sample, at set-points that act over the whole
-        step. After a gap, or where the stamp went back, the device starts at rest. A repeated stamp changes nothing.
+        step. After a gap, where the stamp went back, or where effects drove the pressures out of the range of numbers,
+        the device starts at rest. A repeated stamp changes nothing.
 
         Parameters
         ----------
@@ -79,26 +89,38 @@ class LiveDevice:
 
         """
         last = self.committed
-        if last is None:
-            arrival = Arrival.FIRST
-        elif stamp == last.stamp:
-            return Arrival.REPEATED
-        elif stamp < last.stamp:
-            arrival = Arrival.WENT_BACK
-        elif (stamp - last.stamp) * NANOSECOND > self.max_gap:
-            arrival = Arrival.AFTER_GAP
-        else:
-            arrival = Arrival.ADVANCED
-        if last is None or arrival is not Arrival.ADVANCED:
-            state = self.device.at_rest(*setpoints)
-        else:
-            duration = (stamp - last.stamp) * NANOSECOND
-            state = self.device.step(last.state, duration, (position - last.position) / duration, *setpoints)
-        self.committed = Committed(stamp, position, setpoints, state)
+        arrival = self._arrival(stamp)
+        if arrival is Arrival.REPEATED:
+            return arrival
+        if last is not None and arrival is Arrival.ADVANCED:
+            movement = last.movement((stamp - last.stamp) * NANOSECOND, position)
+            state = self.device.step(last.state, movement, *setpoints)
+            if state.is_finite:
+                self.committed = Committed(last.start, stamp, position, setpoints, state)
+                return arrival
+            arrival = Arrival.DIVERGED
+        self.committed = Committed(stamp, stamp, position, setpoints, self.device.at_rest(*setpoints, position))
         return arrival
 
-    def preview(self, elapsed: float, setpoints: tuple[float, float]) -> DeviceState | None:
-        """Return what the state would be `elapsed` seconds after the last sample, the piston held; commits nothing."""
+    def _arrival(self, stamp: int) -> Arrival:
+        """Return what a stamp [ns] makes of a sample."""
         if self.committed is None:
+            return Arrival.FIRST
+        elapsed = stamp - self.committed.stamp
+        if elapsed == 0:
+            return Arrival.REPEATED
+        if elapsed < 0:
+            return Arrival.WENT_BACK
+        return Arrival.AFTER_GAP if elapsed * NANOSECOND > self.max_gap else Arrival.ADVANCED
+
+    def preview(self, elapsed: float, setpoints: tuple[float, float]) -> DeviceState | None:
+        """
+        Return what the state would be `elapsed` > 0 seconds after the last sample, the piston held; commit nothing.
+
+        None where there was no sample yet, or the pressures would be no numbers.
+        """
+        last = self.committed
+        if last is None:
             return None
-        return self.device.step(self.committed.state, elapsed, 0.0, *setpoints)
+        state = self.device.step(last.state, last.movement(elapsed, last.position), *setpoints)
+        return state if state.is_finite else None

@@ -1,4 +1,8 @@
-"""Where each effect's switch, parameters and states stand among all."""
+"""
+Where each effect's switch, parameters and states stand among all.
+
+Effects on the pressure and on the force are counted apart: they act in different kernels.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
 
 Array = NDArray[np.float64]
 
@@ -33,10 +37,10 @@ class Place:
         return range(self.states.start, self.states.stop)
 
 
-def _places() -> dict[str, Place]:
+def _places(effects: Mapping[str, Effect], parameter: int, state: int) -> dict[str, Place]:
+    """Return the place of each of some effects; the first one's parameters and states begin at the given indices."""
     places = {}
-    parameter, state = GAINS, PRESSURES
-    for switch, (name, effect) in enumerate(EFFECTS.items()):
+    for switch, (name, effect) in enumerate(effects.items()):
         parameters = slice(parameter, parameter + len(effect.parameters))
         states = slice(state, state + effect.states)
         places[name] = Place(switch, parameters, states)
@@ -44,19 +48,48 @@ def _places() -> dict[str, Place]:
     return places
 
 
-PLACES = _places()
-"""Place of each effect, by name."""
+PLACES = _places(PRESSURE_EFFECTS, GAINS, PRESSURES)
+"""Place of each effect on the pressure, by name."""
 
-STATES = PRESSURES + sum(effect.states for effect in EFFECTS.values())
-"""Number of states."""
+STATES = PRESSURES + sum(effect.states for effect in PRESSURE_EFFECTS.values())
+"""Number of states of the pressure."""
+
+FOLLOWED = STATES
+"""Where, behind the states, the displacement stands that the chamber followed last [m]."""
+
+MEASURED = STATES + 1
+"""Where the displacement stands that was measured last [m]."""
+
+PARAMETERS = GAINS + sum(len(effect.parameters) for effect in PRESSURE_EFFECTS.values())
+"""Number of parameters: the gains, and those of the effects on the pressure."""
+
+FORCE_PLACES = _places(FORCE_EFFECTS, 0, 0)
+"""Place of each effect on the force, by name."""
+
+FORCE_STATES = sum(effect.states for effect in FORCE_EFFECTS.values())
+"""Number of states of the force."""
 
 
 def all_parameters(gains: Sequence[float] | Array, effects: Mapping[str, Sequence[float]]) -> Array:
-    """Return the four gains [Pa/m, 1/s, 1/s, s] and every effect's parameters, null where it is not among `effects`."""
-    own = [effects.get(name, effect.null) for name, effect in EFFECTS.items()]
+    """
+    Return the four gains [Pa/m, 1/s, 1/s, s] and the parameters of every effect on the pressure.
+
+    They are null where the effect is not among `effects`.
+    """
+    own = [effects.get(name, effect.null) for name, effect in PRESSURE_EFFECTS.items()]
     return np.concatenate([np.asarray(gains, dtype=np.float64), *own])
 
 
 def switches(effects: Mapping[str, Sequence[float]]) -> NDArray[np.bool_]:
-    """Return which effects are on, shape (effects,)."""
-    return np.array([name in effects for name in EFFECTS])
+    """Return which effects on the pressure are on, shape (effects,)."""
+    return np.array([name in effects for name in PRESSURE_EFFECTS])
+
+
+def all_force_parameters(effects: Mapping[str, Sequence[float]]) -> Array:
+    """Return the parameters of every effect on the force, null where it is not among `effects`."""
+    return np.concatenate([np.empty(0), *(effects.get(name, effect.null) for name, effect in FORCE_EFFECTS.items())])
+
+
+def force_switches(effects: Mapping[str, Sequence[float]]) -> NDArray[np.bool_]:
+    """Return which effects on the force are on, shape (effects,)."""
+    return np.array([name in effects for name in FORCE_EFFECTS], dtype=np.bool_)

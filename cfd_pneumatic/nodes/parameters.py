@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import NAMES, SPECS, TABLE_1, OperatingPoints
+from cfd_pneumatic.model.effects import Effect
 
 _HINTS = {
     ('INTEGER', 'DOUBLE'): ' (write 1.0 for 1)',
@@ -107,12 +108,48 @@ def operating_points(node: Node, cylinder: str, changes: Mapping[str, Any]) -> O
         If lengths differ or a value is out of its range, with the parameter's name.
 
     """
-
-    def value(name: str) -> Any:
-        full = f'{cylinder}.{name}'
-        return changes[full] if full in changes else node.get_parameter(full).value
-
+    rows = {name: _value(node, f'{cylinder}.{name}', changes) for name in ('setpoints', *NAMES)}
     try:
-        return OperatingPoints.from_rows({name: np.asarray(value(name), dtype=float) for name in ('setpoints', *NAMES)})
+        return OperatingPoints.from_rows({name: np.asarray(row, dtype=float) for name, row in rows.items()})
     except ValueError as error:
         raise InputError(f'{cylinder}.{error}') from error
+
+
+def declare_effects(node: Node, prefix: str, among: Mapping[str, Effect]) -> None:
+    """
+    Declare physical effects of a kind below a prefix: `cylinder_a.leakage.enabled`, `.conductance` and so on.
+
+    All are off. Parameters are null by default: an effect that is enabled and given none changes nothing.
+    """
+    for effect in among.values():
+        node.declare_parameter(
+            f'{prefix}.{effect.name}.enabled',
+            False,
+            switch(f'{effect.description}; its parameters by default change nothing'),
+        )
+        for parameter in effect.parameters:
+            node.declare_parameter(
+                f'{prefix}.{effect.name}.{parameter.name}',
+                float(parameter.null),
+                number(
+                    parameter.unit,
+                    parameter.lower,
+                    parameter.upper,
+                    f'{effect.description}: {parameter.description}',
+                ),
+            )
+
+
+def effects(
+    node: Node, prefix: str, among: Mapping[str, Effect], changes: Mapping[str, Any]
+) -> dict[str, tuple[float, ...]]:
+    """Return the parameters of each of these effects that is enabled, as they are with some changes."""
+    return {
+        name: tuple(_value(node, f'{prefix}.{name}.{parameter.name}', changes) for parameter in effect.parameters)
+        for name, effect in among.items()
+        if _value(node, f'{prefix}.{name}.enabled', changes)
+    }
+
+
+def _value(node: Node, name: str, changes: Mapping[str, Any]) -> Any:
+    return changes[name] if name in changes else node.get_parameter(name).value

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -20,7 +21,16 @@ from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.model import Arrival, Cylinder, Device, DeviceState, ForceGeometry, LiveDevice
+from cfd_pneumatic.model import (
+    Arrival,
+    Cylinder,
+    Device,
+    DeviceState,
+    ForceGeometry,
+    LiveDevice,
+    Movement,
+)
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.nodes.health import InputHealth, diagnostics
 from cfd_pneumatic.nodes.messages import (
     AXES,
@@ -33,7 +43,9 @@ from cfd_pneumatic.nodes.messages import (
     pressure_message,
 )
 from cfd_pneumatic.nodes.parameters import (
+    declare_effects,
     declare_operating_points,
+    effects,
     number,
     operating_points,
     switch,
@@ -46,6 +58,7 @@ from cfd_pneumatic.units import PSI
 
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _COUNTED = ('samples', 'repeated stamps', 'resets', 'ignored samples', 'ignored set-points', 'zero stamps')
+_SEAL_PLAY = f'{convention.CONTACT_FORCE}.seal_play'
 _GEOMETRY = ('area', 'geometric_factor', 'ambient_pressure')
 
 
@@ -54,8 +67,10 @@ class SimNode(Node):
     Pressures and contact force of the model, answered sample by sample.
 
     Subscribes `piston_state`, `cylinder_*/setpoint`, `force_setpoint`; publishes `cylinder_*/pressure`,
-    `cylinder_*/setpoint_applied`, `contact_force` and `/diagnostics`; serves `~/reset`. Every parameter is described,
-    with its unit, in its descriptor.
+    `cylinder_*/setpoint_applied`, `contact_force` and `/diagnostics`; serves `~/reset`. The pressure is what the
+    cylinder's sensor reads; the contact force follows from the pressure in the chamber, which is another one where an
+    effect on the sensor is on. Effects on the force, as friction, change it alone. Every parameter is described, with
+    its unit, in its descriptor.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -117,21 +132,38 @@ class SimNode(Node):
         declare('cylinder_b.enabled', True, switch('false: one cylinder against ambient pressure', read_only=True))
         for cylinder in convention.CYLINDERS:
             declare_operating_points(self, cylinder)
+            declare_effects(self, cylinder, PRESSURE_EFFECTS)
             declare(
                 f'{cylinder}.initial_setpoint',
                 10.0 * PSI,
                 number('Pa', -1e5, 2e6, 'gauge set-point until one arrives', read_only=True),
             )
+        declare_effects(self, convention.CONTACT_FORCE, FORCE_EFFECTS)
+        declare(
+            _SEAL_PLAY,
+            2e-6,
+            number(
+                'm',
+                0.0,
+                1e-3,
+                'half of the play with which seals follow the displacement, lest noise turn them round: half a bit '
+                'of its sensor, or three standard deviations of its noise',
+            ),
+        )
 
     def _make_device(self, changes: Mapping[str, Any]) -> Device:
         if self._value('axis', changes) not in AXES:
             raise InputError(f'axis {self._value("axis", changes)!r} is not one of {", ".join(AXES)}')
         ambient = self._value('ambient_pressure', changes)
-        a, b = (Cylinder(operating_points(self, name, changes), ambient) for name in convention.CYLINDERS)
+        a, b = (
+            Cylinder(operating_points(self, name, changes), ambient, effects(self, name, PRESSURE_EFFECTS, changes))
+            for name in convention.CYLINDERS
+        )
         geometry = ForceGeometry(*(self._value(name, changes) for name in _GEOMETRY))
         if geometry.geometric_factor == 0.0:
             raise InputError('geometric_factor is 0: no force could be set or derived')
-        return Device(a, None if self._single else b, geometry)
+        force_effects = effects(self, convention.CONTACT_FORCE, FORCE_EFFECTS, changes)
+        return Device(a, None if self._single else b, geometry, force_effects, self._value(_SEAL_PLAY, changes))
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters as every node does, but say which one is of a wrong type."""
@@ -152,10 +184,18 @@ class SimNode(Node):
         return SetParametersResult(successful=True)
 
     def _warm_up(self) -> None:
-        """Compile the model, or load it compiled, before the first sample has to be answered."""
+        """
+        Compile the model, or load it compiled, before the first sample has to be answered.
+
+        With the effects, too, so that switching one on later compiles nothing.
+        """
+        every, every_on_force = (
+            {name: effect.null for name, effect in among.items()} for among in (PRESSURE_EFFECTS, FORCE_EFFECTS)
+        )
         device = self._live.device
-        state = device.at_rest(2e5, 2e5)
-        device.step(state, 1e-3, 1e-3, 2e5, 2e5)
+        for on_pressure, on_force in (({}, {}), (every, every_on_force)):
+            own = replace(device, a=replace(device.a, effects=on_pressure), force_effects=on_force)
+            own.step(own.at_rest(2e5, 2e5), Movement(1e-3, 1e-3, 0.0, 1e-6), 2e5, 2e5)
 
     # topics
 
@@ -244,17 +284,24 @@ class SimNode(Node):
             return
         self._health.counts['samples'] += 1
         if last is not None and arrival is not Arrival.ADVANCED:
-            self._health.counts['resets'] += 1
-            self._health.warn(
-                'reset',
-                f'started anew at rest: the stamp of {convention.PISTON_STATE} moved by '
-                f'{(stamp - last.stamp) * 1e-9:.6f} s (allowed: forward, at most max_gap {self._live.max_gap:g} s)',
-            )
+            self._warn_of_reset(arrival, (stamp - last.stamp) * 1e-9)
         committed = self._live.committed
         assert committed is not None
         self._publish(stamp, committed.state)
         for publisher, setpoint in zip(self._applied_out, setpoints):
             publisher.publish(pressure_message(stamp, self._value('frame_id'), setpoint))
+
+    def _warn_of_reset(self, arrival: Arrival, moved: float) -> None:
+        """Warn that the model started anew, `moved` seconds after the last sample."""
+        self._health.counts['resets'] += 1
+        if arrival is Arrival.DIVERGED:
+            reason = 'the effects that are on drove the model out of the range of numbers; weaken them'
+        else:
+            reason = (
+                f'the stamp of {convention.PISTON_STATE} moved by {moved:.6f} s '
+                f'(allowed: forward, at most max_gap {self._live.max_gap:g} s)'
+            )
+        self._health.warn('reset', f'started anew at rest: {reason}')
 
     def _absolute_setpoints(self) -> tuple[float, float]:
         device = self._live.device
@@ -273,7 +320,7 @@ class SimNode(Node):
         frame = self._value('frame_id')
         for publisher, cylinder in zip(self._pressures_out, (state.a, state.b)):
             if cylinder is not None:
-                publisher.publish(pressure_message(stamp, frame, cylinder.p))
+                publisher.publish(pressure_message(stamp, frame, cylinder.reading))
         force = self._live.device.contact_force(state)
         self._force_out.publish(force_message(stamp, frame, self._value('axis'), force))
 
@@ -303,11 +350,15 @@ class SimNode(Node):
         values = {key: str(self._health.counts[key]) for key in _COUNTED}
         for name, setpoint in zip(self._cylinders, self._setpoints):
             values[f'{name} set-point, gauge [Pa]'] = f'{setpoint:.1f}'
+        for name, cylinder in zip(self._cylinders, (self._live.device.a, self._live.device.b)):
+            if cylinder is not None:
+                values[f'{name} effects'] = ', '.join(cylinder.effects) or 'none'
+        values[f'{convention.CONTACT_FORCE} effects'] = ', '.join(self._live.device.force_effects) or 'none'
         committed = self._live.committed
         if committed is not None:
-            for name, cylinder in zip(self._cylinders, (committed.state.a, committed.state.b)):
-                if cylinder is not None:
-                    values[f'{name} pressure, absolute [Pa]'] = f'{cylinder.p:.1f}'
+            for name, state in zip(self._cylinders, (committed.state.a, committed.state.b)):
+                if state is not None:
+                    values[f'{name} pressure, absolute [Pa]'] = f'{state.reading:.1f}'
         verdict = self._health.verdict(self._value('timeout'))
         self._diagnostics_out.publish(diagnostics(self, 'input', *verdict, values))
 

@@ -1,17 +1,18 @@
 """Each effect: null is the baseline, strong it shows as physics has it, and the composed kernel is up to date."""
 
 import ast
+import math
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from effect_cases import DATA
 from reference import AMBIENT, PSI
 
-from cfd_pneumatic.model import TABLE_1, Cylinder, OperatingPoints
-from cfd_pneumatic.model.composed import STATES, propagate, rest
-from cfd_pneumatic.model.effects import EFFECTS
-from cfd_pneumatic.model.places import PLACES, all_parameters, switches
+from cfd_pneumatic.model import TABLE_1, Cylinder, ExtendedCylinder, OperatingPoints
+from cfd_pneumatic.model.effects import EFFECTS, PRESSURE_EFFECTS, Moment, heat_transfer, leakage, positional_leakage
+from cfd_pneumatic.model.places import FORCE_PLACES, PLACES
 
 GAINS = TABLE_1.table[0, 1:]
 TIMES = np.arange(700) * 0.002
@@ -19,14 +20,11 @@ STROKE = np.interp(TIMES, [0.1, 0.11, 0.7, 0.71], [0.0, 1.5e-3, 1.5e-3, 0.0])
 SETPOINT = np.full(TIMES.size, AMBIENT + 5.0 * PSI)
 
 
-def simulate(effects, stroke=STROKE, stiffness=2e3, gains=GAINS):
-    state = np.empty(STATES + 2)
-    rest(stroke[0], SETPOINT[0], state)
-    signal = np.empty(TIMES.size)
-    propagate(
-        TIMES, stroke, SETPOINT, AMBIENT, stiffness, state, all_parameters(gains, effects), switches(effects), signal
-    )
-    return signal
+STILL = np.zeros(TIMES.size)
+
+
+def simulate(effects, stroke=STROKE, gains=GAINS, setpoint=SETPOINT):
+    return ExtendedCylinder(gains, effects, AMBIENT).simulate(TIMES, stroke, setpoint)
 
 
 def change(effects):
@@ -39,13 +37,21 @@ def test_without_effects_it_is_the_papers_model():
     np.testing.assert_allclose(simulate({}), exact, atol=1e-7 * PSI * 1e3)
 
 
-@pytest.mark.parametrize('name', EFFECTS)
+@pytest.mark.parametrize('name', PRESSURE_EFFECTS)
 def test_at_its_null_value_an_effect_is_absent(name):
     null = {name: EFFECTS[name].null}
-    if name == 'line_resonance':  # at 10 kHz it is still a delay of 20 us
-        np.testing.assert_allclose(simulate(null, stiffness=1e5), simulate({}, stiffness=1e5), atol=15.0)
-    else:
-        np.testing.assert_allclose(simulate(null), simulate({}), atol=1e-9)
+    assert ExtendedCylinder(GAINS, null, AMBIENT).stiffness == ExtendedCylinder(GAINS, {}, AMBIENT).stiffness
+    # without a loss of heat the air that leaves is still warmer than what the gains were identified with
+    tolerance = 30.0 if name == 'heat_transfer' else 1e-9
+    np.testing.assert_allclose(simulate(null), simulate({}), rtol=0.0, atol=tolerance)
+
+
+@pytest.mark.parametrize('name', [name for name, effect in PRESSURE_EFFECTS.items() if effect.rests_at_pressure])
+def test_a_state_that_is_a_pressure_rests_at_the_set_point(name):
+    for own in EFFECTS[name].starts(DATA):
+        np.testing.assert_allclose(simulate({name: own}, stroke=STILL), SETPOINT, rtol=0.0, atol=1e-6)
+    states = ExtendedCylinder(GAINS, {name: own}, AMBIENT).begin(1.5e5, 1.5e5, 0.0).values
+    assert states[PLACES[name].states.start] == 1.5e5
 
 
 @pytest.mark.parametrize('name', EFFECTS)
@@ -61,10 +67,10 @@ def test_every_effect_says_what_it_is(name):
 
 def test_places_do_not_overlap():
     for kind in ('parameters', 'states'):
-        taken = [
-            index for place in PLACES.values() for index in range(getattr(place, kind).start, getattr(place, kind).stop)
-        ]
-        assert len(taken) == len(set(taken))
+        for places in (PLACES, FORCE_PLACES):
+            own = [getattr(place, kind) for place in places.values()]
+            taken = [index for indices in own for index in range(indices.start, indices.stop)]
+            assert len(taken) == len(set(taken))
 
 
 def test_the_composed_kernel_is_up_to_date():
@@ -81,13 +87,43 @@ def test_a_leak_lowers_the_resting_pressure():
     conductance = 0.5
     gauge = SETPOINT[0] - AMBIENT
     expected = -conductance * gauge / (GAINS[1] + conductance)
-    assert change({'leakage': (conductance,)})[300] == pytest.approx(expected, rel=0.01)
+    assert change({'leakage': (conductance, 0.0)})[300] == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ('p', 'ambient', 'lost'),
+    [
+        (3e5, 1e5, 6e5),  # 2/s times 3 bar: choked, whatever is downstream
+        (3e5, 1.5e5, 6e5),
+        (1.25e5, 1e5, 204_315.0),  # (0.8 - 0.528) / 0.472 = 0.57627; (1 - 0.57627^2)^0.5 = 0.81726; times 2.5e5
+        (1e5, 1e5, 0.0),
+        (0.9e5, 1e5, 0.0),
+    ],
+)
+def test_through_a_hole_it_is_the_flow_of_an_orifice(p, ambient, lost):
+    moment = Moment(0.0, 0.0, 0.0, p, p, ambient)
+    assert leakage.chamber(7.0, moment, 2.0, 1.0) == pytest.approx(7.0 - lost, abs=1.0)
+
+
+def test_a_choked_leak_lowers_the_resting_pressure_by_its_share_of_it():
+    """K_sv (p_d - p) = 2 p, with K_sv = 104.32285: p = 104.32285 / 106.32285 p_d."""
+    leaking = simulate({'leakage': (2.0, 1.0)}, stroke=STILL, setpoint=np.full(TIMES.size, 3e5))
+    assert leaking[-1] == pytest.approx(294_356.8, abs=0.2)
 
 
 def test_a_positional_leak_shows_only_at_its_end():
-    dropped = change({'positional_leakage': (0.5, 1e-3, 2e-4, 1.0, 0.0)})
-    assert abs(dropped[45]) < 1e-6
+    dropped = change({'positional_leakage': (0.5, 1e-3, 2e-4, 0.01, 1.0, 0.0)})
+    assert abs(dropped[45]) < 0.05, 'five widths before'
     assert dropped[300] < -50.0
+
+
+def test_a_seal_that_lifts_in_one_direction_lifts_with_the_speed():
+    """At the lifting speed 88 % of the gauge pressure's share leaks: (1 + tanh 1) / 2."""
+    shares = []
+    for rate in (-0.2, 0.0, 0.01, 0.2):
+        moment = Moment(0.0, 0.5, rate, AMBIENT + 1e4, AMBIENT + 1e4, AMBIENT)
+        shares.append(-positional_leakage.chamber(0.0, moment, 1.0, 0.0, 1e-3, 0.01, 1.0, 1.0) / 1e4)
+    assert shares == pytest.approx([0.0, 0.5, 0.5 + 0.5 * math.tanh(1.0), 1.0], abs=1e-9)
 
 
 def test_a_dead_band_leaves_an_offset_of_its_width():
@@ -145,13 +181,46 @@ def test_heat_transfer_takes_a_fast_change_to_isothermal():
     assert p[300] / p[55] == pytest.approx(1.0 / 1.4, rel=0.1)
 
 
+def test_warm_air_that_leaves_takes_more_pressure_along():
+    """A tenth of the pressure is due to temperature: a tenth more."""
+    moment = Moment(0.0, 0.0, 0.0, 2e5, 2e5, AMBIENT)
+    assert heat_transfer.flow(-1000.0, moment, 2e4, 5.0) == pytest.approx(-1100.0)
+    assert heat_transfer.flow(1000.0, moment, 2e4, 5.0) == 1000.0
+
+
 def test_a_drift_is_followed():
     assert change({'set_point_drift': (100.0,)})[-1] == pytest.approx(100.0 * TIMES[-1], rel=0.1)
 
 
 def test_restriction_makes_the_regulator_stop_early():
-    p = simulate({'line_restriction': (0.05,)})
+    p = simulate({'line_restriction': (0.05, 0.05)})
     assert np.min(p) < np.min(simulate({}))
+
+
+def test_through_a_line_without_volume_the_regulator_senses_the_drop():
+    """With no outlet to fill, what the valves let pass goes through the line: p + R times the flow is sensed."""
+    k_x, k_sv, k_v, tau = GAINS
+    resistance, fine = 0.05, 40
+    p = p_f = SETPOINT[0]
+    expected = [p]
+    for i in range(1, TIMES.size):
+        h = (TIMES[i] - TIMES[i - 1]) / fine
+        velocity = (STROKE[i] - STROKE[i - 1]) / (TIMES[i] - TIMES[i - 1])
+        for _ in range(fine):
+            middle_p, middle_p_f = p, p_f
+            for part in (0.5, 1.0):  # the midpoint rule
+                error = SETPOINT[0] - middle_p_f
+                flow = (k_sv if error > 0.0 else k_v) * error
+                middle_p, middle_p_f = (
+                    p + part * h * (flow - k_x * velocity),
+                    p_f + part * h * (middle_p + resistance * flow - middle_p_f) / tau,
+                )
+            p, p_f = middle_p, middle_p_f
+        expected.append(p)
+    restricted = simulate({'line_restriction': (resistance, 1e-3)})
+    assert np.max(np.abs(np.array(expected) - simulate({}))) > 1000.0
+    # 5 ms (the resistance) are large against the 0.1 ms in which the outlet fills
+    np.testing.assert_allclose(restricted, expected, rtol=0.0, atol=10.0)
 
 
 def test_droop_sags_and_recovers():

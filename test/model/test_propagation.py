@@ -6,7 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference import AMBIENT, PSI, pressure_between_samples
 
-from cfd_pneumatic.model import TABLE_1, Cylinder, CylinderState, OperatingPoints, simulate_with_sensitivities
+from cfd_pneumatic.model import (
+    TABLE_1,
+    Cylinder,
+    CylinderState,
+    Movement,
+    OperatingPoints,
+    simulate_with_sensitivities,
+)
 
 GAINS = st.tuples(st.floats(1e5, 1e8), st.floats(0.1, 500.0), st.floats(0.1, 500.0), st.floats(1e-4, 1.0)).map(np.array)
 
@@ -93,8 +100,8 @@ def test_stepping_equals_the_whole_recording_bit_for_bit(gains, seed):
     state = CylinderState.at_rest(setpoint[0])
     stepped = [state.p]
     for i in range(1, times.size):
-        duration = times[i] - times[i - 1]
-        state = cylinder.step(state, duration, (displacement[i] - displacement[i - 1]) / duration, setpoint[i])
+        movement = Movement(times[i] - times[0], times[i] - times[i - 1], displacement[i - 1], displacement[i])
+        state = cylinder.step(state, movement, setpoint[i])
         stepped.append(state.p)
     np.testing.assert_array_equal(stepped, cylinder.simulate(times, displacement, setpoint))
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.model import TABLE_1, Arrival, Cylinder, Device, ForceGeometry, LiveDevice
+from cfd_pneumatic.model import TABLE_1, Arrival, Cylinder, Device, ForceGeometry, LiveDevice, Movement
 
 AMBIENT = 101_325.0
 GEOMETRY = ForceGeometry(area=1.1e-3, geometric_factor=1.5, ambient_pressure=AMBIENT)
@@ -26,7 +26,8 @@ def test_set_points_give_the_wanted_force_at_rest(force, bias, single):
 
 
 def test_positive_displacement_grows_a_and_shrinks_b():
-    state = device().step(device().at_rest(1.4e5, 1.4e5), 0.01, 0.05, 1.4e5, 1.4e5)
+    movement = Movement(time=0.01, duration=0.01, begin=0.0, end=5e-4)
+    state = device().step(device().at_rest(1.4e5, 1.4e5), movement, 1.4e5, 1.4e5)
     assert state.a.p < 1.4e5 < state.b.p
     assert device().contact_force(state) < 0.0
 

@@ -6,7 +6,7 @@ import importlib
 import pkgutil
 from types import ModuleType
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter, Moment
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter, ForceMoment, Moment
 
 
 def _modules() -> dict[str, ModuleType]:
@@ -24,4 +24,20 @@ MODULES = _modules()
 EFFECTS = {name: module.EFFECT for name, module in MODULES.items()}
 """Each effect, by name, in the order in which they enter the model."""
 
-__all__ = ['EFFECTS', 'MODULES', 'Data', 'Effect', 'EffectParameter', 'Moment']
+FORCE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if hasattr(MODULES[name], 'force')}
+"""Those on the contact force, in that order."""
+
+PRESSURE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if name not in FORCE_EFFECTS}
+"""Those on a cylinder's pressure, in that order."""
+
+__all__ = [
+    'EFFECTS',
+    'FORCE_EFFECTS',
+    'MODULES',
+    'PRESSURE_EFFECTS',
+    'Data',
+    'Effect',
+    'EffectParameter',
+    'ForceMoment',
+    'Moment',
+]

@@ -22,6 +22,10 @@ function           what it changes
 An effect with states says what they follow (`EFFECT.follows`): the flow, the rate of the chamber, or the signal; and it
 gives their rates, ``evolve(moment, value, *states, *parameters)``. One that follows the error or the displacement is a
 play: its single state becomes what its function returns, at the end of a step.
+
+An effect on the contact force has the function ``force`` and none of the above. It takes the force that the tool would
+feel without it [N], along +x, then the `ForceMoment`, states and parameters. Its states follow the `motion`: they
+become what ``slide(travel, *states, *parameters)`` returns after `travel` metres straight on, however many these are.
 """
 
 from __future__ import annotations
@@ -58,6 +62,31 @@ class Moment(NamedTuple):
     """Ambient pressure [Pa]."""
 
 
+class ForceMoment(NamedTuple):
+    """Where the piston is: what the function of an effect on the force may look at."""
+
+    time: float
+    """Since the start [s]."""
+
+    x: float
+    """Displacement; +x grows cylinder A [m]."""
+
+    rate: float
+    """Speed [m/s]."""
+
+    acceleration: float
+    """Acceleration [m/s^2]."""
+
+    p: float
+    """Pressure in cylinder A, absolute [Pa]."""
+
+    opposing: float
+    """Pressure in cylinder B, or ambient where there is none, absolute [Pa]."""
+
+    ambient: float
+    """Ambient pressure [Pa]."""
+
+
 @dataclass(frozen=True)
 class EffectParameter:
     """
@@ -75,6 +104,8 @@ class EffectParameter:
         Whether it is searched in its logarithm.
     choice
         Whether its starting values are all there is: it is not searched.
+    of_pressure
+        Whether it is a dependence on pressure, which recordings at one pressure don't tell: there it stays null.
 
     """
 
@@ -86,6 +117,7 @@ class EffectParameter:
     description: str
     logarithmic: bool = False
     choice: bool = False
+    of_pressure: bool = False
 
 
 Data = Mapping[str, float]
@@ -108,15 +140,22 @@ class Effect:
     states
         Number of states of its own.
     follows
-        What its states follow: `flow`, `chamber`, `signal`, or for a play `error` or `displacement`.
+        What its states follow: `flow`, `chamber`, `signal`, or for a play `error` or `displacement`; for an effect on
+        the force `motion`.
+    rests_at_pressure
+        Whether its first state rests at the set-point, and not at zero.
+    moves_rest
+        Whether the cylinder rests off the set-point, at a pressure of its own, so that it has to settle first.
     rests_anywhere
         Whether the cylinder may rest off the set-point, so that its first pressure has to be fitted.
     delays
-        Whether its one parameter is a time by which the displacement is shifted before the model sees it [s].
+        Whether its one parameter is a time by which the sensor's reading comes late [s].
     fastest
         Returns the inverse of its fastest time constant from its parameters [1/s], where it has one.
     rank
         Among effects that change the same value the lower comes first.
+    shown_by
+        What to record to see it, for people.
     starts
         Returns starting points of a search from what is known of the data, each with a value for every parameter.
 
@@ -126,8 +165,11 @@ class Effect:
     description: str
     parameters: tuple[EffectParameter, ...]
     starts: Callable[[Data], list[tuple[float, ...]]] = field(repr=False)
+    shown_by: str = ''
     states: int = 0
     follows: str = ''
+    rests_at_pressure: bool = False
+    moves_rest: bool = False
     rests_anywhere: bool = False
     delays: bool = False
     fastest: Callable[..., float] | None = field(default=None, repr=False)

@@ -10,6 +10,12 @@ SHARE = 1.0 - 1.0 / 1.4
 
 
 @kernel
+def flow(value, moment, heat, loss):
+    """Return the pressure rate that the flow makes [Pa/s]: warm air that leaves takes more pressure with it."""
+    return value if value > 0.0 or loss == 0.0 else value * (1.0 + heat / moment.p)
+
+
+@kernel
 def chamber(rate, moment, heat, loss):
     """Return the outlet pressure's rate [Pa/s]."""
     return rate - loss * heat

@@ -1,25 +1,40 @@
-"""Leakage: air escapes from the chamber to ambient through a constant laminar conductance."""
+"""Leakage: air escapes from the chamber to ambient, through a gap (laminar) or through a hole (an orifice)."""
 
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.flow_function import passed
 from cfd_pneumatic.model.kernel import kernel
 
 
 @kernel
-def chamber(rate, moment, conductance):
+def chamber(rate, moment, conductance, orifice):
     """Return the outlet pressure's rate [Pa/s]."""
+    if orifice > 0.0:
+        return rate - conductance * moment.p * passed(moment.ambient / moment.p)
     return rate - conductance * (moment.p - moment.ambient)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return a leak that moves the pressure at rest by the residual's size."""
-    return [(data['k_sv'] * data['residual'] / data['gauge'],)]
+    """Return a leak that moves the pressure at rest by the residual's size, of either kind."""
+    lost = data['k_sv'] * data['residual']
+    return [(lost / data['gauge'], 0.0), (lost / data['highest_pressure'], 1.0)]
 
 
 EFFECT = Effect(
     name='leakage',
     description='air escapes from the chamber to ambient',
-    parameters=(EffectParameter('conductance', '1/s', 0.0, 1e2, 0.0, 'share of the gauge pressure lost in a second'),),
+    parameters=(
+        EffectParameter(
+            'conductance',
+            '1/s',
+            0.0,
+            1e2,
+            0.0,
+            'share of the gauge pressure (orifice: of the absolute) lost in a second',
+        ),
+        EffectParameter('orifice', '-', 0.0, 1.0, 0.0, '0: laminar, 1: an orifice, choked as ISO 6358', choice=True),
+    ),
     starts=starts,
+    moves_rest=True,
 )

@@ -11,12 +11,14 @@ from cfd_pneumatic.model.kernel import kernel
 @kernel
 def signal(p, moment, reading, slope, frequency, damping):
     """Return what the sensor reads [Pa]."""
-    return reading
+    return p if frequency >= HIGHEST else reading
 
 
 @kernel
 def evolve(moment, p, reading, slope, frequency, damping):
     """Return the rates of the reading [Pa/s] and of its slope [Pa/s^2]."""
+    if frequency >= HIGHEST:
+        return 0.0, 0.0
     omega = 2.0 * math.pi * frequency
     return slope, omega * omega * (p - reading) - 2.0 * damping * omega * slope
 
@@ -29,14 +31,17 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 
 def fastest(frequency: float, damping: float) -> float:
     """Return the natural frequency [rad/s]."""
-    return 2.0 * math.pi * frequency
+    return 0.0 if frequency >= HIGHEST else 2.0 * math.pi * frequency
 
+
+HIGHEST = 2e3
+"""Frequency above which no resonance is seen any more [Hz]."""
 
 EFFECT = Effect(
     name='line_resonance',
     description='the line to the pressure sensor resonates',
     parameters=(
-        EffectParameter('frequency', 'Hz', 1.0, 1e4, 1e4, 'natural frequency', logarithmic=True),
+        EffectParameter('frequency', 'Hz', 1.0, HIGHEST, HIGHEST, 'natural frequency', logarithmic=True),
         # above 0.7 a resonance would pass for a lag
         EffectParameter('damping', '-', 1e-3, 0.7, 0.7, 'damping ratio', logarithmic=True),
     ),
@@ -44,5 +49,6 @@ EFFECT = Effect(
     fastest=fastest,
     states=2,
     follows='signal',
+    rests_at_pressure=True,
     rank=70,
 )

@@ -2,25 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.flow_function import passed
 from cfd_pneumatic.model.kernel import kernel
 
 REFERENCE = 2e5
 """Absolute pressure at which the gains are the model's own [Pa]."""
-
-CRITICAL = 0.528
-"""Pressure ratio below which the supply valve is choked [-]."""
-
-
-@kernel
-def passed(ratio):
-    """Return ISO 6358's flow function of the pressure ratio, 1 where choked."""
-    if ratio <= CRITICAL:
-        return 1.0
-    share = min((ratio - CRITICAL) / (1.0 - CRITICAL), 1.0)
-    return math.sqrt(1.0 - share * share)
 
 
 @kernel

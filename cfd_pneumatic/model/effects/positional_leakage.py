@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 
 @kernel
-def chamber(rate, moment, conductance, position, width, end, direction):
+def chamber(rate, moment, conductance, position, width, speed, end, direction):
     """Return the outlet pressure's rate [Pa/s]."""
-    if direction * moment.rate < 0.0:
-        return rate
-    opening = min(max(end * (moment.x - position) / width, 0.0), 1.0)
+    opening = 0.5 * (1.0 + math.tanh(end * (moment.x - position) / width))
+    if direction != 0.0:
+        opening *= 0.5 * (1.0 + math.tanh(direction * moment.rate / speed))
     return rate - conductance * opening * (moment.p - moment.ambient)
 
 
@@ -19,9 +21,9 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     """Return a leak at either end of the stroke, in either direction of travel or both."""
     low, high = data['x_low'], data['x_high']
     stroke = high - low
-    conductance = data['k_sv'] * data['residual'] / data['gauge'] * 3.0
+    conductance = 3.0 * data['k_sv'] * data['residual'] / data['gauge']
     return [
-        (conductance, (high if end > 0.0 else low) - end * 0.3 * stroke, 0.2 * stroke, end, direction)
+        (conductance, (high if end > 0.0 else low) - end * 0.4 * stroke, 0.1 * stroke, data['speed'], end, direction)
         for end in (1.0, -1.0)
         for direction in (0.0, 1.0, -1.0)
     ]
@@ -34,8 +36,11 @@ EFFECT = Effect(
         EffectParameter(
             'conductance', '1/s', 0.0, 1e3, 0.0, 'share of the gauge pressure lost in a second, fully open'
         ),
-        EffectParameter('position', 'm', -1.0, 1.0, 0.0, 'displacement at which it begins to open'),
+        EffectParameter('position', 'm', -1.0, 1.0, 0.0, 'displacement at which it is half open'),
         EffectParameter('width', 'm', 1e-5, 1.0, 1.0, 'displacement over which it opens', logarithmic=True),
+        EffectParameter(
+            'speed', 'm/s', 1e-5, 1.0, 1e-2, 'speed at which the seal lifts; without a direction none', logarithmic=True
+        ),
         EffectParameter('end', '-', -1.0, 1.0, 1.0, '1: opens towards larger displacement, -1: smaller', choice=True),
         EffectParameter(
             'direction',
@@ -48,4 +53,5 @@ EFFECT = Effect(
         ),
     ),
     starts=starts,
+    moves_rest=True,
 )

@@ -9,36 +9,37 @@ from cfd_pneumatic.model.kernel import kernel
 @kernel
 def signal(p, moment, reading, lag):
     """Return what the sensor reads [Pa]."""
-    return p if lag < SHORTEST else reading
+    return p if lag <= SHORTEST else reading
 
 
 @kernel
 def evolve(moment, p, reading, lag):
     """Return the rate of the reading [Pa/s]."""
-    return ((p - reading) / max(lag, SHORTEST),)
+    return (0.0 if lag <= SHORTEST else (p - reading) / lag,)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return lags of a sample and of a few."""
-    return [(data['period'],), (4.0 * data['period'],)]
+    """Return lags of a sample, and of as many as the pressure comes late."""
+    return [(data['period'],), (max(data['lag'], 4.0 * data['period']),)]
 
 
-SHORTEST = 2e-4
-"""Time constant below which there is no lag [s]."""
+SHORTEST = 1e-4
+"""Time constant that counts as none [s]."""
 
 
 def fastest(lag: float) -> float:
     """Return the inverse of the lag [1/s]."""
-    return 1.0 / max(lag, SHORTEST)
+    return 0.0 if lag <= SHORTEST else 1.0 / lag
 
 
 EFFECT = Effect(
     name='sensor_lag',
     description='the pressure sensor is a first-order lag',
-    parameters=(EffectParameter('lag', 's', 0.0, 1.0, 0.0, 'time constant'),),
+    parameters=(EffectParameter('lag', 's', SHORTEST, 1.0, SHORTEST, 'time constant', logarithmic=True),),
     starts=starts,
     fastest=fastest,
     states=1,
     follows='signal',
+    rests_at_pressure=True,
     rank=60,
 )

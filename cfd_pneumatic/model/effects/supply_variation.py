@@ -16,9 +16,9 @@ def setpoint(p_d, moment, in_phase, quadrature, frequency):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return the strongest slow period of the residual."""
+    """Return the strongest slow period of the residual, in either phase."""
     amplitude = 0.5 * data['residual']
-    return [(amplitude, amplitude, data['slow_frequency'])]
+    return [(amplitude, amplitude, data['slow_frequency']), (-amplitude, amplitude, data['slow_frequency'])]
 
 
 EFFECT = Effect(

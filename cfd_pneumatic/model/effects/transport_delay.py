@@ -1,4 +1,4 @@
-"""Transport delay: dead time of pressure against displacement."""
+"""Transport delay: the pressure is read late, or all else is."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return delays of a sample, either way."""
-    return [(data['period'],), (-data['period'],)]
+    """Return the delay at which the pressure looks most like the simulated one, and a sample either way of it."""
+    return [(data['lag'] + part * data['period'],) for part in (0.0, -1.0, 1.0)]
 
 
 EFFECT = Effect(
     name='transport_delay',
-    description='dead time of the pressure against the displacement, either sign',
-    parameters=(EffectParameter('delay', 's', -0.5, 0.5, 0.0, 'by which the pressure comes later'),),
+    description='dead time of the pressure against displacement and set-point, either sign',
+    parameters=(EffectParameter('delay', 's', -0.5, 0.5, 0.0, 'by which the pressure is read later'),),
     starts=starts,
     delays=True,
 )

@@ -1,0 +1,58 @@
+"""The colour of noise: how much a sample tells about the next, and how to take that out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+Array = NDArray[np.float64]
+
+_HIGHEST_ORDER = 12
+_LONGEST_MEMORY = 2000  # samples
+
+
+def autocovariance(series: Sequence[Array], lags: int) -> Array:
+    """Return the autocovariance of several series together at lags 0 to `lags`, shape (lags + 1,)."""
+    count = sum(one.size for one in series)
+    products = np.zeros(lags + 1)
+    for one in series:
+        for lag in range(min(lags + 1, one.size)):
+            products[lag] += float(one[lag:] @ one[: one.size - lag])
+    return products / max(count, 1)
+
+
+def autoregression(series: Sequence[Array]) -> Array:
+    """
+    Return coefficients c of e_t = sum c_k e_(t-k) + white noise, shape (order,), by Yule and Walker.
+
+    The order, up to 12, is the one with the least Bayesian information criterion; white noise has none.
+    """
+    count = sum(one.size for one in series)
+    highest = min(_HIGHEST_ORDER, count // 20)
+    covariance = autocovariance(series, highest)
+    best, lowest = np.empty(0), count * np.log(covariance[0])
+    for order in range(1, highest + 1):
+        coefficients = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
+        innovation = covariance[0] - float(coefficients @ covariance[1 : order + 1])
+        criterion = count * np.log(max(innovation, 1e-300)) + order * np.log(count)
+        if criterion < lowest:
+            best, lowest = coefficients, criterion
+    return best
+
+
+def whitened(series: Array, coefficients: Array) -> Array:
+    """Return what is new in each sample of a series, shape (n,); what came before the first is taken as zero."""
+    innovations: Array = lfilter(np.concatenate([[1.0], -coefficients]), [1.0], series)
+    return innovations
+
+
+def independent_share(coefficients: Array) -> float:
+    """Return how many independent samples a sample of autoregressive noise is worth, at most one [-]."""
+    impulse = np.zeros(_LONGEST_MEMORY)
+    impulse[0] = 1.0
+    response = lfilter([1.0], np.concatenate([[1.0], -coefficients]), impulse)
+    return float(np.clip(np.sum(response**2) * (1.0 - np.sum(coefficients)) ** 2, 1e-3, 1.0))

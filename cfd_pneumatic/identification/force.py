@@ -1,0 +1,521 @@
+"""
+The contact force: piston area times the pressures, with physical effects beside it, fitted to the measured one.
+
+The pressures are the measured ones, so that what the pressure's model lacks is not laid on the force.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import t as student_t
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.experiment import on_clock
+from cfd_pneumatic.identification.fit import Estimate
+from cfd_pneumatic.identification.motion import Motion
+from cfd_pneumatic.identification.split import Split
+from cfd_pneumatic.identification.travel import reversals, travelled
+from cfd_pneumatic.identification.uncertainty import covariance
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, Data
+from cfd_pneumatic.model.extended_force import ExtendedForce
+from cfd_pneumatic.recording import Recording, Signal
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Effects = Mapping[str, Sequence[float]]
+"""Parameters of each effect on the force that is on, by its name."""
+
+LARGEST_AREA_RATIO = 1.5
+"""Farther from where it begins the area is not searched [-]."""
+
+_LEVEL_GAP = 0.03  # set-points closer than this share of the pressure tell the area no better than one
+_FEWEST_SAMPLES = 20
+_AT_BOUND = 1e-6  # of an unknown's scale
+_TOLERANCE = 1e-8  # the search ends when the sum of squares falls by less than this share
+_EVALUATIONS = 60
+_CONFIDENCE = 0.95
+_LARGEST_RELATIVE_STD = 1.0 / 3.0  # as in `fit`
+_SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not told
+_STRETCHED = '1'  # unit of the seals' first stretches, which no effect's parameter has
+_ROUGH = 0.3  # share of an acceleration that may deviate from its neighbours' mean
+
+
+@dataclass(frozen=True)
+class ForceExperiment:
+    """
+    What makes the contact force in one recording, on one time grid, and what was measured of it.
+
+    The grid is the union of the times of the force's and the displacement's samples and of the piston's reversals, so
+    that friction sees each of them; those that may be noise are left out of the displacement (see `travel`).
+
+    Attributes
+    ----------
+    recording
+        Name of the recording.
+    times
+        Grid, increasing, shape (n,) [s].
+    displacement, rate, acceleration
+        Smoothed motion, +x grows cylinder A, shape (n,) [m, m/s, m/s^2].
+    pressure, opposing
+        Measured absolute pressure in the cylinders A and B, or ambient where there is no B, shape (n,) [Pa].
+    samples
+        Grid indices of the force samples, shape (m,).
+    force
+        Measured contact force, shape (m,) [N].
+    level
+        Set-point of A less that of B at each force sample, or its median pressure where none was recorded, shape (m,)
+        [Pa].
+    part
+        Index into `split.PARTS` of each force sample, shape (m,).
+
+    """
+
+    recording: str
+    times: Array
+    displacement: Array
+    rate: Array
+    acceleration: Array
+    pressure: Array
+    opposing: Array
+    samples: NDArray[np.intp]
+    force: Array
+    level: Array
+    part: NDArray[np.int8]
+
+    @property
+    def sample_times(self) -> Array:
+        """Times of the force samples, shape (m,) [s]."""
+        return self.times[self.samples]
+
+    @property
+    def difference(self) -> Array:
+        """Pressure in A less that in B, or ambient, at the force samples, shape (m,) [Pa]."""
+        return (self.pressure - self.opposing)[self.samples]
+
+    @property
+    def resolves_acceleration(self) -> bool:
+        """Whether the acceleration is seen: what changes at every sample comes and goes between them, too."""
+        middle = 0.5 * (self.acceleration[:-2] + self.acceleration[2:])
+        rough = float(np.sum((self.acceleration[1:-1] - middle) ** 2))
+        return rough <= _ROUGH**2 * float(self.acceleration @ self.acceleration)
+
+    def simulate(self, model: ExtendedForce, stretch: float) -> Array:
+        """Return the force that a model makes of this at its samples, seals stretched at first, shape (m,) [N]."""
+        force = model.simulate(
+            self.times, self.displacement, self.rate, self.acceleration, self.pressure, self.opposing, stretch
+        )
+        return force[self.samples]
+
+
+def make_force_experiment(
+    recording: Recording, motion: Motion, split: Split, ambient_pressure: float
+) -> ForceExperiment:
+    """
+    Return what makes the contact force in a recording.
+
+    Raises
+    ------
+    InputError
+        If the force or the pressure of cylinder A is not recorded, they hardly overlap with the displacement in time,
+        or the force never changes.
+
+    """
+    if recording.force is None:
+        raise InputError(f'{recording.name}: no force was recorded')
+    if 'cylinder_a' not in recording.cylinders:
+        raise InputError(f'{recording.name}: the force needs cylinder_a/pressure, which was not recorded')
+    force_times = on_clock(recording.force.times, motion)
+    pressures = {name: _read_on(motion, signals.pressure) for name, signals in recording.cylinders.items()}
+    first = max(motion.times[0], *(pressure.times[0] for pressure in pressures.values()))
+    last = min(motion.times[-1], *(pressure.times[-1] for pressure in pressures.values()))
+    within = (force_times >= first) & (force_times <= last)
+    force_times, force = force_times[within], recording.force.values[within]
+    if force.size < _FEWEST_SAMPLES:
+        raise InputError(
+            f'{recording.name}: only {force.size} samples of the force lie between the first and the last sample of '
+            'displacement and pressure: check the time offsets of the topics'
+        )
+    if np.ptp(force) == 0.0:
+        raise InputError(f'{recording.name}: the force never changes ({force[0]:g} N): is its sensor connected?')
+    moved = np.concatenate([motion.times, reversals(motion)])
+    times = np.union1d(moved[(moved >= force_times[0]) & (moved <= force_times[-1])], force_times)
+    return ForceExperiment(
+        recording=recording.name,
+        times=times,
+        displacement=travelled(motion, recording.displacement.values, times),
+        rate=motion.rate_at(times),
+        acceleration=motion.acceleration_at(times),
+        pressure=_pressure_at(times, pressures['cylinder_a']),
+        opposing=(
+            _pressure_at(times, pressures['cylinder_b'])
+            if 'cylinder_b' in pressures
+            else np.full(times.size, ambient_pressure)
+        ),
+        samples=np.searchsorted(times, force_times),
+        force=force,
+        level=_level_at(force_times, recording, 'cylinder_a', motion, ambient_pressure)
+        - _level_at(force_times, recording, 'cylinder_b', motion, ambient_pressure),
+        part=split.part_of(force_times),
+    )
+
+
+def _read_on(motion: Motion, signal: Signal) -> Signal:
+    """Return a signal at the times at which it was sampled, of which its stamps may stray."""
+    return Signal(on_clock(signal.times, motion), signal.values)
+
+
+def _pressure_at(times: Array, pressure: Signal) -> Array:
+    """Return a measured pressure, straight between its samples [Pa]."""
+    return np.interp(times, pressure.times, pressure.values)
+
+
+def _level_at(times: Array, recording: Recording, cylinder: str, motion: Motion, otherwise: float) -> Array:
+    """Return a cylinder's set-point, or its median pressure where none was recorded [Pa]."""
+    if cylinder not in recording.cylinders:
+        return np.full(times.size, otherwise)
+    signals = recording.cylinders[cylinder]
+    if signals.setpoint is None:
+        return np.full(times.size, float(np.median(signals.pressure.values)))
+    held = np.searchsorted(motion.on_clock(signals.setpoint.times), times, side='right') - 1
+    return signals.setpoint.values[np.maximum(held, 0)]
+
+
+@dataclass(frozen=True)
+class ForceFit:
+    """
+    The result of one joint fit of the force.
+
+    Attributes
+    ----------
+    area
+        Piston area, found or given [m^2].
+    factor
+        Contact force over piston force, from the linkage, as given [-].
+    effects
+        Parameters of each effect, found or given.
+    stretches
+        For each experiment how far the seals were stretched at its first sample, -1 to 1 [-].
+    estimates
+        What was searched with its uncertainty and verdict: `area`, then `EFFECT.PARAMETER`.
+    simulated
+        For each experiment the force at its samples [N].
+    cost
+        Sum of squares over the samples that count [N^2].
+
+    """
+
+    area: float
+    factor: float
+    effects: Effects
+    stretches: tuple[float, ...]
+    estimates: tuple[Estimate, ...]
+    simulated: tuple[Array, ...]
+    cost: float
+
+    def residuals(self, experiments: Sequence[ForceExperiment]) -> list[Array]:
+        """Return measured less simulated force of each experiment [N]."""
+        return [experiment.force - force for experiment, force in zip(experiments, self.simulated)]
+
+
+class _Unknown:
+    """One searched number: in its logarithm, or in a scale that makes it about one."""
+
+    def __init__(
+        self, name: str, unit: str, start: float, lower: float, upper: float, scale: float, logarithmic: bool = False
+    ) -> None:
+        self.name = name
+        self.unit = unit
+        self.logarithmic = logarithmic
+        self.scale = scale
+        self.lower = self.inward(lower)
+        self.upper = self.inward(upper)
+        self.start = float(np.clip(self.inward(start), self.lower + _AT_BOUND, self.upper - _AT_BOUND))
+
+    def inward(self, value: float) -> float:
+        return math.log(value) if self.logarithmic else value / self.scale
+
+    def outward(self, searched: float) -> float:
+        return math.exp(searched) if self.logarithmic else searched * self.scale
+
+    def std(self, searched: float, std: float) -> float:
+        """Return the standard error [unit] from that of the searched number."""
+        return std * (math.exp(searched) if self.logarithmic else self.scale)
+
+    def estimate(self, searched: float, std: float, quantile: float) -> Estimate:
+        """Return the estimate with a standard error [unit], and a quantile of the residual's distribution."""
+        value = self.outward(searched)
+        return Estimate(self.name, self.unit, value, std, (value - quantile * std, value + quantile * std), None)
+
+    def untold(self, reason: str) -> Estimate:
+        """Return the estimate where the recordings don't tell it."""
+        return Estimate(self.name, self.unit, None, None, None, reason)
+
+    def unmoved(self, searched: float, column: Array) -> str | None:
+        """Return why its value means nothing, from how the residuals depend on it; None where it may mean something."""
+        if not np.any(column):
+            return 'nothing in the recordings depends on it'
+        if self.unit == _STRETCHED:
+            return None  # its bounds are nature's
+        if searched - self.lower < 10.0 * _AT_BOUND:
+            return f'the fit ends at its lower bound {self.outward(self.lower):g} {self.unit}'
+        if self.upper - searched < 10.0 * _AT_BOUND:
+            return f'the fit ends at its upper bound {self.outward(self.upper):g} {self.unit}'
+        return None
+
+
+def _at_one_pressure(effects: Effects) -> Effects:
+    """Return effects whose dependences on pressure are null."""
+    return {
+        name: tuple(
+            parameter.null if parameter.of_pressure else value
+            for parameter, value in zip(FORCE_EFFECTS[name].parameters, own)
+        )
+        for name, own in effects.items()
+    }
+
+
+class _Search:
+    """A joint search of the area, the effects' parameters and the seals' first stretches."""
+
+    def __init__(
+        self,
+        experiments: Sequence[ForceExperiment],
+        masks: Sequence[Mask],
+        ambient_pressure: float,
+        area: float,
+        several_levels: bool,
+        factor: float,
+        effects: Effects,
+    ) -> None:
+        self.experiments = experiments
+        self.masks = masks
+        self.ambient_pressure = ambient_pressure
+        self.area = area
+        self.factor = factor
+        self.effects = effects if several_levels else _at_one_pressure(effects)
+        self.area_unknowns = (
+            [_Unknown('area', 'm^2', area, area / LARGEST_AREA_RATIO, area * LARGEST_AREA_RATIO, area)]
+            if several_levels
+            else []
+        )
+        self.searched = [
+            (name, index)
+            for name in effects
+            for index, parameter in enumerate(FORCE_EFFECTS[name].parameters)
+            if not parameter.choice and (several_levels or not parameter.of_pressure)
+        ]
+        slides = any(FORCE_EFFECTS[name].states for name in effects)
+        self.stretches = [
+            _Unknown(f'stretch {index}', _STRETCHED, 0.0, -1.0, 1.0, 1.0)
+            for index in range(len(experiments) if slides else 0)
+        ]
+        self.unknowns = [*self.area_unknowns, *(self._unknown(*one) for one in self.searched), *self.stretches]
+
+    def _unknown(self, name: str, index: int) -> _Unknown:
+        parameter = FORCE_EFFECTS[name].parameters[index]
+        start = self.effects[name][index]
+        scale = 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1e3)
+        return _Unknown(
+            f'{name}.{parameter.name}',
+            parameter.unit,
+            start,
+            parameter.lower,
+            parameter.upper,
+            scale,
+            parameter.logarithmic,
+        )
+
+    def unpack(self, point: Array) -> tuple[float, dict[str, tuple[float, ...]], tuple[float, ...]]:
+        """Return area [m^2], effects and stretches."""
+        values = [unknown.outward(value) for unknown, value in zip(self.unknowns, point.tolist())]
+        area = values.pop(0) if self.area_unknowns else self.area
+        effects = {name: list(own) for name, own in self.effects.items()}
+        for (name, index), value in zip(self.searched, values):
+            effects[name][index] = value
+        stretches = values[len(self.searched) :] or [0.0] * len(self.experiments)
+        return area, {name: tuple(own) for name, own in effects.items()}, tuple(stretches)
+
+    def simulate(self, point: Array) -> tuple[Array, ...]:
+        """Return the force of each experiment at its samples [N]."""
+        area, effects, stretches = self.unpack(point)
+        model = ExtendedForce(area * self.factor, effects, self.ambient_pressure)
+        return tuple(one.simulate(model, stretch) for one, stretch in zip(self.experiments, stretches))
+
+    def residuals(self, point: Array) -> Array:
+        """Return simulated less measured force of all experiments, masked [N]."""
+        simulated = self.simulate(point)
+        return np.concatenate(
+            [(force - one.force)[mask] for force, one, mask in zip(simulated, self.experiments, self.masks)]
+        )
+
+    def run(self) -> tuple[Array, Array]:
+        """Return the best point and the Jacobian of `residuals` there."""
+        start = np.array([unknown.start for unknown in self.unknowns])
+        if start.size == 0:
+            return start, np.empty((self.residuals(start).size, 0))
+        lower = np.array([unknown.lower for unknown in self.unknowns])
+        upper = np.array([unknown.upper for unknown in self.unknowns])
+        # counted from the start: SciPy's first step is as long as the first point is far from zero
+        found = least_squares(
+            lambda moved: self.residuals(start + moved),
+            np.zeros_like(start),
+            bounds=(lower - start, upper - start),
+            x_scale='jac',
+            ftol=_TOLERANCE,
+            max_nfev=_EVALUATIONS,
+        )
+        return start + found.x, found.jac
+
+
+def fit_force(
+    experiments: Sequence[ForceExperiment],
+    masks: Sequence[Mask],
+    ambient_pressure: float,
+    area: float | None,
+    factor: float,
+    effects: Effects,
+) -> ForceFit:
+    """
+    Fit piston area and effects jointly to the measured force of several recordings.
+
+    The area is searched where the recordings hold more than one set-point, and held as given where they don't: at one
+    pressure an offset of the force is as good as any area. Likewise with what depends on pressure in the effects.
+
+    Parameters
+    ----------
+    experiments
+        What was measured.
+    masks
+        For each experiment which of its force samples count, shape (m,).
+    ambient_pressure
+        Absolute [Pa].
+    area
+        About how large the piston is [m^2]; None if nobody knows.
+    factor
+        Contact force over piston force, from the linkage [-].
+    effects
+        Effects with starting values; parameters that are choices stay as they are.
+
+    Raises
+    ------
+    InputError
+        If the force falls with the pressure, or nothing tells the area.
+
+    """
+    levels = np.concatenate([one.level[mask] for one, mask in zip(experiments, masks)])
+    several_levels = bool(np.ptp(levels) > _LEVEL_GAP * np.max(np.abs(levels)))
+    if several_levels:
+        slope = _slope(experiments, masks) / factor
+        area = slope if area is None else area
+    elif area is None:
+        raise InputError('at one set-point the force does not tell the piston area: give it, or record a second one')
+    search = _Search(experiments, masks, ambient_pressure, area, several_levels, factor, effects)
+    point, jacobian = search.run()
+    found, own, stretches = search.unpack(point)
+    residuals = search.residuals(point)
+    estimates = _estimates(search, point, jacobian, residuals)
+    if not several_levels:
+        reason = f'all recordings have one set-point, {levels[0]:.0f} Pa: record a second one'
+        estimates.insert(0, Estimate('area', 'm^2', None, None, None, reason))
+    return ForceFit(
+        area=found,
+        factor=factor,
+        effects=own,
+        stretches=stretches,
+        estimates=tuple(estimates),
+        simulated=search.simulate(point),
+        cost=float(residuals @ residuals),
+    )
+
+
+def _slope(experiments: Sequence[ForceExperiment], masks: Sequence[Mask]) -> float:
+    """Return by how much the force grows with the pressures' difference [N/Pa]."""
+    differences = np.concatenate([one.difference[mask] for one, mask in zip(experiments, masks)])
+    forces = np.concatenate([one.force[mask] for one, mask in zip(experiments, masks)])
+    slope = float(np.polyfit(differences, forces, 1)[0])
+    if slope <= 0.0:
+        raise InputError('the force falls while the pressure difference grows: check the sign of the force')
+    return slope
+
+
+def _estimates(search: _Search, point: Array, jacobian: Array, residuals: Array) -> list[Estimate]:
+    """Return area and parameters with their uncertainty; what is not told is held, and the others' errors are so."""
+    degrees = residuals.size - len(search.unknowns)
+    if degrees < 1:
+        raise InputError(f'{residuals.size} force samples are too few for {len(search.unknowns)} unknowns')
+    reasons = {}
+    for index, unknown in enumerate(search.unknowns):
+        reason = unknown.unmoved(point[index], jacobian[:, index])
+        if reason is None and unknown.unit == 'kg' and not any(one.resolves_acceleration for one in search.experiments):
+            reason = 'the acceleration changes from sample to sample: sample faster'
+        if reason is not None:
+            reasons[index] = reason
+    for index in _entangled(jacobian, [index for index in range(len(search.unknowns)) if index not in reasons]):
+        reasons[index] = 'it can not be told from other unknowns: let the piston reverse, or change the set-point'
+    lengths = [int(np.count_nonzero(mask)) for mask in search.masks]
+    reported = range(len(search.unknowns) - len(search.stretches))
+    while True:
+        free = [index for index in range(len(search.unknowns)) if index not in reasons]
+        if not free:
+            break
+        variances = np.diag(covariance(jacobian[:, free], residuals, degrees, lengths))
+        stds = {
+            index: search.unknowns[index].std(point[index], std)
+            for index, std in zip(free, np.sqrt(variances).tolist())
+        }
+        shares = {  # of the others zero is an answer
+            index: stds[index] / search.unknowns[index].outward(point[index])
+            for index in free
+            if search.unknowns[index].logarithmic
+        }
+        worst = max(shares, key=lambda index: shares[index], default=None)
+        if worst is None or shares[worst] <= _LARGEST_RELATIVE_STD:
+            break
+        reasons[worst] = f'its standard error would be {100.0 * shares[worst]:.0f} % of its value'
+    quantile = float(student_t.ppf(0.5 + 0.5 * _CONFIDENCE, degrees))
+    return [
+        search.unknowns[index].estimate(point[index], stds[index], quantile)
+        if index not in reasons
+        else search.unknowns[index].untold(reasons[index])
+        for index in reported
+    ]
+
+
+def _entangled(jacobian: Array, free: list[int]) -> list[int]:
+    """Return those of the free unknowns of which the recordings tell only a combination."""
+    if not free:
+        return []
+    columns = jacobian[:, free] / np.linalg.norm(jacobian[:, free], axis=0)
+    _, sizes, directions = np.linalg.svd(columns, full_matrices=False)
+    blind = directions[sizes < _SINGULAR * sizes[0]]
+    return [index for rank, index in enumerate(free) if np.any(np.abs(blind[:, rank]) > _LARGEST_RELATIVE_STD)]
+
+
+def starting_force_data(experiments: Sequence[ForceExperiment], fitted: ForceFit, ambient_pressure: float) -> Data:
+    """
+    Return what effects on the force draw their starting values from.
+
+    =======================================  =======================================================
+    `force_residual`, `force_mean` [N]       spread and mean of what a fit leaves of the force
+    `gauge` [Pa]                             median gauge pressure, both cylinders added
+    `largest_speed` [m/s]                    of the piston, but for the fastest hundredth
+    `largest_acceleration` [m/s^2]           likewise
+    =======================================  =======================================================
+    """
+    residual = np.concatenate(fitted.residuals(experiments))
+    gauge = np.concatenate([one.pressure + one.opposing - 2.0 * ambient_pressure for one in experiments])
+    rate = np.concatenate([one.rate for one in experiments])
+    acceleration = np.concatenate([one.acceleration for one in experiments])
+    return {
+        'force_residual': max(float(np.std(residual)), 1e-3),
+        'force_mean': float(np.mean(residual)),
+        'gauge': max(float(np.median(gauge)), 1e3),
+        'largest_speed': max(float(np.percentile(np.abs(rate), 99.0)), 1e-5),
+        'largest_acceleration': max(float(np.percentile(np.abs(acceleration), 99.0)), 1e-3),
+    }

@@ -1,0 +1,87 @@
+"""
+Least squares within bounds, by Levenberg and Marquardt.
+
+Where residuals are many and unknowns few, all that a step needs is the small normal matrix: memory and time go into the
+simulations. Residuals and Jacobian are asked for together, because they are simulated side by side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Evaluate = Callable[[Array], tuple[Array, Array]]
+"""Takes a point, shape (k,); returns residuals, shape (n,), and their Jacobian, shape (n, k)."""
+
+_FIRST_DAMPING = 1e-3
+_LARGEST_DAMPING = 1e12
+_LEAST_SCALE = 1e-12  # of the largest, for an unknown on which nothing depends
+_LONGEST_STEP = 2.0  # in any unknown: a factor of seven where it is a logarithm
+
+
+def least_squares(
+    evaluate: Evaluate, start: Array, lower: Array, upper: Array, tolerance: float, evaluations: int
+) -> tuple[Array, float]:
+    """
+    Return the point with the least sum of squared residuals that is found from a start, and that sum.
+
+    Damped by the diagonal of the normal matrix (Marquardt, 1963), the damping led by how well the last step was
+    foretold (Nielsen, 1999). An unknown at a bound stays there while the sum falls outwards.
+
+    Parameters
+    ----------
+    evaluate
+        Residuals and Jacobian.
+    start, lower, upper
+        Shape (k,).
+    tolerance
+        The search ends when a step, taken or foretold, lowers the sum by less than this share.
+    evaluations
+        Most calls of `evaluate`.
+
+    """
+    point = np.clip(start, lower, upper)
+    residuals, jacobian = evaluate(point)
+    total = float(residuals @ residuals)
+    if not (np.isfinite(total) and np.all(np.isfinite(jacobian))):
+        return point, np.inf
+    damping, growth = _FIRST_DAMPING, 2.0
+    for _ in range(evaluations - 1):
+        gradient = jacobian.T @ residuals
+        normal = jacobian.T @ jacobian
+        step = _step(normal, gradient, damping, lower - point, upper - point)
+        foretold = -float(step @ (2.0 * gradient + normal @ step))
+        if foretold <= tolerance * total:
+            break
+        trial = point + step
+        trial_residuals, trial_jacobian = evaluate(trial)
+        with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
+            trial_total = float(trial_residuals @ trial_residuals)
+        if not (trial_total < total and np.all(np.isfinite(trial_jacobian))):
+            damping, growth = damping * growth, 2.0 * growth
+            if damping > _LARGEST_DAMPING:
+                break
+            continue
+        gain = (total - trial_total) / foretold
+        damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), 2.0
+        fell = total - trial_total
+        point, residuals, jacobian, total = trial, trial_residuals, trial_jacobian, trial_total
+        if fell <= tolerance * total:
+            break
+    return point, total
+
+
+def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array) -> Array:
+    """Return a damped step that stays within `down` and `up`; unknowns that push outwards at a bound are held."""
+    scale = np.diag(normal)
+    scale = np.maximum(scale, _LEAST_SCALE * max(float(scale.max()), 1e-300))
+    held = ((down >= 0.0) & (gradient > 0.0)) | ((up <= 0.0) & (gradient < 0.0))
+    free = np.flatnonzero(~held)
+    step = np.zeros_like(gradient)
+    inner = normal[np.ix_(free, free)] + damping * np.diag(scale[free])
+    step[free] = -np.linalg.solve(inner, gradient[free])
+    step *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-300))
+    return np.clip(step, down, up)

@@ -1,0 +1,275 @@
+"""
+Closing the loop: what the model lacks, added to it, and the error before and after.
+
+Fit the paper's model; ask whether its residual is noise; if not, search for effects (`attribution`); fit before and
+after to train and validation together and compare them once, on the test part; say what was found, or that it is not
+known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student_t
+
+from cfd_pneumatic.identification.attribution import Search, Trial
+from cfd_pneumatic.identification.experiment import Experiment
+from cfd_pneumatic.identification.extension import Extension, extend, tangent
+from cfd_pneumatic.identification.fit import Estimate, Fit
+from cfd_pneumatic.identification.noise import Noise, precision, pressure_noise
+from cfd_pneumatic.identification.residuals import Test, explained, residual_tests
+from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.identification.uncertainty import covariance
+from cfd_pneumatic.identification.visibility import invisible
+from cfd_pneumatic.model import SPECS
+from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Effect
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+VERDICTS = ('effect_added', 'no_missing_effect', 'unexplained', 'insufficient_data')
+"""What the loop may end with."""
+
+_FEWEST_SAMPLES = 100  # of the train part: below, a dozen unknowns and a noise floor are not to be told apart
+_FINE = (1e-8, 60)
+_BLOCKS = 20
+_RESAMPLINGS = 2000
+_SEED = 2
+_LARGEST_RELATIVE_STD = 1.0 / 3.0
+
+
+@dataclass(frozen=True)
+class Closure:
+    """
+    What came of closing the loop on one cylinder.
+
+    Attributes
+    ----------
+    verdict
+        One of `VERDICTS`.
+    why
+        The verdict in a sentence, for people.
+    extension
+        The model with the effects that were found, fitted to train and validation; without any it is the paper's.
+    estimates
+        Its gains and its effects' parameters (`EFFECT.PARAMETER`) with standard errors.
+    alternatives
+        For each effect those that the recordings can't tell from it, at most two.
+    tried
+        Every effect that was tried.
+    simulated
+        Pressures by it at each experiment's samples [Pa].
+    ratio, ratio_interval
+        Its error over the paper's model's on the test part (on all samples where there is none), and the 95 % interval
+        by a block bootstrap; None without an effect.
+    noise
+        Of the pressure.
+    tests_before, tests_after
+        Of the residuals, on train and validation.
+    not_visible
+        Effects that these recordings could not have shown.
+    next_experiment
+        What to record to see them; empty where there are none.
+
+    """
+
+    verdict: str
+    why: str
+    extension: Extension
+    estimates: tuple[Estimate, ...]
+    alternatives: Mapping[str, tuple[str, ...]]
+    tried: tuple[Trial, ...]
+    simulated: tuple[Array, ...]
+    ratio: float | None
+    ratio_interval: tuple[float, float] | None
+    noise: Noise
+    tests_before: tuple[Test, ...]
+    tests_after: tuple[Test, ...]
+    not_visible: tuple[str, ...]
+    next_experiment: str
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that were found, in the order in which they were added."""
+        return tuple(self.extension.effects)
+
+
+def close_loop(
+    experiments: Sequence[Experiment],
+    baseline: Fit,
+    ambient_pressure: float,
+    library: Mapping[str, Effect] = PRESSURE_EFFECTS,
+) -> Closure:
+    """
+    Close the loop on one cylinder.
+
+    Parameters
+    ----------
+    experiments
+        What was measured.
+    baseline
+        The paper's model, fitted to their train and validation parts.
+    ambient_pressure
+        Absolute [Pa].
+    library
+        Effects to choose from.
+
+    """
+    masks = [one.part < PARTS.index('test') for one in experiments]
+    begin = Extension(baseline.gains, {}, baseline.offsets, baseline.starts)
+    noise = pressure_noise(experiments, baseline.simulated, baseline.gains[0])
+    before = tuple(residual_tests(experiments, baseline.simulated, masks, noise))
+    shortage = _shortage(experiments)
+    found = begin
+    alternatives: dict[str, tuple[str, ...]] = {}
+    tried: tuple[Trial, ...] = ()
+    if shortage is None and not explained(before):
+        attribution = Search(experiments, begin, ambient_pressure, library).run()
+        alternatives, tried = dict(attribution.alternatives), attribution.tried
+        if attribution.extension.effects:
+            weights = _weights(experiments, attribution.extension.simulate(experiments, ambient_pressure))
+            found = extend(
+                experiments,
+                masks,
+                ambient_pressure,
+                attribution.extension,
+                attribution.extension.effects,
+                weights,
+                *_FINE,
+            )
+    simulated = found.simulate(experiments, ambient_pressure) if found.effects else list(baseline.simulated)
+    noise = pressure_noise(experiments, simulated, found.gains[0])
+    after = tuple(residual_tests(experiments, simulated, masks, noise)) if found.effects else before
+    hidden = invisible(experiments, masks, ambient_pressure, found, simulated, noise, library) if not shortage else ()
+    ratio, interval = _compared(experiments, baseline.simulated, simulated) if found.effects else (None, None)
+    verdict, why = _verdict(found, alternatives, after, shortage, ratio)
+    return Closure(
+        verdict=verdict,
+        why=why,
+        extension=found,
+        estimates=_estimates(experiments, masks, ambient_pressure, found, simulated, baseline),
+        alternatives=alternatives,
+        tried=tried,
+        simulated=tuple(simulated),
+        ratio=ratio,
+        ratio_interval=interval,
+        noise=noise,
+        tests_before=before,
+        tests_after=after,
+        not_visible=hidden,
+        next_experiment=_next_experiment(hidden, library, shortage),
+    )
+
+
+def _weights(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> list[Array]:
+    return [precision(one, pressure) for one, pressure in zip(experiments, simulated)]
+
+
+def _shortage(experiments: Sequence[Experiment]) -> str | None:
+    """Return what the recordings lack for a search, or None."""
+    samples = sum(int(np.sum(one.part == PARTS.index('train'))) for one in experiments)
+    if samples < _FEWEST_SAMPLES:
+        return f'{samples} samples to learn from are too few to tell effects apart: record at least {_FEWEST_SAMPLES}'
+    return None
+
+
+def _verdict(
+    found: Extension,
+    alternatives: Mapping[str, Sequence[str]],
+    tests: Sequence[Test],
+    shortage: str | None,
+    ratio: float | None,
+) -> tuple[str, str]:
+    """Return the verdict and the sentence that says it."""
+    if shortage is not None:
+        return 'insufficient_data', shortage
+    named = ' and '.join(
+        name + (f' (or {" or ".join(alternatives[name])}: not to be told apart here)' if alternatives.get(name) else '')
+        for name in found.effects
+    )
+    falls = '' if ratio is None else f'; with it the error falls to {100.0 * ratio:.0f} %'
+    if not explained(tests):
+        failed = ', '.join(test.what for test in tests if test.decisive and not test.passed)
+        if found.effects:
+            return 'unexplained', f'the model lacks {named}{falls}, and something that is not known here ({failed})'
+        return 'unexplained', f'the model lacks something that is none of the effects known here ({failed})'
+    if found.effects:
+        return 'effect_added', f'the model lacks {named}{falls}, and what is left is noise'
+    return 'no_missing_effect', 'what the model leaves is noise: nothing is missing that these recordings could show'
+
+
+def _next_experiment(hidden: Sequence[str], library: Mapping[str, Effect], shortage: str | None) -> str:
+    """Return what to record to see effects that did not show."""
+    if shortage is not None:
+        return 'several strokes out and back, of two sizes, at two set-points'
+    advice = list(dict.fromkeys(library[name].shown_by for name in hidden if library[name].shown_by))
+    return '; '.join(advice)
+
+
+def _compared(
+    experiments: Sequence[Experiment], before: Sequence[Array], after: Sequence[Array]
+) -> tuple[float, tuple[float, float]]:
+    """Return the ratio of the errors on the test part, and its 95 % interval by a block bootstrap (Kuensch, 1989)."""
+    parts = np.concatenate([one.part for one in experiments])
+    judged = parts == PARTS.index('test')
+    if not np.any(judged):
+        judged[:] = True
+    squares = [
+        np.concatenate([(one.pressure - pressure) ** 2 for one, pressure in zip(experiments, simulated)])[judged]
+        for simulated in (before, after)
+    ]
+    edges = np.linspace(0, squares[0].size, min(_BLOCKS, squares[0].size) + 1).astype(np.intp)[:-1]
+    sums_before, sums_after = (np.add.reduceat(one, edges) for one in squares)
+    rng = np.random.default_rng(_SEED)
+    drawn = rng.integers(0, edges.size, (_RESAMPLINGS, edges.size))
+    ratios = np.sqrt(sums_after[drawn].sum(axis=1) / sums_before[drawn].sum(axis=1))
+    low, high = np.quantile(ratios, [0.025, 0.975])
+    return math.sqrt(float(squares[1].sum() / squares[0].sum())), (float(low), float(high))
+
+
+def _estimates(
+    experiments: Sequence[Experiment],
+    masks: Sequence[Mask],
+    ambient_pressure: float,
+    found: Extension,
+    simulated: Sequence[Array],
+    baseline: Fit,
+) -> tuple[Estimate, ...]:
+    """Return the gains and the effects' parameters with standard errors."""
+    if not found.effects:
+        return baseline.estimates
+    at = tangent(experiments, masks, ambient_pressure, found, _weights(experiments, simulated))
+    degrees = max(at.residuals.size - len(at.names), 1)
+    lengths = [int(np.count_nonzero(mask)) for mask in masks]
+    stds = np.sqrt(np.diag(covariance(at.jacobian, at.residuals, degrees, lengths)))
+    quantile = float(student_t.ppf(0.975, degrees))
+    known = {name: (float(std), bool(logarithm)) for name, std, logarithm in zip(at.names, stds, at.logarithmic)}
+    told = {estimate.name: estimate for estimate in baseline.estimates}
+    estimates = []
+    for spec, value in zip(SPECS, found.gains.tolist()):
+        std, _ = known[spec.name]
+        reason = told[spec.name].reason
+        if reason is None and std > _LARGEST_RELATIVE_STD:
+            reason = f'beside the effects its standard error would be {100.0 * std:.0f} % of its value'
+        estimates.append(_estimate(spec.name, spec.unit, value, value * std, quantile, reason))
+    for name, own in found.effects.items():
+        for parameter, value in zip(PRESSURE_EFFECTS[name].parameters, own):
+            full = f'{name}.{parameter.name}'
+            if parameter.choice:
+                estimates.append(Estimate(full, parameter.unit, value, 0.0, (value, value), None))
+                continue
+            std, logarithm = known[full]
+            estimates.append(
+                _estimate(full, parameter.unit, value, abs(value) * std if logarithm else std, quantile, None)
+            )
+    return tuple(estimates)
+
+
+def _estimate(name: str, unit: str, value: float, std: float, quantile: float, reason: str | None) -> Estimate:
+    if reason is not None:
+        return Estimate(name, unit, None, None, None, reason)
+    return Estimate(name, unit, value, std, (value - quantile * std, value + quantile * std), None)

@@ -1,0 +1,257 @@
+"""
+What is left of the measured pressure: whether a model that knew more could explain it.
+
+A residual is asked for what it would show if the model lacked something. Does it depend on the inputs (what counts for
+an output-error model)? Does a line stand out of its spectrum? Does its mean move? These are asked of noise of any
+colour. Does it resemble itself more than the noise does, and is it larger? That is asked against the noise at rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.signal import lfilter
+from scipy.stats import beta, f
+
+from cfd_pneumatic.identification.colour import autocovariance, autoregression, whitened
+from cfd_pneumatic.identification.experiment import Experiment
+from cfd_pneumatic.identification.noise import Noise, precision
+
+Array = NDArray[np.float64]
+
+SIGNIFICANCE = 0.001
+"""Chance with which a test fails on noise alone."""
+
+_MATERIAL = 0.04  # share of the residual, beyond chance, that inputs have to explain
+_MATERIAL_LEVEL = 0.015  # share of it that is slow
+_SEED = 1  # of the simulated thresholds
+_SIMULATIONS = 100
+_QUANTILE = 4.0  # standard deviations
+_LONGEST_SIMULATED = 5000  # samples
+_MEMORY = 200  # samples
+_LAGS_WHITE = 25
+_LARGEST, _LARGEST_LONG, _LONG = 1.10, 1.05, 5000  # residual over noise; in records with so many samples
+_LAGS = (-2, -1, 0, 1, 2, 4, 8, 16, 32)  # [samples]
+_SMOOTHED = 25  # samples
+_SLOW = 4  # ordinates
+_NEIGHBOURS = 61  # ordinates
+_MEDIAN_SPREAD = 1.3
+_FEWEST_PER_FEATURE = 10  # samples
+
+
+@dataclass(frozen=True)
+class Test:
+    """
+    One test of a residual.
+
+    Attributes
+    ----------
+    name
+        What it asks for.
+    statistic, threshold
+        It fails where the statistic exceeds the threshold [-].
+    what
+        The statistic in words.
+    decisive
+        Whether a failure means that the model lacks something; it doesn't where noise of unknown colour may be the
+        reason.
+
+    """
+
+    name: str
+    statistic: float
+    threshold: float
+    what: str
+    decisive: bool = True
+
+    @property
+    def passed(self) -> bool:
+        """Whether the residual is as noise would be."""
+        return self.statistic <= self.threshold
+
+
+def explained(tests: Sequence[Test]) -> bool:
+    """Return whether a residual is as noise would be, as far as can be told."""
+    return all(test.passed for test in tests if test.decisive)
+
+
+def residual_tests(
+    experiments: Sequence[Experiment], simulated: Sequence[Array], masks: Sequence[NDArray[np.bool_]], noise: Noise
+) -> list[Test]:
+    """
+    Return the tests of measured less simulated pressure.
+
+    Parameters
+    ----------
+    experiments, masks
+        As in `fit.fit`; the samples of a mask follow each other.
+    simulated
+        Pressure at the samples of each experiment [Pa].
+    noise
+        Of the pressure.
+
+    """
+    precisions = [precision(one, pressure) for one, pressure in zip(experiments, simulated)]
+    residuals = [
+        ((one.pressure - pressure) * weight)[mask]
+        for one, pressure, weight, mask in zip(experiments, simulated, precisions, masks)
+    ]
+    colour = autoregression(residuals)
+    innovations = [whitened(residual, colour) for residual in residuals]
+    count = sum(one.size for one in innovations)
+    features = [
+        (_features(one, pressure, count) * weight[:, None])[mask]
+        for one, pressure, weight, mask in zip(experiments, simulated, precisions, masks)
+    ]
+    tests = [
+        _inputs_test(innovations, features, colour),
+        _line_test(residuals),
+        _level_test(residuals),
+        _whiteness_test(residuals, noise),
+        _size_test(residuals, noise),
+    ]
+    if noise.rounded:  # what rounding leaves depends on the signal: only its size tells
+        return [replace(test, decisive=test.name == 'noise_floor') for test in tests]
+    return tests
+
+
+def _features(experiment: Experiment, simulated: Array, count: int) -> Array:
+    """Return what the residual may depend on: inputs, what the model makes of them, their products, at several lags."""
+    at = experiment.samples
+    times = experiment.sample_times
+    x = experiment.displacement[at]
+    setpoint = experiment.setpoint[at]
+    # by a smoothed period: the stamps' jitter in a rate would pass for a dependence on it
+    period = uniform_filter1d(np.gradient(times), _SMOOTHED, mode='nearest')
+    rate = np.gradient(x) / period
+    error = setpoint - simulated
+    change = np.gradient(simulated) / period
+    progress = 2.0 * (times - times[0]) / (times[-1] - times[0]) - 1.0
+    centred = (x - np.mean(x)) / max(float(np.std(x)), 1e-12)
+    level = setpoint - np.mean(setpoint)
+    lagged = [rate, change, error, np.abs(error), np.abs(rate), np.sign(rate) * (np.abs(rate) > 0.05 * np.std(rate))]
+    once = [x, level, centred * rate, centred * error, level * error, progress * change, progress * rate, x * x]
+    once += [level * level, np.abs(change), error * np.abs(error)]
+    few = max(1, count // _FEWEST_PER_FEATURE)
+    columns = [np.ones_like(x), *once]
+    for lag in sorted(_LAGS, key=abs):
+        columns += [_shifted(one, lag) for one in lagged]
+    return np.column_stack(columns[:few])
+
+
+def _shifted(values: Array, lag: int) -> Array:
+    """Return values `lag` samples later, the ends held."""
+    moved = np.roll(values, lag)
+    if lag > 0:
+        moved[:lag] = values[0]
+    elif lag < 0:
+        moved[lag:] = values[-1]
+    return moved
+
+
+def _inputs_test(innovations: Sequence[Array], features: Sequence[Array], colour: Array) -> Test:
+    """Ask how much of the residual a regression on the inputs explains."""
+    new = np.concatenate(innovations)
+    columns = np.concatenate([np.column_stack([whitened(one, colour) for one in part.T]) for part in features])
+    size = np.linalg.norm(columns, axis=0)
+    basis = _orthogonal(columns[:, size > 0.0] / size[size > 0.0])
+    rank = basis.shape[1]
+    share = float(np.sum((basis.T @ new) ** 2) / (new @ new))
+    significant = float(beta.isf(SIGNIFICANCE, rank / 2.0, max(new.size - rank, 1) / 2.0))
+    threshold = max(significant, rank / new.size + _MATERIAL)
+    return Test('inputs', share, threshold, 'share of the residual that a regression on the inputs explains')
+
+
+def _orthogonal(columns: Array) -> Array:
+    """Return an orthonormal basis of what columns span, shape (n, rank)."""
+    basis, values, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(basis[:, values > 1e-6 * values[0]], dtype=np.float64)
+
+
+def _line_test(residuals: Sequence[Array]) -> Test:
+    """Ask whether one line stands out of the spectrum beside it, which is smooth in noise of any colour."""
+    worst, count = 0.0, 0
+    for residual in residuals:
+        power = _periodogram(residual)
+        if power.size > 2 * _SLOW:
+            beside = median_filter(power, size=min(_NEIGHBOURS, power.size // 2 * 2 - 1), mode='reflect') / math.log(
+                2.0
+            )
+            worst = max(worst, float(np.max(power / beside)))
+            count += power.size
+    # an ordinate is exponential, and its neighbours' median spreads it a little
+    threshold = _MEDIAN_SPREAD * math.log(max(count, 1) / SIGNIFICANCE)
+    return Test('line', worst, threshold, 'largest line of the spectrum over its neighbours')
+
+
+def _level_test(residuals: Sequence[Array]) -> Test:
+    """
+    Ask whether the mean moves slowly: the slowest ordinates of the spectrum against those beside them.
+
+    Noise with a memory of a few samples has slow ordinates too; what is slower than any such memory stays when each
+    sample is taken less what the one before tells of it.
+    """
+    first = float(autocovariance(residuals, 1)[1] / autocovariance(residuals, 0)[0])
+    memory = np.array([max(first, 0.0)])
+    ratio, threshold = min(
+        (_slow_ratio(residuals), _slow_ratio([whitened(residual, memory) for residual in residuals])),
+        key=lambda found: found[0],
+    )
+    return Test('level', ratio, threshold, 'slowest ordinates of the spectrum over those beside them')
+
+
+def _slow_ratio(residuals: Sequence[Array]) -> tuple[float, float]:
+    """Return the mean slow ordinate over the mean of those beside, and its threshold."""
+    slow: list[float] = []
+    beside: list[float] = []
+    for residual in residuals:
+        power = _periodogram(residual)
+        if power.size > 4 * _SLOW:
+            slow.extend(power[:_SLOW])
+            beside.extend(power[_SLOW : 12 * _SLOW])
+    if not slow:
+        return 0.0, 1.0
+    ratio = float(np.mean(slow) / np.mean(beside))
+    material = _MATERIAL_LEVEL * sum(residual.size for residual in residuals) / (2.0 * len(slow))
+    return ratio, max(float(f.isf(SIGNIFICANCE, 2 * len(slow), 2 * len(beside))), material)
+
+
+def _periodogram(residual: Array) -> Array:
+    """Return the ordinates of the periodogram, without frequency zero and the last."""
+    power: Array = np.abs(np.fft.rfft(residual - np.mean(residual))[1 : (residual.size - 1) // 2 + 1]) ** 2
+    return power
+
+
+def _whiteness_test(residuals: Sequence[Array], noise: Noise) -> Test:
+    """Ljung and Box's test, against what noise of the known colour makes."""
+    rng = np.random.default_rng(_SEED)
+    lengths = [min(residual.size, _LONGEST_SIMULATED) for residual in residuals]
+    shape = np.concatenate([[1.0], -noise.colour])
+    simulated = [
+        _ljung_box([lfilter([1.0], shape, rng.standard_normal(_MEMORY + length))[_MEMORY:] for length in lengths])
+        for _ in range(_SIMULATIONS)
+    ]
+    threshold = float(np.mean(simulated) + _QUANTILE * np.std(simulated))
+    statistic = _ljung_box([residual[:length] for residual, length in zip(residuals, lengths)])
+    return Test('ljung_box', statistic, threshold, "likeness of neighbouring residuals, Ljung and Box's Q", False)
+
+
+def _ljung_box(series: Sequence[Array]) -> float:
+    count = sum(one.size for one in series)
+    covariance = autocovariance([one - np.mean(one) for one in series], min(_LAGS_WHITE, count // 4))
+    correlation = covariance[1:] / covariance[0]
+    return float(count * (count + 2.0) * np.sum(correlation**2 / (count - np.arange(1, correlation.size + 1))))
+
+
+def _size_test(residuals: Sequence[Array], noise: Noise) -> Test:
+    """Compare the residual's size with the noise's."""
+    together = np.concatenate(residuals)
+    ratio = float(np.sqrt(np.mean(together**2))) / noise.std
+    largest = _LARGEST_LONG if together.size >= _LONG else _LARGEST
+    threshold = largest * (1.0 + 3.0 * noise.uncertainty)
+    return Test('noise_floor', ratio, threshold, 'root mean square of the residual over that of the noise', noise.known)

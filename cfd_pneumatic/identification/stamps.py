@@ -1,0 +1,41 @@
+"""Stamps that jitter about a regular clock, and the clock behind them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+Array = NDArray[np.float64]
+
+_FEWEST = 100  # of fewer, steps drawn anew are anticorrelated by chance
+_WINDOW = 101  # samples over which the clock may drift
+_LARGEST_JITTER = 0.2  # of a period
+_ANTICORRELATED = -0.3  # of neighbouring steps; jitter about a clock makes -0.5, steps drawn anew make 0
+
+
+def regular_clock(stamps: Array) -> Array | None:
+    """
+    Return when samples were taken if their stamps jitter about a regular clock, missed samples allowed, shape (n,) [s].
+
+    None where there is no jitter, or the sampling itself is irregular: then neighbouring steps aren't anticorrelated.
+    """
+    if stamps.size < _FEWEST:
+        return None
+    steps = np.diff(stamps)
+    period = float(np.median(steps))
+    ticks = np.concatenate([[0.0], np.cumsum(np.round(steps / period))])
+    if np.any(np.diff(ticks) < 1.0):
+        return None
+    slope, begin = np.polyfit(ticks, stamps, 1)
+    late = stamps - (begin + slope * ticks)
+    drift = uniform_filter1d(late, min(_WINDOW, stamps.size // 4), mode='nearest')
+    jitter = late - drift
+    changes = np.diff(jitter)
+    power = float(changes @ changes)
+    if power == 0.0 or np.std(jitter) > _LARGEST_JITTER * period:
+        return None
+    if float(changes[1:] @ changes[:-1]) > _ANTICORRELATED * power:
+        return None
+    clock: Array = stamps - jitter
+    return clock if np.all(np.diff(clock) > 0.0) else None

@@ -1,0 +1,26 @@
+"""Force offset: what the force sensor reads without load."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+@kernel
+def force(value, moment, offset):
+    """Return what the sensor reads [N]."""
+    return value + offset
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return the residual's mean."""
+    return [(data['force_mean'],)]
+
+
+EFFECT = Effect(
+    name='force_offset',
+    description="the force sensor's zero is off",
+    parameters=(EffectParameter('offset', 'N', -1e4, 1e4, 0.0, 'reading without load'),),
+    starts=starts,
+    rank=90,
+)

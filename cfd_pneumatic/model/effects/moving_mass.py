@@ -1,0 +1,39 @@
+"""
+Moving mass: what inertia and weight of the moving parts take from the air's force.
+
+At an inclination that never changes the weight is a constant, which no recording tells from the force sensor's offset:
+the inclination is given, not searched.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+GRAVITY = 9.80665
+"""Standard gravity [m/s^2]."""
+
+
+@kernel
+def force(value, moment, mass, inclination):
+    """Return the contact force [N], less inertia and weight."""
+    return value - mass * (moment.acceleration + GRAVITY * math.sin(inclination))
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return a mass whose inertia is the residual's size, level."""
+    return [(data['force_residual'] / data['largest_acceleration'], 0.0)]
+
+
+EFFECT = Effect(
+    name='moving_mass',
+    description='inertia and weight of what moves between air and force sensor',
+    parameters=(
+        EffectParameter('mass', 'kg', 0.0, 100.0, 0.0, 'of what moves'),
+        EffectParameter('inclination', 'rad', -1.6, 1.6, 0.0, 'of +x above the horizontal', choice=True),
+    ),
+    starts=starts,
+    rank=20,
+)

@@ -1,0 +1,52 @@
+"""
+Seal friction: Coulomb friction that grows with pressure, viscous friction, and presliding after a reversal (Dahl).
+
+A seal is pressed by the gauge pressure of its own cylinder, so that the sum of both cylinders' counts.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+
+
+@kernel
+def force(value, moment, stretch, coulomb, per_pressure, viscous, presliding):
+    """Return the contact force [N], less what the seals hold back."""
+    gauge = moment.p - moment.ambient + moment.opposing - moment.ambient
+    return value - max(coulomb + per_pressure * gauge, 0.0) * stretch - viscous * moment.rate
+
+
+@kernel
+def slide(travel, stretch, coulomb, per_pressure, viscous, presliding):
+    """Return the seal's stretch, -1 to 1; Dahl's model is linear in the displacement, so that this is exact."""
+    direction = math.copysign(1.0, travel)
+    return (direction + (stretch - direction) * math.exp(-abs(travel) / presliding),)
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return friction of the residual's size, half of it from pressure, that turns round quickly or slowly."""
+    half = 0.5 * data['force_residual']
+    return [(half, half / data['gauge'], 0.0, presliding) for presliding in (5e-5, 5e-4)]
+
+
+EFFECT = Effect(
+    name='seal_friction',
+    description='the seals rub: Coulomb friction affine in gauge pressure, viscous friction, presliding',
+    parameters=(
+        EffectParameter('coulomb', 'N', 0.0, 1e3, 0.0, 'Coulomb friction without pressure'),
+        EffectParameter(
+            'per_pressure', 'N/Pa', 0.0, 1e-2, 0.0, 'Coulomb friction for each pascal of gauge', of_pressure=True
+        ),
+        EffectParameter('viscous', 'N s/m', 0.0, 1e4, 0.0, 'friction for each metre per second'),
+        EffectParameter(
+            'presliding', 'm', 1e-6, 1e-2, 1e-4, 'displacement over which friction turns round', logarithmic=True
+        ),
+    ),
+    starts=starts,
+    states=1,
+    follows='motion',
+    rank=30,
+)

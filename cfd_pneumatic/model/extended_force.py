@@ -1,0 +1,80 @@
+"""The contact force, with physical effects beside the piston's area times the pressures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.model.composed import FORCE_STATES, propagate_force, rest_force
+from cfd_pneumatic.model.places import all_force_parameters, force_switches
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ExtendedForce:
+    """
+    Area times difference of the pressures, with effects.
+
+    Attributes
+    ----------
+    area_times_factor
+        Piston area times the linkage's geometric factor [m^2].
+    effects
+        Parameters of each effect on the force that is on, by its name.
+    ambient_pressure
+        Absolute [Pa].
+
+    """
+
+    area_times_factor: float
+    effects: Mapping[str, Sequence[float]]
+    ambient_pressure: float
+
+    def simulate(
+        self,
+        times: Array,
+        displacement: Array,
+        rate: Array,
+        acceleration: Array,
+        pressure_a: Array,
+        pressure_b: Array | None,
+        stretch: float = 0.0,
+    ) -> Array:
+        """
+        Return the contact force along +x at each sample, shape (n,) [N].
+
+        Parameters
+        ----------
+        times
+            Increasing, shape (n,) [s].
+        displacement, rate, acceleration
+            Of the piston; +x grows cylinder A, shape (n,) [m, m/s, m/s^2].
+        pressure_a, pressure_b
+            Absolute, shape (n,) [Pa]; B is None in a single cylinder.
+        stretch
+            How far the seals are stretched at the first sample: 1 as behind a long travel towards +x, -1 towards -x.
+
+        """
+        state = np.empty(FORCE_STATES + 1)
+        rest_force(displacement[0], state)
+        state[:FORCE_STATES] = stretch
+        force = np.empty_like(times)
+        propagate_force(
+            times,
+            displacement,
+            rate,
+            acceleration,
+            pressure_a,
+            np.full_like(times, self.ambient_pressure) if pressure_b is None else pressure_b,
+            self.ambient_pressure,
+            self.area_times_factor,
+            state,
+            all_force_parameters(self.effects),
+            force_switches(self.effects),
+            force,
+        )
+        return force

@@ -1,0 +1,257 @@
+"""
+The force's fit: known truth found again, what the recordings don't tell said so, and a real cylinder.
+
+Recordings come from the rig, which shares no code with the model.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from measured import MAPPING, ROOT, needs_measured_data
+from reference import AMBIENT
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.experiment import observed_motion
+from cfd_pneumatic.identification.force import ForceExperiment, fit_force, make_force_experiment, starting_force_data
+from cfd_pneumatic.identification.motion import smooth_motion
+from cfd_pneumatic.identification.split import PARTS, split_recordings
+from cfd_pneumatic.identification.travel import travelled
+from cfd_pneumatic.model.effects import FORCE_EFFECTS
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, read_mapping, read_recording
+from cfd_pneumatic.rig.panel import draw, force_oracle_rmse
+
+AREA = 1.14e-3
+TEST = PARTS.index('test')
+
+
+def held(times, values):
+    """Return what acted up to each time as a signal that acts from its times on."""
+    changed = np.append(True, np.diff(values) != 0.0)
+    return Signal(np.append(times[:1], times[:-1])[changed], values[changed])
+
+
+def recording_of(drawn):
+    seen = drawn.recording
+    cylinders = {
+        name: CylinderSignals(Signal(seen.times, seen.pressures[:, column]), held(seen.times, setpoint))
+        for column, (name, setpoint) in enumerate(zip(('cylinder_a', 'cylinder_b'), seen.setpoints.T))
+    }
+    return Recording('drawn', 0, Signal(seen.times, seen.displacement), cylinders, Signal(seen.times, seen.force), ())
+
+
+def experiments_of(recordings):
+    motions, strokes = zip(*(observed_motion(recording) for recording in recordings))
+    splits, _ = split_recordings(list(strokes))
+    return [make_force_experiment(*one, AMBIENT) for one in zip(recordings, motions, splits)]
+
+
+def drawn_experiment(effects, schedule, seed):
+    drawn = draw(effects, schedule, seed)
+    return drawn, experiments_of([recording_of(drawn)])[0]
+
+
+def fit_with(names, experiments, area=AREA):
+    """Return the best fit with some effects from all their starting points, test parts kept apart."""
+    masks = [one.part != TEST for one in experiments]
+    plain = fit_force(experiments, masks, AMBIENT, area, 1.0, {})
+    data = starting_force_data(experiments, plain, AMBIENT)
+    starts = product(*(FORCE_EFFECTS[name].starts(data) for name in names))
+    fits = [fit_force(experiments, masks, AMBIENT, area, 1.0, dict(zip(names, start))) for start in starts]
+    return min(fits, key=lambda fit: fit.cost)
+
+
+def rms(values):
+    return math.sqrt(np.mean(values**2))
+
+
+def estimates_of(fit):
+    return {one.name: one for one in fit.estimates}
+
+
+@pytest.mark.parametrize('seed', [101, 102, 103])
+def test_seal_friction_is_found_again(seed):
+    drawn, experiment = drawn_experiment('seal_friction', 'surface_following', seed)
+    fit = fit_with(['seal_friction'], [experiment], area=None)
+    found, seal = estimates_of(fit), drawn.truth.device.rig.seal
+    assert fit.area == pytest.approx(AREA, rel=2e-3)
+    residual = fit.residuals([experiment])[0][experiment.part == TEST]
+    assert rms(residual) < 1.25 * force_oracle_rmse(drawn)
+    coulomb, per_pressure, _, presliding = fit.effects['seal_friction']
+    gauge = 1e5
+    assert coulomb + per_pressure * gauge == pytest.approx(
+        seal.coulomb + seal.coulomb_per_pressure * gauge, rel=0.02, abs=0.01
+    )
+    assert presliding == pytest.approx(seal.presliding, rel=0.1)
+    for name, truth in (('coulomb', seal.coulomb), ('per_pressure', seal.coulomb_per_pressure)):
+        estimate = found[f'seal_friction.{name}']
+        assert abs(estimate.value - truth) < 4.0 * estimate.std
+    assert found['seal_friction.viscous'].value == pytest.approx(seal.viscous, rel=0.1, abs=1.0)
+
+
+@pytest.mark.parametrize('seed', [111, 112])
+def test_effects_are_told_from_each_other(seed):
+    names = ('force_offset', 'seal_friction', 'moving_mass')
+    drawn, experiment = drawn_experiment(names, 'surface_following', seed)
+    fit = fit_with(names, [experiment])
+    rig = drawn.truth.device.rig
+    mass, offset = estimates_of(fit)['moving_mass.mass'], estimates_of(fit)['force_offset.offset']
+    weight = rig.piston.mass * 9.80665 * math.sin(rig.piston.inclination)
+    assert mass.value == pytest.approx(rig.piston.mass, rel=0.05, abs=0.005)
+    assert offset.value == pytest.approx(rig.pickup.force_offset - weight, abs=4.0 * offset.std)
+    assert offset.std < 0.05
+    residual = fit.residuals([experiment])[0][experiment.part == TEST]
+    assert rms(residual) < 1.25 * force_oracle_rmse(drawn)
+
+
+def test_friction_is_known_through_rests_between_sudden_strokes():
+    """The converter's last bit toggles, and a curve would overshoot where the piston stops."""
+    drawn, experiment = drawn_experiment('seal_friction', 'out_and_back', 4)
+    residual = fit_with(['seal_friction'], [experiment]).residuals([experiment])[0]
+    assert rms(residual) < 1.25 * force_oracle_rmse(drawn)
+
+
+def test_a_toggling_last_bit_moves_no_seal():
+    rng = np.random.default_rng(5)
+    times = np.arange(600) * 2e-3
+    bit = 3.1e-6
+    measured = np.where(times > 0.6, 1.5e-3, 0.0) + bit * np.repeat(rng.integers(0, 2, times.size // 10), 10)
+    path = travelled(smooth_motion(times, measured), measured, times)
+    for rest in (slice(50, 290), slice(350, None)):
+        assert np.sum(np.abs(np.diff(path[rest]))) < 3.0 * bit
+    assert np.sum(np.abs(np.diff(measured[50:290]))) > 8.0 * bit
+
+
+def test_a_mass_in_unresolved_strokes_is_not_told():
+    _, experiment = drawn_experiment('moving_mass', 'paper_step', 1)
+    mass = estimates_of(fit_with(['moving_mass'], [experiment]))['moving_mass.mass']
+    assert not mass.identifiable
+    assert 'sample faster' in mass.reason
+
+
+def test_one_stroke_does_not_tell_friction_from_offset():
+    _, experiment = drawn_experiment('seal_friction', 'paper_step', 0)
+    found = estimates_of(fit_with(['force_offset', 'seal_friction'], [experiment]))
+    assert 'other unknowns' in found['seal_friction.coulomb'].reason
+    assert 'other unknowns' in found['force_offset.offset'].reason
+
+
+def test_one_set_point_does_not_tell_the_area():
+    _, experiment = drawn_experiment('seal_friction', 'paper_step', 2)
+    fit = fit_with(['seal_friction'], [experiment], area=1.2e-3)
+    assert fit.area == 1.2e-3
+    assert not estimates_of(fit)['area'].identifiable
+    assert fit.effects['seal_friction'][1] == 0.0
+    assert 'seal_friction.per_pressure' not in estimates_of(fit)
+    with pytest.raises(InputError, match='area'):
+        fit_with([], [experiment], area=None)
+
+
+def test_a_force_counted_backwards_is_refused():
+    _, experiment = drawn_experiment(None, 'surface_following', 3)
+    with pytest.raises(InputError, match='sign'):
+        fit_with([], [replace(experiment, force=-experiment.force)])
+
+
+def test_what_can_not_make_an_experiment_is_said():
+    recording = recording_of(draw(None, 'paper_step', 4))
+    motion, strokes = observed_motion(recording)
+    (split,), _ = split_recordings([strokes])
+    cylinders, force = recording.cylinders, recording.force
+    for broken, message in (
+        (replace(recording, force=None), 'no force'),
+        (replace(recording, cylinders={'cylinder_b': cylinders['cylinder_b']}), 'cylinder_a/pressure'),
+        (replace(recording, force=Signal(force.times + 99.0, force.values)), 'time offsets'),
+        (replace(recording, force=Signal(force.times, 0.0 * force.values)), 'never changes'),
+    ):
+        with pytest.raises(InputError, match=message):
+            make_force_experiment(broken, motion, split, AMBIENT)
+
+
+def independent_force(times, displacement, rate, difference, gauge, truth):
+    """Return the force [N] by a plain loop."""
+    area, offset, coulomb, per_pressure, viscous, presliding = truth
+    stretch, force = -1.0, []
+    for index, x in enumerate(displacement):
+        travel = x - displacement[max(index - 1, 0)]
+        if travel:
+            end = 1.0 if travel > 0.0 else -1.0
+            stretch = end - (end - stretch) * 2.718281828459045 ** (-abs(travel) / presliding)
+        friction = (coulomb + per_pressure * gauge[index]) * stretch + viscous * rate[index]
+        force.append(area * difference[index] + offset - friction)
+    return np.array(force)
+
+
+def test_standard_errors_are_what_the_scatter_is():
+    """In 60 repetitions with new noise, for each parameter."""
+    times = np.arange(0.0, 8.0, 5e-3)
+    x = 3e-3 * np.sin(2.0 * np.pi * 0.9 * times) + 1e-3 * np.sin(2.0 * np.pi * 2.3 * times)
+    rate, acceleration = np.gradient(x, times), np.zeros(times.size)
+    levels = np.where(times < 4.0, 60e3, 110e3)
+    truth = (AREA, 0.8, 1.5, 8e-6, 12.0, 2e-4)
+    exact = independent_force(times, x, rate, levels, levels, truth)
+    scores = []
+    for seed in range(60):
+        noisy = exact + 0.2 * np.random.default_rng(seed).standard_normal(times.size)
+        experiment = ForceExperiment(
+            recording='made',
+            times=times,
+            displacement=x,
+            rate=rate,
+            acceleration=acceleration,
+            pressure=levels + AMBIENT,
+            opposing=np.full(times.size, AMBIENT),
+            samples=np.arange(times.size),
+            force=noisy,
+            level=levels,
+            part=np.zeros(times.size, dtype=np.int8),
+        )
+        effects = {'force_offset': (0.0,), 'seal_friction': (1.0, 1e-6, 1.0, 1e-4)}
+        mask = np.ones(times.size, dtype=bool)
+        fit = fit_force([experiment], [mask], AMBIENT, None, 1.0, effects)
+        scores.append([(one.value - value) / one.std for one, value in zip(fit.estimates, truth)])
+    spread = np.sqrt(np.mean(np.square(scores), axis=0))
+    assert spread.shape == (6,)
+    assert np.all((spread > 0.7) & (spread < 1.4)), spread
+
+
+BORE = 0.25 * math.pi * 25.7e-3**2
+FRICTION = tuple(f'friction/O-ring257_{bar}bar' for bar in (1, 3, 5, 7))
+
+
+@needs_measured_data
+def test_a_real_cylinders_force(capsys):
+    """Four runs pooled, with one offset: the error on each one's own test part, and the bore."""
+    mapping = read_mapping(MAPPING)
+    experiments = experiments_of([read_recording(ROOT / f'{run}.csv', mapping=mapping) for run in FRICTION])
+    models = (
+        [],
+        ['force_offset'],
+        ['seal_friction'],
+        ['force_offset', 'seal_friction'],
+        ['force_offset', 'seal_friction', 'stribeck_friction'],
+    )
+    fits = [fit_with(names, experiments, area=BORE) for names in models]
+    errors = [
+        [rms(residual[one.part == TEST]) for residual, one in zip(fit.residuals(experiments), experiments)]
+        for fit in fits
+    ]
+    plain = [rms((one.force - BORE * one.difference)[one.part == TEST]) for one in experiments]
+    with capsys.disabled():
+        print(f'\nforce RMS on test parts at 1, 3, 5, 7 bar, bore {BORE * 1e6:.1f} mm^2:')
+        print('  area of the bore alone  ' + ' '.join(f'{error:.2f}' for error in plain) + ' N')
+        for names, fit, error in zip(models, fits, errors):
+            print(
+                f'  {", ".join(["free area", *names])}: {" ".join(f"{one:.2f}" for one in error)} N, '
+                f'area {fit.area * 1e6:.1f} mm^2 {fit.effects}'
+            )
+    chosen = fits[3]
+    assert min(plain) > 4.0
+    assert max(errors[3]) <= 1.1
+    assert chosen.area == pytest.approx(BORE, rel=0.02)
+    assert chosen.effects['seal_friction'][1] == pytest.approx(0.62e-5, rel=0.15)
+    assert all(one.identifiable for one in chosen.estimates)

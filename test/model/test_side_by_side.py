@@ -1,0 +1,42 @@
+"""Cylinders side by side in the lanes of the kernel: none knows of the others."""
+
+import numpy as np
+import pytest
+from effect_cases import CASES, DATA, GAINS
+from reference import AMBIENT, PSI
+
+from cfd_pneumatic.model import ExtendedCylinder
+from cfd_pneumatic.model.composed import LANES
+from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
+from cfd_pneumatic.model.extended import simulate_side_by_side
+from cfd_pneumatic.model.places import PARAMETERS, PLACES, all_parameters
+
+TIMES = np.arange(250) * 0.002
+STROKE = np.interp(TIMES, [0.05, 0.06, 0.3, 0.31], [0.0, 1.5e-3, 1.5e-3, 0.0])
+SETPOINT = np.where(TIMES < 0.2, AMBIENT + 5.0 * PSI, AMBIENT + 5.5 * PSI)
+ALL = {name: effect.starts(DATA)[0] for name, effect in PRESSURE_EFFECTS.items()}
+
+
+def strewn(effects, count, rng):
+    """Return parameters of cylinders about those of one, choices apart, shape (count, parameters)."""
+    rows = all_parameters(GAINS, effects) * rng.uniform(0.9, 1.1, (count, PARAMETERS))
+    for name, own in effects.items():
+        for index, parameter in enumerate(PRESSURE_EFFECTS[name].parameters, PLACES[name].parameters.start):
+            if parameter.choice:
+                rows[:, index] = own[index - PLACES[name].parameters.start]
+            rows[:, index] = np.clip(rows[:, index], parameter.lower, parameter.upper)
+    return rows
+
+
+@pytest.mark.parametrize('count', [LANES, LANES + 3])
+@pytest.mark.parametrize('effects', [*({case.values[0]: case.values[1]} for case in CASES), ALL], ids=str)
+def test_side_by_side_each_is_as_it_is_alone(effects, count):
+    rng = np.random.default_rng(11)
+    rows, offsets, starts = strewn(effects, count, rng), rng.normal(0.0, 300.0, count), rng.normal(0.0, 300.0, count)
+    cylinder = ExtendedCylinder(GAINS, effects, AMBIENT)
+    together = simulate_side_by_side(cylinder, rows, TIMES, STROKE, SETPOINT, offsets, starts)
+    assert together.shape == (TIMES.size, count)
+    assert np.min(np.std(together, axis=1)) > 1.0, 'they differ'
+    for one in range(count):
+        alone = simulate_side_by_side(cylinder, rows[[one]], TIMES, STROKE, SETPOINT, offsets[[one]], starts[[one]])
+        np.testing.assert_allclose(together[:, one], alone[:, 0], rtol=0.0, atol=1e-6)
