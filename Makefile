@@ -23,11 +23,11 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test demo benchmark kernel lint format colcon test-humble clean
+.PHONY: help setup test demo benchmark benchmark-effects kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
-	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 20
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 26
 
 setup: $(VENV)/.ready  ## make .venv with all that is needed
 
@@ -40,6 +40,9 @@ demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify
 
 benchmark: $(VENV)/.with-benchmark  ## time simulation and fit against SciPy's
 	$(PY) -m pytest benchmark $(ARGS)
+
+benchmark-effects: $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes
+	$(PY) scripts/benchmark_effects.py $(ARGS)
 
 kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a change to any of them
 	$(PY) scripts/compose_kernel.py

@@ -12,7 +12,7 @@ setup(
     maintainer_email='maintainers@cfd-pneumatic.example',
     license='Apache-2.0',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed']},
+    package_data={PACKAGE: ['py.typed'], f'{PACKAGE}.reporting': ['templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -22,7 +22,9 @@ setup(
     python_requires='>=3.10',
     # The lower bounds are Ubuntu 22.04's (ROS 2 Humble); `make test-humble` tests with them.
     install_requires=[
+        'Jinja2>=3.0',
         'PyYAML>=5.4',
+        'matplotlib>=3.5',
         'mcap>=1.0',
         'numba>=0.55',
         'numpy>=1.21',
@@ -41,7 +43,7 @@ setup(
             'ros-jazzy-std-msgs',
             'ros-jazzy-std-srvs',
         ],
-        'test': ['Jinja2', 'hypothesis', 'pytest'],  # colcon runs pytest because it stands here
+        'test': ['hypothesis', 'pytest'],  # colcon runs pytest because it stands here
         'benchmark': ['pytest-benchmark'],
         'lint': ['mypy', 'ruff', 'types-PyYAML'],
         'colcon': ['colcon-common-extensions'],

@@ -12,8 +12,9 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / 'cfd_pneumatic'
 
 BELOW = {
-    'nodes': {'commands', 'identification', 'recording', 'model', 'rig'},
-    'commands': {'identification', 'recording', 'model', 'rig'},
+    'nodes': {'commands', 'reporting', 'identification', 'recording', 'model', 'rig'},
+    'commands': {'reporting', 'identification', 'recording', 'model', 'rig'},
+    'reporting': {'identification', 'recording', 'model'},
     'identification': {'recording', 'model'},
     'recording': set(),
     'model': set(),

@@ -16,6 +16,8 @@ import cfd_pneumatic
 ROOT = Path(__file__).parents[1]
 
 KEYS = {
+    'jinja2': ('Jinja2', 'python3-jinja2'),
+    'matplotlib': ('matplotlib', 'python3-matplotlib'),
     'mcap': ('mcap', 'mcap-ros2-support'),
     'numba': ('numba', 'python3-numba'),
     'numpy': ('numpy', 'python3-numpy'),

@@ -1,8 +1,7 @@
-"""From recordings to parameters: fit, uncertainty, identifiability, report."""
+"""From recordings to parameters, and to what the model lacks: fit, uncertainty, identifiability, effects."""
 
 from cfd_pneumatic.identification.fit import Estimate, Fit
 from cfd_pneumatic.identification.identify import CylinderResult, Identification, Options, PartError, identify
-from cfd_pneumatic.identification.report import make_folder, parameter_file, print_report, report_data, write_report
 
 __all__ = [
     'CylinderResult',
@@ -12,9 +11,4 @@ __all__ = [
     'Options',
     'PartError',
     'identify',
-    'make_folder',
-    'parameter_file',
-    'print_report',
-    'report_data',
-    'write_report',
 ]

@@ -10,7 +10,9 @@ against its rivals. The test part is never looked at.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,20 +25,25 @@ from cfd_pneumatic.identification.noise import precision, pressure_noise, sample
 from cfd_pneumatic.identification.residuals import explained, residual_tests
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.starts import starting_data
-from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Data, Effect
 
 Array = NDArray[np.float64]
 
 _LEAST_BIC = 10.0  # by which an effect must lower the criterion
+_LEAST_BIC_UNSEEN = 20.0  # where there is no validation part to agree
 _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by each further one
 _BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
 _TIE = 10.0  # rivals within so much of the criterion can't be told apart
 _MOST_EFFECTS = 3
 _MOST_ALTERNATIVES = 2
+_SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
+_REFINED = 2  # of an effect's starts
+_PROMISING = 4  # effects that are fitted to the end at least
 _ROUNDS = 2  # of trying rivals
 _RIVALS = 4  # that are tried in an effect's place
 _STRONG = 5.0  # in sample noises: a residual that may have led the gains astray
 _QUICKER = 5.0
+_SLOWEST_RELIEF, _USUAL_RELIEF = 0.1, 0.25  # K_v over K_sv; the paper's tables have 0.15 to 0.3
 _ROUGH = (1e-2, 5)  # tolerance and evaluations from each start
 _FINE = (1e-5, 20)
 
@@ -144,24 +151,44 @@ class Search:
         )
         return _Model(found, simulated, residuals)
 
-    def extended(self, model: _Model, name: str) -> _Model:
-        """Return a model with one more effect, from the best of its starts."""
+    def extensions(self, model: _Model, names: Sequence[str]) -> dict[str, _Model]:
+        """
+        Return a model with each of some effects beside its own.
+
+        All are fitted roughly, from every start; the more promising half is fitted to the end.
+        """
         data = starting_data(self.train, model.extension, model.simulated, self.ambient_pressure)
-        rough = [
+        with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:  # simulations let other threads run
+            rough = dict(zip(names, pool.map(lambda name: self._rough(model, name, data), names)))
+            promising = sorted(names, key=lambda name: rough[name][0].rss)[: max(_PROMISING, len(names) // 2)]
+            fine = dict(zip(promising, pool.map(lambda name: self._fine(rough[name]), promising)))
+        return {name: fine.get(name, rough[name][0]) for name in names}
+
+    def _rough(self, model: _Model, name: str, data: Data) -> list[_Model]:
+        """Return a model with one more effect as rough fits from each start leave it, the best first."""
+        fits = [
             self._fit(begin, {**model.effects, name: start}, *_ROUGH)
             for begin in self._beginnings(model)
             for start in self.library[name].starts(data)
         ]
-        best = min(rough, key=lambda one: one.rss)
-        return self._fit(best.extension, best.effects, *_FINE)
+        return sorted(fits, key=lambda one: one.rss)
+
+    def _fine(self, rough: Sequence[_Model]) -> _Model:
+        """Return the best of a few rough fits, fitted to the end."""
+        fits = [self._fit(one.extension, one.effects, *_FINE) for one in rough[:_REFINED]]
+        return min(fits, key=lambda one: one.rss)
 
     def _beginnings(self, model: _Model) -> list[Extension]:
-        """Return where the gains may start from: a strong effect that is not in the model has led them astray."""
-        if model.rss <= self.samples * (_STRONG * self.noise) ** 2:
-            return [model.extension]
+        """Return where the gains may start from: an effect that is not in the model may have led them astray."""
+        beginnings = [model.extension]
         k_x, k_sv, k_v, tau = model.extension.gains
-        quicker = np.array([k_x, _QUICKER * k_sv, _QUICKER * k_v, tau / _QUICKER])
-        return [model.extension, replace(model.extension, gains=quicker)]
+        if model.rss > self.samples * (_STRONG * self.noise) ** 2:
+            quicker = np.array([k_x, _QUICKER * k_sv, _QUICKER * k_v, tau / _QUICKER])
+            beginnings.append(replace(model.extension, gains=quicker))
+        if not _SLOWEST_RELIEF * k_sv <= k_v <= k_sv:
+            balanced = np.array([k_x, k_sv, _USUAL_RELIEF * k_sv, tau])
+            beginnings.append(replace(model.extension, gains=balanced))
+        return beginnings
 
     def without(self, model: _Model, name: str) -> _Model:
         """Return a model with one effect less."""
@@ -199,7 +226,7 @@ class Search:
         """Add what is worth it, take out what is not needed any more, and try each effect against its rivals."""
         model = self.baseline
         ranking: dict[str, list[str]] = {}
-        while len(model.effects) < _MOST_EFFECTS and not self._explained(model):
+        while len(model.effects) < _MOST_EFFECTS and not (model.effects and self._explained(model)):
             added, ranked = self.step(model)
             if added is None:
                 break
@@ -210,13 +237,17 @@ class Search:
         return Attribution(model.extension, alternatives, tuple(self.trials))
 
     def _explained(self, model: _Model) -> bool:
-        """Return whether what a model leaves of the train part is as noise would be."""
-        noise = pressure_noise(self.train, model.simulated, model.extension.gains[0])
-        return explained(residual_tests(self.train, model.simulated, self.masks, noise))
+        """Return whether what a model leaves of train and validation is noise, in kind and in size."""
+        simulated = model.extension.simulate(self.learn, self.ambient_pressure)
+        noise = pressure_noise(self.learn, simulated, model.extension.gains[0])
+        masks = [np.ones(one.pressure.size, dtype=np.bool_) for one in self.learn]
+        tests = residual_tests(self.learn, simulated, masks, noise)
+        size = next(test.statistic for test in tests if test.name == 'noise_floor')
+        return explained(tests) and size <= _SMALL_ENOUGH
 
     def step(self, model: _Model) -> tuple[_Model | None, list[str]]:
         """Try every effect beside a model; return the model with the best that is worth it, and all names by rank."""
-        candidates = {name: self.extended(model, name) for name in self.library if name not in model.effects}
+        candidates = self.extensions(model, [name for name in self.library if name not in model.effects])
         colour = autoregression(min((*candidates.values(), model), key=lambda one: one.rss).residuals)
         before = self.criterion(model, colour)
         after = {name: self.criterion(one, colour) for name, one in candidates.items()}
@@ -243,7 +274,7 @@ class Search:
             fewer = self.without(model, name)
             colour = autoregression(model.residuals)
             gain = self.criterion(fewer, colour) - self.criterion(model, colour)
-            if _objection(gain, 1.0 - model.rss / fewer.rss, 1, None, None) is not None:
+            if _objection(gain, 1.0 - model.rss / fewer.rss, 1, self.validation_rmse(model), math.inf) is not None:
                 model = fewer
         return model
 
@@ -258,9 +289,7 @@ class Search:
             better: tuple[float, _Model] | None = None
             for name in model.effects:
                 rest = self.without(model, name)
-                rivals = {
-                    rival: self.extended(rest, rival) for rival in ranking.get(name, ()) if rival not in model.effects
-                }
+                rivals = self.extensions(rest, [rival for rival in ranking.get(name, ()) if rival not in model.effects])
                 gains = {rival: own - self.criterion(one, colour) for rival, one in rivals.items()}
                 ties = sorted((rival for rival in gains if gains[rival] > -_TIE), key=lambda rival: -gains[rival])
                 alternatives[name] = tuple(ties[:_MOST_ALTERNATIVES])
@@ -277,7 +306,7 @@ class Search:
 
 def _objection(gain: float, drop: float, rank: int, validation: float | None, reference: float | None) -> str | None:
     """Return why an effect is not worth adding to `rank` others, or None."""
-    if gain <= _LEAST_BIC:
+    if gain <= (_LEAST_BIC if validation is not None else _LEAST_BIC_UNSEEN):
         return 'not worth its parameters'
     if drop < _LEAST_DROP[min(rank, 1)]:
         return f'takes less than {100 * _LEAST_DROP[min(rank, 1)]:.0f} % of the residual'

@@ -29,12 +29,15 @@ def autoregression(series: Sequence[Array]) -> Array:
     """
     Return coefficients c of e_t = sum c_k e_(t-k) + white noise, shape (order,), by Yule and Walker.
 
-    The order, up to 12, is the one with the least Bayesian information criterion; white noise has none.
+    The order, up to 12, is the one with the least Bayesian information criterion; white noise, and none, have none.
     """
     count = sum(one.size for one in series)
     highest = min(_HIGHEST_ORDER, count // 20)
     covariance = autocovariance(series, highest)
-    best, lowest = np.empty(0), count * np.log(covariance[0])
+    best = np.empty(0)
+    if covariance[0] == 0.0:
+        return best
+    lowest = count * np.log(covariance[0])
     for order in range(1, highest + 1):
         coefficients = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
         innovation = covariance[0] - float(coefficients @ covariance[1 : order + 1])

@@ -21,7 +21,9 @@ Effects = Mapping[str, tuple[float, ...]]
 """Parameters of each effect that is on, by its name."""
 
 _DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's scale
-_SHORTEST_TAU = 0.1  # of a sample: a faster sensing can't be told from none, and would cost steps
+# of a sample: what is faster can't be told from nothing, and would cost steps
+_SHORTEST_TAU = 0.3
+_SHORTEST_LAG = 0.15
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ class _Unknowns:
         def search(slot: int, logarithm: bool, unit: float, lower: float, upper: float) -> None:
             slots.append(slot)
             logarithmic.append(logarithm)
-            units.append(unit)
+            units.append(1.0 if logarithm else unit)
             bounds.append((lower, upper))
 
         for slot, spec in enumerate(SPECS):
@@ -122,7 +124,9 @@ class _Unknowns:
             for slot, parameter, value in zip(_slots_of(name), PRESSURE_EFFECTS[name].parameters, own):
                 if not parameter.choice:
                     unit = abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
-                    search(slot, parameter.logarithmic, unit, parameter.lower, parameter.upper)
+                    quick = parameter.logarithmic and parameter.unit == 's'
+                    lower = max(parameter.lower, _SHORTEST_LAG * period) if quick else parameter.lower
+                    search(slot, parameter.logarithmic, unit, lower, parameter.upper)
         self.slots = np.array(slots)
         self.logarithmic = np.array(logarithmic)
         self.units = np.array(units)
@@ -223,7 +227,8 @@ class _Search:
         own = np.flatnonzero(np.any(rows[1:] != rows[0], axis=1) & self._concerns(index))
         simulated = self._simulate(index, rows[np.concatenate([[0], own + 1])])[mask]
         jacobian = np.zeros((simulated.shape[0], differences.size))
-        jacobian[:, own] = (simulated[:, 1:] - simulated[:, :1]) / differences[own]
+        with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
+            jacobian[:, own] = (simulated[:, 1:] - simulated[:, :1]) / differences[own]
         residuals = simulated[:, 0] - self.experiments[index].pressure[mask]
         return residuals * weight[mask], jacobian * weight[mask, None]
 

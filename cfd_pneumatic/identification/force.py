@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.stats import t as student_t
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import on_clock
 from cfd_pneumatic.identification.fit import Estimate
+from cfd_pneumatic.identification.levenberg import least_squares
 from cfd_pneumatic.identification.motion import Motion
-from cfd_pneumatic.identification.split import Split
+from cfd_pneumatic.identification.split import PARTS, Split
 from cfd_pneumatic.identification.travel import reversals, travelled
 from cfd_pneumatic.identification.uncertainty import covariance
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, Data
@@ -37,8 +37,8 @@ LARGEST_AREA_RATIO = 1.5
 _LEVEL_GAP = 0.03  # set-points closer than this share of the pressure tell the area no better than one
 _FEWEST_SAMPLES = 20
 _AT_BOUND = 1e-6  # of an unknown's scale
-_TOLERANCE = 1e-8  # the search ends when the sum of squares falls by less than this share
-_EVALUATIONS = 60
+_STEP = 1e-6  # of it, by which residuals are differentiated
+_FINE = (1e-8, 60)  # share of the sum of squares by which a step must lower it, and steps at most
 _CONFIDENCE = 0.95
 _LARGEST_RELATIVE_STD = 1.0 / 3.0  # as in `fit`
 _SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not told
@@ -92,6 +92,24 @@ class ForceExperiment:
     def sample_times(self) -> Array:
         """Times of the force samples, shape (m,) [s]."""
         return self.times[self.samples]
+
+    def until(self, part: str) -> ForceExperiment:
+        """Return the experiment without the force samples that come after a part."""
+        samples = self.samples[self.part <= PARTS.index(part)]
+        grid = slice(0, int(samples[-1]) + 1) if samples.size else slice(0, 0)
+        return replace(
+            self,
+            times=self.times[grid],
+            displacement=self.displacement[grid],
+            rate=self.rate[grid],
+            acceleration=self.acceleration[grid],
+            pressure=self.pressure[grid],
+            opposing=self.opposing[grid],
+            samples=samples,
+            force=self.force[: samples.size],
+            level=self.level[: samples.size],
+            part=self.part[: samples.size],
+        )
 
     @property
     def difference(self) -> Array:
@@ -207,6 +225,8 @@ class ForceFit:
         For each experiment the force at its samples [N].
     cost
         Sum of squares over the samples that count [N^2].
+    jacobian
+        Of the force at the samples that count by the unknowns, each in a scale of its own, shape (n, k).
 
     """
 
@@ -217,6 +237,16 @@ class ForceFit:
     estimates: tuple[Estimate, ...]
     simulated: tuple[Array, ...]
     cost: float
+    jacobian: Array = field(repr=False)
+
+    @property
+    def unknowns(self) -> int:
+        """How many numbers the force depends on."""
+        return int(np.count_nonzero(np.any(self.jacobian, axis=0)))
+
+    def model(self, ambient_pressure: float) -> ExtendedForce:
+        """Return the model of the force, at an absolute ambient pressure [Pa]."""
+        return ExtendedForce(self.area * self.factor, self.effects, ambient_pressure)
 
     def residuals(self, experiments: Sequence[ForceExperiment]) -> list[Array]:
         """Return measured less simulated force of each experiment [N]."""
@@ -320,7 +350,7 @@ class _Search:
     def _unknown(self, name: str, index: int) -> _Unknown:
         parameter = FORCE_EFFECTS[name].parameters[index]
         start = self.effects[name][index]
-        scale = 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1e3)
+        scale = 0.1 * min(abs(parameter.lower) + abs(parameter.upper), 1e3)
         return _Unknown(
             f'{name}.{parameter.name}',
             parameter.unit,
@@ -354,23 +384,26 @@ class _Search:
             [(force - one.force)[mask] for force, one, mask in zip(simulated, self.experiments, self.masks)]
         )
 
-    def run(self) -> tuple[Array, Array]:
-        """Return the best point and the Jacobian of `residuals` there."""
+    def tangent(self, point: Array) -> tuple[Array, Array]:
+        """Return the residuals and their Jacobian, by steps away from the nearer bound."""
+        residuals = self.residuals(point)
+        jacobian = np.empty((residuals.size, point.size))
+        for index, unknown in enumerate(self.unknowns):
+            step = _STEP if unknown.upper - point[index] > point[index] - unknown.lower else -_STEP
+            moved = point.copy()
+            moved[index] += step
+            jacobian[:, index] = (self.residuals(moved) - residuals) / step
+        return residuals, jacobian
+
+    def run(self, tolerance: float, steps: int) -> Array:
+        """Return the best point."""
         start = np.array([unknown.start for unknown in self.unknowns])
         if start.size == 0:
-            return start, np.empty((self.residuals(start).size, 0))
+            return start
         lower = np.array([unknown.lower for unknown in self.unknowns])
         upper = np.array([unknown.upper for unknown in self.unknowns])
-        # counted from the start: SciPy's first step is as long as the first point is far from zero
-        found = least_squares(
-            lambda moved: self.residuals(start + moved),
-            np.zeros_like(start),
-            bounds=(lower - start, upper - start),
-            x_scale='jac',
-            ftol=_TOLERANCE,
-            max_nfev=_EVALUATIONS,
-        )
-        return start + found.x, found.jac
+        point, _ = least_squares(self.tangent, start, lower, upper, tolerance, steps)
+        return point
 
 
 def fit_force(
@@ -380,6 +413,8 @@ def fit_force(
     area: float | None,
     factor: float,
     effects: Effects,
+    tolerance: float = _FINE[0],
+    steps: int = _FINE[1],
 ) -> ForceFit:
     """
     Fit piston area and effects jointly to the measured force of several recordings.
@@ -401,6 +436,8 @@ def fit_force(
         Contact force over piston force, from the linkage [-].
     effects
         Effects with starting values; parameters that are choices stay as they are.
+    tolerance, steps
+        Share of the sum of squares by which a step of the search must lower it, and most steps.
 
     Raises
     ------
@@ -408,20 +445,23 @@ def fit_force(
         If the force falls with the pressure, or nothing tells the area.
 
     """
-    levels = np.concatenate([one.level[mask] for one, mask in zip(experiments, masks)])
-    several_levels = bool(np.ptp(levels) > _LEVEL_GAP * np.max(np.abs(levels)))
+    several_levels = hold_several_levels(experiments, masks)
     if several_levels:
         slope = _slope(experiments, masks) / factor
         area = slope if area is None else area
     elif area is None:
         raise InputError('at one set-point the force does not tell the piston area: give it, or record a second one')
     search = _Search(experiments, masks, ambient_pressure, area, several_levels, factor, effects)
-    point, jacobian = search.run()
+    point = search.run(tolerance, steps)
     found, own, stretches = search.unpack(point)
-    residuals = search.residuals(point)
+    residuals, jacobian = search.tangent(point)
     estimates = _estimates(search, point, jacobian, residuals)
     if not several_levels:
-        reason = f'all recordings have one set-point, {levels[0]:.0f} Pa: record a second one'
+        level = float(np.median(np.concatenate([one.level for one in experiments])))
+        reason = (
+            f'all recordings have one set-point, {level:.0f} Pa: record a second one '
+            f'(it is held at {found * 1e6:.1f} mm^2)'
+        )
         estimates.insert(0, Estimate('area', 'm^2', None, None, None, reason))
     return ForceFit(
         area=found,
@@ -431,7 +471,34 @@ def fit_force(
         estimates=tuple(estimates),
         simulated=search.simulate(point),
         cost=float(residuals @ residuals),
+        jacobian=jacobian,
     )
+
+
+def hold_several_levels(experiments: Sequence[ForceExperiment], masks: Sequence[Mask]) -> bool:
+    """Return whether the samples that count hold more than one set-point, as they must to tell the area."""
+    levels = np.concatenate([one.level[mask] for one, mask in zip(experiments, masks)])
+    return bool(np.ptp(levels) > _LEVEL_GAP * np.max(np.abs(levels)))
+
+
+def likely_area(experiments: Sequence[ForceExperiment], masks: Sequence[Mask], factor: float) -> float:
+    """
+    Return the area that makes the force at one set-point, the sensor's zero taken to be right [m^2].
+
+    By a line through zero: friction, which follows the pressure as both follow the motion, hardly tilts it.
+
+    Raises
+    ------
+    InputError
+        If the force is against the pressure.
+
+    """
+    differences = np.concatenate([one.difference[mask] for one, mask in zip(experiments, masks)])
+    forces = np.concatenate([one.force[mask] for one, mask in zip(experiments, masks)])
+    area = float(forces @ differences) / float(differences @ differences) / factor
+    if not area > 0.0:
+        raise InputError('the force is against the pressure difference: check the sign of the force')
+    return area
 
 
 def _slope(experiments: Sequence[ForceExperiment], masks: Sequence[Mask]) -> float:

@@ -19,6 +19,7 @@ Evaluate = Callable[[Array], tuple[Array, Array]]
 _FIRST_DAMPING = 1e-3
 _LARGEST_DAMPING = 1e12
 _LEAST_SCALE = 1e-12  # of the largest, for an unknown on which nothing depends
+_MOST_CHANGES = 4  # of what is held, for each unknown
 _LONGEST_STEP = 2.0  # in any unknown: a factor of seven where it is a logarithm
 
 
@@ -56,7 +57,7 @@ def least_squares(
         foretold = -float(step @ (2.0 * gradient + normal @ step))
         if foretold <= tolerance * total:
             break
-        trial = point + step
+        trial = np.clip(point + step, lower, upper)  # exactly, where rounding takes it past a bound
         trial_residuals, trial_jacobian = evaluate(trial)
         with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
             trial_total = float(trial_residuals @ trial_residuals)
@@ -75,13 +76,33 @@ def least_squares(
 
 
 def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array) -> Array:
-    """Return a damped step that stays within `down` and `up`; unknowns that push outwards at a bound are held."""
+    """
+    Return the damped step within `down` and `up` that lowers the sum most, as far as it is foretold.
+
+    By an active set: unknowns are held at bounds that they meet on the way, and let go where the sum falls inwards.
+    Were the free step clipped instead, it might not lower the sum at all.
+    """
     scale = np.diag(normal)
     scale = np.maximum(scale, _LEAST_SCALE * max(float(scale.max()), 1e-300))
-    held = ((down >= 0.0) & (gradient > 0.0)) | ((up <= 0.0) & (gradient < 0.0))
-    free = np.flatnonzero(~held)
+    inner = normal + damping * np.diag(scale)
     step = np.zeros_like(gradient)
-    inner = normal[np.ix_(free, free)] + damping * np.diag(scale[free])
-    step[free] = -np.linalg.solve(inner, gradient[free])
+    held = ((down >= 0.0) & (gradient > 0.0)) | ((up <= 0.0) & (gradient < 0.0))
+    for _ in range(_MOST_CHANGES * step.size):
+        free = np.flatnonzero(~held)
+        move = -np.linalg.solve(inner[np.ix_(free, free)], (gradient + inner @ step)[free])
+        room = np.where(move > 0.0, up[free] - step[free], step[free] - down[free])
+        shares = room / np.maximum(np.abs(move), 1e-100)
+        share = min(1.0, float(np.min(shares, initial=1.0)))
+        step[free] += share * move
+        if share < 1.0:
+            first = np.argmin(shares)
+            step[free[first]] = (up if move[first] > 0.0 else down)[free[first]]
+            held[free[first]] = True
+            continue
+        slope = gradient + inner @ step
+        inwards = np.where(held, np.where(step <= down, -slope, np.where(step >= up, slope, 0.0)), 0.0)
+        if np.max(inwards) <= 0.0:
+            break
+        held[np.argmax(inwards)] = False
     step *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-300))
     return np.clip(step, down, up)

@@ -263,9 +263,9 @@ def _estimates(
                 estimates.append(Estimate(full, parameter.unit, value, 0.0, (value, value), None))
                 continue
             std, logarithm = known[full]
-            estimates.append(
-                _estimate(full, parameter.unit, value, abs(value) * std if logarithm else std, quantile, None)
-            )
+            own_std = abs(value) * std if logarithm else std
+            untold = 'these recordings tell the effect, but not this parameter' if own_std > abs(value) else None
+            estimates.append(_estimate(full, parameter.unit, value, own_std, quantile, untold))
     return tuple(estimates)
 
 

@@ -95,14 +95,30 @@ def pressure_noise(experiments: Sequence[Experiment], simulated: Sequence[Array]
     rounding = math.sqrt(float(np.mean([rounding_step(one.pressure) ** 2 for one in experiments])) / 12.0)
     residuals = [one.pressure - pressure for one, pressure in zip(experiments, simulated)]
     rests = [rest - np.mean(rest) for one, residual in zip(experiments, residuals) for rest in _at_rest(one, residual)]
+    return noise_of(rests, _white(experiments, residuals, k_x), sum(one.size for one in residuals), rounding)
+
+
+def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) -> Noise:
+    """
+    Return the noise of a signal.
+
+    Parameters
+    ----------
+    rests
+        Residuals while nothing moves, the mean of each run taken out.
+    white
+        Standard deviation that white noise would have, where there are not enough of them or they are white.
+    count
+        Samples that this was found from.
+    rounding
+        Standard deviation of the converter's rounding.
+
+    """
     known = sum(rest.size for rest in rests) >= _ENOUGH_AT_REST
     colour = autoregression(rests) if known and any(np.any(rest) for rest in rests) else np.empty(0)
     if colour.size:
         count = sum(rest.size for rest in rests)
-        std = _spread(rests)
-    else:
-        count = sum(residual.size for residual in residuals)
-        std = _white(experiments, residuals, k_x)
+    std = _spread(rests) if colour.size else white
     uncertainty = 1.0 / math.sqrt(2.0 * count * independent_share(colour))
     return Noise(max(std, rounding), colour, uncertainty, known, rounding > std)
 
@@ -138,9 +154,13 @@ def _spread(rests: Sequence[Array]) -> float:
 
 def _at_rest(experiment: Experiment, values: Array) -> list[Array]:
     """Return the runs of a signal's samples in which nothing has moved for a while."""
-    times = experiment.sample_times
-    x = experiment.displacement[experiment.samples]
-    setpoint = experiment.setpoint[experiment.samples]
+    at = experiment.samples
+    slack = _STILL * experiment.motion.noise
+    return runs_at_rest(experiment.sample_times, experiment.displacement[at], experiment.setpoint[at], slack, values)
+
+
+def runs_at_rest(times: Array, x: Array, setpoint: Array, slack: float, values: Array) -> list[Array]:
+    """Return the runs of values while a displacement has stayed within some slack, and a set-point, for a while."""
     period = float(np.median(np.diff(times)))
     window = max(int(_SETTLING / period), 2)
     if window >= times.size:
@@ -152,7 +172,7 @@ def _at_rest(experiment: Experiment, values: Array) -> list[Array]:
     steps = maximum_filter1d(setpoint, window, origin=(window - 1) // 2) - minimum_filter1d(
         setpoint, window, origin=(window - 1) // 2
     )
-    still = (spread <= max(_STILL * experiment.motion.noise, 1e-3 * reach)) & (steps == 0.0)
+    still = (spread <= max(slack, 1e-3 * reach)) & (steps == 0.0)
     runs = np.split(values, np.flatnonzero(np.diff(still.astype(np.int8)) != 0) + 1)
     flags = np.split(still, np.flatnonzero(np.diff(still.astype(np.int8)) != 0) + 1)
     return [run for run, flag in zip(runs, flags) if flag[0] and run.size >= _SHORTEST_REST]

@@ -28,6 +28,7 @@ SIGNIFICANCE = 0.001
 """Chance with which a test fails on noise alone."""
 
 _MATERIAL = 0.04  # share of the residual, beyond chance, that inputs have to explain
+_SHIFTED = 0.005  # share of the shifts whose inputs may explain more
 _MATERIAL_LEVEL = 0.015  # share of it that is slow
 _SEED = 1  # of the simulated thresholds
 _SIMULATIONS = 100
@@ -101,15 +102,35 @@ def residual_tests(
         ((one.pressure - pressure) * weight)[mask]
         for one, pressure, weight, mask in zip(experiments, simulated, precisions, masks)
     ]
-    colour = autoregression(residuals)
-    innovations = [whitened(residual, colour) for residual in residuals]
-    count = sum(one.size for one in innovations)
+    count = sum(residual.size for residual in residuals)
     features = [
         (_features(one, pressure, count) * weight[:, None])[mask]
         for one, pressure, weight, mask in zip(experiments, simulated, precisions, masks)
     ]
+    return tests_of(residuals, features, noise)
+
+
+def tests_of(residuals: Sequence[Array], features: Sequence[Array], noise: Noise) -> list[Test]:
+    """
+    Return the tests of residuals, whatever they are of.
+
+    Parameters
+    ----------
+    residuals
+        Of each experiment, at neighbouring samples, shape (n,).
+    features
+        What they may depend on, shape (n, k).
+    noise
+        Of the residuals.
+
+    """
+    if not any(np.any(residual) for residual in residuals):
+        return [_size_test(residuals, noise)]
+    colour = autoregression(residuals)
+    innovations = [whitened(residual, colour) for residual in residuals]
     tests = [
         _inputs_test(innovations, features, colour),
+        _slow_inputs_test(residuals, features),
         _line_test(residuals),
         _level_test(residuals),
         _whiteness_test(residuals, noise),
@@ -137,8 +158,13 @@ def _features(experiment: Experiment, simulated: Array, count: int) -> Array:
     lagged = [rate, change, error, np.abs(error), np.abs(rate), np.sign(rate) * (np.abs(rate) > 0.05 * np.std(rate))]
     once = [x, level, centred * rate, centred * error, level * error, progress * change, progress * rate, x * x]
     once += [level * level, np.abs(change), error * np.abs(error)]
+    return lagged_features(once, lagged, count)
+
+
+def lagged_features(once: Sequence[Array], lagged: Sequence[Array], count: int) -> Array:
+    """Return a constant, signals, and others at several lags, as many as so many samples bear, shape (n, k)."""
     few = max(1, count // _FEWEST_PER_FEATURE)
-    columns = [np.ones_like(x), *once]
+    columns = [np.ones_like(lagged[0]), *once]
     for lag in sorted(_LAGS, key=abs):
         columns += [_shifted(one, lag) for one in lagged]
     return np.column_stack(columns[:few])
@@ -155,11 +181,10 @@ def _shifted(values: Array, lag: int) -> Array:
 
 
 def _inputs_test(innovations: Sequence[Array], features: Sequence[Array], colour: Array) -> Test:
-    """Ask how much of the residual a regression on the inputs explains."""
+    """Ask how much of what is new in each sample a regression on the inputs explains: the quick part of the residual."""
     new = np.concatenate(innovations)
     columns = np.concatenate([np.column_stack([whitened(one, colour) for one in part.T]) for part in features])
-    size = np.linalg.norm(columns, axis=0)
-    basis = _orthogonal(columns[:, size > 0.0] / size[size > 0.0])
+    basis = _orthogonal(columns)
     rank = basis.shape[1]
     share = float(np.sum((basis.T @ new) ** 2) / (new @ new))
     significant = float(beta.isf(SIGNIFICANCE, rank / 2.0, max(new.size - rank, 1) / 2.0))
@@ -167,8 +192,30 @@ def _inputs_test(innovations: Sequence[Array], features: Sequence[Array], colour
     return Test('inputs', share, threshold, 'share of the residual that a regression on the inputs explains')
 
 
+def _slow_inputs_test(residuals: Sequence[Array], features: Sequence[Array]) -> Test:
+    """
+    Ask how much of the residual as it is a regression on the inputs explains, slow parts and all.
+
+    What chance explains of noise with a memory is seen from the same residual against the inputs of other times: all
+    circular shifts of it.
+    """
+    residual = np.concatenate(residuals)
+    basis = _orthogonal(np.concatenate(features))
+    spectrum = np.conj(np.fft.rfft(residual))
+    shares = np.zeros(residual.size)
+    for column in basis.T:
+        shares += np.fft.irfft(spectrum * np.fft.rfft(column), residual.size) ** 2
+    shares /= float(residual @ residual)
+    threshold = float(np.quantile(shares, 1.0 - _SHIFTED)) + _MATERIAL
+    return Test(
+        'slow_inputs', float(shares[0]), threshold, 'share of the residual, slow parts too, that inputs explain'
+    )
+
+
 def _orthogonal(columns: Array) -> Array:
     """Return an orthonormal basis of what columns span, shape (n, rank)."""
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 0.0] / size[size > 0.0]
     basis, values, _ = np.linalg.svd(columns, full_matrices=False)
     return np.asarray(basis[:, values > 1e-6 * values[0]], dtype=np.float64)
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import fftconvolve
 
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.extension import Extension
@@ -14,7 +15,9 @@ from cfd_pneumatic.model.effects import Data
 Array = NDArray[np.float64]
 
 _FASTEST_SUPPLY = 3.0  # highest frequency of a supply's variation [Hz]
-_MOST_FREQUENCIES = 800
+_MOST_FREQUENCIES = 100  # that are looked at closely
+_FEWEST_ORDINATES = 1024
+_LEAST_FLOW = 10.0  # that a limit may be drawn from [Pa/s]
 _LONGEST_LAG = 0.2  # [s]
 _BIN = 0.05  # over which residuals are averaged, short beside the fastest period [s]
 
@@ -63,8 +66,8 @@ def starting_data(
         'lag': _lag(experiments[longest], simulated[longest]),
         'period': min(float(np.median(np.diff(one.sample_times))) for one in experiments),
         'duration': float(np.ptp(experiments[longest].sample_times)),
-        'largest_charge': max(k_sv * float(np.max(errors)), 1.0),
-        'largest_exhaust': max(-k_v * float(np.min(errors)), 1.0),
+        'largest_charge': max(k_sv * float(np.max(errors)), _LEAST_FLOW),
+        'largest_exhaust': max(-k_v * float(np.min(errors)), _LEAST_FLOW),
         'slow_frequency': _strongest_frequency(experiments[longest].sample_times, residuals[longest]),
     }
 
@@ -75,13 +78,19 @@ def _strongest_frequency(times: Array, residual: Array) -> float:
     if slowest >= _FASTEST_SUPPLY:
         return _FASTEST_SUPPLY
     bins = ((times - times[0]) / _BIN).astype(np.intp)
-    _, bins = np.unique(bins, return_inverse=True)
-    counts = np.bincount(bins)
-    centres = np.bincount(bins, times) / counts
-    means = np.bincount(bins, residual - np.mean(residual)) / counts
-    count = int(np.clip(4.0 * _FASTEST_SUPPLY / slowest, 20, _MOST_FREQUENCIES))
-    frequencies = np.linspace(slowest, _FASTEST_SUPPLY, count)
-    return float(frequencies[int(np.argmax([_explained(centres, means, one) for one in frequencies]))])
+    present, rank = np.unique(bins, return_inverse=True)
+    counts = np.bincount(rank)
+    centres = np.bincount(rank, times) / counts
+    means = np.bincount(rank, residual - np.mean(residual)) / counts
+    # the periodogram finds where to look, four times as fine as lines are wide
+    filled = np.zeros(int(present[-1]) + 1)
+    filled[present] = means
+    length = max(4 * filled.size, _FEWEST_ORDINATES)
+    frequencies = np.fft.rfftfreq(length, _BIN)
+    power = np.abs(np.fft.rfft(filled, length)) ** 2
+    within = np.flatnonzero((frequencies >= slowest) & (frequencies <= _FASTEST_SUPPLY))
+    tallest = frequencies[within[np.argsort(power[within])[-_MOST_FREQUENCIES:]]]
+    return float(tallest[int(np.argmax([_explained(centres, means, one) for one in tallest]))])
 
 
 def _explained(times: Array, values: Array, frequency: float) -> float:
@@ -105,7 +114,7 @@ def _lag(experiment: Experiment, simulated: Array) -> float:
     measured = experiment.pressure - np.mean(experiment.pressure)
     expected = simulated - np.mean(simulated)
     inner = measured[reach : measured.size - reach]
-    likeness = np.correlate(expected, inner, mode='valid')  # by samples that the simulated one is taken earlier
-    size = np.convolve(expected**2, np.ones(inner.size), mode='valid')
-    mismatch = size - 2.0 * likeness
+    likeness = fftconvolve(expected, inner[::-1], mode='valid')  # by samples that the simulated one is taken later
+    total = np.concatenate([[0.0], np.cumsum(expected**2)])
+    mismatch = total[inner.size :] - total[: -inner.size] - 2.0 * likeness
     return float(reach - int(np.argmin(mismatch))) * period

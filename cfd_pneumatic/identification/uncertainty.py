@@ -28,7 +28,10 @@ def covariance(jacobian: Array, residuals: Array, degrees: int, lengths: Sequenc
     the displacement's smoothed noise or by an effect that the model lacks, each of them tells less: the sandwich of
     Newey and West (1987) with a Bartlett window.
     """
-    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True)
+    size = np.linalg.norm(jacobian, axis=0)
+    size[size == 0.0] = 1.0
+    scaled = jacobian / size  # metres and hertz side by side would pass for a matrix without full rank
+    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-14, hermitian=True) / np.outer(size, size)
     lags = _correlation_length(residuals, lengths)
     if lags == 0:
         return inverse * float(residuals @ residuals) / degrees

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Extension, tangent
+from cfd_pneumatic.identification.extension import Extension, extend, tangent
 from cfd_pneumatic.identification.noise import Noise
 from cfd_pneumatic.identification.starts import starting_data
 from cfd_pneumatic.model.effects import Effect
@@ -19,6 +19,9 @@ Mask = NDArray[np.bool_]
 
 _STRENGTH = 5.0  # in standard deviations of the noise: what an effect's starting values are drawn for
 _SHOWN = 0.57  # of the noise: what raises the error by 15 %
+_PLAIN = 10.0  # times what shows: no fit makes up for so much
+_MADE_UP = 2.0  # an effect that loses less than half of itself to the model's parameters keeps what is left
+_ROUGH = (1e-2, 10)  # tolerance and evaluations of a fit to what an effect makes
 
 
 def invisible(
@@ -33,7 +36,8 @@ def invisible(
     """
     Return the effects that could not have shown themselves beside a model, by their names.
 
-    Each is added at a strength well above the noise; what the model's own parameters can't make up for is its sight.
+    Each is added at a strength well above the noise. It shows by what the model's own parameters can't make up for:
+    by small changes of theirs, as its Jacobian has them, or, as effects are not small, by any.
 
     Parameters
     ----------
@@ -57,16 +61,30 @@ def invisible(
     size = np.linalg.norm(jacobian, axis=0)
     basis = np.linalg.qr(jacobian[:, size > 0.0] / size[size > 0.0])[0]
 
-    def sight(name: str, start: tuple[float, ...]) -> float:
+    def shows(name: str, start: tuple[float, ...]) -> bool:
         beside = replace(fitted, effects={**fitted.effects, name: start})
         pressures = beside.simulate(experiments, ambient_pressure)
-        change = np.concatenate([(new - old)[mask] for new, old, mask in zip(pressures, simulated, masks)])
-        left = change - basis @ (basis.T @ change)
-        return float(np.sqrt(np.mean(left**2)))
+        change = _masked(pressures, simulated, masks)
+        shown, left = _SHOWN * noise.std, _rms(change - basis @ (basis.T @ change))
+        if not left > shown:
+            return False
+        if left > _PLAIN * shown or _rms(change) < _MADE_UP * left:
+            return True
+        made = [replace(one, pressure=pressure) for one, pressure in zip(experiments, pressures)]
+        without = extend(made, masks, ambient_pressure, fitted, fitted.effects, weights, *_ROUGH)
+        return _rms(_masked(pressures, without.simulate(made, ambient_pressure), masks)) > shown
 
     return tuple(
         name
         for name, effect in library.items()
-        if name not in fitted.effects
-        and not any(sight(name, start) > _SHOWN * noise.std for start in effect.starts(data))
+        if name not in fitted.effects and not any(shows(name, start) for start in effect.starts(data))
     )
+
+
+def _masked(ones: Sequence[Array], others: Sequence[Array], masks: Sequence[Mask]) -> Array:
+    """Return the differences of pressures at the samples that count, one experiment after the other."""
+    return np.concatenate([(one - other)[mask] for one, other, mask in zip(ones, others, masks)])
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

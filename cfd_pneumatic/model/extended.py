@@ -34,8 +34,9 @@ STAGE_ROWS = slice(S0 // LANES, S0 // LANES + STATES)
 """Rows of the states as effects see them; those that no rate moves have to stand there from the beginning."""
 
 _SETTLED = 8.0  # time constants: to a third of a thousandth
+_LONGEST_SETTLING = 2.0  # [s]
 
-SLOWEST_CUT = 1.0
+SLOWEST_CUT = 1.5
 """A step is at most this many of the fastest time constants long [-]."""
 
 MOVING = frozenset(name for name in PRESSURE_EFFECTS if hasattr(MODULES[name], 'displacement'))
@@ -151,8 +152,8 @@ class ExtendedCylinder:
 
     @property
     def settling(self) -> float:
-        """Time in which the pressure settles [s]."""
-        return _SETTLED / min(self.gains[1], self.gains[2])
+        """Time in which the pressure settles at a rest below the set-point, where the regulator charges [s]."""
+        return min(_SETTLED / self.gains[1], _LONGEST_SETTLING)
 
     def begin(self, p: float, p_f: float, x: float, before: ExtendedState | None = None) -> ExtendedState:
         """

@@ -7,5 +7,9 @@ from numba import config, njit
 # a pass of LLVM that Numba leaves out by default; with it a processor takes the lanes of `composed` at once
 config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
 
-kernel = njit(cache=True, error_model='numpy')
-"""Compile to machine code kept on disk; a division by zero gives inf, as NumPy's does, instead of a branch to raise."""
+kernel = njit(cache=True, error_model='numpy', nogil=True)
+"""
+Compile to machine code kept on disk, beside which other threads run.
+
+A division by zero gives inf, as NumPy's does, instead of a branch to raise.
+"""

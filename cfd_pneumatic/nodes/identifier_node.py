@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.client import Client
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
@@ -34,18 +33,20 @@ from cfd_pneumatic import convention
 from cfd_pneumatic.commands.identify_bag import PROGRESS_KEY
 from cfd_pneumatic.commands.program import BAD_INPUT
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.report import PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.parameters import number, switch, text, texts
 from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.reporting.folder import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
+from cfd_pneumatic.reporting.wording import sentence, title
 
 _PERIOD = 0.1  # how often the fit's process is looked after [s]
 _POLL = 0.01  # [s]
 _PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
 _ASK_AGAIN = 1.0  # a request to set or get parameters is repeated after this time [s]
 _SERVICE_WAIT = 5.0  # how long a target of `apply_to` may take to appear or answer [s]
+_AT_START = 'initial_setpoint'  # is in the file for a node that is about to start
 CANCELLED = 'cancelled: earlier outputs are untouched'
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -142,7 +143,8 @@ class IdentifierNode(Node):
     Identifies bags on request.
 
     Services `~/identify` and `~/cancel` (std_srvs/Trigger); the report on the latched topic `~/result`
-    (std_msgs/String, JSON); progress on `/diagnostics`. With `apply_to` the fitted parameters are set on that node.
+    (std_msgs/String, JSON); progress on `/diagnostics`, and in the end what was found. With `close_loop` that is also
+    which physical effects the model lacks. With `apply_to` the parameters and effects are set on that node.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -150,10 +152,15 @@ class IdentifierNode(Node):
         super().__init__('identifier_node', **kwargs)
         declare = self.declare_parameter
         declare('bags', [''], texts('paths of the bags to identify jointly'))
-        declare('output_dir', '', text('folder for report.json and parameters.yaml'))
+        declare('output_dir', '', text('folder for report.json, parameters.yaml and, with close_loop, report.html'))
         declare('mapping', '', text('mapping file for bags with other topics; empty: the convention'))
         declare('namespace', '', text('namespace of the device where a bag holds several; empty: the only one'))
         declare('per_setpoint', False, switch('fit a table of operating points'))
+        declare(
+            'close_loop',
+            False,
+            switch('trace what the model leaves of the pressure to physical effects that it lacks, and add them to it'),
+        )
         declare(
             'ambient_pressure',
             convention.AMBIENT_PRESSURE,
@@ -165,6 +172,7 @@ class IdentifierNode(Node):
         self._fit: FitProcess | None = None
         self._transfer: ParameterTransfer | None = None
         self._status = (DiagnosticStatus.OK, 'idle')
+        self._report: dict[str, Any] = {}
         self._result_out = self.create_publisher(String, '~/result', _LATCHED)
         self._diagnostics_out = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
         self.create_service(Trigger, '~/identify', self._on_identify)
@@ -200,8 +208,7 @@ class IdentifierNode(Node):
             f'--ambient-pressure={self._value("ambient_pressure")!r}',
         ]
         arguments += [f'--{name}={self._value(name)}' for name in ('mapping', 'namespace') if self._value(name)]
-        if self._value('per_setpoint'):
-            arguments.append('--per-setpoint')
+        arguments += [f'--{name.replace("_", "-")}' for name in ('per_setpoint', 'close_loop') if self._value(name)]
         return Job([*arguments, '--', *bags], Path(output), target)
 
     def _on_identify(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -214,6 +221,7 @@ class IdentifierNode(Node):
             response.message = f'refused: {error}'
             return response
         self._fit = FitProcess(self._job.arguments)
+        self._report = {}
         self._tell(DiagnosticStatus.OK, 'identifying')
         response.success = True
         response.message = 'accepted: the report comes on ~/result'
@@ -240,18 +248,37 @@ class IdentifierNode(Node):
             if failure is not None:
                 self._finish(DiagnosticStatus.WARN if failure == CANCELLED else DiagnosticStatus.ERROR, failure)
                 return
-            self._result_out.publish(String(data=(self._job.folder / REPORT_FILE).read_text(encoding='utf-8')))
+            text = (self._job.folder / REPORT_FILE).read_text(encoding='utf-8')
+            self._report = json.loads(text)
+            self._result_out.publish(String(data=text))
             if not self._job.target:
-                self._finish(DiagnosticStatus.OK, f'done: {self._job.folder / REPORT_FILE}')
+                self._finish(DiagnosticStatus.OK, self._found('done'))
                 return
-            self._transfer = ParameterTransfer(self, self._job.target, self._job.folder / PARAMETER_FILE)
+            identified = [*self._report['cylinders'], *([convention.CONTACT_FORCE] if 'force' in self._report else [])]
+            self._transfer = ParameterTransfer(self, self._job.target, self._job.folder / PARAMETER_FILE, identified)
             self._tell(DiagnosticStatus.OK, f'setting the parameters on {self._job.target}')
         elif self._transfer is not None:
             outcome = self._transfer.proceed()
             if outcome is not None:
                 self._transfer.close()
                 self._transfer = None
-                self._finish(*outcome)
+                level, message = outcome
+                self._finish(level, self._found(message))
+
+    def _verdicts(self) -> dict[str, dict[str, Any]]:
+        """Return what the report says on each cylinder, and on the force, where the loop was closed."""
+        blocks = dict(self._report.get('cylinders', {}))
+        if 'force' in self._report:
+            blocks['force'] = self._report['force']
+        return {name: block for name, block in blocks.items() if 'verdict' in block}
+
+    def _found(self, message: str) -> str:
+        """Return a message with the verdict on each cylinder, and where to read more."""
+        assert self._job is not None
+        verdicts = self._verdicts()
+        sentences = [f'{title(name)}: {sentence(block["why"])}' for name, block in verdicts.items()]
+        page = self._job.folder / (PAGE_FILE if verdicts else REPORT_FILE)
+        return ' '.join([f'{message}; see {page}', *sentences])
 
     def _finish(self, level: bytes, message: str) -> None:
         self._job = None
@@ -273,6 +300,9 @@ class IdentifierNode(Node):
         if self._fit is not None:
             message = self._fit.what
             values['progress [%]'] = f'{100.0 * self._fit.share:.0f}'
+        for name, block in self._verdicts().items():
+            values[f'{name} verdict'] = block['verdict']
+            values[f'{name} effects'] = ', '.join(block['effects']) or 'none'
         self._diagnostics_out.publish(diagnostics(self, 'identification', level, message, values))
 
     def destroy_node(self) -> None:
@@ -286,76 +316,107 @@ class ParameterTransfer:
     """
     Setting a parameter file on another node, all at once or not at all.
 
-    A gain that was not identifiable stands in no file; it is taken from the target, at the new set-points, because its
-    list has to be as long as theirs.
+    Whatever the file holds is set. Of the effects in what was identified, those that it does not hold are switched off:
+    its gains were fitted without them. A gain that was not identifiable stands in no file; it is taken from the target,
+    at the new set-points, because its list has to be as long as theirs.
     """
 
-    def __init__(self, node: Node, target: str, file: Path) -> None:
-        """Begin; `proceed` does the rest without waiting."""
+    def __init__(self, node: Node, target: str, file: Path, identified: Sequence[str]) -> None:
+        """Begin with what was `identified`, cylinders and perhaps contact_force; `proceed` goes on, without waiting."""
         self._node = node
         self._target = target.rstrip('/')
-        self._deadline = time.monotonic() + _SERVICE_WAIT
-        found = yaml.safe_load(file.read_text(encoding='utf-8'))['/**']['ros__parameters']
-        cylinders = [cylinder for cylinder in convention.CYLINDERS if cylinder in found]
-        self._names = [f'{cylinder}.{name}' for cylinder in cylinders for name in ('setpoints', *NAMES)]
-        self._fitted = {
-            f'{cylinder}.{name}': [float(value) for value in found[cylinder][name]]
-            for cylinder in cylinders
-            for name in ('setpoints', *NAMES)
-            if name in found[cylinder]
+        self._identified = identified
+        self._values = {
+            name: value
+            for name, value in _flat(yaml.safe_load(file.read_text(encoding='utf-8'))['/**']['ros__parameters'])
+            if not name.endswith(f'.{_AT_START}')
         }
-        self._get = node.create_client(GetParameters, f'{self._target}/get_parameters')
-        self._set = node.create_client(SetParametersAtomically, f'{self._target}/set_parameters_atomically')
-        self._present: Future | None = None
-        self._outcome: Future | None = None
+        self._clients = {
+            service.Request: node.create_client(service, f'{self._target}/{name}')
+            for service, name in (
+                (ListParameters, 'list_parameters'),
+                (GetParameters, 'get_parameters'),
+                (SetParametersAtomically, 'set_parameters_atomically'),
+            )
+        }
+        self._deadline = time.monotonic() + _SERVICE_WAIT
+        self._dialogue = self._talk()
+        self._request = next(self._dialogue)
+        self._reply: Future | None = None
         self._asked = 0.0
-
-    def _ask(self, client: Client, request: object) -> Future:
-        self._asked = time.monotonic()
-        return client.call_async(request)
-
-    def _unanswered(self) -> bool:
-        """Tell whether to ask again: a reply is lost if it leaves before its sender has discovered this client."""
-        return time.monotonic() - self._asked > _ASK_AGAIN
 
     def proceed(self) -> tuple[bytes, str] | None:
         """Go on as far as possible; return level and message when it has ended."""
-        if self._present is None:
-            if self._get.service_is_ready() and self._set.service_is_ready():
-                self._present = self._ask(self._get, GetParameters.Request(names=self._names))
-        elif self._outcome is None:
-            if self._present.done():
-                present = [list(value.double_array_value) for value in self._present.result().values]
-                if len(present) < len(self._names) or not all(present):
-                    return DiagnosticStatus.ERROR, f'{self._target} (parameter apply_to) is no sim_node'
-                self._request = self._request_from(dict(zip(self._names, present)))
-                self._outcome = self._ask(self._set, self._request)
-            elif self._unanswered():
-                self._present = None
-        elif self._outcome.done():
-            result = self._outcome.result().result
-            if result.successful:
-                return DiagnosticStatus.OK, f'parameters set on {self._target}'
-            return DiagnosticStatus.ERROR, f'{self._target} refused the parameters: {result.reason}'
-        elif self._unanswered():
-            self._outcome = self._ask(self._set, self._request)
+        if self._reply is None:
+            if all(client.service_is_ready() for client in self._clients.values()):
+                self._ask()
+        elif self._reply.done():
+            try:
+                self._request = self._dialogue.send(self._reply.result())
+            except StopIteration as ended:
+                outcome: tuple[bytes, str] = ended.value
+                return outcome
+            self._ask()
+        elif time.monotonic() - self._asked > _ASK_AGAIN:
+            self._ask()  # a reply is lost if it leaves before its sender has discovered this client
         if time.monotonic() > self._deadline:
             return DiagnosticStatus.ERROR, f'{self._target} (parameter apply_to) is not there: is its name right?'
         return None
 
-    def _request_from(self, present: dict[str, list[float]]) -> SetParametersAtomically.Request:
-        values = dict(self._fitted)
-        for name in self._names:
-            if name not in values:
-                setpoints = f'{name.split(".")[0]}.setpoints'
-                values[name] = np.interp(values[setpoints], present[setpoints], present[name]).tolist()
-        parameters = [Parameter(name, Parameter.Type.DOUBLE_ARRAY, value) for name, value in values.items()]
-        return SetParametersAtomically.Request(parameters=[one.to_parameter_msg() for one in parameters])
+    def _ask(self) -> None:
+        self._asked = time.monotonic()
+        self._reply = self._clients[type(self._request)].call_async(self._request)
+
+    def _talk(self) -> Generator[Any, Any, tuple[bytes, str]]:
+        """Yield requests, get their replies, and return level and message."""
+        known = (yield ListParameters.Request()).result.names
+        gains = [
+            f'{cylinder}.{name}'
+            for cylinder in convention.CYLINDERS
+            if cylinder in self._identified
+            for name in ('setpoints', *NAMES)
+        ]
+        if not {*self._values, *gains}.issubset(known):
+            return DiagnosticStatus.ERROR, f'{self._target} (parameter apply_to) is no sim_node'
+        held = (yield GetParameters.Request(names=gains)).values
+        present = {name: list(value.double_array_value) for name, value in zip(gains, held)}
+        values = {**self._switched_off(known), **self._completed(present), **self._values}
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        result = (yield SetParametersAtomically.Request(parameters=parameters)).result
+        if not result.successful:
+            return DiagnosticStatus.ERROR, f'{self._target} refused the parameters: {result.reason}'
+        return DiagnosticStatus.OK, f'parameters set on {self._target}'
+
+    def _switched_off(self, known: Sequence[str]) -> dict[str, bool]:
+        """Return the switches of all effects in what was identified, off: `cylinder_a.EFFECT.enabled`."""
+        paths = [name.split('.') for name in known]
+        return {
+            '.'.join(path): False
+            for path in paths
+            if len(path) == 3 and path[0] in self._identified and path[2] == 'enabled'
+        }
+
+    def _completed(self, present: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
+        """Return the gains that the file leaves out."""
+        values = {}
+        for name in present:
+            setpoints = f'{name.partition(".")[0]}.setpoints'
+            values[name] = np.interp(self._values[setpoints], present[setpoints], present[name]).tolist()
+        return values
 
     def close(self) -> None:
         """Give the clients back."""
-        self._node.destroy_client(self._get)
-        self._node.destroy_client(self._set)
+        for client in self._clients.values():
+            self._node.destroy_client(client)
+
+
+def _flat(tree: Mapping[str, Any], above: str = '') -> Iterator[tuple[str, Any]]:
+    """Yield the names and values of a tree of parameters."""
+    for name, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f'{above}{name}.')
+        else:
+            yield f'{above}{name}', value
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -77,6 +77,29 @@ def test_the_same_bag_gives_the_same_files(bag, tmp_path):
         assert (tmp_path / 'one' / name).read_bytes() == (tmp_path / 'two' / name).read_bytes()
 
 
+def test_closing_the_loop_writes_a_page_and_a_comparison_and_says_the_verdicts(bag, tmp_path, capsys):
+    assert main([str(bag), '--close-loop', '--output', str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    report = json.loads((tmp_path / 'report.json').read_text())
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {'report.json', 'parameters.yaml', 'report.html', 'compare.mcap'}
+    assert all(str(tmp_path / name) in printed for name in names)
+    assert all('verdict' in block for block in report['cylinders'].values())
+    page = (tmp_path / 'report.html').read_text()
+    words = {
+        'effect_added': 'Effect found',
+        'no_missing_effect': 'Nothing missing',
+        'unexplained': 'Unexplained',
+        'insufficient_data': 'Not enough data',
+    }
+    for cylinder, block in report['cylinders'].items():
+        assert f'{cylinder}: {words[block["verdict"]]}.' in printed
+        assert words[block['verdict']] in page
+        for effect in block['effects']:
+            assert effect in printed
+    assert 'strokes' in page
+
+
 def test_operating_points_of_a_bag_with_two_set_points(bag, tmp_path):
     assert main([str(bag), '--per-setpoint', '--output', str(tmp_path)]) == 0
     report = json.loads((tmp_path / 'report.json').read_text())

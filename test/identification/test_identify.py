@@ -13,9 +13,10 @@ from reference import AMBIENT, PSI, pressure_between_samples
 from rich.console import Console
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import Options, identify, parameter_file, print_report, report_data, write_report
+from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.reporting import parameter_file, print_report, report_data, write_report
 
 GAINS = {5.0: np.array([4.3e6, 104.0, 19.4, 0.0105]), 10.0: np.array([5.5e6, 165.0, 30.0, 0.0123])}
 

@@ -65,6 +65,16 @@ def test_every_effect_says_what_it_is(name):
         assert parameter.description
 
 
+@pytest.mark.parametrize('name', EFFECTS)
+def test_every_effect_says_what_to_record_to_see_it(name):
+    """As one of a list of things, so without a beginning or an end of a sentence."""
+    shown_by = EFFECTS[name].shown_by
+    assert shown_by
+    assert shown_by[0].islower()
+    assert not shown_by.endswith('.')
+    assert ';' not in shown_by
+
+
 def test_places_do_not_overlap():
     for kind in ('parameters', 'states'):
         for places in (PLACES, FORCE_PLACES):
@@ -219,8 +229,8 @@ def test_through_a_line_without_volume_the_regulator_senses_the_drop():
         expected.append(p)
     restricted = simulate({'line_restriction': (resistance, 1e-3)})
     assert np.max(np.abs(np.array(expected) - simulate({}))) > 1000.0
-    # 5 ms (the resistance) are large against the 0.1 ms in which the outlet fills
-    np.testing.assert_allclose(restricted, expected, rtol=0.0, atol=10.0)
+    # 5 ms (the resistance) are large against the 0.3 ms in which the outlet fills
+    np.testing.assert_allclose(restricted, expected, rtol=0.0, atol=25.0)
 
 
 def test_droop_sags_and_recovers():

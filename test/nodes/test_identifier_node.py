@@ -15,13 +15,13 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from graph import Graph, Process, ros_arguments, unique_namespace
 from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from reference import pressure, step_like, step_like_rate
 from std_msgs.msg import String
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.model import TABLE_1
+from cfd_pneumatic.model import NAMES, TABLE_1
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, write_recording
 from cfd_pneumatic.units import PSI
 
@@ -121,6 +121,9 @@ def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, t
         graph.run('sim_node', ros_arguments(simulator)),
         identifier(graph, bags=listed(bag), output_dir=output, apply_to=target) as node,
     ):
+        effects = ('cylinder_a.leakage', 'cylinder_b.leakage', 'contact_force.force_offset')
+        switches = [f'{effect}.enabled' for effect in effects]
+        assert graph.set_atomically(target, **dict.fromkeys(switches, True)).successful
         node.identify()
         second = graph.trigger(f'{node.name}/identify')
         assert not second.success
@@ -141,28 +144,34 @@ def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, t
         (k_v,) = graph.get(target, 'cylinder_a.k_v')
         assert k_v == pytest.approx(np.interp(file['setpoints'], TABLE_1.setpoints, TABLE_1.k_v))
         assert graph.get(target, 'cylinder_b.k_x') == [TABLE_1.k_x.tolist()]
+        assert graph.get(target, *switches) == [False, True, True], 'off where it is not in what was identified'
         graph.set(node.name, apply_to='')
         node.identify()  # it can be asked again
-        node.status('done: ')
+        node.status(f'done; see {output}/report.json')
 
 
 def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(graph: Graph, bag: Path, tmp_path: Path) -> None:
     namespace = unique_namespace()
 
-    def serve(name: str, values: int) -> None:
+    def serve(name: str, *parameters: str) -> None:
+        def list_(_: object, response: ListParameters.Response) -> ListParameters.Response:
+            response.result.names = list(parameters)
+            return response
+
         def get(request: GetParameters.Request, response: GetParameters.Response) -> GetParameters.Response:
-            response.values = [ParameterValue(type=8, double_array_value=[1.0])] * min(values, len(request.names))
+            response.values = [ParameterValue(type=8, double_array_value=[1.0])] * len(request.names)
             return response
 
         def refuse(_: object, response: SetParametersAtomically.Response) -> SetParametersAtomically.Response:
             response.result.reason = 'not today'
             return response
 
+        graph.node.create_service(ListParameters, f'{namespace}/{name}/list_parameters', list_)
         graph.node.create_service(GetParameters, f'{namespace}/{name}/get_parameters', get)
         graph.node.create_service(SetParametersAtomically, f'{namespace}/{name}/set_parameters_atomically', refuse)
 
-    serve('stubborn', 100)
-    serve('stranger', 0)
+    serve('stubborn', 'ambient_pressure', *(f'cylinder_a.{name}' for name in ('setpoints', *NAMES)))
+    serve('stranger', 'use_sim_time')
     with identifier(graph, bags=listed(bag), output_dir=tmp_path) as node:
         for target, words in (
             ('stubborn', f'{namespace}/stubborn refused the parameters: not today'),

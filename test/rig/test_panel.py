@@ -19,6 +19,7 @@ from cfd_pneumatic.rig.panel import (
     draw_textbook,
     force_baseline_rmse,
     force_oracle_rmse,
+    oracle_residual,
     oracle_rmse,
     strengths,
 )
@@ -179,6 +180,14 @@ def test_the_oracle_of_a_long_recording_leaves_the_noise() -> None:
     assert oracle_rmse(FOLLOWING) == pytest.approx(FLOOR, rel=0.03)
     for seed in range(3):
         assert oracle_rmse(draw(None, 'out_and_back', seed)) == pytest.approx(FLOOR, rel=0.1)
+
+
+def test_the_oracles_residual_gives_the_floor_of_a_part() -> None:
+    residual = oracle_residual(FOLLOWING)
+    assert residual.shape == FOLLOWING.recording.times.shape
+    assert np.sqrt(np.mean(residual**2)) == pytest.approx(oracle_rmse(FOLLOWING))
+    for part in np.array_split(residual, 3):
+        assert np.sqrt(np.mean(part**2)) == pytest.approx(FLOOR, rel=0.05)
 
 
 @pytest.mark.parametrize('noise', ['white', 'coloured', 'quantised'])

@@ -22,5 +22,6 @@ EFFECT = Effect(
     description='the displacement sensor is a first-order lag',
     parameters=(EffectParameter('lag', 's', 0.0, 1.0, 0.0, 'time constant'),),
     starts=starts,
+    shown_by='fast strokes, sampled at 500 Hz or more',
     rank=40,
 )

@@ -37,6 +37,7 @@ EFFECT = Effect(
         EffectParameter('lag', 's', 1e-3, 1e2, 1.0, 'time constant', logarithmic=True),
     ),
     starts=starts,
+    shown_by='large steps of the set-point, up and down',
     fastest=fastest,
     states=1,
     follows='flow',

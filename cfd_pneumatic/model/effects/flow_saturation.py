@@ -34,5 +34,6 @@ EFFECT = Effect(
         EffectParameter('exhaust', 'Pa/s', 1.0, NEVER, NEVER, 'largest rate while exhausting', logarithmic=True),
     ),
     starts=starts,
+    shown_by='large steps of the set-point, up and down',
     rank=60,
 )

@@ -22,5 +22,6 @@ EFFECT = Effect(
     description="the force sensor's zero is off",
     parameters=(EffectParameter('offset', 'N', -1e4, 1e4, 0.0, 'reading without load'),),
     starts=starts,
+    shown_by='rest at two set-points well apart',
     rank=90,
 )

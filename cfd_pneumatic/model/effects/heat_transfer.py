@@ -42,6 +42,7 @@ EFFECT = Effect(
     description='adiabatic changes of pressure relax to isothermal',
     parameters=(EffectParameter('loss', '1/s', 0.0, 1e3, 0.0, 'inverse of the time constant m c_v / (h A)'),),
     starts=starts,
+    shown_by='large steps of the set-point, up and down',
     fastest=fastest,
     states=1,
     follows='chamber',

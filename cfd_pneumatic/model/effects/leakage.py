@@ -36,5 +36,6 @@ EFFECT = Effect(
         EffectParameter('orifice', '-', 0.0, 1.0, 0.0, '0: laminar, 1: an orifice, choked as ISO 6358', choice=True),
     ),
     starts=starts,
+    shown_by='rest at two set-points well apart',
     moves_rest=True,
 )

@@ -46,6 +46,7 @@ EFFECT = Effect(
         EffectParameter('damping', '-', 1e-3, 0.7, 0.7, 'damping ratio', logarithmic=True),
     ),
     starts=starts,
+    shown_by='abrupt strokes and steps of the set-point, sampled at 1 kHz or more',
     fastest=fastest,
     states=2,
     follows='signal',

@@ -8,7 +8,7 @@ from cfd_pneumatic.model.kernel import kernel
 NONE = 1e-5
 """Resistance below which there is none [s]."""
 
-QUICKEST = 1e-4
+QUICKEST = 3e-4
 """Time in which the outlet's volume fills at least; below, it is as good as filled at once [s]."""
 
 
@@ -53,6 +53,7 @@ EFFECT = Effect(
         EffectParameter('volume', '-', 1e-3, 1.0, 0.05, "of the regulator's outlet, in chambers", logarithmic=True),
     ),
     starts=starts,
+    shown_by='large steps of the set-point, up and down',
     fastest=fastest,
     states=1,
     follows='flow',

@@ -23,6 +23,7 @@ EFFECT = Effect(
     description='backlash between the measured displacement and the piston',
     parameters=(EffectParameter('width', 'm', 0.0, 0.1, 0.0, 'half of the backlash'),),
     starts=starts,
+    shown_by='many small strokes with reversals',
     states=1,
     follows='displacement',
     rank=60,

@@ -35,5 +35,6 @@ EFFECT = Effect(
         EffectParameter('inclination', 'rad', -1.6, 1.6, 0.0, 'of +x above the horizontal', choice=True),
     ),
     starts=starts,
+    shown_by='fast strokes, sampled at 500 Hz or more',
     rank=20,
 )

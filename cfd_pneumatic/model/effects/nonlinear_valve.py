@@ -31,5 +31,6 @@ EFFECT = Effect(
     description="flow is a power of the valve's error",
     parameters=(EffectParameter('exponent', '-', 0.2, 3.0, 1.0, 'of the error'),),
     starts=starts,
+    shown_by='steps of the set-point, large and small',
     rank=70,
 )

@@ -45,5 +45,6 @@ EFFECT = Effect(
         EffectParameter('exponent', '-', -1.0, 4.0, 1.0, 'of absolute pressure in K_v'),
     ),
     starts=starts,
+    shown_by='strokes at two set-points well apart',
     rank=30,
 )

@@ -53,5 +53,6 @@ EFFECT = Effect(
         ),
     ),
     starts=starts,
+    shown_by='strokes from end to end at two set-points, with a rest at each end',
     moves_rest=True,
 )

@@ -46,6 +46,7 @@ EFFECT = Effect(
         ),
     ),
     starts=starts,
+    shown_by='slow strokes with reversals, at two set-points well apart',
     states=1,
     follows='motion',
     rank=30,

@@ -37,6 +37,7 @@ EFFECT = Effect(
     description='the pressure sensor is a first-order lag',
     parameters=(EffectParameter('lag', 's', SHORTEST, 1.0, SHORTEST, 'time constant', logarithmic=True),),
     starts=starts,
+    shown_by='fast strokes, sampled at 500 Hz or more',
     fastest=fastest,
     states=1,
     follows='signal',

@@ -23,5 +23,6 @@ EFFECT = Effect(
     description='the set-point moves linearly with time',
     parameters=(EffectParameter('rate', 'Pa/s', -1e5, 1e5, 0.0, 'of the drift'),),
     starts=starts,
+    shown_by='a long recording at one set-point',
     rank=30,
 )

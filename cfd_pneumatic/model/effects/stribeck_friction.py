@@ -33,5 +33,6 @@ EFFECT = Effect(
         EffectParameter('speed', 'm/s', 1e-5, 1.0, 1e-2, 'speed at which it is largest', logarithmic=True),
     ),
     starts=starts,
+    shown_by='strokes at several speeds, from very slow to fast',
     rank=40,
 )

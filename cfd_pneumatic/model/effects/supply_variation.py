@@ -30,5 +30,6 @@ EFFECT = Effect(
         EffectParameter('frequency', 'Hz', 1e-2, 3.0, 1.0, 'of the supply', logarithmic=True),
     ),
     starts=starts,
+    shown_by='a long recording at one set-point',
     rank=40,
 )

@@ -6,8 +6,8 @@ from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return the delay at which the pressure looks most like the simulated one, and a sample either way of it."""
-    return [(data['lag'] + part * data['period'],) for part in (0.0, -1.0, 1.0)]
+    """Return the delay at which the pressure looks most like the simulated one, and a sample either way."""
+    return [(data['lag'],), (data['period'],), (-data['period'],)]
 
 
 EFFECT = Effect(
@@ -15,5 +15,6 @@ EFFECT = Effect(
     description='dead time of the pressure against displacement and set-point, either sign',
     parameters=(EffectParameter('delay', 's', -0.5, 0.5, 0.0, 'by which the pressure is read later'),),
     starts=starts,
+    shown_by='fast strokes, sampled at 500 Hz or more',
     delays=True,
 )

@@ -26,6 +26,7 @@ EFFECT = Effect(
     description='no flow while the error is within a band',
     parameters=(EffectParameter('band', 'Pa', 0.0, 1e5, 0.0, 'half width of the band'),),
     starts=starts,
+    shown_by='strokes out and back, with a rest after each',
     rests_anywhere=True,
     rank=60,
 )

@@ -22,6 +22,7 @@ EFFECT = Effect(
     description='the valves follow the error with play',
     parameters=(EffectParameter('width', 'Pa', 0.0, 1e5, 0.0, 'half width of the play'),),
     starts=starts,
+    shown_by='many small strokes with reversals',
     states=1,
     follows='error',
     rests_anywhere=True,

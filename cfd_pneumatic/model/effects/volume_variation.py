@@ -32,5 +32,6 @@ EFFECT = Effect(
     description="the chamber's volume changes with displacement, and all gains with it",
     parameters=(EffectParameter('slope', '1/m', -1e3, 1e3, 0.0, 'A / V0: change of volume with displacement'),),
     starts=starts,
+    shown_by='strokes over the whole travel',
     rank=20,
 )

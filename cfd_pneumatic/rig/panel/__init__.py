@@ -15,7 +15,13 @@ twin.
 """
 
 from cfd_pneumatic.rig.panel.drawing import NOISES, Draw, PanelRecording, PanelTruth, draw, draw_textbook
-from cfd_pneumatic.rig.panel.floors import baseline_rmse, force_baseline_rmse, force_oracle_rmse, oracle_rmse
+from cfd_pneumatic.rig.panel.floors import (
+    baseline_rmse,
+    force_baseline_rmse,
+    force_oracle_rmse,
+    oracle_residual,
+    oracle_rmse,
+)
 from cfd_pneumatic.rig.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_FORCE, describe
 from cfd_pneumatic.rig.panel.textbook import Gains
 
@@ -35,5 +41,6 @@ __all__ = [
     'draw_textbook',
     'force_baseline_rmse',
     'force_oracle_rmse',
+    'oracle_residual',
     'oracle_rmse',
 ]

@@ -20,12 +20,17 @@ from cfd_pneumatic.rig.schedule import Schedule
 
 def oracle_rmse(draw: Draw) -> float:
     """Return the RMSE of cylinder A's pressure against the true device driven by the measured displacement [Pa]."""
-    return _pressure_rmse(draw, draw.truth.device)
+    return _rms(oracle_residual(draw))
+
+
+def oracle_residual(draw: Draw) -> NDArray[np.float64]:
+    """Return what the true device, driven by the measured displacement, leaves of cylinder A's pressure [Pa], (n,)."""
+    return _pressure_residual(draw, draw.truth.device)
 
 
 def baseline_rmse(draw: Draw) -> float:
     """Return the same against the device without its effects [Pa]."""
-    return _pressure_rmse(draw, draw.truth.healthy)
+    return _rms(_pressure_residual(draw, draw.truth.healthy))
 
 
 def force_oracle_rmse(draw: Draw) -> float:
@@ -57,8 +62,8 @@ def predict(device: Specimen | Gains, recording: PanelRecording, schedule: Sched
     return at_times(device.clock.sampled(recording.times), arrived)[:, 0]
 
 
-def _pressure_rmse(draw: Draw, device: Specimen | Gains) -> float:
-    return _rms(draw.recording.pressures[:, 0] - predict(device, draw.recording, draw.truth.schedule))
+def _pressure_residual(draw: Draw, device: Specimen | Gains) -> NDArray[np.float64]:
+    return draw.recording.pressures[:, 0] - predict(device, draw.recording, draw.truth.schedule)
 
 
 def _thrust(pressures: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,242 @@
+"""
+Which effects a model lacks, judged by the residual: one search, whatever the model and the effects are of.
+
+Every effect is fitted beside the model to the train part; the best that is worth its parameters is added, and so on.
+What is worth it: the Bayesian information criterion of the whitened residual, the error on the validation part, the
+drop of the residual's sum of squares. Then effects that are not needed any more are taken out, and each is tried
+against its rivals. The test part is never looked at.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.identification.colour import autoregression, independent_share, whitened
+
+Array = NDArray[np.float64]
+
+LARGEST_EXPLAINED = 1.03
+"""Residual over noise at which no further effect is looked for [-]."""
+
+STRENGTH = 5.0
+"""Of an effect that a recording should show, in standard deviations of the noise [-]."""
+
+SHOWN = 0.57
+"""What it has to leave of itself beside the model's parameters, in the same: what raises the error by 15 % [-]."""
+
+_LEAST_BIC = 10.0  # by which an effect must lower the criterion
+_LEAST_BIC_UNSEEN = 20.0  # where there is no validation part to agree
+_LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by each further one
+_BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
+_TIE = 10.0  # rivals within so much of the criterion can't be told apart
+_MOST_EFFECTS = 3
+_MOST_ALTERNATIVES = 2
+_ROUNDS = 2  # of trying rivals
+_RIVALS = 4  # that are tried in an effect's place
+
+
+@dataclass(frozen=True)
+class Trial:
+    """
+    One effect that was tried.
+
+    Attributes
+    ----------
+    effect
+        Its name.
+    delta_bic
+        By how much it lowers the criterion.
+    rss_drop
+        Share of the train part's sum of squares that it takes.
+    validation_rmse
+        Error on the validation part with it [Pa or N]; None where there is no such part.
+    accepted
+        Whether it was added.
+    why
+        Why, or why not.
+
+    """
+
+    effect: str
+    delta_bic: float
+    rss_drop: float
+    validation_rmse: float | None
+    accepted: bool
+    why: str
+
+
+class Candidate(Protocol):
+    """A model with some effects, fitted to the train part."""
+
+    @property
+    def effects(self) -> Mapping[str, Sequence[float]]:
+        """Its effects, in the order in which they were added."""
+
+    @property
+    def residuals(self) -> Sequence[Array]:
+        """What it leaves of the train part of each experiment, weighted."""
+
+    @property
+    def rss(self) -> float:
+        """Their sum of squares."""
+
+    @property
+    def unknowns(self) -> int:
+        """How many numbers were fitted."""
+
+
+Model = TypeVar('Model', bound=Candidate)
+
+
+@dataclass(frozen=True)
+class Found(Generic[Model]):
+    """
+    Effects that were found.
+
+    Attributes
+    ----------
+    model
+        The model with them.
+    alternatives
+        For each effect those that the data can't tell from it, at most two.
+    tried
+        Every effect that was tried, in the order of the search.
+
+    """
+
+    model: Model
+    alternatives: Mapping[str, tuple[str, ...]]
+    tried: tuple[Trial, ...]
+
+
+class EffectSearch(ABC, Generic[Model]):
+    """The search for missing effects; how models with effects are fitted is for its subclasses to say."""
+
+    def __init__(self, names: Sequence[str], samples: int) -> None:
+        self.names = names
+        self.samples = samples
+        self.trials: list[Trial] = []
+
+    @abstractmethod
+    def extensions(self, model: Model, names: Sequence[str]) -> dict[str, Model]:
+        """Return a model with one more effect, for each of some names."""
+
+    @abstractmethod
+    def without(self, model: Model, name: str) -> Model:
+        """Return a model with one effect less."""
+
+    @abstractmethod
+    def validation_rmse(self, model: Model) -> float | None:
+        """Return a model's error on the validation part; None where there is no such part."""
+
+    @abstractmethod
+    def resting_colour(self, model: Model) -> Array:
+        """Return the colour of the noise at rest, as a model leaves it, as in `colour.autoregression`."""
+
+    @abstractmethod
+    def is_explained(self, model: Model) -> bool:
+        """Return whether what a model leaves of train and validation is noise, in kind and in size."""
+
+    def criterion(self, model: Model, colour: Array) -> float:
+        """Return the Bayesian information criterion of a model at a colour of noise."""
+        rss = sum(float(np.sum(whitened(residual, colour) ** 2)) for residual in model.residuals)
+        return self.samples * math.log(max(rss, 1e-300)) + model.unknowns * math.log(self.samples)
+
+    def evidence(self, model: Model, candidate: Model) -> float:
+        """
+        Return by how much a candidate lowers the criterion where noise of its colour at rest counts for less.
+
+        A slow effect, a sine for one, suits slow noise too, and whitening alone doesn't see that.
+        """
+        samples = self.samples * independent_share(self.resting_colour(candidate))
+        more = candidate.unknowns - model.unknowns
+        return samples * math.log(model.rss / max(candidate.rss, 1e-300)) - more * math.log(samples)
+
+    def search(self, model: Model) -> Found[Model]:
+        """Add what is worth it, take out what is not needed any more, and try each effect against its rivals."""
+        ranking: dict[str, list[str]] = {}
+        while len(model.effects) < _MOST_EFFECTS and not (model.effects and self.is_explained(model)):
+            added, ranked = self.step(model)
+            if added is None:
+                break
+            name = list(added.effects)[-1]
+            ranking[name] = [other for other in ranked if other != name][:_RIVALS]
+            model = self.pruned(added)
+        model, alternatives = self.challenged(model, ranking)
+        return Found(model, alternatives, tuple(self.trials))
+
+    def step(self, model: Model) -> tuple[Model | None, list[str]]:
+        """Try every effect beside a model; return the model with the best that is worth it, and all names by rank."""
+        candidates = self.extensions(model, [name for name in self.names if name not in model.effects])
+        colour = autoregression(min((*candidates.values(), model), key=lambda one: one.rss).residuals)
+        before = self.criterion(model, colour)
+        after = {name: self.criterion(one, colour) for name, one in candidates.items()}
+        ranked = sorted(after, key=lambda name: after[name])
+        reference = self.validation_rmse(model)
+        chosen = None
+        for name in ranked:
+            candidate = candidates[name]
+            gain = min(before - after[name], self.evidence(model, candidate))
+            drop = 1.0 - candidate.rss / model.rss
+            validation = self.validation_rmse(candidate)
+            reason = objection(gain, drop, len(model.effects), validation, reference)
+            if reason is None and chosen is None:
+                chosen = candidate
+                self.trials.append(Trial(name, gain, drop, validation, True, 'lowers the criterion most'))
+            else:
+                why = reason or 'worth it, but another lowers the criterion more'
+                self.trials.append(Trial(name, gain, drop, validation, False, why))
+        return chosen, ranked
+
+    def pruned(self, model: Model) -> Model:
+        """Return a model without the effects that it does not need any more, the last one apart."""
+        for name in list(model.effects)[:-1]:
+            fewer = self.without(model, name)
+            colour = autoregression(model.residuals)
+            gain = self.criterion(fewer, colour) - self.criterion(model, colour)
+            if objection(gain, 1.0 - model.rss / fewer.rss, 1, self.validation_rmse(model), math.inf) is not None:
+                model = fewer
+        return model
+
+    def challenged(
+        self, model: Model, ranking: Mapping[str, Sequence[str]]
+    ) -> tuple[Model, Mapping[str, tuple[str, ...]]]:
+        """Try rivals in each effect's place; return the best model, and for each effect those that do as well."""
+        for _ in range(_ROUNDS):
+            colour = autoregression(model.residuals)
+            own = self.criterion(model, colour)
+            alternatives: dict[str, tuple[str, ...]] = {}
+            better: tuple[float, Model] | None = None
+            for name in model.effects:
+                rest = self.without(model, name)
+                rivals = self.extensions(rest, [rival for rival in ranking.get(name, ()) if rival not in model.effects])
+                gains = {rival: own - self.criterion(one, colour) for rival, one in rivals.items()}
+                ties = sorted((rival for rival in gains if gains[rival] > -_TIE), key=lambda rival: -gains[rival])
+                alternatives[name] = tuple(ties[:_MOST_ALTERNATIVES])
+                if ties and gains[ties[0]] > (better[0] if better else _BETTER):
+                    better = gains[ties[0]], rivals[ties[0]]
+            if better is None:
+                return model, alternatives
+            replaced = set(model.effects) - set(better[1].effects)
+            newcomer = list(better[1].effects)[-1]
+            ranking = {**ranking, newcomer: [*replaced, *ranking.get(replaced.pop(), ())]}
+            model = better[1]
+        return model, alternatives
+
+
+def objection(gain: float, drop: float, rank: int, validation: float | None, reference: float | None) -> str | None:
+    """Return why an effect is not worth adding to `rank` others, or None."""
+    if gain <= (_LEAST_BIC if validation is not None else _LEAST_BIC_UNSEEN):
+        return 'not worth its parameters'
+    if drop < _LEAST_DROP[min(rank, 1)]:
+        return f'takes less than {100 * _LEAST_DROP[min(rank, 1)]:.0f} % of the residual'
+    if validation is not None and reference is not None and validation >= reference:
+        return 'no better on the validation part'
+    return None

@@ -1,0 +1,107 @@
+"""What closing the loop comes to: the verdict in a sentence, and the errors before and after on the test part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.identification.residuals import Test, explained
+from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.model.effects import Effect
+
+Array = NDArray[np.float64]
+Parts = NDArray[np.int8]
+
+VERDICTS = ('effect_added', 'no_missing_effect', 'unexplained', 'insufficient_data')
+"""What the loop may end with."""
+
+_FEWEST_SAMPLES = 100  # of the train part: below, a dozen unknowns and a noise floor are not to be told apart
+_BLOCKS = 20
+_RESAMPLINGS = 2000
+_SEED = 2
+
+
+@dataclass(frozen=True)
+class PartError:
+    """Error on one part: RMSE [Pa or N], and as percent of the measured span p99 - p1."""
+
+    rmse: float
+    nrmse_percent: float
+
+
+def part_errors(measured: Sequence[Array], simulated: Sequence[Array], parts: Sequence[Parts]) -> dict[str, PartError]:
+    """Return the error on each part that has samples, by its name, of all experiments together."""
+    span = float(np.mean([np.ptp(np.percentile(one, [1.0, 99.0])) for one in measured]))
+    residuals, part = np.concatenate(measured) - np.concatenate(simulated), np.concatenate(parts)
+    errors = {}
+    for index, name in enumerate(PARTS):
+        if np.any(part == index):
+            rmse = math.sqrt(float(np.mean(residuals[part == index] ** 2)))
+            errors[name] = PartError(rmse, 100.0 * rmse / span)
+    return errors
+
+
+def compared(
+    measured: Sequence[Array], before: Sequence[Array], after: Sequence[Array], parts: Sequence[Parts]
+) -> tuple[float, tuple[float, float]]:
+    """
+    Return the ratio of the errors on the test part, and its 95 % interval by a block bootstrap (Kuensch, 1989).
+
+    On all samples where there is no test part.
+    """
+    judged = np.concatenate(parts) == PARTS.index('test')
+    if not np.any(judged):
+        judged[:] = True
+    squares = [(np.concatenate(measured) - np.concatenate(one))[judged] ** 2 for one in (before, after)]
+    edges = np.linspace(0, squares[0].size, min(_BLOCKS, squares[0].size) + 1).astype(np.intp)[:-1]
+    sums_before, sums_after = (np.add.reduceat(one, edges) for one in squares)
+    rng = np.random.default_rng(_SEED)
+    drawn = rng.integers(0, edges.size, (_RESAMPLINGS, edges.size))
+    ratios = np.sqrt(sums_after[drawn].sum(axis=1) / sums_before[drawn].sum(axis=1))
+    low, high = np.quantile(ratios, [0.025, 0.975])
+    return math.sqrt(float(squares[1].sum() / squares[0].sum())), (float(low), float(high))
+
+
+def shortage_of(parts: Sequence[Parts]) -> str | None:
+    """Return what the recordings lack for a search, or None."""
+    samples = sum(int(np.sum(part == PARTS.index('train'))) for part in parts)
+    if samples < _FEWEST_SAMPLES:
+        return f'{samples} samples to learn from are too few to tell effects apart: record at least {_FEWEST_SAMPLES}'
+    return None
+
+
+def verdict_of(
+    effects: Sequence[str],
+    alternatives: Mapping[str, Sequence[str]],
+    tests: Sequence[Test],
+    shortage: str | None,
+    ratio: float | None,
+) -> tuple[str, str]:
+    """Return the verdict and the sentence that says it."""
+    if shortage is not None:
+        return 'insufficient_data', shortage
+    named = ' and '.join(
+        name + (f' (or {" or ".join(alternatives[name])}: not to be told apart here)' if alternatives.get(name) else '')
+        for name in effects
+    )
+    falls = '' if ratio is None else f'; with it the error falls to {100.0 * ratio:.0f} %'
+    if not explained(tests):
+        failed = ', '.join(test.what for test in tests if test.decisive and not test.passed)
+        if effects:
+            return 'unexplained', f'the model lacks {named}{falls}, and something that is not known here ({failed})'
+        return 'unexplained', f'the model lacks something that is none of the effects known here ({failed})'
+    if effects:
+        return 'effect_added', f'the model lacks {named}{falls}, and what is left is noise'
+    return 'no_missing_effect', 'what the model leaves is noise: nothing is missing that these recordings could show'
+
+
+def next_experiment(hidden: Sequence[str], library: Mapping[str, Effect], shortage: str | None) -> str:
+    """Return what to record to see effects that did not show."""
+    if shortage is not None:
+        return 'several strokes out and back, of two sizes, at two set-points'
+    advice = list(dict.fromkeys(library[name].shown_by for name in hidden if library[name].shown_by))
+    return '; '.join(advice)

@@ -1,0 +1,25 @@
+"""What an identification says: data for programs, a parameter file, a page and tables for people, a bag for plots."""
+
+from cfd_pneumatic.reporting.console import print_report
+from cfd_pneumatic.reporting.data import report_data
+from cfd_pneumatic.reporting.folder import (
+    PAGE_FILE,
+    PARAMETER_FILE,
+    REPORT_FILE,
+    compare_files,
+    make_folder,
+    write_report,
+)
+from cfd_pneumatic.reporting.parameters import parameter_file
+
+__all__ = [
+    'PAGE_FILE',
+    'PARAMETER_FILE',
+    'REPORT_FILE',
+    'compare_files',
+    'make_folder',
+    'parameter_file',
+    'print_report',
+    'report_data',
+    'write_report',
+]

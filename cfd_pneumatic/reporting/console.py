@@ -1,0 +1,158 @@
+"""Tables and verdicts for the terminal, the paper's units beside SI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from cfd_pneumatic.identification.fit import Fit
+from cfd_pneumatic.identification.identify import CylinderResult, Identification
+from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.model import NAMES, SPECS
+from cfd_pneumatic.reporting.outcome import Outcome, outcomes, rounds
+from cfd_pneumatic.reporting.wording import percent, sentence, verdict
+from cfd_pneumatic.units import PSI
+
+_STYLES = {'effect_added': 'bold cyan', 'no_missing_effect': 'bold green', 'unexplained': 'bold yellow'}
+_LEAST_BIC = 0.0  # effects that do not lower the criterion stand in the report alone
+
+
+def print_report(identification: Identification, console: Console) -> None:
+    """Print tables of parameters and errors, the paper's units beside SI."""
+    for recording in identification.recordings:
+        for note in _merged(recording.health):
+            console.print(f'{recording.name}: {note}', style='yellow', highlight=False)
+    for cylinder, result in identification.cylinders.items():
+        for point in result.schedule:
+            console.print(_parameter_table(cylinder, point.setpoint, point.fit))
+        for note in result.notes:
+            console.print(note, style='yellow', highlight=False)
+        console.print(_error_table(cylinder, result))
+    if identification.no_test is not None:
+        console.print(f'No test part: {identification.no_test}.', highlight=False)
+    for outcome in outcomes(identification):
+        _print_outcome(outcome, console)
+
+
+def _print_outcome(outcome: Outcome, console: Console) -> None:
+    """Print what closing the loop brought."""
+    findings = outcome.findings
+    style = _STYLES.get(findings.verdict, 'bold')
+    console.print()
+    console.print(
+        f'[{style}]{outcome.name}: {verdict(findings.verdict)}.[/] {escape(sentence(findings.why))}', highlight=False
+    )
+    if findings.effects:
+        console.print(_effect_table(outcome))
+    if findings.tried:
+        console.print(_trial_table(outcome))
+    if findings.next_experiment:
+        console.print(f'To see more, record: {findings.next_experiment}.', highlight=False, markup=False)
+
+
+def _effect_table(outcome: Outcome) -> Table:
+    """Return the parameters of the effects that were found, and the error before and after."""
+    table = Table(title=f'{outcome.name}: effects', title_justify='left')
+    for heading in ('effect', 'parameter', 'value', '95 % interval', 'unit'):
+        table.add_column(heading, justify='right' if heading in ('value', '95 % interval') else 'left')
+    for effect in outcome.findings.effects:
+        for rank, (name, estimate) in enumerate(outcome.parameters(effect).items()):
+            value = 'not identifiable' if estimate.value is None else f'{estimate.value:.4g}'
+            interval = (
+                '' if estimate.interval is None or not estimate.std else '{:.4g} to {:.4g}'.format(*estimate.interval)
+            )
+            table.add_row('' if rank else effect, name, value, interval, estimate.unit)
+    table.caption = _before_and_after(outcome)
+    table.caption_justify = 'left'
+    return table
+
+
+def _before_and_after(outcome: Outcome) -> str:
+    unit = outcome.quantity.small.unit
+    where = 'on the test part' if outcome.judged_on == 'test' else 'on all samples'
+    text = f'error {where}: {outcome.rmse("before"):.4g} {unit} before, {outcome.rmse("after"):.4g} {unit} after'
+    if outcome.findings.ratio is not None and outcome.findings.ratio_interval is not None:
+        low, high = outcome.findings.ratio_interval
+        text += f': {percent(outcome.findings.ratio)} (95 %: {percent(low)} to {percent(high)})'
+    return text
+
+
+def _trial_table(outcome: Outcome) -> Table:
+    """Return the effects that were tried and had something to them, a section for each round."""
+    table = Table(title=f'{outcome.name}: effects that were tried', title_justify='left')
+    for heading in ('effect', 'RSS drop', 'delta BIC', f'validation, {outcome.quantity.small.unit}', 'added', 'why'):
+        table.add_column(heading, justify='left' if heading in ('effect', 'added', 'why') else 'right')
+    shown = 0
+    for one in rounds(outcome.findings.tried):
+        telling = [trial for trial in one.trials if trial.accepted or trial.delta_bic > _LEAST_BIC]
+        shown += len(telling)
+        for trial in telling:
+            table.add_row(
+                trial.effect,
+                percent(trial.rss_drop),
+                f'{trial.delta_bic:.0f}',
+                '' if trial.validation_rmse is None else f'{trial.validation_rmse / outcome.quantity.small.si:.4g}',
+                'yes' if trial.accepted else 'no',
+                trial.why,
+                end_section=trial is telling[-1],
+            )
+    rest = len(outcome.findings.tried) - shown
+    if rest:
+        table.caption = f'{rest} more that explain nothing: in the report'
+        table.caption_justify = 'left'
+    return table
+
+
+def _merged(notes: Sequence[str]) -> list[str]:
+    """Return notes of the form 'signal: what' with the signals that share one gathered in front of it."""
+    signals: dict[str, list[str]] = {}
+    for note in notes:
+        signal, _, what = note.rpartition(': ')
+        signals.setdefault(what, []).append(signal)
+    return [f'{", ".join(names)}: {what}' if any(names) else what for what, names in signals.items()]
+
+
+def _parameter_table(cylinder: str, setpoint: float, fit: Fit) -> Table:
+    title = f'{cylinder} at {setpoint / 1e3:.1f} kPa ({setpoint / PSI:.2f} psi) gauge'
+    table = Table(title=title, title_justify='left')
+    for heading in ('parameter', 'value', 'standard error', '95 % interval', 'unit', "in the paper's unit"):
+        table.add_column(heading, justify='left' if heading in ('parameter', 'unit') else 'right')
+    for spec, estimate in zip(SPECS, fit.estimates):
+        if estimate.value is None or estimate.std is None or estimate.interval is None:
+            table.add_row(spec.name, 'not identifiable', '', '', '', '')
+            continue
+        low, high = estimate.interval
+        table.add_row(
+            spec.name,
+            f'{estimate.value:.4g}',
+            f'{estimate.std:.2g}',
+            f'{low:.4g} to {high:.4g}',
+            spec.unit,
+            f'{estimate.value / spec.paper_factor:.4g} {spec.paper_unit}',
+        )
+    reasons = [f'{name}: {estimate.reason}' for name, estimate in zip(NAMES, fit.estimates) if estimate.reason]
+    if reasons:
+        table.caption = '\n'.join(reasons)
+        table.caption_justify = 'left'
+    return table
+
+
+def _error_table(cylinder: str, result: CylinderResult) -> Table:
+    table = Table(title=f'{cylinder}: simulated against measured pressure', title_justify='left')
+    for heading in ('part', 'samples', 'RMSE, Pa', 'RMSE, mpsi', 'NRMSE, % of span'):
+        table.add_column(heading, justify='left' if heading == 'part' else 'right')
+    for index, part in enumerate(PARTS):
+        error = result.before.get(part)
+        if error is not None:
+            count = sum(int((experiment.part == index).sum()) for experiment in result.experiments)
+            table.add_row(
+                part, str(count), f'{error.rmse:.1f}', f'{1e3 * error.rmse / PSI:.1f}', f'{error.nrmse_percent:.2f}'
+            )
+    table.caption = (
+        f'span p99 - p1: {result.span:.0f} Pa ({result.span / PSI:.3f} psi); noise floor {result.noise_floor:.1f} Pa'
+    )
+    table.caption_justify = 'left'
+    return table

@@ -1,0 +1,158 @@
+"""`report.json`: strict JSON, numbers in SI units, null where there is none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from cfd_pneumatic.identification import CylinderResult, Estimate, Identification, PartError
+from cfd_pneumatic.identification.residuals import Test
+from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.reporting.outcome import Outcome, outcomes
+
+SCHEMA = 1
+
+
+def report_data(identification: Identification) -> dict[str, Any]:
+    """Return the report as JSON types."""
+    found = {outcome.name: outcome for outcome in outcomes(identification)}
+    data = {
+        'schema': SCHEMA,
+        'recordings': [
+            {
+                'name': recording.name,
+                'displacement_samples': recording.displacement.times.size,
+                'duration_s': float(recording.displacement.times[-1] - recording.displacement.times[0]),
+                'notes': list(recording.health),
+            }
+            for recording in identification.recordings
+        ],
+        'split': {
+            'no_test_part': identification.no_test,
+            'recordings': [
+                {
+                    'part': split.whole,
+                    'validation_from_s': _finite(split.bounds[0]),
+                    'test_from_s': _finite(split.bounds[1]),
+                    'strokes': dict(zip(PARTS, split.strokes)),
+                }
+                for split in identification.splits
+            ],
+        },
+        'ambient_pressure_pa': identification.ambient_pressure,
+        'cylinders': {
+            name: _cylinder_data(result) | (_findings_data(found[name]) if name in found else {})
+            for name, result in identification.cylinders.items()
+        },
+    }
+    if 'force' in found:
+        data['force'] = _force_data(found['force'])
+    return data
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def _cylinder_data(result: CylinderResult) -> dict[str, Any]:
+    return {
+        'parameters': _gain_data(result.fit.estimates),
+        'schedule': [
+            {'setpoint_pa': point.setpoint, 'parameters': _gain_data(point.fit.estimates)} for point in result.schedule
+        ],
+        'setpoints': [
+            {
+                'recording': experiment.recording,
+                'recorded': experiment.setpoint_recorded,
+                ('offset_pa' if experiment.setpoint_recorded else 'estimated_pa'): (
+                    offset if experiment.setpoint_recorded else float(experiment.setpoint[0]) + offset
+                ),
+                'std_pa': std,
+                'displacement_noise_m': experiment.motion.noise,
+            }
+            for experiment, offset, std in zip(result.experiments, result.fit.offsets, result.fit.offset_stds)
+        ],
+        'span_pa': result.span,
+        'noise_floor_pa': result.noise_floor,
+        'before': _error_data(result.before, 'pa'),
+        'notes': list(result.notes),
+    }
+
+
+def _error_data(errors: Mapping[str, PartError], key: str) -> dict[str, Any]:
+    return {part: {f'rmse_{key}': error.rmse, 'nrmse_percent': error.nrmse_percent} for part, error in errors.items()}
+
+
+def _gain_data(estimates: Sequence[Estimate]) -> dict[str, Any]:
+    return _estimate_data({estimate.name: estimate for estimate in estimates})
+
+
+def _estimate_data(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {
+        name: {
+            'value': estimate.value,
+            'std': estimate.std,
+            'ci95': None if estimate.interval is None else list(estimate.interval),
+            'unit': estimate.unit,
+            'identifiable': estimate.identifiable,
+            'reason': estimate.reason,
+        }
+        for name, estimate in estimates.items()
+    }
+
+
+def _force_data(outcome: Outcome) -> dict[str, Any]:
+    key = outcome.quantity.key
+    return {f'span_{key}': outcome.span, 'before': _error_data(outcome.before, key), **_findings_data(outcome)}
+
+
+def _findings_data(outcome: Outcome) -> dict[str, Any]:
+    """Return what closing the loop brought."""
+    findings = outcome.findings
+    key = outcome.quantity.key
+    return {
+        'verdict': findings.verdict,
+        'why': findings.why,
+        'effects': list(findings.effects),
+        'effect_parameters': {effect: _estimate_data(outcome.parameters(effect)) for effect in findings.effects},
+        'parameters_after': _gain_data(outcome.gains),
+        'alternatives': {effect: list(findings.alternatives.get(effect, ())) for effect in findings.effects},
+        'after': _error_data(outcome.after, key),
+        'after_over_before': _ratio_data(outcome),
+        'tried': [
+            {
+                'effect': trial.effect,
+                'delta_bic': _finite(trial.delta_bic),
+                'rss_drop': _finite(trial.rss_drop),
+                f'validation_rmse_{key}': _finite(trial.validation_rmse),
+                'accepted': bool(trial.accepted),
+                'why': trial.why,
+            }
+            for trial in findings.tried
+        ],
+        'residual_tests': {'before': _test_data(findings.tests_before), 'after': _test_data(findings.tests_after)},
+        'not_visible': list(findings.not_visible),
+        'next_experiment': findings.next_experiment,
+    }
+
+
+def _ratio_data(outcome: Outcome) -> dict[str, Any] | None:
+    ratio, interval = outcome.findings.ratio, outcome.findings.ratio_interval
+    if ratio is None:
+        return None
+    return {'ratio': ratio, 'ci95': None if interval is None else list(interval)}
+
+
+def _test_data(tests: Sequence[Test]) -> list[dict[str, Any]]:
+    return [
+        {
+            'name': test.name,
+            'statistic': _finite(test.statistic),
+            'threshold': _finite(test.threshold),
+            'passed': bool(test.passed),
+            'decisive': bool(test.decisive),
+            'what': test.what,
+        }
+        for test in tests
+    ]

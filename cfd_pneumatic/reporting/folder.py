@@ -1,0 +1,88 @@
+"""The folder of results: each file whole or not at all."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.files import write_text
+from cfd_pneumatic.identification import Identification
+from cfd_pneumatic.reporting.comparison import write_comparison
+from cfd_pneumatic.reporting.data import report_data
+from cfd_pneumatic.reporting.outcome import outcomes
+from cfd_pneumatic.reporting.parameters import parameter_file
+
+REPORT_FILE = 'report.json'
+PARAMETER_FILE = 'parameters.yaml'
+PAGE_FILE = 'report.html'
+COMPARE_FILE = 'compare.mcap'
+
+
+def write_report(identification: Identification, folder: Path) -> list[Path]:
+    """
+    Write the results into a folder, made if need be, and return the files; earlier ones stay until the new are whole.
+
+    `report.json` and `parameters.yaml` always; `report.html` and `compare.mcap` where the loop was closed. Where it was
+    not, earlier ones of these are removed: they would tell of another identification.
+
+    Raises
+    ------
+    InputError
+        If the folder can't be written.
+
+    """
+    make_folder(folder)
+    files = {
+        folder / REPORT_FILE: json.dumps(report_data(identification), indent=2, allow_nan=False) + '\n',
+        folder / PARAMETER_FILE: parameter_file(identification),
+    }
+    found = outcomes(identification)
+    if found:
+        from cfd_pneumatic.reporting.page import report_page  # with Matplotlib, whose import takes its time
+
+        files[folder / PAGE_FILE] = report_page(identification, found)
+    for path, text in files.items():
+        write_text(path, text)
+    compared = compare_files(identification, folder) if found else []
+    for index, path in enumerate(compared):
+        write_comparison(path, identification.recordings[index], index, found, identification.ambient_pressure)
+    _remove_outdated(folder, {*files, *compared})
+    return [*files, *compared]
+
+
+def compare_files(identification: Identification, folder: Path) -> list[Path]:
+    """Return the bag of each recording: `compare.mcap`, or `compare_1.mcap` and so on where there are several."""
+    count = len(identification.recordings)
+    base = Path(COMPARE_FILE)
+    if count == 1:
+        return [folder / base]
+    return [folder / f'{base.stem}_{rank}{base.suffix}' for rank in range(1, count + 1)]
+
+
+def _remove_outdated(folder: Path, written: set[Path]) -> None:
+    """Remove earlier results of the kinds that not every identification writes."""
+    base = Path(COMPARE_FILE)
+    for path in (folder / PAGE_FILE, folder / COMPARE_FILE, *folder.glob(f'{base.stem}_[0-9]*{base.suffix}')):
+        if path not in written and path.is_file():
+            path.unlink()
+
+
+def make_folder(folder: Path) -> None:
+    """
+    Make an output folder, so that a bad one is found before the work is done.
+
+    Raises
+    ------
+    InputError
+        If it can't be made or written.
+
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / '.writable', '')
+        (folder / '.writable').unlink()
+    except OSError as error:
+        raise InputError(
+            f'cannot write to {folder}: {error.strerror}; choose a folder that you may write to'
+        ) from error

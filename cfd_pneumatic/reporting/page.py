@@ -1,0 +1,162 @@
+"""`report.html`: one page that stands alone, for whoever runs the cell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from cfd_pneumatic import __version__
+from cfd_pneumatic.identification import Estimate, Identification, PartError
+from cfd_pneumatic.identification.residuals import Test
+from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.model import SPECS
+from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.reporting import figures, wording
+from cfd_pneumatic.reporting.outcome import Outcome, Round, rounds
+
+TEMPLATES = Path(__file__).parent / 'templates'
+TEMPLATE = 'report.html.jinja'
+
+_MOST_RECORDINGS = 6  # that are drawn whole
+_FORCE_PARAMETERS = {
+    'area': 'piston area',
+    'geometric_factor': 'contact force over piston force, from the linkage; as given',
+}
+_FIRST_TRIALS = 6  # of a round that are shown at once
+
+
+@dataclass(frozen=True)
+class Row:
+    """A parameter: without and with the effects."""
+
+    name: str
+    description: str
+    unit: str
+    before: Estimate | None
+    after: Estimate | None
+    choice: bool = False
+    paper_unit: str = ''
+    paper_factor: float = 1.0
+
+
+def report_page(identification: Identification, outcomes: Sequence[Outcome]) -> str:
+    """Return the page on what closing the loop brought."""
+    templates = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    templates.filters.update(
+        number=wording.number,
+        percent=wording.percent,
+        sentence=wording.sentence,
+        spoken=wording.spoken,
+        test_title=wording.test_title,
+        unit=wording.unit,
+        verdict=wording.verdict,
+    )
+    with figures.style():
+        sections = [_section(outcome) for outcome in outcomes]
+    page = templates.get_template(TEMPLATE).render(
+        version=__version__,
+        recordings=identification.recordings,
+        splits=identification.splits,
+        no_test=identification.no_test,
+        sections=sections,
+        parts=PARTS,
+        effects=EFFECTS,
+    )
+    return '\n'.join(line.rstrip() for line in page.splitlines() if line.strip()) + '\n'
+
+
+def _section(outcome: Outcome) -> dict[str, Any]:
+    """Return what the page says about one cylinder, or about the force."""
+    findings = outcome.findings
+    drawn = outcome.comparisons[:_MOST_RECORDINGS]
+    return {
+        'id': outcome.name,
+        'title': wording.title(outcome.name),
+        'outcome': outcome,
+        'findings': findings,
+        'bars': list(_bars(outcome)),
+        'zoom': _shown(figures.zoom_picture(outcome)),
+        'records': [_shown(figures.record_picture(outcome, comparison)) for comparison in drawn],
+        'not_drawn': [comparison.name for comparison in outcome.comparisons[_MOST_RECORDINGS:]],
+        'correlations': [_shown(picture) for picture in figures.correlation_pictures(outcome)],
+        'errors': list(_errors(outcome)),
+        'rounds': [_round(one) for one in rounds(findings.tried)],
+        'tests': _tests(findings.tests_before, findings.tests_after),
+        'parameters': list(_gain_rows(outcome)),
+        'effect_parameters': {effect: list(_effect_rows(outcome, effect)) for effect in findings.effects},
+        'rivals': {effect: rivals for effect, rivals in findings.alternatives.items() if rivals},
+    }
+
+
+def _shown(picture: figures.Picture) -> dict[str, Any]:
+    return {'wide': picture.wide, 'narrow': picture.narrow, 'caption': picture.caption}
+
+
+def _bars(outcome: Outcome) -> Iterator[dict[str, Any]]:
+    """Yield the error before and after and the noise, as lengths in percent of the longest."""
+    values = {'before': outcome.rmse('before')}
+    if outcome.findings.effects:
+        values['after'] = outcome.rmse('after')
+    if outcome.noise is not None:
+        values['noise'] = outcome.noise
+    names = {
+        'before': outcome.quantity.model,
+        'after': f'with {" and ".join(wording.spoken(effect) for effect in outcome.findings.effects)}',
+        'noise': 'sensor noise alone',
+    }
+    longest = max(values.values()) or 1.0
+    for key, value in values.items():
+        yield {'key': key, 'name': names[key], 'value': value, 'length': max(100.0 * value / longest, 0.5)}
+
+
+def _errors(outcome: Outcome) -> Iterator[tuple[str, PartError, PartError | None]]:
+    """Yield each part with its errors before and, where there are effects, after."""
+    for part in PARTS:
+        if part in outcome.before:
+            yield part, outcome.before[part], outcome.after.get(part) if outcome.findings.effects else None
+
+
+def _round(one: Round) -> dict[str, Any]:
+    """Return a round of the search with the trials that are shown at once apart from the others."""
+    first = [trial for rank, trial in enumerate(one.trials) if rank < _FIRST_TRIALS or trial.accepted]
+    return {'beside': one.beside, 'first': first, 'rest': [trial for trial in one.trials if trial not in first]}
+
+
+def _tests(before: Sequence[Test], after: Sequence[Test]) -> list[tuple[Test, Test | None]]:
+    """Return each test of the residual before with that after."""
+    later = {test.name: test for test in after}
+    return [(test, later.get(test.name)) for test in before]
+
+
+def _gain_rows(outcome: Outcome) -> Iterator[Row]:
+    """Yield the model's own parameters."""
+    specs = {spec.name: spec for spec in SPECS}
+    after = {estimate.name: estimate for estimate in outcome.gains}
+    before = {estimate.name: estimate for estimate in outcome.paper}
+    for name in dict.fromkeys([*before, *after]):
+        unit = (before.get(name) or after[name]).unit
+        spec = specs.get(name)
+        with_effects = after.get(name) if outcome.findings.effects else None
+        if spec is None:
+            yield Row(name, _FORCE_PARAMETERS.get(name, ''), unit, before.get(name), after.get(name))
+        else:
+            description = spec.description.partition(',')[0]
+            own = (spec.paper_unit, spec.paper_factor) if spec.paper_unit != spec.unit else ('', 1.0)
+            yield Row(name, description, unit, before.get(name), with_effects, False, *own)
+
+
+def _effect_rows(outcome: Outcome, effect: str) -> Iterator[Row]:
+    """Yield an effect's parameters."""
+    known = {parameter.name: parameter for parameter in EFFECTS[effect].parameters}
+    for name, estimate in outcome.parameters(effect).items():
+        yield Row(name, known[name].description, estimate.unit, None, estimate, known[name].choice)

@@ -1,0 +1,140 @@
+"""`parameters.yaml`: a ROS parameter file that `sim_node` runs with as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import yaml
+
+from cfd_pneumatic.convention import CONTACT_FORCE, SUPPLY_PRESSURE
+from cfd_pneumatic.identification import CylinderResult, Estimate, Identification
+from cfd_pneumatic.identification.loop import Closure
+from cfd_pneumatic.model import SPECS
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.reporting.outcome import Outcome, force_effects, force_outcome
+
+_SEAL_PLAY = 3.0  # standard deviations of the displacement's noise, as `sim_node` describes it
+_LARGEST_SEAL_PLAY = 1e-3  # that `sim_node` takes [m]
+
+
+def parameter_file(identification: Identification) -> str:
+    """
+    Return the file's text.
+
+    A parameter that is identifiable at no set-point is left out with a comment; `sim_node` then takes Table 1's. One
+    identifiable at some set-points only is held from the nearest of those. Where closing the loop found effects, they
+    are on, and the gains are those fitted beside them, at every set-point and whether identifiable or not: only
+    together do they simulate what was reported.
+    """
+    lines = ['/**:', '  ros__parameters:', f'    ambient_pressure: {_float(identification.ambient_pressure)}  # Pa']
+    highest = max(point.setpoint for result in identification.cylinders.values() for point in result.schedule)
+    if highest > SUPPLY_PRESSURE:
+        lines.append(
+            f'    supply_pressure: {_float(1.2 * highest)}  # Pa, gauge; not measured, leaves room for set-points'
+        )
+    force = force_outcome(identification)
+    if force is not None:
+        lines += _area_lines(force)
+    for cylinder, result in identification.cylinders.items():
+        lines += [f'    {cylinder}:', *_cylinder_lines(result, identification.ambient_pressure)]
+    if force is not None and force.findings.effects:
+        lines += _force_lines(identification)
+    text = '\n'.join(lines) + '\n'
+    yaml.safe_load(text)
+    return text
+
+
+def _cylinder_lines(result: CylinderResult, ambient_pressure: float) -> list[str]:
+    if result.closure is None or not result.closure.effects:
+        return _schedule_lines(result)
+    return _extended_lines(result, result.closure, ambient_pressure)
+
+
+def _schedule_lines(result: CylinderResult) -> list[str]:
+    """Return the gains at each set-point."""
+    lines = _setpoint_lines([point.setpoint for point in result.schedule])
+    for rank, spec in enumerate(SPECS):
+        values = _held([point.fit.estimates[rank] for point in result.schedule])
+        if values is None:
+            reason = result.schedule[0].fit.estimates[rank].reason
+            lines.append(f'      # {spec.name} is not identifiable and left out: {reason}')
+        else:
+            lines.append(f'      {spec.name}: {_floats(values)}  # {spec.unit}')
+    return lines
+
+
+def _extended_lines(result: CylinderResult, closure: Closure, ambient_pressure: float) -> list[str]:
+    """Return the gains, the same at every set-point, and the effects beside which they were fitted."""
+    levels = np.concatenate(
+        [one.setpoint[one.samples] + offset for one, offset in zip(result.experiments, closure.extension.offsets)]
+    )
+    lines = _setpoint_lines([float(np.mean(levels)) - ambient_pressure])
+    for spec, value, estimate in zip(SPECS, closure.extension.gains.tolist(), closure.estimates):
+        doubt = '' if estimate.reason is None else f'; not identifiable ({estimate.reason})'
+        lines.append(f'      {spec.name}: {_floats([_within(value, spec.lower, spec.upper)])}  # {spec.unit}{doubt}')
+    return lines + _effect_lines(closure.extension.effects, PRESSURE_EFFECTS)
+
+
+def _setpoint_lines(setpoints: Sequence[float]) -> list[str]:
+    """Return the gauge set-points at which gains are given; the device starts at the first [Pa]."""
+    return [
+        f'      initial_setpoint: {_float(setpoints[0])}  # Pa, gauge',
+        f'      setpoints: {_floats(setpoints)}  # Pa, gauge',
+    ]
+
+
+def _effect_lines(effects: Mapping[str, Sequence[float]], library: Mapping[str, Effect]) -> list[str]:
+    """Return what switches effects on, below a cylinder or the contact force."""
+    lines = []
+    for name, own in effects.items():
+        lines += [f'      {name}:', '        enabled: true']
+        for parameter, value in zip(library[name].parameters, own):
+            number = _float(_within(value, parameter.lower, parameter.upper))
+            lines.append(f'        {parameter.name}: {number}  # {parameter.unit}')
+    return lines
+
+
+def _area_lines(force: Outcome) -> list[str]:
+    area = next((estimate for estimate in force.gains if estimate.name == 'area'), None)
+    if area is None:
+        return []
+    if area.value is None:
+        return [f'    # area is not identifiable and left out: {area.reason}']
+    return [f'    area: {_float(area.value)}  # {area.unit}']
+
+
+def _force_lines(identification: Identification) -> list[str]:
+    """Return the effects on the force."""
+    effects = force_effects(identification)
+    lines = [f'    {CONTACT_FORCE}:']
+    if any(FORCE_EFFECTS[name].states for name in effects):
+        noise = max(one.motion.noise for result in identification.cylinders.values() for one in result.experiments)
+        play = min(_SEAL_PLAY * noise, _LARGEST_SEAL_PLAY)
+        lines.append(f"      seal_play: {_float(play)}  # m, three standard deviations of the displacement's noise")
+    return lines + _effect_lines(effects, FORCE_EFFECTS)
+
+
+def _within(value: float, lower: float, upper: float) -> float:
+    """Return a value within bounds: a search in logarithms may end a rounding error beyond them."""
+    return min(max(float(value), lower), upper)
+
+
+def _floats(values: Sequence[float]) -> str:
+    """Return a YAML list that every reader takes for floats; an integer among them would stop rclpy."""
+    return '[' + ', '.join(_float(value) for value in values) + ']'
+
+
+def _float(value: float) -> str:
+    """Return a number with a decimal point, without which YAML 1.1 reads 5e-05 as text."""
+    digits, exponent, power = repr(float(value)).partition('e')
+    return (digits if '.' in digits else f'{digits}.0') + exponent + power
+
+
+def _held(estimates: list[Estimate]) -> list[float] | None:
+    """Return values with gaps filled from the nearest identifiable neighbour, or None where there is none."""
+    known = np.array([index for index, estimate in enumerate(estimates) if estimate.value is not None], dtype=np.intp)
+    if known.size == 0:
+        return None
+    nearest = (int(known[np.argmin(np.abs(known - index))]) for index in range(len(estimates)))
+    return [float(estimates[index].value or 0.0) for index in nearest]

@@ -1,0 +1,82 @@
+"""How results are put to people: names, sentences and numbers."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from cfd_pneumatic.model.effects import EFFECTS
+
+TITLES = {'cylinder_a': 'Cylinder A', 'cylinder_b': 'Cylinder B', 'force': 'Contact force'}
+"""Of what was identified."""
+
+VERDICTS = {
+    'effect_added': 'Effect found',
+    'no_missing_effect': 'Nothing missing',
+    'unexplained': 'Unexplained',
+    'insufficient_data': 'Not enough data',
+}
+"""Verdicts of the loop in two words."""
+
+TESTS = {
+    'inputs': 'Independent of the inputs',
+    'line': 'No line in the spectrum',
+    'level': 'No slow wandering',
+    'ljung_box': 'Memory like that of the noise at rest',
+    'noise_floor': 'No larger than the noise',
+}
+"""Tests of a residual by what one hopes for."""
+
+_SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
+
+
+def spoken(name: str) -> str:
+    """Return an identifier as words."""
+    return name.replace('set_point', 'set-point').replace('_', ' ')
+
+
+def title(name: str) -> str:
+    """Return the title of a cylinder or the force."""
+    return TITLES.get(name, spoken(name).capitalize())
+
+
+def verdict(name: str) -> str:
+    """Return a verdict in two words."""
+    return VERDICTS.get(name, spoken(name).capitalize())
+
+
+def test_title(name: str) -> str:
+    """Return what one hopes that a residual's test says."""
+    return TESTS.get(name, spoken(name).capitalize())
+
+
+test_title.__test__ = False  # type: ignore[attr-defined]  # pytest takes it for a test otherwise
+
+
+def sentence(text: str) -> str:
+    """Return a clause as a sentence: effects in words, a capital and a full stop."""
+    for name in sorted(EFFECTS, key=len, reverse=True):
+        text = re.sub(rf'\b{name}\b', spoken(name), text)
+    text = re.sub(r'(\d) %', '\\1\u00a0%', text.strip())
+    return text[:1].upper() + text[1:] + ('' if text.endswith(('.', '!', '?')) or not text else '.')
+
+
+def unit(text: str) -> str:
+    """Return a unit with raised powers: lbf/in³."""
+    return re.sub(r'\^(-?\d+)', lambda found: found[1].translate(_SUPERSCRIPTS), text)
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Return a number with so many significant digits, as people write it: 4.312 × 10⁶."""
+    if value == 0.0 or not math.isfinite(value):
+        return f'{value:g}'
+    power = math.floor(math.log10(abs(float(f'{value:.{digits - 1}e}'))))
+    if -4 < power < 5:
+        return f'{value:.{max(digits - 1 - power, 0)}f}'.replace('-', '−')
+    mantissa = f'{value / 10.0**power:.{digits - 1}f}'
+    return f'{mantissa} × 10{str(power).translate(_SUPERSCRIPTS)}'.replace('-', '−')
+
+
+def percent(share: float) -> str:
+    """Return a share in percent, on one line with its sign."""
+    return f'{100.0 * share:.{0 if abs(share) >= 0.0995 else 1}f}\u00a0%'.replace('-', '−')

@@ -1,0 +1,279 @@
+"""Fits of effects: parameters that a pressure was made with are found again, within what their errors say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drawn import moved, with_pressure
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from reference import AMBIENT, PSI, step_like
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from cfd_pneumatic.identification.extension import Extension, extend, read_late, tangent
+from cfd_pneumatic.identification.uncertainty import covariance
+from cfd_pneumatic.model import TABLE_1, Cylinder, OperatingPoints
+from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
+
+GAINS = np.array(TABLE_1.table[0, 1:])
+PERIOD = 0.002
+NOISE = 50.0
+
+
+def strokes(amplitude=1.5e-3, levels=(5.0, 9.0), duration=3.2, seed=0):
+    """Return an experiment of strokes out and back of two sizes, at two set-points."""
+    times = np.arange(round(duration / PERIOD)) * PERIOD
+    setpoint = AMBIENT + PSI * np.where((times > 1.5) & (times <= 2.9), levels[1], levels[0])
+    displacement = np.zeros(times.size)
+    for at, height in ((0.2, 1.0), (0.8, 0.4), (1.8, 1.0), (2.3, 0.4)):
+        displacement += amplitude * height * (step_like(at, 0.012, 1.0)(times) - step_like(at + 0.3, 0.02, 1.0)(times))
+    return moved(times, displacement, setpoint, seed=seed)
+
+
+STROKES = strokes()
+
+KNOWN = [
+    ('volume_variation', (50.0,)),
+    ('volume_variation', (-40.0,)),
+    ('operating_point', (1.0, 2.3e5, 1.5)),
+    ('set_point_drift', (-300.0,)),
+    ('displacement_lag', (0.003,)),
+    ('supply_variation', (200.0, -150.0, 1.7)),
+    ('valve_hysteresis', (300.0,)),
+    ('droop', (0.01, 0.15)),
+    ('leakage', (1.0, 0.0)),
+    ('leakage', (1.0, 1.0)),
+    ('positional_leakage', (3.0, 8e-4, 4e-4, 0.01, 1.0, 0.0)),
+    ('transport_delay', (0.0033,)),
+    ('transport_delay', (-0.0033,)),
+    ('flow_saturation', (3e5, 1.5e5)),
+    ('lost_motion', (8e-5,)),
+    ('sensor_lag', (0.004,)),
+    ('valve_dead_band', (400.0,)),
+    ('line_resonance', (40.0, 0.2)),
+    ('nonlinear_valve', (0.7,)),
+    ('nonlinear_valve', (1.4,)),
+    ('line_restriction', (0.01, 0.1)),
+    ('heat_transfer', (5.0,)),
+]
+"""Effects with parameters by which these strokes show them."""
+
+
+AWAY = {'frequency': 1.03, 'exponent': 1.15}
+"""From how far a search begins where it is not from two fifths: closer, or another optimum is nearer."""
+
+
+def masks_of(experiments):
+    return [np.ones(one.pressure.size, dtype=bool) for one in experiments]
+
+
+def weights_of(experiments):
+    return [np.ones_like(one.pressure) for one in experiments]
+
+
+def begun(effects, count=1):
+    """Return where a search begins: gains are a fifth too large, effects two fifths."""
+    begin = Extension(1.2 * GAINS, {}, (0.0,) * count, (0.0,) * count)
+    away = {
+        name: tuple(
+            value if parameter.choice else value * AWAY.get(parameter.name, 1.4)
+            for parameter, value in zip(PRESSURE_EFFECTS[name].parameters, own)
+        )
+        for name, own in effects.items()
+    }
+    return begin, away
+
+
+def fitted(experiments, effects):
+    """Return a fit to all of some experiments from begun, with its residuals and Jacobian."""
+    masks = masks_of(experiments)
+    found = extend(experiments, masks, AMBIENT, *begun(effects, len(experiments)), None, 1e-10, 100)
+    return found, tangent(experiments, masks, AMBIENT, found, weights_of(experiments))
+
+
+def deviations(found, slope, truth):
+    """Return by how much gains and effects' parameters are off, as they are searched, and their covariance."""
+    spread = covariance(slope.jacobian, slope.residuals, slope.residuals.size - found.unknowns, [slope.residuals.size])
+    values = dict(zip(('k_x', 'k_sv', 'k_v', 'tau'), zip(found.gains, truth.gains)))
+    for name, own in found.effects.items():
+        for parameter, value, true in zip(PRESSURE_EFFECTS[name].parameters, own, truth.effects[name]):
+            values[f'{name}.{parameter.name}'] = (value, true)
+    at = [index for index, name in enumerate(slope.names) if name and np.any(slope.jacobian[:, index])]
+    off = [
+        np.log(values[slope.names[index]][0] / values[slope.names[index]][1])
+        if slope.logarithmic[index]
+        else values[slope.names[index]][0] - values[slope.names[index]][1]
+        for index in at
+    ]
+    return np.array(off), spread[np.ix_(at, at)]
+
+
+@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize(('name', 'own'), [pytest.param(name, own, id=f'{name}-{own[0]:g}') for name, own in KNOWN])
+def test_what_a_pressure_was_made_with_is_found(name, own, seed):
+    truth = Extension(GAINS, {name: own}, (150.0,), (0.0,))
+    noise = NOISE * np.random.default_rng([seed, *name.encode()]).standard_normal(STROKES.pressure.size)
+    experiment = with_pressure(STROKES, truth, noise)
+    found, slope = fitted([experiment], {name: own})
+    left = found.simulate([experiment], AMBIENT)[0] - experiment.pressure
+    assert np.sqrt(np.mean(left**2)) <= 1.0005 * np.sqrt(np.mean(noise**2)), 'the truth itself is not beaten'
+    off, spread = deviations(found, slope, truth)
+    assert np.all(np.abs(off) < 3.5 * np.sqrt(np.diag(spread)))
+    assert off @ np.linalg.solve(spread, off) < chi2.isf(1e-4, off.size)
+
+
+def test_standard_errors_are_what_estimates_scatter_by():
+    truth = Extension(GAINS, {'sensor_lag': (0.004,)}, (0.0,), (0.0,))
+    scores = []
+    for seed in range(60):
+        noise = NOISE * np.random.default_rng(seed).standard_normal(STROKES.pressure.size)
+        off, spread = deviations(*fitted([with_pressure(STROKES, truth, noise)], truth.effects), truth)
+        scores.append(off / np.sqrt(np.diag(spread)))
+    scatter = np.std(scores, axis=0)
+    assert np.all((scatter > 0.7) & (scatter < 1.3)), 'of 60, to three standard errors'
+    assert np.all(np.abs(np.mean(scores, axis=0)) < 4.0 / np.sqrt(60))
+
+
+@pytest.mark.parametrize('memory', [0.0, 0.8], ids=['white', 'coloured'])
+def test_units_of_unknowns_do_not_matter_to_their_errors(memory):
+    """Metres beside hertz, and an unknown on which nothing depends."""
+    rng = np.random.default_rng(0)
+    jacobian = np.column_stack([rng.standard_normal((500, 3)), np.zeros(500)])
+    residuals = lfilter([1.0], [1.0, -memory], rng.standard_normal(500))
+    units = np.array([1e-7, 1.0, 1e7, 1.0])
+    plain = covariance(jacobian, residuals, 496, [500])
+    np.testing.assert_allclose(
+        covariance(jacobian * units, residuals, 496, [500]), plain / np.outer(units, units), rtol=1e-6, atol=1e-30
+    )
+    assert not np.any(plain[3])
+    if memory == 0.0:
+        expected = np.linalg.inv(jacobian[:, :3].T @ jacobian[:, :3]) * np.sum(residuals**2) / 496
+        np.testing.assert_allclose(plain[:3, :3], expected, rtol=1e-9)
+
+
+def test_choices_stay_as_they_are():
+    truth = Extension(GAINS, {'leakage': (1.0, 1.0)}, (0.0,), (0.0,))
+    found, slope = fitted([with_pressure(STROKES, truth)], truth.effects)
+    assert found.effects['leakage'][1] == 1.0
+    assert 'leakage.orifice' not in slope.names
+    assert found.unknowns == len(slope.names) == 4 + 1 + 1, 'gains, offset, conductance'
+
+
+def test_without_noise_the_truth_is_found_exactly():
+    truth = Extension(GAINS, {'sensor_lag': (0.004,), 'leakage': (1.0, 0.0)}, (150.0,), (0.0,))
+    found, _ = fitted([with_pressure(STROKES, truth)], truth.effects)
+    np.testing.assert_allclose(found.gains, GAINS, rtol=1e-5)
+    assert found.effects['sensor_lag'] == pytest.approx((0.004,), rel=1e-5)
+    assert found.effects['leakage'][0] == pytest.approx(1.0, rel=1e-4)
+    assert found.offsets[0] == pytest.approx(150.0, abs=0.1)
+
+
+@pytest.mark.parametrize('name', ['leakage', 'transport_delay'])
+def test_recordings_with_offsets_of_their_own_are_fitted_together(name):
+    own = dict(KNOWN)[name]
+    offsets = (300.0, -200.0)
+    apart = [strokes(), strokes(1e-3, (7.0, 12.0), seed=1)]
+    rng = np.random.default_rng(5)
+    experiments = [
+        with_pressure(
+            one, Extension(GAINS, {name: own}, (offset,), (0.0,)), NOISE * rng.standard_normal(one.pressure.size)
+        )
+        for one, offset in zip(apart, offsets)
+    ]
+    truth = Extension(GAINS, {name: own}, offsets, (0.0, 0.0))
+    found, slope = fitted(experiments, {name: own})
+    off, spread = deviations(found, slope, truth)
+    assert np.all(np.abs(off) < 3.5 * np.sqrt(np.diag(spread)))
+    (offset_a, offset_b) = (index for index, one in enumerate(slope.names) if not one)
+    whole = covariance(slope.jacobian, slope.residuals, slope.residuals.size, [slope.residuals.size])
+    for index, value, true in zip((offset_a, offset_b), found.offsets, offsets):
+        assert abs(value - true) < 3.5 * np.sqrt(whole[index, index])
+    first = slice(0, experiments[0].pressure.size)
+    assert not np.any(slope.jacobian[first, offset_b]), 'one recording knows nothing of the other offset'
+
+
+def test_where_a_band_lets_it_rest_anywhere_the_start_is_found():
+    truth = Extension(GAINS, {'valve_dead_band': (400.0,)}, (0.0,), (250.0,))
+    found, _ = fitted([with_pressure(STROKES, truth)], truth.effects)
+    assert found.starts[0] - 250.0 == pytest.approx(-found.offsets[0], abs=5.0)
+    assert found.effects['valve_dead_band'][0] == pytest.approx(400.0, rel=0.02)
+
+
+def test_samples_without_weight_do_not_count():
+    truth = Extension(GAINS, {'sensor_lag': (0.004,)}, (0.0,), (0.0,))
+    experiment = with_pressure(STROKES, truth)
+    late = experiment.sample_times > 2.0
+    spoilt = replace(experiment, pressure=experiment.pressure + 5e3 * late)
+    begin, effects = begun(truth.effects)
+    weighted = extend([spoilt], masks_of([spoilt]), AMBIENT, begin, effects, [np.where(late, 0.0, 1.0)], 1e-10, 100)
+    masked = extend([spoilt], [~late], AMBIENT, begin, effects, None, 1e-10, 100)
+    for found in (weighted, masked):
+        np.testing.assert_allclose(found.gains, GAINS, rtol=1e-4)
+        assert found.effects['sensor_lag'] == pytest.approx((0.004,), rel=1e-4)
+
+
+@pytest.mark.parametrize('name', dict(KNOWN))
+def test_the_jacobian_is_the_slope_of_the_residuals(name):
+    """Against central differences of a thousand times the step."""
+    model = Extension(GAINS, {name: dict(KNOWN)[name]}, (0.0,), (0.0,))
+    experiment = with_pressure(STROKES, model, 30.0)
+    slope = tangent([experiment], masks_of([experiment]), AMBIENT, model, weights_of([experiment]))
+    for index, full in enumerate(slope.names):
+        if full in ('k_x', 'k_sv', 'k_v', 'tau'):
+            at = ('k_x', 'k_sv', 'k_v', 'tau').index(full)
+            sides = [replace(model, gains=GAINS * np.where(np.arange(4) == at, np.exp(h), 1.0)) for h in (1e-2, -1e-2)]
+            step = 2e-2
+        elif full:
+            own = np.array(model.effects[name])
+            at = [parameter.name for parameter in PRESSURE_EFFECTS[name].parameters].index(full.split('.')[1])
+            change = 1e-2 * abs(own[at])
+            sides = [
+                replace(model, effects={name: tuple(own + sign * change * (np.arange(own.size) == at))})
+                for sign in (1.0, -1.0)
+            ]
+            step = 2e-2 if slope.logarithmic[index] else 2.0 * change
+        else:
+            continue
+        up, down = (side.simulate([experiment], AMBIENT)[0] for side in sides)
+        expected = (up - down) / step
+        if not np.any(expected):
+            assert not np.any(slope.jacobian[:, index])
+            continue
+        error = np.sqrt(np.mean((slope.jacobian[:, index] - expected) ** 2)) / np.sqrt(np.mean(expected**2))
+        assert error < 0.1, full
+
+
+def fine_truth(experiment, delay, parts):
+    """Return the paper's pressure on a grid `parts` times as fine, read `delay` seconds late [Pa]."""
+    steps = np.arange(parts) / parts
+    times = np.append((experiment.times[:-1, None] + np.diff(experiment.times)[:, None] * steps).ravel(), 0.0)
+    times[-1] = experiment.times[-1]
+    displacement = np.interp(times, experiment.times, experiment.displacement)
+    setpoint = experiment.setpoint[np.ceil(np.arange(times.size) / parts).astype(int)]
+    pressure = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT).simulate(times, displacement, setpoint)
+    return np.interp(np.clip(experiment.sample_times - delay, times[0], times[-1]), times, pressure)
+
+
+@pytest.mark.parametrize('delay', [0.00037, 0.002, 0.0313, -0.00037, -0.0313, 0.0])
+def test_reading_late_is_exact(delay):
+    """Between samples 2 ms apart a pressure that rings at 7 Hz bends by 100 Pa: it has to be simulated there."""
+    model = Extension(GAINS, {'transport_delay': (delay,)}, (0.0,), (0.0,))
+    (pressure,) = model.simulate([STROKES], AMBIENT)
+    np.testing.assert_allclose(pressure, fine_truth(STROKES, delay, 40), rtol=0.0, atol=6.0)
+
+
+@settings(max_examples=50, deadline=None)
+@given(delay=st.floats(-0.5, 0.5))
+def test_reading_late_changes_when_samples_are_taken_and_nothing_else(delay):
+    late = read_late(STROKES, delay)
+    wanted = np.clip(STROKES.sample_times - delay, STROKES.times[0], STROKES.times[-1])
+    np.testing.assert_array_equal(late.sample_times, wanted)
+    assert np.all(np.diff(late.times) > 0.0)
+    kept = np.searchsorted(late.times, STROKES.times)
+    np.testing.assert_array_equal(late.times[kept], STROKES.times)
+    np.testing.assert_array_equal(late.displacement[kept], STROKES.displacement)
+    np.testing.assert_array_equal(late.setpoint[kept], STROKES.setpoint)
+    middle = 0.5 * (late.times[1:] + late.times[:-1])
+    steps = np.searchsorted(STROKES.times, middle)
+    np.testing.assert_array_equal(late.setpoint[1:], STROKES.setpoint[steps])

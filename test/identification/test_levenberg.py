@@ -1,0 +1,196 @@
+"""Least squares within bounds: as good as SciPy's, in few simulations, on problems that fits bring with them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares as scipys
+from scipy.optimize import lsq_linear
+
+from cfd_pneumatic.identification.levenberg import least_squares
+
+FREE = np.full(2, np.inf)
+
+
+class Counted:
+    """Residuals and Jacobian, and what they were asked for."""
+
+    def __init__(self, residuals, jacobian):
+        self.residuals = residuals
+        self.jacobian = jacobian
+        self.points = []
+
+    def __call__(self, point):
+        self.points.append(point.copy())
+        return self.residuals(point), self.jacobian(point)
+
+    def totals(self):
+        """Return the sum of squares at each point."""
+        return np.array([np.sum(self.residuals(point) ** 2) for point in self.points])
+
+
+def linear(matrix, target):
+    return Counted(lambda point: matrix @ point - target, lambda point: matrix)
+
+
+def rosenbrock():
+    return Counted(
+        lambda point: np.array([10.0 * (point[1] - point[0] ** 2), 1.0 - point[0]]),
+        lambda point: np.array([[-20.0 * point[0], 10.0], [-1.0, 0.0]]),
+    )
+
+
+def decay(seed, unknowns=4):
+    """Return residuals of a sum of two decays with noise, in logarithms as gains are, and its true point."""
+    rng = np.random.default_rng(seed)
+    times = np.linspace(0.0, 5.0, 60)
+    truth = np.array([0.5, 1.0, -0.5, -1.0]) + 0.3 * rng.standard_normal(unknowns)
+
+    def parts(point):
+        size, rate, other, slow = np.exp(point)
+        return size * np.exp(-rate * times), other * np.exp(-slow * times)
+
+    def residuals(point):
+        fast, slow = parts(point)
+        return fast + slow - target
+
+    def jacobian(point):
+        _, rate, _, other = np.exp(point)
+        fast, slow = parts(point)
+        return np.column_stack([fast, -rate * times * fast, slow, -other * times * slow])
+
+    target = sum(parts(truth)) + 0.01 * rng.standard_normal(times.size)
+    return Counted(residuals, jacobian), truth
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    seed=st.integers(0, 2**31),
+    unknowns=st.integers(1, 8),
+    more=st.integers(0, 30),
+    kind=st.sampled_from(['plain', 'skewed', 'without one', 'one twice']),
+    where=st.sampled_from(['inside', 'at bounds', 'outside']),
+)
+def test_linear_problems_end_at_the_bounded_optimum(seed, unknowns, more, kind, where):
+    """Skewed columns: where a step meets one bound, the others have to know of it."""
+    rng = np.random.default_rng(seed)
+    matrix = rng.standard_normal((unknowns + more, unknowns))
+    if kind == 'skewed':
+        matrix = matrix @ (np.eye(unknowns) + 2.0 * rng.standard_normal((unknowns, unknowns)))
+    elif kind == 'without one':
+        matrix[:, rng.integers(unknowns)] = 0.0
+    elif kind == 'one twice':
+        matrix[:, 0] = matrix[:, -1]
+    target = matrix @ rng.standard_normal(unknowns) * rng.choice([0.3, 1.0, 3.0]) + rng.standard_normal(len(matrix))
+    lower, upper = -2.0 * rng.random(unknowns), 2.0 * rng.random(unknowns)
+    start = {
+        'inside': lower + (upper - lower) * rng.random(unknowns),
+        'at bounds': np.where(rng.random(unknowns) < 0.5, lower, upper),
+        'outside': 5.0 * rng.standard_normal(unknowns),
+    }[where]
+    problem = linear(matrix, target)
+    point, total = least_squares(problem, start, lower, upper, 1e-10, 500)
+    best = lsq_linear(matrix, target, (lower, upper), tol=1e-14, max_iter=1000)
+    assert total <= 2.0 * best.cost * (1.0 + 1e-5) + 1e-9
+    assert total == pytest.approx(np.sum((matrix @ point - target) ** 2))
+    assert all(np.all((lower <= one) & (one <= upper)) for one in problem.points)
+
+
+@pytest.mark.parametrize('seed', range(20))
+@pytest.mark.parametrize('bounded', [False, True])
+def test_nonlinear_problems_end_where_scipys_do(seed, bounded):
+    problem, truth = decay(seed)
+    lower, upper = np.full(4, -5.0), np.full(4, 5.0)
+    if bounded:
+        lower, upper = truth - np.array([0.1, 3.0, 3.0, 3.0]), truth + np.array([3.0, 3.0, 0.05, 3.0])
+    start = np.clip(truth + 0.5 * np.random.default_rng(seed).standard_normal(4), lower + 1e-6, upper - 1e-6)
+    _, total = least_squares(problem, start, lower, upper, 1e-10, 200)
+    best = scipys(
+        problem.residuals, start, jac=problem.jacobian, bounds=(lower, upper), x_scale='jac', ftol=1e-12, xtol=1e-12
+    )
+    assert total <= 2.0 * best.cost * (1.0 + 1e-5)
+
+
+def test_follows_a_bent_valley():
+    problem = rosenbrock()
+    point, total = least_squares(problem, np.array([-1.2, 1.0]), -FREE, FREE, 1e-12, 100)
+    np.testing.assert_allclose(point, 1.0, atol=1e-5)
+    assert total < 1e-10
+
+
+def test_a_bound_across_the_valley_is_where_it_ends():
+    """With x at most 0.5 the least sum is (1 - 0.5)^2, at y = 0.25."""
+    point, total = least_squares(rosenbrock(), np.array([-1.2, 1.0]), -FREE, np.array([0.5, np.inf]), 1e-12, 100)
+    np.testing.assert_allclose(point, [0.5, 0.25], atol=1e-6)
+    assert total == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize('evaluations', [1, 2, 3, 7, 50])
+@pytest.mark.parametrize('make', [rosenbrock, lambda: decay(0)[0]], ids=['valley', 'decay'])
+def test_never_asks_more_often_than_allowed_and_never_gets_worse(make, evaluations):
+    problem = make()
+    start = np.array([-1.2, 1.0]) if make is rosenbrock else np.array([1.0, 3.0, 1.0, -3.0])
+    bound = np.full(start.size, 10.0)
+    point, total = least_squares(problem, start, -bound, bound, 0.0, evaluations)
+    assert len(problem.points) <= evaluations
+    assert total == pytest.approx(np.min(problem.totals()), rel=1e-12), 'what is returned is the best that was seen'
+    assert any(np.array_equal(point, one) for one in problem.points)
+
+
+def test_more_evaluations_are_never_worse():
+    totals = [
+        least_squares(rosenbrock(), np.array([-1.2, 1.0]), -FREE, FREE, 0.0, evaluations)[1]
+        for evaluations in range(1, 40)
+    ]
+    assert np.all(np.diff(totals) <= 0.0)
+
+
+@pytest.mark.parametrize('wrong', [np.nan, np.inf, 1e200])
+@pytest.mark.filterwarnings('error')
+def test_a_model_that_runs_away_is_stepped_back_from(wrong):
+    """The square root of what is searched, where its start leads the first steps to below zero."""
+
+    def residuals(point):
+        return np.array([np.sqrt(point[0]) - 0.1, 0.0]) if point[0] > 0.0 else np.full(2, wrong)
+
+    def jacobian(point):
+        return np.array([[0.5 / np.sqrt(point[0])], [0.0]]) if point[0] > 0.0 else np.full((2, 1), np.nan)
+
+    problem = Counted(residuals, jacobian)
+    point, _ = least_squares(problem, np.array([1.0]), np.array([-9.0]), np.array([9.0]), 1e-14, 100)
+    assert any(one[0] <= 0.0 for one in problem.points), 'or nothing was tested'
+    assert point[0] == pytest.approx(0.01, rel=1e-3)
+
+
+def test_a_start_without_a_model_is_returned():
+    problem = Counted(lambda point: np.full(3, np.nan), lambda point: np.full((3, 2), np.nan))
+    point, total = least_squares(problem, np.array([0.5, 7.0]), -np.ones(2), np.ones(2), 1e-8, 20)
+    np.testing.assert_array_equal(point, [0.5, 1.0])
+    assert total == np.inf
+    assert len(problem.points) == 1
+
+
+@pytest.mark.filterwarnings('error')
+def test_where_nothing_depends_on_anything_it_stays():
+    problem = linear(np.zeros((5, 2)), np.ones(5))
+    point, total = least_squares(problem, np.array([0.3, -0.2]), -np.ones(2), np.ones(2), 1e-8, 20)
+    np.testing.assert_array_equal(point, [0.3, -0.2])
+    assert total == 5.0
+    assert len(problem.points) == 1
+
+
+def test_held_by_its_bounds_it_stays():
+    problem = linear(np.eye(2), np.array([3.0, -4.0]))
+    start = np.array([1.0, -1.0])
+    point, total = least_squares(problem, start, -np.ones(2), np.ones(2), 1e-8, 20)
+    np.testing.assert_array_equal(point, start)
+    assert total == pytest.approx(4.0 + 9.0)
+
+
+def test_unknowns_of_very_different_sizes():
+    """Marquardt's damping knows each one's scale."""
+    scales = np.array([1e-6, 1.0, 1e6])
+    truth = np.array([2.0, -1.0, 0.5])
+    matrix = np.random.default_rng(0).standard_normal((20, 3)) * scales
+    point, _ = least_squares(linear(matrix, matrix @ truth), np.zeros(3), np.full(3, -9.0), np.full(3, 9.0), 0.0, 100)
+    np.testing.assert_allclose(point, truth, rtol=1e-6)

@@ -1,0 +1,144 @@
+"""The closed loop in the graph: a device with something wrong, a bag, the identifier, and the simulator put right."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from graph import PATIENCE, Graph, ros_arguments, unique_namespace
+from sensor_msgs.msg import FluidPressure
+
+from cfd_pneumatic.convention import CYLINDERS, PISTON_STATE, pressure_topic, setpoint_applied_topic, setpoint_topic
+from cfd_pneumatic.nodes.messages import nanoseconds
+from cfd_pneumatic.rig import Sensors, out_and_back
+
+UNDECLARED = {'effects_a.leak_conductance': 1e-10}
+"""A hole in cylinder A, through which a third of a percent of its gauge pressure is lost."""
+
+DEVICE = """
+import json, sys
+from functools import partial
+import numpy as np
+from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.nodes.rig_node import RigNode
+from cfd_pneumatic.rig.panel.specimen import draw_specimen
+specimen, _ = draw_specimen(np.random.default_rng(7))
+specimen = specimen.with_changes(json.loads(sys.argv[1]))
+sys.exit(run('rig_node', partial(RigNode, specimen.rig)))
+"""
+"""A program: `rig_node` with a device drawn at random, and something wrong with it."""
+
+SENSORS = Sensors()
+NOISE = math.hypot(SENSORS.pressure_noise, SENSORS.step(SENSORS.pressure_range) / math.sqrt(12.0))
+"""Of a pressure sensor, converter and all [Pa]."""
+
+SETTLING = 0.5  # [s]
+WINDOW = 4.0  # over which the residual is taken [s]
+LONGEST_FIT = 120.0  # on a busy machine [s]
+
+
+@contextmanager
+def device(namespace: str) -> Iterator[None]:
+    """Run the device, which plays its schedule over and over as soon as simulator and recorder listen."""
+    settings = {'schedule': 'out_and_back', 'repeat': True, 'start_subscribers': 2, 'start_delay': 1.0}
+    program = [sys.executable, '-c', DEVICE, json.dumps(UNDECLARED), *ros_arguments(namespace, settings)]
+    process = subprocess.Popen(program, stderr=subprocess.DEVNULL)
+    try:
+        yield
+        process.terminate()
+        assert process.wait(PATIENCE) == 0
+    finally:
+        process.kill()
+        process.wait()
+
+
+class Residual:
+    """Measured less simulated pressures, live, by equal stamps."""
+
+    def __init__(self, graph: Graph, measured: str, simulated: str) -> None:
+        self.graph = graph
+        self._heard = [
+            [graph.listen(FluidPressure, f'{source}/{pressure_topic(cylinder)}') for source in (measured, simulated)]
+            for cylinder in CYLINDERS
+        ]
+
+    @property
+    def samples(self) -> int:
+        return len(self._heard[0][0])
+
+    @property
+    def now(self) -> int:
+        """The latest stamp [ns]."""
+        return max(nanoseconds(messages[-1].header.stamp) for pair in self._heard for messages in pair)
+
+    def over_noise(self, since: int) -> list[float]:
+        """Return each cylinder's root mean square soon after a stamp [ns], over the sensor's noise."""
+        begin = since + round(1e9 * SETTLING)
+        end = begin + round(1e9 * WINDOW)
+        self.graph.until(lambda: self.now > end)
+        ratios = []
+        for pair in self._heard:
+            measured, simulated = (
+                {nanoseconds(message.header.stamp): message.fluid_pressure for message in messages} for messages in pair
+            )
+            both = [stamp for stamp in measured.keys() & simulated.keys() if begin < stamp <= end]
+            assert len(both) > 0.9 * WINDOW / 2e-3
+            residual = np.array([measured[stamp] - simulated[stamp] for stamp in both])
+            ratios.append(float(np.sqrt(np.mean(residual**2))) / NOISE)
+        return ratios
+
+
+def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found(graph: Graph, tmp_path: Path) -> None:
+    real, simulator, own = unique_namespace(), unique_namespace(), unique_namespace()
+    sim, identifier = f'{simulator}/sim_node', f'{own}/identifier_node'
+    inputs = {topic: f'{real}/{topic}' for topic in (PISTON_STATE, *map(setpoint_topic, CYLINDERS))}
+    topics = [
+        f'{real}/{topic}'
+        for cylinder in CYLINDERS
+        for topic in (setpoint_topic(cylinder), setpoint_applied_topic(cylinder), pressure_topic(cylinder))
+    ]
+    bag, output = tmp_path / 'bag', tmp_path / 'identified'
+    identify = {'bags': f'[{bag}]', 'output_dir': output, 'apply_to': sim}
+    record = {'output': bag, 'topics': f'[{real}/{PISTON_STATE},{",".join(topics)}]'}
+
+    def identified() -> DiagnosticStatus:
+        assert graph.trigger(f'{identifier}/identify').success
+        limit = time.monotonic() + LONGEST_FIT
+        while True:
+            status = graph.next_diagnostics(identifier, lambda _: True)
+            assert status.level == DiagnosticStatus.OK, status.message
+            if 'parameters set on' in status.message:
+                return status
+            assert time.monotonic() < limit, status.message
+
+    residual, played = Residual(graph, real, simulator), out_and_back().samples
+    with (
+        graph.run('sim_node', ros_arguments(simulator, remaps=inputs)),
+        graph.run('identifier_node', ros_arguments(own, identify)),
+        device(real),
+    ):
+        with graph.run('recorder_node', ros_arguments(parameters=record)):
+            graph.until(lambda: residual.samples > played)
+        identified()
+        since = residual.now
+        graph.set(identifier, close_loop=True)
+        status = identified()
+        before_a, before_b = residual.over_noise(since)
+        after_a, after_b = residual.over_noise(residual.now)
+    print(f'live residual over noise: A {before_a:.2f}, then {after_a:.2f}; B {before_b:.2f}, then {after_b:.2f}')
+    a, b = (json.loads((output / 'report.json').read_text())['cylinders'][cylinder] for cylinder in CYLINDERS)
+    assert (a['verdict'], a['effects']) == ('effect_added', ['leakage'])
+    assert (b['verdict'], b['effects']) == ('no_missing_effect', [])
+    assert 'Cylinder A: The model lacks leakage' in status.message
+    assert 'Cylinder B: ' in status.message
+    assert str(output / 'report.html') in status.message
+    assert before_a > 3.0
+    assert max(after_a, before_b, after_b) < 1.3

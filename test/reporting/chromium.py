@@ -1,0 +1,139 @@
+"""A headless Chromium for tests, spoken to over its debugging pipe: nothing but the standard library is needed."""
+
+from __future__ import annotations
+
+import base64
+import fcntl
+import itertools
+import json
+import os
+import select
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+PROGRAM = next((path for name in ('chromium', 'chromium-browser', 'google-chrome') if (path := shutil.which(name))), '')
+"""Where it is, or ''."""
+
+_PATIENCE = 60.0  # [s]
+_FLAGS = (
+    '--headless=new',
+    '--no-sandbox',
+    '--disable-gpu',
+    '--disable-dev-shm-usage',
+    '--disable-background-networking',
+    '--no-first-run',
+    '--hide-scrollbars',
+    '--remote-debugging-pipe',
+)
+
+
+class Chromium:
+    """One tab. As a context manager it ends the browser."""
+
+    def __init__(self) -> None:
+        self._home = tempfile.mkdtemp(prefix='chromium.')
+        there, self._to = os.pipe()
+        self._from, here = os.pipe()
+        # the browser reads its descriptor 3 and writes 4
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (there, here)]
+        self._process = subprocess.Popen(
+            [PROGRAM, *_FLAGS, f'--user-data-dir={self._home}', 'about:blank'],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            pass_fds=(3, 4),
+            preexec_fn=lambda: [os.dup2(end, number) for end, number in zip(ends, (3, 4))],
+            start_new_session=True,
+        )
+        for end in (there, here, *ends):
+            os.close(end)
+        self._numbers = itertools.count(1)
+        self._buffer = b''
+        self._session = ''
+        self.events: list[dict[str, Any]] = []
+        target = next(one for one in self._targets() if one['type'] == 'page')['targetId']
+        self._session = self.call('Target.attachToTarget', targetId=target, flatten=True)['sessionId']
+        for domain in ('Page', 'Runtime', 'Log', 'Network'):
+            self.call(f'{domain}.enable')
+
+    def _targets(self) -> list[dict[str, Any]]:
+        limit = time.monotonic() + _PATIENCE
+        while time.monotonic() < limit:
+            targets = self.call('Target.getTargets')['targetInfos']
+            if any(one['type'] == 'page' for one in targets):
+                return targets
+        raise TimeoutError('Chromium opens no page')
+
+    def __enter__(self) -> Chromium:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+        for end in (self._to, self._from):
+            os.close(end)
+        shutil.rmtree(self._home, ignore_errors=True)
+
+    def call(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """Return the answer of the DevTools protocol to a method."""
+        number = next(self._numbers)
+        message: dict[str, Any] = {'id': number, 'method': method, 'params': parameters}
+        if self._session:
+            message['sessionId'] = self._session
+        os.write(self._to, json.dumps(message).encode() + b'\0')
+        while True:
+            answer = self._message()
+            if answer.get('id') == number:
+                assert 'error' not in answer, (method, answer['error'])
+                return answer['result']
+            self.events.append(answer)
+
+    def _message(self) -> dict[str, Any]:
+        limit = time.monotonic() + _PATIENCE
+        while b'\0' not in self._buffer:
+            ready, _, _ = select.select([self._from], [], [], max(limit - time.monotonic(), 0.0))
+            assert ready, f'Chromium says nothing for {_PATIENCE} s'
+            chunk = os.read(self._from, 1 << 16)
+            assert chunk, 'Chromium has ended'
+            self._buffer += chunk
+        message, _, self._buffer = self._buffer.partition(b'\0')
+        return json.loads(message)
+
+    def show(self, page: Path, width: int, height: int, *, dark: bool = False) -> None:
+        """Open a page in a window of a size [CSS px] and wait until it is there."""
+        mobile = width < 600
+        self.call(
+            'Emulation.setDeviceMetricsOverride',
+            width=width,
+            height=height,
+            deviceScaleFactor=2 if mobile else 1,
+            mobile=mobile,
+        )
+        scheme = {'name': 'prefers-color-scheme', 'value': 'dark' if dark else 'light'}
+        self.call('Emulation.setEmulatedMedia', features=[scheme])
+        self.events.clear()
+        self.call('Page.navigate', url=page.resolve().as_uri())
+        while not any(event.get('method') == 'Page.loadEventFired' for event in self.events):
+            self.events.append(self._message())
+
+    def value(self, expression: str) -> Any:
+        """Return the value of an expression of JavaScript."""
+        result = self.call('Runtime.evaluate', expression=expression, returnByValue=True)
+        assert 'exceptionDetails' not in result, result
+        return result['result'].get('value')
+
+    def heard(self, *methods: str) -> list[Mapping[str, Any]]:
+        """Return what came of these events since the page was opened."""
+        return [event['params'] for event in self.events if event.get('method') in methods]
+
+    def screenshot(self, *, whole: bool = False) -> bytes:
+        """Return what is seen, or the whole page, as PNG."""
+        return base64.b64decode(self.call('Page.captureScreenshot', captureBeyondViewport=whole)['data'])
+
+    def pdf(self) -> bytes:
+        """Return the page as it is printed."""
+        return base64.b64decode(self.call('Page.printToPDF', preferCSSPageSize=True, printBackground=False)['data'])

@@ -1,0 +1,101 @@
+"""`parameters.yaml` with effects: it simulates what was reported."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from identified import AREA, closed, open_loop, with_force
+
+from cfd_pneumatic.model import NAMES, Cylinder, OperatingPoints
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS
+from cfd_pneumatic.reporting import parameter_file
+
+
+def parameters_of(identification):
+    return yaml.safe_load(parameter_file(identification))['/**']['ros__parameters']
+
+
+def effects_in(block, library):
+    """Return the effects that a file switches on, as sim_node reads them."""
+    return {
+        name: tuple(block[name][parameter.name] for parameter in effect.parameters)
+        for name, effect in library.items()
+        if block.get(name, {}).get('enabled') is True
+    }
+
+
+def test_it_simulates_the_reported_pressure():
+    result = closed().cylinders['cylinder_a']
+    found = parameters_of(closed())
+    block = found['cylinder_a']
+    effects = effects_in(block, PRESSURE_EFFECTS)
+    assert set(effects) == set(result.closure.effects) == {'droop'}
+    rows = {name: block[name] for name in ('setpoints', *NAMES)}
+    cylinder = Cylinder(OperatingPoints.from_rows(rows), found['ambient_pressure'], effects)
+    (one,) = result.experiments
+    (offset,) = result.closure.extension.offsets
+    pressure = cylinder.simulate(one.times, one.displacement, one.setpoint + offset)[one.samples]
+    np.testing.assert_allclose(pressure, result.closure.simulated[0], atol=0.01)
+
+
+def test_gains_beside_effects_are_constant():
+    result = closed().cylinders['cylinder_a']
+    block = parameters_of(closed())['cylinder_a']
+    for name, value in zip(NAMES, result.closure.extension.gains):
+        assert block[name] == [value]
+    assert len(block['setpoints']) == 1
+
+
+def test_a_cylinder_without_effects_is_as_before():
+    assert parameters_of(closed())['cylinder_b'] == parameters_of(open_loop())['cylinder_b']
+
+
+def test_every_number_is_a_float():
+    def check(node):
+        for value in node.values() if isinstance(node, dict) else node:
+            if isinstance(value, (dict, list)):
+                check(value)
+            else:
+                assert isinstance(value, (float, bool)), value
+
+    check(parameters_of(with_force(closed())))
+
+
+def test_every_effect_can_be_written():
+    """Also those with tiny, whole or extreme parameters, each within the range that sim_node takes."""
+    result = closed().cylinders['cylinder_a']
+    for name, effect in PRESSURE_EFFECTS.items():
+        for own in (
+            effect.null,
+            *(tuple(getattr(one, side) for one in effect.parameters) for side in ('lower', 'upper')),
+        ):
+            beyond = tuple(np.nextafter(value, np.inf) for value in own)
+            extension = replace(result.closure.extension, effects={name: beyond})
+            changed = replace(result, closure=replace(result.closure, extension=extension))
+            block = parameters_of(replace(closed(), cylinders={'cylinder_a': changed}))['cylinder_a']
+            (found,) = effects_in(block, PRESSURE_EFFECTS).values()
+            for parameter, value, written in zip(effect.parameters, beyond, found):
+                assert written == pytest.approx(value)
+                assert parameter.lower <= written <= parameter.upper
+
+
+def test_a_gain_that_is_not_identifiable_beside_effects_is_held_and_said():
+    result = closed().cylinders['cylinder_a']
+    doubtful = replace(result.closure.estimates[2], value=None, std=None, interval=None, reason='not seen')
+    estimates = (*result.closure.estimates[:2], doubtful, *result.closure.estimates[3:])
+    changed = replace(result, closure=replace(result.closure, estimates=estimates))
+    text = parameter_file(replace(closed(), cylinders={'cylinder_a': changed}))
+    assert 'not identifiable (not seen)' in text
+    block = yaml.safe_load(text)['/**']['ros__parameters']['cylinder_a']
+    assert block['k_v'] == [result.closure.extension.gains[2]]
+
+
+def test_effects_on_the_force_stand_below_contact_force():
+    found = parameters_of(with_force(closed()))
+    assert found['area'] == AREA
+    effects = effects_in(found['contact_force'], FORCE_EFFECTS)
+    assert effects == {'seal_friction': (2.5, 0.0, 40.0, 5e-05)}
+    assert 0.0 < found['contact_force']['seal_play'] < 1e-4

@@ -1,0 +1,96 @@
+"""What the figures of the page are made of."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from identified import closed, judged
+
+from cfd_pneumatic.reporting import figures
+from cfd_pneumatic.reporting.outcome import outcomes
+
+
+@pytest.fixture(scope='module')
+def outcome():
+    return outcomes(closed())[0]
+
+
+def test_thinning_keeps_what_can_be_seen():
+    rng = np.random.default_rng(0)
+    times = np.arange(100_000) * 1e-3
+    values = rng.standard_normal(times.size)
+    values[54_321] = 40.0
+    few_times, few = figures.thinned(times, values, 500)
+    assert few.size <= 1000
+    assert np.all(np.diff(few_times) > 0.0)
+    assert (few.max(), few.min()) == (40.0, values.min())
+    for column in np.array_split(np.arange(times.size), 500)[10:20]:
+        inside = (few_times >= times[column[0]]) & (few_times <= times[column[-1]])
+        assert few[inside].max() == pytest.approx(values[column].max(), abs=0.2)
+
+
+def test_a_short_series_stays_as_it_is():
+    times = np.arange(5.0)
+    assert figures.thinned(times, times, 3)[1] is times
+
+
+def test_thinning_with_gaps_in_time():
+    times = np.concatenate([np.arange(1000) * 1e-3, 100.0 + np.arange(1000) * 1e-3])
+    few_times, few = figures.thinned(times, np.sin(times), 50)
+    assert few.size <= 100
+    assert few_times.size == few.size
+
+
+@pytest.mark.parametrize('lag', [-7, 0, 12])
+def test_a_correlation_stands_at_the_lag_by_which_the_residual_is_later(lag):
+    rng = np.random.default_rng(1)
+    drive = rng.standard_normal(4000)
+    residual = np.roll(drive, lag) + rng.standard_normal(drive.size)
+    lags, values, limit = figures.crosscorrelation([residual], [drive], 20, 60)
+    assert lags[np.argmax(values)] == lag
+    assert values.max() == pytest.approx(np.sqrt(0.5), abs=0.05)
+    assert np.count_nonzero(np.abs(values) > limit) <= 2
+
+
+def test_independent_series_with_memories_cross_the_threshold_seldom():
+    beyond = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        slow = [np.convolve(rng.standard_normal(5000), np.ones(20), 'valid') for _ in range(2)]
+        _, values, limit = figures.crosscorrelation([slow[0] - slow[0].mean()], [slow[1] - slow[1].mean()], 20, 60)
+        beyond += bool(np.any(np.abs(values) > limit))
+    assert beyond <= 2
+
+
+def test_numbers_on_axes_are_whole(outcome):
+    """What shortens the outlines of curves leaves the words alone: 0.025 must not become 0.02."""
+    with figures.style():
+        picture = figures.correlation_pictures(outcome)[0]
+    ticks = [float(text.replace('−', '-')) for text in re.findall(r'>(−?\d+\.\d+)<', picture.wide)]
+    assert len(ticks) >= 3
+    np.testing.assert_allclose(np.diff(sorted(ticks)), np.diff(sorted(ticks))[0], rtol=1e-6)
+
+
+def test_a_curve_that_leaves_out_nothing_visible_is_small(outcome):
+    with figures.style():
+        picture = figures.record_picture(outcome, outcome.comparisons[0])
+    assert len(picture.wide) < 200_000
+    assert len(picture.narrow) < 0.6 * len(picture.wide)
+
+
+def test_the_zoom_shows_where_effects_take_most(outcome):
+    window = figures.telling_window(outcome)
+    before, after = window.comparison.residuals
+    shown = (window.comparison.times >= window.begin) & (window.comparison.times <= window.end)
+    taken = before**2 - after**2
+    assert taken[shown].mean() > 2.0 * taken.mean()
+
+
+def test_the_zoom_of_an_unexplained_one_shows_where_most_is_left(outcome):
+    changed = outcomes(judged(closed(), 'unexplained', 'who knows'))[0]
+    window = figures.telling_window(changed)
+    after = window.comparison.residuals[1]
+    shown = (window.comparison.times >= window.begin) & (window.comparison.times <= window.end)
+    assert np.mean(after[shown] ** 2) > np.mean(after**2)

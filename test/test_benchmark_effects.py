@@ -1,0 +1,226 @@
+"""The panel's benchmark: what counts as right, the document, and that a run goes on where it was stopped."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, replace
+
+import benchmark_effects as benchmark
+import pytest
+from benchmark_effects import Job, Row, Share
+
+LEAK = Row(
+    'effects',
+    ('leakage',),
+    'out_and_back',
+    1000,
+    verdict='effect_added',
+    named=('leakage',),
+    before=3.0,
+    after=1.0,
+    before_test=3.1,
+    after_test=1.02,
+    tested=True,
+    noise=0.99,
+    seconds=1.5,
+    code='abc',
+    commit='1234567',
+)
+PAIR = replace(
+    LEAK,
+    kind='pairs',
+    effects=('leakage', 'sensor_lag'),
+    named=('sensor_lag', 'leakage'),
+    beside={'leakage': 1.9, 'sensor_lag': 2.0},
+)
+
+
+def alternative(true: str, first: str) -> Row:
+    """Return an answer that has the true effect among its alternatives."""
+    return replace(LEAK, effects=(true,), named=(first,), alternatives={first: (true,)})
+
+
+@pytest.mark.parametrize(
+    ('row', 'answer'),
+    [
+        (LEAK, 'right'),
+        (replace(LEAK, named=('leakage', 'droop')), 'right'),
+        (replace(LEAK, verdict='unexplained'), 'right'),
+        (alternative('transport_delay', 'sensor_lag'), 'listed alternative'),
+        (alternative('lost_motion', 'valve_hysteresis'), 'listed alternative'),
+        (alternative('leakage', 'sensor_lag'), 'unlisted alternative'),
+        (replace(LEAK, named=('droop',)), 'wrong name'),
+        (replace(LEAK, named=('droop', 'leakage')), 'wrong name'),
+        (replace(LEAK, verdict='no_missing_effect', named=()), 'no name'),
+        (replace(LEAK, verdict='refused', named=()), 'no name'),
+    ],
+)
+def test_the_first_name_answers(row, answer):
+    assert benchmark.answer(row) == answer
+
+
+def test_pairs_are_listed_both_ways_and_only_within_a_family():
+    assert benchmark.listed('droop', 'leakage')
+    assert benchmark.listed('droop', 'sensor_lag')
+    assert benchmark.listed('sensor_lag', 'droop')
+    assert not benchmark.listed('leakage', 'sensor_lag')
+    assert {name for _, names in benchmark.GROUPS for name in names} <= benchmark.LIBRARY.keys()
+
+
+def test_what_nobody_could_see_does_not_count():
+    hidden = replace(LEAK, before=1.15, named=(), verdict='no_missing_effect')
+    assert LEAK.visible
+    assert not hidden.visible
+    assert replace(LEAK, before=math.nan, verdict='refused').visible, 'a refusal is held against the loop'
+    assert PAIR.both_visible
+    assert not replace(PAIR, beside={'leakage': 1.01, 'sensor_lag': 2.0}).both_visible
+    (goal, *_) = benchmark.goals([LEAK, LEAK, hidden])
+    assert (goal.recordings, goal.met) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ('named', 'alternatives', 'strictly', 'with_alternatives'),
+    [
+        (('sensor_lag', 'leakage'), {}, True, True),
+        (('sensor_lag', 'leakage', 'droop'), {}, True, True),
+        (('sensor_lag',), {}, False, False),
+        (('sensor_lag', 'droop'), {'droop': ('leakage',)}, False, True),
+        (('sensor_lag', 'heat_transfer'), {'heat_transfer': ('leakage',)}, False, False),
+        (('droop',), {'droop': ('leakage', 'sensor_lag')}, False, False),
+    ],
+)
+def test_both_effects_of_a_pair_are_found(named, alternatives, strictly, with_alternatives):
+    row = replace(PAIR, named=named, alternatives=alternatives)
+    assert benchmark.found_both(row) is strictly
+    assert benchmark.found_both(row, alternatives=True) is with_alternatives
+
+
+def test_shares_have_wilsons_interval():
+    """As tables have it: 15 of 20."""
+    assert Share(15, 20).interval == pytest.approx((0.5313, 0.8881), abs=1e-4)
+    assert Share(0, 10).interval == pytest.approx((0.0, 0.2775), abs=1e-4)
+    assert str(Share(15, 20)) == '75.0 % (15/20; 53 to 89)'
+    assert str(Share(0, 0)) == '-'
+
+
+def test_the_goals_stand_beside_what_was_measured():
+    rows = [
+        LEAK,
+        replace(LEAK, effects=('droop',), named=('heat_transfer',), after_test=1.5),
+        replace(LEAK, kind='foreign', effects=('mains_hum',), named=(), verdict='unexplained'),
+        replace(LEAK, kind='leave_one_out', named=('droop',)),
+        replace(LEAK, kind='clean', effects=('white',), named=(), verdict='no_missing_effect', before=1.0),
+        PAIR,
+        replace(PAIR, named=('sensor_lag', 'leakage', 'droop')),
+    ]
+    found = {goal.what: goal for goal in benchmark.goals(rows)}
+
+    def met(start: str) -> bool:
+        return next(goal.met for what, goal in found.items() if what.startswith(start))
+
+    assert not met('right name first')
+    assert not met('test error after')
+    assert met("the report's noise floor")
+    assert met('clean')
+    assert met('effects outside')
+    assert not met('leave-one-out')
+    assert met('two effects: both')
+    assert not met('two effects: exactly')
+
+
+def test_the_document_has_a_line_for_each_effect():
+    hidden = replace(LEAK, before=1.0, named=('droop',))
+    refused = Row('effects', ('heat_transfer',), 'out_and_back', 7, verdict='refused', why='ValueError: NaN')
+    rows = [LEAK, hidden, alternative('sensor_lag', 'droop'), refused, PAIR]
+    rows += [replace(PAIR, named=('droop',), seed=1001), replace(PAIR, verdict='not_drawn', seed=1002)]
+    rows += [replace(LEAK, kind=kind, effects=('mains_hum',)) for kind in ('foreign',)]
+    rows += [replace(LEAK, kind='clean', effects=('coloured',)), replace(LEAK, kind='leave_one_out', named=('droop',))]
+    how = {'command': 'make benchmark-effects', 'machine': 'a machine'}
+    text = benchmark.document(rows, how, 'picture.svg', '## Notes\n\nBy hand.')
+    assert '| `leakage` | 2 | 1 (droop 1) | 1 | 1 | 0 | 0 | 0 / 0 / 0 |' in text
+    assert '| `sensor_lag` | 1 | 0 | 1 | 0 | 1 | 0 | 0 / 0 / 0 |' in text
+    assert '| `heat_transfer` | 1 | 0 | 1 | 0 | 0 | 0 | 0 / 0 / 1 |' in text
+    assert 'ValueError: NaN' in text
+    assert '1 pairs' in text
+    assert 'commit 1234567 (program text abc)' in text
+    assert '![confusion matrices](picture.svg)' in text
+    assert text.endswith('## Notes\n\nBy hand.\n')
+    tables = [block for block in text.split('\n\n') if block.startswith('|')]
+    assert len(tables) >= 8
+    for table in tables:
+        assert len({line.count('|') for line in table.splitlines()}) == 1, table
+
+
+def test_the_picture_is_svg_and_the_same_again():
+    pytest.importorskip('matplotlib')
+    rows = [LEAK, replace(LEAK, effects=('droop',), named=(), verdict='unexplained', schedule='paper_step')]
+    drawn = benchmark.picture_of(rows)
+    assert drawn is not None
+    assert '<svg' in drawn
+    assert drawn == benchmark.picture_of(rows)
+    assert benchmark.picture_of([PAIR]) is None
+
+
+def test_rows_come_back_from_disk(tmp_path):
+    path = tmp_path / 'rows.jsonl'
+    lines = [json.dumps(asdict(row)) for row in (LEAK, PAIR, replace(LEAK, seed=2, code='other'))]
+    path.write_text('\n'.join([*lines, '{"kind": "effects"}', lines[0][:40]]))
+    assert benchmark.read_rows(path, 'abc') == {LEAK.job: LEAK, PAIR.job: PAIR}
+    assert len(benchmark.read_rows(path, None)) == 3
+    assert benchmark.read_rows(tmp_path / 'none.jsonl', 'abc') == {}
+
+
+def test_a_run_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys):
+    pytest.importorskip('tqdm')
+    pytest.importorskip('matplotlib')
+    measured = []
+
+    def measure(job: Job) -> Row:
+        if len(measured) == 4:
+            raise KeyboardInterrupt
+        measured.append(job)
+        return replace(LEAK, **job._asdict(), verdict='no_missing_effect', named=(), before=1.0)
+
+    monkeypatch.setattr(benchmark, 'measure', measure)
+    output, rows = tmp_path / 'panel.md', tmp_path / 'build' / 'rows.jsonl'
+    output.write_text('# Old\n\n## Notes\n\nBy hand.\n')
+    arguments = ['--kinds', 'clean', '--seeds', '1000:1002', '--schedules', 'paper_step', '--jobs', '0']
+    arguments += ['--output', str(output), '--rows', str(rows)]
+    assert benchmark.main(arguments) == 130
+    assert len(rows.read_text().splitlines()) == 4
+    first, measured[:] = list(measured), []
+    assert benchmark.main(arguments) == 0
+    assert len({*first, *measured}) == len(first) + len(measured) == 6
+    assert '6 recordings, 2 of them still to be measured' in capsys.readouterr().out
+    text = output.read_text()
+    assert '| quantised | `paper_step` | 2 | 0 |' in text
+    assert text.endswith('## Notes\n\nBy hand.\n')
+    assert benchmark.main([*arguments, '--only-document']) == 0
+
+
+def test_the_recordings_of_a_run():
+    jobs = benchmark.jobs_of(['effects', 'clean', 'pairs'], ['paper_step'], lambda kind, schedule: range(1000, 1002))
+    assert len(jobs) == len(set(jobs)) == 2 * (len(benchmark.LIBRARY) + 3 + 1)
+    assert [job.seed for job in jobs] == sorted(job.seed for job in jobs)
+    some = benchmark.jobs_of(['effects', 'foreign'], ['paper_step'], lambda kind, schedule: range(1), ['droop'])
+    assert some == [Job('effects', ('droop',), 'paper_step', 0)]
+    assert len({frozenset(pair) for pair in benchmark.PAIRS}) == len(benchmark.PAIRS) == 153
+
+
+def test_the_program_text_alone_makes_a_version(tmp_path, monkeypatch):
+    monkeypatch.setattr(benchmark, 'ROOT', tmp_path)
+    module = tmp_path / 'cfd_pneumatic' / 'rig' / 'module.py'
+    module.parent.mkdir(parents=True)
+    versions = []
+    for text in ('A = 1', '"""Text."""\nA = 1  # one', 'A = 2'):
+        module.write_text(text)
+        versions.append(benchmark.code_version())
+    assert versions[0] == versions[1] != versions[2]
+
+
+@pytest.mark.parametrize('wrong', [['--seeds', '7'], ['--kinds', 'effect'], ['--effects', 'leak']])
+def test_what_is_no_choice_is_refused(wrong, capsys):
+    with pytest.raises(SystemExit):
+        benchmark.main(wrong)
+    assert wrong[0] in capsys.readouterr().err
