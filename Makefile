@@ -23,7 +23,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test demo benchmark benchmark-effects kernel lint format colcon test-humble clean
+.PHONY: help setup test demo benchmark benchmark-effects paper-tables kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -43,6 +43,9 @@ benchmark: $(VENV)/.with-benchmark  ## time simulation and fit against SciPy's
 
 benchmark-effects: $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes
 	$(PY) scripts/benchmark_effects.py $(ARGS)
+
+paper-tables: $(VENV)/.with-benchmark  ## which effects make small steps return the paper's Table 2: 10 minutes
+	$(PY) scripts/paper_tables.py $(ARGS)
 
 kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a change to any of them
 	$(PY) scripts/compose_kernel.py

@@ -544,7 +544,7 @@ def document(rows: Sequence[Row], how: Mapping[str, str], picture: str | None, n
     return '\n\n'.join(sections).rstrip() + '\n'
 
 
-def _table(header: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
+def table(header: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
     rows = [header, ['---'] * len(header), *lines]
     return '\n'.join('| ' + ' | '.join(str(cell) for cell in row) + ' |' for row in rows)
 
@@ -571,7 +571,7 @@ def _how_section(rows: Sequence[Row], drawn: Sequence[Row], how: Mapping[str, st
         f'- Machine: {how["machine"]}\n'
         f'- Measured by {measured_by or "nothing yet"}\n'
         f'- {len(drawn)} recordings.{excluded}\n\n'
-        + _table(['kind', 'seeds', *(f'`{one}`' for one in SCHEDULES), 'recordings'], lines)
+        + table(['kind', 'seeds', *(f'`{one}`' for one in SCHEDULES), 'recordings'], lines)
         + '\n\nThe seed draws the device, the schedule, the strength and the noise; seeds below '
         f'{FIRST_SEED} were used while developing. The *oracle floor* is the RMSE that the true device, driven by the '
         "measured displacement, leaves on the same samples. A draw is *visible* where the paper's model, refitted, "
@@ -584,7 +584,7 @@ def _goals_section(rows: Sequence[Row]) -> str:
         [goal.what, goal.wanted, goal.measured, goal.recordings, 'yes' if goal.met else '**no**']
         for goal in goals(rows)
     ]
-    return '## Goals\n\n' + _table(['goal', 'wanted', 'measured', 'recordings', 'met'], lines)
+    return '## Goals\n\n' + table(['goal', 'wanted', 'measured', 'recordings', 'met'], lines)
 
 
 def _confusion_section(rows: Sequence[Row], schedule: str) -> list[str]:
@@ -606,7 +606,7 @@ def _confusion_section(rows: Sequence[Row], schedule: str) -> list[str]:
         'that some got all the same. *Listed alternative*: the effect is named as one of those that the recording '
         "can't tell from the first name, and the pair is listed below. *No name*: none missing / `unexplained` / "
         'refused. *Before* and *after*: RMSE on the test part over the oracle floor, median / 90th '
-        'percentile of visible draws.\n\n' + _table(header, lines)
+        'percentile of visible draws.\n\n' + table(header, lines)
     ]
 
 
@@ -665,7 +665,7 @@ def _unknown_section(rows: Sequence[Row], kind: str, title: str) -> list[str]:
     header += ['of these beside a name', 'none missing', 'named', 'of these a listed rival', 'after']
     return [
         f'## {title}\n\nThe right answer is `unexplained`. *Named*: `effect_added`, among visible draws; a *listed '
-        'rival* is one that the field notes say data may not separate from the true one.\n\n' + _table(header, lines)
+        'rival* is one that the field notes say data may not separate from the true one.\n\n' + table(header, lines)
     ]
 
 
@@ -720,7 +720,7 @@ def _clean_section(rows: Sequence[Row]) -> list[str]:
     ]
     return [
         "## Nothing missing\n\nThe paper's model itself, integrated apart, with white noise, with noise that remembers "
-        '(AR 0.9), and with little beside the steps of the converter.\n\n' + _table(header, lines)
+        '(AR 0.9), and with little beside the steps of the converter.\n\n' + table(header, lines)
     ]
 
 
@@ -761,10 +761,10 @@ def _pairs_section(rows: Sequence[Row]) -> list[str]:
     header += ['both, listed alternatives too', 'exactly, listed alternatives too', '`unexplained`', 'after']
     text = (
         '## Two effects at once\n\nCounted where each effect shows beside the other: the model with only one of them, '
-        f'refitted, leaves more than {VISIBLE} of the oracle floor.\n\n' + _table(header, lines)
+        f'refitted, leaves more than {VISIBLE} of the oracle floor.\n\n' + table(header, lines)
     )
     if details:
-        shown = _table(['schedule', 'seed', 'effects', 'each shows', 'named', 'after'], details)
+        shown = table(['schedule', 'seed', 'effects', 'each shows', 'named', 'after'], details)
         text += f'\n\nPairs of which not both were found:\n\n{shown}'
     return [text]
 
@@ -801,7 +801,7 @@ def _errors_section(rows: Sequence[Row]) -> str:
         '## Errors, noise floor, time\n\n'
         '*Before* and *after* over the oracle floor, median / 90th percentile of visible draws, of all where nothing '
         'is missing. A single step has no test part. The noise floor as quantiles 5 %, 50 %, 95 %; the time of an '
-        'identification in one process with one thread, median / 90th percentile.\n\n' + _table(header, lines)
+        'identification in one process with one thread, median / 90th percentile.\n\n' + table(header, lines)
     )
 
 
@@ -809,7 +809,7 @@ def _listed_section() -> str:
     lines = [[title, ', '.join(f'`{name}`' for name in names)] for title, names in GROUPS]
     return (
         '## Listed pairs\n\nEffects that data may not separate. Only among these an alternative counts as right.\n\n'
-        + _table(['family', 'effects'], lines)
+        + table(['family', 'effects'], lines)
     )
 
 
@@ -820,7 +820,7 @@ def _refused_section(rows: Sequence[Row]) -> list[str]:
     lines = [[f'`{row.kind}`', ' + '.join(row.effects), f'`{row.schedule}`', row.seed, row.why] for row in refused]
     return [
         '## Refused\n\nRecordings that were not identified; they count as visible and as answered without a name.\n\n'
-        + _table(['kind', 'effect', 'schedule', 'seed', 'why'], lines)
+        + table(['kind', 'effect', 'schedule', 'seed', 'why'], lines)
     ]
 
 

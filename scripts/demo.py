@@ -1,21 +1,43 @@
 """
 The main job on real input, for a first look: make demo.
 
-The virtual rig and its simulator run in a ROS 2 graph and are recorded; the recording is identified, and so is a
-measured run of a real cylinder where the measured data are.
+A virtual device with something wrong with it, its simulator, a recorder and the identifier run in a ROS 2 graph. The
+identifier finds in the recording what is wrong and puts the simulator right while both run on. A measured run of a real
+cylinder is identified, too, where the measured data are.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO, Any
 
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from ros_environment import isolate
+from sensor_msgs.msg import FluidPressure
+from std_srvs.srv import Trigger
+
+from cfd_pneumatic.rig import Sensors, out_and_back
+
+try:
+    from rclpy.experimental import EventsExecutor as Executor
+except ImportError:  # before Jazzy
+    Executor = SingleThreadedExecutor
 
 ROOT = Path(__file__).resolve().parents[1]
 MEASURED_RUN = 'pneumatic_actuator/friction/O-ring257_3bar.csv'
@@ -27,26 +49,220 @@ DEVICE_TOPICS = (
     'measured_force',
 )
 SIMULATOR_TOPICS = (*(f'{cylinder}/pressure' for cylinder in CYLINDERS), 'contact_force')
-PLAYING_TIME = 60.0  # the rig has to be done by then [s]; it plays for 6 s
+SIMULATOR = '/cfd/sim/sim_node'
+IDENTIFIER = '/cfd/identifier_node'
+PATIENCE = 120.0  # a busy machine may take so long for each step [s]
 ENDING_TIME = 10.0  # a node has to end by then [s]
+SETTLING = 0.5  # after a change, before the live residual is taken [s]
+DISCOVERY = 0.5  # a reply is lost if it leaves before its sender has discovered the client [s]
+
+SCHEDULE = out_and_back().with_return()  # played over and over
+
+DEVICE = """
+import sys
+from functools import partial
+import numpy as np
+from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.nodes.rig_node import RigNode
+from cfd_pneumatic.rig.panel.specimen import draw_specimen
+specimen, _ = draw_specimen(np.random.default_rng(7))
+leaking = specimen.with_changes({'effects_a.leak_conductance': 1e-10})
+sys.exit(run('rig_node', partial(RigNode, leaking.rig)))
+"""
+"""A program: `rig_node` with a hole in cylinder A."""
 
 
 def main() -> int:
     """Run the demo; return its exit code."""
     parser = argparse.ArgumentParser(prog='demo', description=__doc__)
     parser.add_argument('--output', type=Path, default=ROOT / 'demo_output', help='folder for all outputs')
-    output = parser.parse_args().output
+    output = parser.parse_args().output.resolve()
     isolate()
     shutil.rmtree(output, ignore_errors=True)
     output.mkdir(parents=True)
+    close_the_loop(output)
+    identify_measured(output)
+    print(f'\nAll outputs are in {output}')
+    return 0
 
-    heading('The device and its simulator in a ROS 2 graph')
-    bag = output / 'rig_bag'
-    run_graph(bag)
 
-    heading('What the recording of the device tells')
-    run('identify_bag', bag, '--namespace', '/cfd/device', '--output', output / 'rig_identified')
+def heading(text: str) -> None:
+    print(f'\n== {text}', flush=True)
 
+
+def close_the_loop(output: Path) -> None:
+    """Record a device, find what its simulator lacks, set that on the simulator, and show the residual fall, live."""
+    log = output / 'nodes.log'
+    with log.open('wb') as errors:
+        try:
+            before, after = run_graph(output / 'rig_bag', output / 'rig_identified', errors)
+        except NodeError as error:
+            raise SystemExit(f'demo: {error}; what the nodes said is in {log}') from error
+    heading('Measured less simulated pressure, live')
+    sensors = Sensors()
+    noise = math.hypot(sensors.pressure_noise, sensors.step(sensors.pressure_range) / math.sqrt(12.0))
+    for cylinder, *both in zip(CYLINDERS, before, after):
+        print('{}: {:.0f} Pa before, {:.0f} Pa after'.format(cylinder, *both), f"(the sensor's noise: {noise:.0f} Pa)")
+    print(f'The report, for a browser: {output / "rig_identified" / "report.html"}')
+
+
+def run_graph(bag: Path, results: Path, errors: IO[bytes]) -> tuple[list[float], list[float]]:
+    """Return each cylinder's live residual with the paper's model and with what it lacks [Pa]."""
+    heading('A device with a leak in cylinder A, of which nothing else is told, its simulator and a recorder')
+    with graph(bag, results, errors) as (client, recorder):
+        # the recording has to end at rest
+        client.until(lambda: len(client.pressures['/cfd/device', 'cylinder_a']) > 0.98 * SCHEDULE.samples)
+        end(recorder)
+        print(f'recorded: {bag}')
+        heading("The paper's model fitted to the recording, while device and simulator run on")
+        print(client.identify('report.json'))
+        began = client.now
+        heading('What the model lacks')
+        client.set(IDENTIFIER, 'close_loop', True)
+        print(client.identify('report.html').replace('. ', '.\n'), flush=True)
+        return client.residuals(began), client.residuals(client.now)
+
+
+class NodeError(Exception):
+    """A node failed, or did nothing."""
+
+
+class Client(Node):
+    """Hears what is measured and simulated, and asks the identifier."""
+
+    def __init__(self) -> None:
+        """Listen."""
+        super().__init__('demo')
+        self.pressures: dict[tuple[str, str], dict[int, float]] = {}
+        self._statuses: list[DiagnosticStatus] = []
+        self._executor = Executor()
+        self._executor.add_node(self)
+        for source in ('/cfd/device', '/cfd/sim'):
+            for cylinder in CYLINDERS:
+                self._listen(source, cylinder)
+        self.create_subscription(DiagnosticArray, '/diagnostics', lambda array: self._statuses.extend(array.status), 10)
+
+    def _listen(self, source: str, cylinder: str) -> None:
+        heard = self.pressures[source, cylinder] = {}
+
+        def on_pressure(message: FluidPressure) -> None:
+            stamp = message.header.stamp
+            heard[stamp.sec * 1_000_000_000 + stamp.nanosec] = message.fluid_pressure
+
+        self.create_subscription(FluidPressure, f'{source}/{cylinder}/pressure', on_pressure, QoSProfile(depth=1000))
+
+    @property
+    def now(self) -> int:
+        """The latest stamp of the device [ns]."""
+        return next(reversed(self.pressures['/cfd/device', 'cylinder_a']))
+
+    def until(self, condition: Callable[[], Any]) -> Any:
+        """Return what the condition gives as soon as it is true."""
+        limit = time.monotonic() + PATIENCE
+        while not (result := condition()):
+            if time.monotonic() > limit:
+                raise NodeError(f'nothing happened for {PATIENCE:.0f} s; is the machine busy? Run it again')
+            self._executor.spin_once(timeout_sec=0.05)
+        return result
+
+    def call(self, service: type, name: str, request: Any) -> Any:
+        client = self.create_client(service, name)
+        self.until(client.service_is_ready)
+        discovered = time.monotonic() + DISCOVERY
+        self.until(lambda: time.monotonic() > discovered)
+        reply = client.call_async(request)
+        self.until(reply.done)
+        return reply.result()
+
+    def set(self, node: str, name: str, value: object) -> None:
+        parameters = [Parameter(name, value=value).to_parameter_msg()]
+        self.call(SetParameters, f'{node}/set_parameters', SetParameters.Request(parameters=parameters))
+
+    def identify(self, report: str) -> str:
+        """Have the recording identified; return what is said when the result is set on the simulator."""
+        answer = self.call(Trigger, f'{IDENTIFIER}/identify', Trigger.Request())
+        if not answer.success:
+            raise NodeError(answer.message)
+        self._statuses.clear()
+
+        def said() -> str | None:
+            for status in self._statuses:
+                if status.level == DiagnosticStatus.ERROR:
+                    raise NodeError(status.message)
+                if status.name.startswith(f'{IDENTIFIER}: ') and status.message.endswith(report):
+                    return str(status.message)
+            return None
+
+        return str(self.until(said))
+
+    def residuals(self, since: int) -> list[float]:
+        """Return each cylinder's root mean square of measured less simulated over the schedule, after a stamp [Pa]."""
+        begin = since + round(1e9 * SETTLING)
+        last = begin + round(1e9 * SCHEDULE.duration)
+        self.until(lambda: self.now > last)
+        found = []
+        for cylinder in CYLINDERS:
+            measured, simulated = (self.pressures[source, cylinder] for source in ('/cfd/device', '/cfd/sim'))
+            errors = [
+                measured[stamp] - simulated[stamp]
+                for stamp in measured.keys() & simulated.keys()
+                if begin < stamp <= last
+            ]
+            found.append(math.sqrt(sum(error**2 for error in errors) / len(errors)))
+        return found
+
+
+@contextmanager
+def graph(bag: Path, results: Path, errors: IO[bytes]) -> Iterator[tuple[Client, subprocess.Popen[bytes]]]:
+    """Run all nodes; the device plays its schedule over and over once the simulator and the recorder listen."""
+    topics = [f'/cfd/device/{topic}' for topic in DEVICE_TOPICS] + [f'/cfd/sim/{topic}' for topic in SIMULATOR_TOPICS]
+    remaps = [argument for topic in INPUTS for argument in ('-r', f'{topic}:=/cfd/device/{topic}')]
+    identify = {'bags': f'[{bag}]', 'namespace': '/cfd/device', 'output_dir': results, 'apply_to': SIMULATOR}
+    play = {'schedule': 'out_and_back', 'start_subscribers': 2, 'start_delay': 1.0, 'repeat': 'true'}
+    record = {'output': bag, 'topics': f'[{",".join(topics)}]'}
+    programs: list[tuple[str, str, str, Iterable[str]]] = [
+        ('-m', 'cfd_pneumatic.nodes.recorder_node', '/cfd', parameters(record)),
+        ('-m', 'cfd_pneumatic.nodes.sim_node', '/cfd/sim', remaps),
+        ('-m', 'cfd_pneumatic.nodes.identifier_node', '/cfd', parameters(identify)),
+        ('-c', DEVICE, '/cfd/device', parameters(play)),
+    ]
+    nodes = [
+        start(errors, option, program, '--ros-args', '-r', f'__ns:={namespace}', *arguments)
+        for option, program, namespace, arguments in programs
+    ]
+    rclpy.init()
+    client = Client()
+    try:
+        yield client, nodes[0]
+    finally:
+        client.destroy_node()
+        rclpy.shutdown()
+        for node in nodes:
+            if node.poll() is None:
+                node.send_signal(signal.SIGINT)
+        codes = [node.wait(ENDING_TIME) for node in nodes]
+    if any(codes):
+        raise NodeError('a node failed')
+
+
+def parameters(values: dict[str, object]) -> Iterator[str]:
+    for name, value in values.items():
+        yield from ('-p', f'{name}:={value}')
+
+
+def start(errors: IO[bytes], *arguments: str) -> subprocess.Popen[bytes]:
+    # a group of its own: an interrupt reaches the demo, which then ends its nodes
+    return subprocess.Popen([sys.executable, *arguments], stderr=errors, start_new_session=True)
+
+
+def end(node: subprocess.Popen[bytes]) -> None:
+    node.send_signal(signal.SIGINT)
+    if node.wait(ENDING_TIME) != 0:
+        raise NodeError('the recorder failed')
+
+
+def identify_measured(output: Path) -> None:
+    """Identify a measured run, where it is."""
     heading('What a measured recording of a real cylinder tells')
     data = Path(os.environ.get('CFD_PNEUMATIC_DATA') or ROOT.parent / 'shared' / 'data')
     if (data / MEASURED_RUN).is_file():
@@ -56,13 +272,6 @@ def main() -> int:
     else:
         print(f'left out: {MEASURED_RUN} is not here; CFD_PNEUMATIC_DATA names the folder that it is in (see README)')
 
-    print(f'\nAll outputs are in {output}')
-    return 0
-
-
-def heading(text: str) -> None:
-    print(f'\n== {text}', flush=True)
-
 
 def run(program: str, *arguments: object) -> None:
     """Run one of the offline programs; end the demo if it fails."""
@@ -71,32 +280,6 @@ def run(program: str, *arguments: object) -> None:
     )
     if ended.returncode != 0:
         raise SystemExit(ended.returncode)
-
-
-def run_graph(bag: Path) -> None:
-    """Let the rig play its schedule, the simulator follow it, and the recorder write both to a bag."""
-    topics = [f'/cfd/device/{topic}' for topic in DEVICE_TOPICS] + [f'/cfd/sim/{topic}' for topic in SIMULATOR_TOPICS]
-    remaps = [argument for topic in INPUTS for argument in ('-r', f'{topic}:=/cfd/device/{topic}')]
-    followers = [
-        start('sim_node', '-r', '__ns:=/cfd/sim', *remaps),
-        start('recorder_node', '-p', f'output:={bag}', '-p', f'topics:=[{",".join(topics)}]'),
-    ]
-    # the schedule begins once simulator and recorder listen
-    settings = ('schedule:=out_and_back', 'start_subscribers:=2', 'start_delay:=1.0', 'exit_when_done:=true')
-    rig = start('rig_node', '-r', '__ns:=/cfd/device', *(part for setting in settings for part in ('-p', setting)))
-    try:
-        failed = rig.wait(PLAYING_TIME)
-    finally:
-        for node in (rig, *followers):
-            if node.poll() is None:
-                node.send_signal(signal.SIGINT)
-        codes = [node.wait(ENDING_TIME) for node in followers]
-    if failed or any(codes):
-        raise SystemExit('demo: a node failed, see above')
-
-
-def start(node: str, *arguments: str) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, '-m', f'cfd_pneumatic.nodes.{node}', '--ros-args', *arguments])
 
 
 if __name__ == '__main__':

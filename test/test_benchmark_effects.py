@@ -148,8 +148,8 @@ def test_the_document_has_a_line_for_each_effect():
     assert text.endswith('## Notes\n\nBy hand.\n')
     tables = [block for block in text.split('\n\n') if block.startswith('|')]
     assert len(tables) >= 8
-    for table in tables:
-        assert len({line.count('|') for line in table.splitlines()}) == 1, table
+    for block in tables:
+        assert len({line.count('|') for line in block.splitlines()}) == 1, block
 
 
 def test_the_picture_is_svg_and_the_same_again():

@@ -43,7 +43,14 @@ _CONFIDENCE = 0.95
 _LARGEST_RELATIVE_STD = 1.0 / 3.0  # as in `fit`
 _SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not told
 _STRETCHED = '1'  # unit of the seals' first stretches, which no effect's parameter has
-_ROUGH = 0.3  # share of an acceleration that may deviate from its neighbours' mean
+_ROUGH, _ROUGH_RATE = 0.3, 0.1  # share of an acceleration, and of a rate, that may stray from its neighbours' mean
+
+
+def _roughness(values: Array) -> float:
+    """Return by how much values stray from the mean of their neighbours, as a share of their own size."""
+    middle = 0.5 * (values[:-2] + values[2:])
+    size = float(np.linalg.norm(values))
+    return float(np.linalg.norm(values[1:-1] - middle)) / size if size > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -119,9 +126,12 @@ class ForceExperiment:
     @property
     def resolves_acceleration(self) -> bool:
         """Whether the acceleration is seen: what changes at every sample comes and goes between them, too."""
-        middle = 0.5 * (self.acceleration[:-2] + self.acceleration[2:])
-        rough = float(np.sum((self.acceleration[1:-1] - middle) ** 2))
-        return rough <= _ROUGH**2 * float(self.acceleration @ self.acceleration)
+        return _roughness(self.acceleration) <= _ROUGH
+
+    @property
+    def resolves_rate(self) -> bool:
+        """Return whether the rate is seen: a stroke of a few samples has it, but not how it changes."""
+        return _roughness(self.rate[self.samples]) <= _ROUGH_RATE
 
     def simulate(self, model: ExtendedForce, stretch: float) -> Array:
         """Return the force that a model makes of this at its samples, seals stretched at first, shape (m,) [N]."""

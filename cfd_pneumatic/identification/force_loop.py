@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from cfd_pneumatic.identification.colour import autoregression, independent_share
 from cfd_pneumatic.identification.fit import Estimate
@@ -47,8 +48,10 @@ _ROUGH = (1e-3, 8)  # tolerance and steps of the search from each start
 _FINE = (1e-6, 30)
 _FINEST = (1e-8, 60)
 _IMMATERIAL = 1e-4  # share of the force's span below which nothing is looked for: simulated forces have no noise
-_ACCELERATED = ('moving_mass',)  # effects that show in the acceleration alone
+_OF_SPEED = ('stribeck_friction',)  # effects that show in how the force changes with the speed alone
 _CONSTANT = ('force_offset',)  # effects that another area is as good as, at one set-point
+_SMOOTHED = 25  # samples
+_AHEAD = 5  # samples before a stroke into which its smoothed acceleration reaches
 _SLOW = 0.05  # share of the speed's spread at which the piston stands, as far as friction goes
 _TIED = 3.2  # standard errors: by so much the criterion tells as little as between tied effects
 
@@ -210,8 +213,8 @@ class _Fitting:
 
     def may_tell(self, effect: str) -> bool:
         """Return whether these recordings may tell an effect from the sampling's and the area's doing."""
-        if effect in _ACCELERATED:
-            return any(one.resolves_acceleration for one in self.experiments)
+        if effect in _OF_SPEED:
+            return any(one.resolves_rate for one in self.experiments)
         return self.area_is_told or effect not in _CONSTANT
 
     def fit(self, effects: Effects, tolerance: float, steps: int) -> ForceFit:
@@ -330,7 +333,7 @@ def force_noise(experiments: Sequence[ForceExperiment], simulated: Sequence[Arra
     """
     residuals = [one.force - force for one, force in zip(experiments, simulated)]
     rests = [
-        rest - np.mean(rest)
+        rest[:-_AHEAD] - np.mean(rest[:-_AHEAD])
         for one, residual in zip(experiments, residuals)
         for rest in runs_at_rest(one.sample_times, one.displacement[one.samples], one.level, 0.0, residual)
     ]
@@ -366,12 +369,26 @@ def _features(experiment: ForceExperiment, count: int) -> Array:
     """Return what the residual may depend on: motion, pressures and their products, at several lags."""
     at = experiment.samples
     x, rate, acceleration = experiment.displacement[at], experiment.rate[at], experiment.acceleration[at]
-    difference, gauge = experiment.difference, (experiment.pressure + experiment.opposing)[at]
+    # smoothed: the noise of the pressures, which the residual has in it, would pass for a dependence on them
+    difference = uniform_filter1d(experiment.difference, _SMOOTHED, mode='nearest')
+    gauge = uniform_filter1d((experiment.pressure + experiment.opposing)[at], _SMOOTHED, mode='nearest')
+    change = np.gradient(difference)
     centred = (x - np.mean(x)) / max(float(np.std(x)), 1e-12)
     level = difference - np.mean(difference)
     direction = np.sign(rate) * (np.abs(rate) > _SLOW * np.std(rate))
-    lagged = [rate, direction, np.abs(direction), acceleration, difference, gauge]
-    once = [x, centred * rate, centred * difference, gauge * direction, gauge * rate, x * x, level * level]
+    lagged = [rate, direction, np.abs(direction), acceleration]
+    once = [
+        x,
+        difference,
+        gauge,
+        change,
+        centred * rate,
+        centred * difference,
+        gauge * direction,
+        gauge * rate,
+        x * x,
+        level * level,
+    ]
     once += [rate * np.abs(rate), np.abs(acceleration), centred * direction]
     return lagged_features(once, lagged, count)
 
@@ -417,7 +434,7 @@ def _may_be_weight(fitting: _Fitting, fit: ForceFit) -> bool:
     residuals = [residual[mask] for residual, mask in zip(fit.residuals(fitting.experiments), fitting.masks)]
     independent = independent_share(autoregression(residuals))
     size, together = float(np.linalg.norm(inertia)), np.concatenate(residuals)
-    if size == 0.0 or not fitting.may_tell('moving_mass'):
+    if size == 0.0 or not any(one.resolves_acceleration for one in fitting.experiments):
         return True
     std = math.sqrt(float(np.mean(together**2)) / independent) / size
     return least <= float(inertia @ together) / size**2 + _TIED * std

@@ -191,7 +191,7 @@ def _verdict(
         name + (f' (or {" or ".join(alternatives[name])}: not to be told apart here)' if alternatives.get(name) else '')
         for name in found.effects
     )
-    falls = '' if ratio is None else f'; with it the error falls to {100.0 * ratio:.0f} %'
+    falls = '' if ratio is None else f'; with it the error {_change(ratio)}'
     if not explained(tests):
         failed = ', '.join(test.what for test in tests if test.decisive and not test.passed)
         if found.effects:
@@ -200,6 +200,10 @@ def _verdict(
     if found.effects:
         return 'effect_added', f'the model lacks {named}{falls}, and what is left is noise'
     return 'no_missing_effect', 'what the model leaves is noise: nothing is missing that these recordings could show'
+
+
+def _change(ratio: float) -> str:
+    return f'falls to {100.0 * ratio:.0f} %' if ratio < 1.0 else f'does not fall, but is {100.0 * ratio:.0f} %'
 
 
 def _next_experiment(hidden: Sequence[str], library: Mapping[str, Effect], shortage: str | None) -> str:
@@ -246,6 +250,7 @@ def _estimates(
     degrees = max(at.residuals.size - len(at.names), 1)
     lengths = [int(np.count_nonzero(mask)) for mask in masks]
     stds = np.sqrt(np.diag(covariance(at.jacobian, at.residuals, degrees, lengths)))
+    stds[~np.any(at.jacobian, axis=0)] = np.inf  # nothing depends on them
     quantile = float(student_t.ppf(0.975, degrees))
     known = {name: (float(std), bool(logarithm)) for name, std, logarithm in zip(at.names, stds, at.logarithmic)}
     told = {estimate.name: estimate for estimate in baseline.estimates}

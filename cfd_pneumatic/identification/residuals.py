@@ -181,7 +181,7 @@ def _shifted(values: Array, lag: int) -> Array:
 
 
 def _inputs_test(innovations: Sequence[Array], features: Sequence[Array], colour: Array) -> Test:
-    """Ask how much of what is new in each sample a regression on the inputs explains: the quick part of the residual."""
+    """Ask how much of what is new in each sample a regression on the inputs explains: the quick part."""
     new = np.concatenate(innovations)
     columns = np.concatenate([np.column_stack([whitened(one, colour) for one in part.T]) for part in features])
     basis = _orthogonal(columns)

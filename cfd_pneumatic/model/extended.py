@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +33,7 @@ STAGE_ROWS = slice(S0 // LANES, S0 // LANES + STATES)
 """Rows of the states as effects see them; those that no rate moves have to stand there from the beginning."""
 
 _SETTLED = 8.0  # time constants: to a third of a thousandth
+_MARGIN_BELOW, _MARGIN_ABOVE = 0.8, 1.2  # of the set-points: how far pressures stray from them
 _LONGEST_SETTLING = 2.0  # [s]
 
 SLOWEST_CUT = 1.5
@@ -139,11 +139,14 @@ class ExtendedCylinder:
     effects: Mapping[str, Sequence[float]]
     ambient_pressure: float
 
-    @cached_property
-    def stiffness(self) -> float:
-        """Inverse of the fastest time constant [1/s]."""
+    def stiffness(self, pressures: Sequence[float], displacements: Sequence[float]) -> float:
+        """Return the inverse of the fastest time constant [1/s] at the extremes of pressure [Pa] and displacement [m]."""
         _, k_sv, k_v, tau = self.gains
         fastest = max(k_sv, k_v, 1.0 / tau)
+        for name, own in self.effects.items():
+            quickens = PRESSURE_EFFECTS[name].quickens
+            if quickens is not None:
+                fastest *= max(1.0, *(quickens(p, x, *own) for p in pressures for x in displacements))
         for name, own in self.effects.items():
             rate = PRESSURE_EFFECTS[name].fastest
             if rate is not None:
@@ -198,7 +201,7 @@ class ExtendedCylinder:
             movement.duration,
             setpoint,
             self.ambient_pressure,
-            self.stiffness,
+            self.stiffness((state.p, setpoint), (movement.begin, movement.end)),
             numbers,
             switches(self.effects),
         )
@@ -279,7 +282,10 @@ def simulate_side_by_side(
 
     """
     signals = np.empty((times.size, len(parameters)))
-    on, stiffness = switches(cylinder.effects), cylinder.stiffness
+    on = switches(cylinder.effects)
+    lowest, highest = _MARGIN_BELOW * float(np.min(setpoint)), _MARGIN_ABOVE * float(np.max(setpoint))
+    reach = (float(np.min(displacement)), float(np.max(displacement)))
+    stiffness = cylinder.stiffness((lowest, highest), reach)
     for first in range(0, len(parameters), LANES):
         lanes = np.minimum(first + np.arange(LANES), len(parameters) - 1)  # the last one fills what is left
         numbers = np.zeros(SIZE)

@@ -278,7 +278,7 @@ class IdentifierNode(Node):
         verdicts = self._verdicts()
         sentences = [f'{title(name)}: {sentence(block["why"])}' for name, block in verdicts.items()]
         page = self._job.folder / (PAGE_FILE if verdicts else REPORT_FILE)
-        return ' '.join([f'{message}; see {page}', *sentences])
+        return ' '.join([f'{message}.', *sentences, f'See {page}'])
 
     def _finish(self, level: bytes, message: str) -> None:
         self._job = None
@@ -360,7 +360,7 @@ class ParameterTransfer:
         elif time.monotonic() - self._asked > _ASK_AGAIN:
             self._ask()  # a reply is lost if it leaves before its sender has discovered this client
         if time.monotonic() > self._deadline:
-            return DiagnosticStatus.ERROR, f'{self._target} (parameter apply_to) is not there: is its name right?'
+            return DiagnosticStatus.ERROR, f'{self._target} (parameter apply_to) is not there: check its name'
         return None
 
     def _ask(self) -> None:

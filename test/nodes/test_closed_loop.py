@@ -40,8 +40,14 @@ SENSORS = Sensors()
 NOISE = math.hypot(SENSORS.pressure_noise, SENSORS.step(SENSORS.pressure_range) / math.sqrt(12.0))
 """Of a pressure sensor, converter and all [Pa]."""
 
+SCHEDULE = out_and_back().with_return()
+RECORDED = 0.98  # of it: the recording has to end at rest
+WINDOW = SCHEDULE.duration  # over which the residual is taken [s]
 SETTLING = 0.5  # [s]
-WINDOW = 4.0  # over which the residual is taken [s]
+MOST = 1.3
+"""Live residual over noise, where nothing is missing: with the true parameters 1.03 to 1.14 over the schedule, for a
+stamp strays by 50 us, in which the pressure rises by 300 Pa when the set-point steps."""
+
 LONGEST_FIT = 120.0  # on a busy machine [s]
 
 
@@ -90,7 +96,7 @@ class Residual:
                 {nanoseconds(message.header.stamp): message.fluid_pressure for message in messages} for messages in pair
             )
             both = [stamp for stamp in measured.keys() & simulated.keys() if begin < stamp <= end]
-            assert len(both) > 0.9 * WINDOW / 2e-3
+            assert len(both) > 0.9 * SCHEDULE.samples
             residual = np.array([measured[stamp] - simulated[stamp] for stamp in both])
             ratios.append(float(np.sqrt(np.mean(residual**2))) / NOISE)
         return ratios
@@ -109,28 +115,29 @@ def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found
     identify = {'bags': f'[{bag}]', 'output_dir': output, 'apply_to': sim}
     record = {'output': bag, 'topics': f'[{real}/{PISTON_STATE},{",".join(topics)}]'}
 
-    def identified() -> DiagnosticStatus:
+    def identified(report: str) -> DiagnosticStatus:
+        """Return the status that says that the parameters are set and names the report."""
         assert graph.trigger(f'{identifier}/identify').success
         limit = time.monotonic() + LONGEST_FIT
         while True:
             status = graph.next_diagnostics(identifier, lambda _: True)
             assert status.level == DiagnosticStatus.OK, status.message
-            if 'parameters set on' in status.message:
+            if status.message.startswith(f'parameters set on {sim}.') and status.message.endswith(str(output / report)):
                 return status
             assert time.monotonic() < limit, status.message
 
-    residual, played = Residual(graph, real, simulator), out_and_back().samples
+    residual = Residual(graph, real, simulator)
     with (
         graph.run('sim_node', ros_arguments(simulator, remaps=inputs)),
         graph.run('identifier_node', ros_arguments(own, identify)),
         device(real),
     ):
         with graph.run('recorder_node', ros_arguments(parameters=record)):
-            graph.until(lambda: residual.samples > played)
-        identified()
+            graph.until(lambda: residual.samples > RECORDED * SCHEDULE.samples)
+        identified('report.json')
         since = residual.now
         graph.set(identifier, close_loop=True)
-        status = identified()
+        status = identified('report.html')
         before_a, before_b = residual.over_noise(since)
         after_a, after_b = residual.over_noise(residual.now)
     print(f'live residual over noise: A {before_a:.2f}, then {after_a:.2f}; B {before_b:.2f}, then {after_b:.2f}')
@@ -139,6 +146,5 @@ def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found
     assert (b['verdict'], b['effects']) == ('no_missing_effect', [])
     assert 'Cylinder A: The model lacks leakage' in status.message
     assert 'Cylinder B: ' in status.message
-    assert str(output / 'report.html') in status.message
     assert before_a > 3.0
-    assert max(after_a, before_b, after_b) < 1.3
+    assert max(after_a, before_b, after_b) < MOST

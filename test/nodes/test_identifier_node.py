@@ -147,7 +147,7 @@ def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, t
         assert graph.get(target, *switches) == [False, True, True], 'off where it is not in what was identified'
         graph.set(node.name, apply_to='')
         node.identify()  # it can be asked again
-        node.status(f'done; see {output}/report.json')
+        node.status(f'done. See {output}/report.json')
 
 
 def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(graph: Graph, bag: Path, tmp_path: Path) -> None:

@@ -150,6 +150,9 @@ class Effect:
         Whether the cylinder may rest off the set-point, so that its first pressure has to be fitted.
     delays
         Whether its one parameter is a time by which the sensor's reading comes late [s].
+    quickens
+        Returns how many times faster than the gains say the cylinder may be, from an absolute pressure [Pa], a
+        displacement [m] and its parameters.
     fastest
         Returns the inverse of its fastest time constant from its parameters [1/s], where it has one.
     rank
@@ -172,6 +175,7 @@ class Effect:
     moves_rest: bool = False
     rests_anywhere: bool = False
     delays: bool = False
+    quickens: Callable[..., float] | None = field(default=None, repr=False)
     fastest: Callable[..., float] | None = field(default=None, repr=False)
     rank: int = 50
 

@@ -9,6 +9,9 @@ from cfd_pneumatic.model.kernel import kernel
 REFERENCE = 2e5
 """Absolute pressure at which the gains are the model's own [Pa]."""
 
+SMALLEST = 0.1
+"""Share of the choked flow that always passes: a supply no higher than the pressure would make the gains infinite [-]."""
+
 
 @kernel
 def velocity_gain(k_x, moment, strength, supply, exponent):
@@ -22,7 +25,7 @@ def flow(value, moment, strength, supply, exponent):
     if value < 0.0:
         return value * (moment.p / REFERENCE) ** (strength * exponent)
     reference = passed(REFERENCE / supply)
-    return value * (max(passed(moment.p / supply), 1e-3) / max(reference, 1e-3)) ** strength
+    return value * (max(passed(moment.p / supply), SMALLEST) / max(reference, SMALLEST)) ** strength
 
 
 @kernel
@@ -36,6 +39,13 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(1.0, 3.0 * data['highest_pressure'], 1.0), (1.0, 1.2 * data['highest_pressure'], 1.0)]
 
 
+def quickens(pressure: float, x: float, strength: float, supply: float, exponent: float) -> float:
+    """Return by how much a gain, or the sensing, is the faster at a pressure [Pa]."""
+    relative = max(pressure, 1.0) / REFERENCE
+    charging = 1.0 / max(passed(REFERENCE / supply), SMALLEST)
+    return float(max(charging**strength, relative ** (strength * exponent), relative**strength))
+
+
 EFFECT = Effect(
     name='operating_point',
     description='gains follow absolute pressure: K_x in proportion, K_sv by the choked flow function, K_v by a power',
@@ -46,5 +56,6 @@ EFFECT = Effect(
     ),
     starts=starts,
     shown_by='strokes at two set-points well apart',
+    quickens=quickens,
     rank=30,
 )

@@ -27,11 +27,17 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(0.25 / stroke,), (-0.25 / stroke,)]
 
 
+def quickens(pressure: float, x: float, slope: float) -> float:
+    """Return by how much the gains are larger at a displacement [m]."""
+    return 1.0 / max(1.0 + slope * x, SMALLEST)
+
+
 EFFECT = Effect(
     name='volume_variation',
     description="the chamber's volume changes with displacement, and all gains with it",
     parameters=(EffectParameter('slope', '1/m', -1e3, 1e3, 0.0, 'A / V0: change of volume with displacement'),),
     starts=starts,
     shown_by='strokes over the whole travel',
+    quickens=quickens,
     rank=20,
 )

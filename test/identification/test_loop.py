@@ -1,0 +1,94 @@
+"""The loop on recordings of the rig with something wrong with it: what it names, and when it won't name anything."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drawn import recording_of
+
+from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.identification.loop import VERDICTS
+from cfd_pneumatic.recording import CylinderSignals, Signal
+from cfd_pneumatic.rig.panel import draw, draw_textbook, oracle_rmse
+
+
+def closed(drawn):
+    """Return what came of closing the loop on cylinder A, and the RMSE of the model that it ends with [Pa]."""
+    result = identify([recording_of(drawn)], Options(close_loop=True)).cylinders['cylinder_a']
+    residual = result.experiments[0].pressure - result.closure.simulated[0]
+    return result.closure, float(np.sqrt(np.mean(residual**2)))
+
+
+@pytest.mark.parametrize(
+    'effect',
+    ['leakage', 'transport_delay', 'sensor_lag', 'valve_dead_band', 'nonlinear_valve', 'heat_transfer', 'droop'],
+)
+def test_names_an_effect_and_reaches_the_floor(effect):
+    drawn = draw(effect, 'out_and_back', 2)
+    closure, rmse = closed(drawn)
+    assert closure.effects[0] == effect
+    assert rmse <= 1.05 * oracle_rmse(drawn)
+    assert closure.ratio < 0.9
+    assert closure.ratio_interval[0] <= closure.ratio <= closure.ratio_interval[1]
+    accepted = [trial.effect for trial in closure.tried if trial.accepted]
+    assert accepted[0] == effect
+
+
+@pytest.mark.parametrize('noise', ['white', 'coloured', 'quantised'])
+@pytest.mark.parametrize('schedule', ['paper_step', 'out_and_back'])
+def test_names_nothing_where_nothing_is_missing(schedule, noise):
+    closure, _ = closed(draw_textbook(schedule, 2, noise))
+    assert closure.effects == ()
+    assert closure.verdict == 'no_missing_effect'
+    assert closure.ratio is None
+
+
+@pytest.mark.parametrize('effect', ['poppet_inertia', 'pulsation', 'set_point_jump', 'mains_hum'])
+def test_does_not_pretend_to_know_what_is_none_of_its_effects(effect):
+    closure, _ = closed(draw(effect, 'out_and_back', 1))
+    assert closure.verdict == 'unexplained'
+    assert 'not known' in closure.why or 'none of the effects' in closure.why
+
+
+def test_the_test_part_decides_nothing():
+    """What is named, and every number of the model, stays the same whatever the test part holds."""
+    recording = recording_of(draw('leakage', 'out_and_back', 0))
+    honest = identify([recording], Options(close_loop=True)).cylinders['cylinder_a']
+    experiment = honest.experiments[0]
+    begins = experiment.sample_times[experiment.part == 2][0]
+    signals = recording.cylinders['cylinder_a']
+    spoilt = signals.pressure.values + np.where(signals.pressure.times >= begins, 5e3, 0.0)
+    recording = replace(
+        recording,
+        cylinders={'cylinder_a': CylinderSignals(Signal(signals.pressure.times, spoilt), signals.setpoint)},
+    )
+    other = identify([recording], Options(close_loop=True)).cylinders['cylinder_a']
+    assert other.closure.effects == honest.closure.effects
+    np.testing.assert_allclose(other.closure.extension.gains, honest.closure.extension.gains, rtol=1e-6)
+    assert other.after['test'].rmse > 4e3
+
+
+def test_too_few_samples_are_insufficient_data():
+    recording = recording_of(draw_textbook('paper_step', 0))
+
+    def thinned(signal):
+        return Signal(signal.times[::5], signal.values[::5])
+
+    signals = recording.cylinders['cylinder_a']
+    recording = replace(
+        recording,
+        displacement=thinned(recording.displacement),
+        cylinders={'cylinder_a': CylinderSignals(thinned(signals.pressure), signals.setpoint)},
+        force=None,
+    )
+    closure = identify([recording], Options(close_loop=True)).cylinders['cylinder_a'].closure
+    assert closure.verdict == 'insufficient_data'
+    assert closure.next_experiment
+    assert closure.effects == ()
+
+
+def test_a_single_step_says_what_it_could_not_show():
+    closure, _ = closed(draw_textbook('paper_step', 1))
+    assert {'leakage', 'operating_point', 'volume_variation'} <= set(closure.not_visible)
+    assert 'set-point' in closure.next_experiment
+    assert closure.verdict in VERDICTS
