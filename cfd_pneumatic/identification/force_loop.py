@@ -26,7 +26,7 @@ from cfd_pneumatic.identification.force import (
     likely_area,
     starting_force_data,
 )
-from cfd_pneumatic.identification.judgement import LARGEST_EXPLAINED, SHOWN, STRENGTH, EffectSearch, Found, Trial
+from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH, EffectSearch, Found, Trial, small_enough
 from cfd_pneumatic.identification.noise import Noise, noise_of, rounding_step, runs_at_rest, sample_noise
 from cfd_pneumatic.identification.residuals import Test, explained, lagged_features, tests_of
 from cfd_pneumatic.identification.split import PARTS
@@ -284,8 +284,11 @@ class ForceSearch(EffectSearch[_Model]):
     def extensions(self, model: _Model, names: Sequence[str]) -> dict[str, _Model]:
         """Return a model with one more effect, from the best of its starts, for each of some names."""
         data = starting_force_data(self.experiments, model.fit, self.fitting.ambient_pressure)
+        blurred = 'moving_mass' in model.effects and not _resolve_acceleration(self.experiments)
         extended = {}
         for name in names:
+            if blurred and name not in _CONSTANT:
+                continue  # what unresolved inertia leaves behind looks like friction
             starts = [{**model.effects, name: start} for start in self.library[name].starts(data)]
             rough = [self._fitted(start, *_ROUGH) for start in starts]
             extended[name] = self._fitted(min(rough, key=lambda one: one.rss).effects, *_FINE)
@@ -312,9 +315,7 @@ class ForceSearch(EffectSearch[_Model]):
     def is_explained(self, model: _Model) -> bool:
         """Return whether what a model leaves of train and validation is noise, in kind and in size."""
         masks = [np.ones(one.force.size, dtype=np.bool_) for one in self.experiments]
-        tests = force_residual_tests(self.experiments, model.fit.simulated, masks)
-        size = next(test.statistic for test in tests if test.name == 'noise_floor')
-        return explained(tests) and size <= LARGEST_EXPLAINED
+        return small_enough(force_residual_tests(self.experiments, model.fit.simulated, masks))
 
 
 def force_noise(experiments: Sequence[ForceExperiment], simulated: Sequence[Array]) -> Noise:
@@ -434,10 +435,14 @@ def _may_be_weight(fitting: _Fitting, fit: ForceFit) -> bool:
     residuals = [residual[mask] for residual, mask in zip(fit.residuals(fitting.experiments), fitting.masks)]
     independent = independent_share(autoregression(residuals))
     size, together = float(np.linalg.norm(inertia)), np.concatenate(residuals)
-    if size == 0.0 or not any(one.resolves_acceleration for one in fitting.experiments):
+    if size == 0.0 or not _resolve_acceleration(fitting.experiments):
         return True
     std = math.sqrt(float(np.mean(together**2)) / independent) / size
     return least <= float(inertia @ together) / size**2 + _TIED * std
+
+
+def _resolve_acceleration(experiments: Sequence[ForceExperiment]) -> bool:
+    return any(one.resolves_acceleration for one in experiments)
 
 
 def _beside(fitting: _Fitting, fit: ForceFit, effects: Effects) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -13,9 +12,13 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import Experiment, make_experiment, observed_motion
 from cfd_pneumatic.identification.fit import Fit, fit
+from cfd_pneumatic.identification.force import make_force_experiment
+from cfd_pneumatic.identification.force_loop import ForceClosure, close_force_loop
 from cfd_pneumatic.identification.loop import Closure, close_loop
+from cfd_pneumatic.identification.motion import Motion
 from cfd_pneumatic.identification.noise import pressure_noise
 from cfd_pneumatic.identification.split import FRACTIONS, PARTS, Split, split_recordings
+from cfd_pneumatic.identification.verdict import PartError, part_errors
 from cfd_pneumatic.recording import Recording
 
 Array = NDArray[np.float64]
@@ -41,7 +44,11 @@ class Options:
     ambient_pressure
         What gauge pressures are counted from [Pa].
     close_loop
-        Search for physical effects that the model lacks.
+        Search for physical effects that the model lacks, in the force too where it was recorded.
+    area
+        About how large cylinder A's piston is [m^2]; None if nobody knows.
+    geometric_factor
+        Contact force over piston force, from the linkage [-].
 
     """
 
@@ -49,14 +56,8 @@ class Options:
     fractions: tuple[float, float, float] = FRACTIONS
     ambient_pressure: float = AMBIENT_PRESSURE
     close_loop: bool = False
-
-
-@dataclass(frozen=True)
-class PartError:
-    """Error of the simulated pressure on one part: RMSE [Pa], and as percent of the span p99 - p1."""
-
-    rmse: float
-    nrmse_percent: float
+    area: float | None = None
+    geometric_factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -123,6 +124,10 @@ class Identification:
         Results by cylinder.
     ambient_pressure
         What gauge pressures are counted from [Pa].
+    force
+        What came of closing the loop on the contact force; None where it wasn't asked for or no force was recorded.
+    no_force
+        Why it was not closed on a force that was recorded, or None.
 
     """
 
@@ -131,6 +136,8 @@ class Identification:
     no_test: str | None
     cylinders: Mapping[str, CylinderResult]
     ambient_pressure: float
+    force: ForceClosure | None = None
+    no_force: str | None = None
 
 
 def _no_progress(_what: str, _share: float) -> None:
@@ -165,8 +172,26 @@ def identify(
             results[cylinder] = _identify_cylinder(experiments, options)
         except InputError as error:
             raise InputError(f'{cylinder}: {error}') from error
+    force, no_force = _close_on_force(recordings, motions, splits, options)
     progress('done', 1.0)
-    return Identification(tuple(recordings), tuple(splits), no_test, results, options.ambient_pressure)
+    return Identification(tuple(recordings), tuple(splits), no_test, results, options.ambient_pressure, force, no_force)
+
+
+def _close_on_force(
+    recordings: Sequence[Recording], motions: Sequence[Motion], splits: Sequence[Split], options: Options
+) -> tuple[ForceClosure | None, str | None]:
+    """Return what came of closing the loop on the recorded force, or why it was not closed."""
+    if not options.close_loop or all(recording.force is None for recording in recordings):
+        return None, None
+    try:
+        experiments = [
+            make_force_experiment(recording, motion, split, options.ambient_pressure)
+            for recording, motion, split in zip(recordings, motions, splits)
+            if recording.force is not None
+        ]
+        return close_force_loop(experiments, options.ambient_pressure, options.area, options.geometric_factor), None
+    except InputError as error:  # what the pressures tell stands without it
+        return None, f'force: {error}'
 
 
 def _identify_cylinder(experiments: Sequence[Experiment], options: Options) -> CylinderResult:
@@ -182,6 +207,7 @@ def _identify_cylinder(experiments: Sequence[Experiment], options: Options) -> C
     if options.per_setpoint:
         schedule, simulated, notes = _fit_each_setpoint(experiments, fitted_to, levels, joint, options)
     span = float(np.mean([experiment.span for experiment in experiments]))
+    measured, parts = [one.pressure for one in experiments], [one.part for one in experiments]
     closure = close_loop(experiments, joint, options.ambient_pressure) if options.close_loop else None
     return CylinderResult(
         experiments=tuple(experiments),
@@ -189,10 +215,10 @@ def _identify_cylinder(experiments: Sequence[Experiment], options: Options) -> C
         schedule=tuple(schedule),
         span=span,
         noise_floor=pressure_noise(experiments, joint.simulated, joint.gains[0]).std,
-        before=_errors(experiments, simulated, span),
+        before=part_errors(measured, simulated, parts),
         notes=tuple(notes),
         closure=closure,
-        after=_errors(experiments, closure.simulated, span) if closure is not None else {},
+        after=part_errors(measured, closure.simulated, parts) if closure is not None else {},
     )
 
 
@@ -233,14 +259,3 @@ def _bands(levels: Array) -> list[tuple[float, float]]:
     values = np.unique(levels)
     gaps = np.flatnonzero(np.diff(values) > _LEVEL_GAP * values[:-1]) + 1
     return [(float(group[0]), float(group[-1])) for group in np.split(values, gaps)]
-
-
-def _errors(experiments: Sequence[Experiment], simulated: Sequence[Array], span: float) -> dict[str, PartError]:
-    residuals = np.concatenate([experiment.pressure - pressure for experiment, pressure in zip(experiments, simulated)])
-    parts = np.concatenate([experiment.part for experiment in experiments])
-    errors = {}
-    for index, name in enumerate(PARTS):
-        if np.any(parts == index):
-            rmse = math.sqrt(float(np.mean(residuals[parts == index] ** 2)))
-            errors[name] = PartError(rmse, 100.0 * rmse / span)
-    return errors

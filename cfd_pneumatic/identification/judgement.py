@@ -19,11 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.colour import autoregression, independent_share, whitened
+from cfd_pneumatic.identification.residuals import Test, explained
 
 Array = NDArray[np.float64]
-
-LARGEST_EXPLAINED = 1.03
-"""Residual over noise at which no further effect is looked for [-]."""
 
 STRENGTH = 5.0
 """Of an effect that a recording should show, in standard deviations of the noise [-]."""
@@ -36,6 +34,7 @@ _LEAST_BIC_UNSEEN = 20.0  # where there is no validation part to agree
 _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by each further one
 _BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
 _TIE = 10.0  # rivals within so much of the criterion can't be told apart
+_SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
 _MOST_EFFECTS = 3
 _MOST_ALTERNATIVES = 2
 _ROUNDS = 2  # of trying rivals
@@ -229,6 +228,12 @@ class EffectSearch(ABC, Generic[Model]):
             ranking = {**ranking, newcomer: [*replaced, *ranking.get(replaced.pop(), ())]}
             model = better[1]
         return model, alternatives
+
+
+def small_enough(tests: Sequence[Test]) -> bool:
+    """Return whether a residual is noise, in kind and in size, from its tests."""
+    size = next(test.statistic for test in tests if test.name == 'noise_floor')
+    return explained(tests) and size <= _SMALL_ENOUGH
 
 
 def objection(gain: float, drop: float, rank: int, validation: float | None, reference: float | None) -> str | None:

@@ -8,7 +8,6 @@ known.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -24,21 +23,17 @@ from cfd_pneumatic.identification.noise import Noise, precision, pressure_noise
 from cfd_pneumatic.identification.residuals import Test, explained, residual_tests
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.uncertainty import covariance
+from cfd_pneumatic.identification.verdict import VERDICTS, compared, next_experiment, shortage_of, verdict_of
 from cfd_pneumatic.identification.visibility import invisible
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Effect
 
+__all__ = ['VERDICTS', 'Closure', 'close_loop']
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-VERDICTS = ('effect_added', 'no_missing_effect', 'unexplained', 'insufficient_data')
-"""What the loop may end with."""
-
-_FEWEST_SAMPLES = 100  # of the train part: below, a dozen unknowns and a noise floor are not to be told apart
 _FINE = (1e-8, 60)
-_BLOCKS = 20
-_RESAMPLINGS = 2000
-_SEED = 2
 _LARGEST_RELATIVE_STD = 1.0 / 3.0
 
 
@@ -123,7 +118,8 @@ def close_loop(
     begin = Extension(baseline.gains, {}, baseline.offsets, baseline.starts)
     noise = pressure_noise(experiments, baseline.simulated, baseline.gains[0])
     before = tuple(residual_tests(experiments, baseline.simulated, masks, noise))
-    shortage = _shortage(experiments)
+    measured, parts = [one.pressure for one in experiments], [one.part for one in experiments]
+    shortage = shortage_of(parts)
     found = begin
     alternatives: dict[str, tuple[str, ...]] = {}
     tried: tuple[Trial, ...] = ()
@@ -145,8 +141,8 @@ def close_loop(
     noise = pressure_noise(experiments, simulated, found.gains[0])
     after = tuple(residual_tests(experiments, simulated, masks, noise)) if found.effects else before
     hidden = invisible(experiments, masks, ambient_pressure, found, simulated, noise, library) if not shortage else ()
-    ratio, interval = _compared(experiments, baseline.simulated, simulated) if found.effects else (None, None)
-    verdict, why = _verdict(found, alternatives, after, shortage, ratio)
+    ratio, interval = compared(measured, baseline.simulated, simulated, parts) if found.effects else (None, None)
+    verdict, why = verdict_of(list(found.effects), alternatives, after, shortage, ratio)
     return Closure(
         verdict=verdict,
         why=why,
@@ -161,78 +157,12 @@ def close_loop(
         tests_before=before,
         tests_after=after,
         not_visible=hidden,
-        next_experiment=_next_experiment(hidden, library, shortage),
+        next_experiment=next_experiment(hidden, library, shortage),
     )
 
 
 def _weights(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> list[Array]:
     return [precision(one, pressure) for one, pressure in zip(experiments, simulated)]
-
-
-def _shortage(experiments: Sequence[Experiment]) -> str | None:
-    """Return what the recordings lack for a search, or None."""
-    samples = sum(int(np.sum(one.part == PARTS.index('train'))) for one in experiments)
-    if samples < _FEWEST_SAMPLES:
-        return f'{samples} samples to learn from are too few to tell effects apart: record at least {_FEWEST_SAMPLES}'
-    return None
-
-
-def _verdict(
-    found: Extension,
-    alternatives: Mapping[str, Sequence[str]],
-    tests: Sequence[Test],
-    shortage: str | None,
-    ratio: float | None,
-) -> tuple[str, str]:
-    """Return the verdict and the sentence that says it."""
-    if shortage is not None:
-        return 'insufficient_data', shortage
-    named = ' and '.join(
-        name + (f' (or {" or ".join(alternatives[name])}: not to be told apart here)' if alternatives.get(name) else '')
-        for name in found.effects
-    )
-    falls = '' if ratio is None else f'; with it the error {_change(ratio)}'
-    if not explained(tests):
-        failed = ', '.join(test.what for test in tests if test.decisive and not test.passed)
-        if found.effects:
-            return 'unexplained', f'the model lacks {named}{falls}, and something that is not known here ({failed})'
-        return 'unexplained', f'the model lacks something that is none of the effects known here ({failed})'
-    if found.effects:
-        return 'effect_added', f'the model lacks {named}{falls}, and what is left is noise'
-    return 'no_missing_effect', 'what the model leaves is noise: nothing is missing that these recordings could show'
-
-
-def _change(ratio: float) -> str:
-    return f'falls to {100.0 * ratio:.0f} %' if ratio < 1.0 else f'does not fall, but is {100.0 * ratio:.0f} %'
-
-
-def _next_experiment(hidden: Sequence[str], library: Mapping[str, Effect], shortage: str | None) -> str:
-    """Return what to record to see effects that did not show."""
-    if shortage is not None:
-        return 'several strokes out and back, of two sizes, at two set-points'
-    advice = list(dict.fromkeys(library[name].shown_by for name in hidden if library[name].shown_by))
-    return '; '.join(advice)
-
-
-def _compared(
-    experiments: Sequence[Experiment], before: Sequence[Array], after: Sequence[Array]
-) -> tuple[float, tuple[float, float]]:
-    """Return the ratio of the errors on the test part, and its 95 % interval by a block bootstrap (Kuensch, 1989)."""
-    parts = np.concatenate([one.part for one in experiments])
-    judged = parts == PARTS.index('test')
-    if not np.any(judged):
-        judged[:] = True
-    squares = [
-        np.concatenate([(one.pressure - pressure) ** 2 for one, pressure in zip(experiments, simulated)])[judged]
-        for simulated in (before, after)
-    ]
-    edges = np.linspace(0, squares[0].size, min(_BLOCKS, squares[0].size) + 1).astype(np.intp)[:-1]
-    sums_before, sums_after = (np.add.reduceat(one, edges) for one in squares)
-    rng = np.random.default_rng(_SEED)
-    drawn = rng.integers(0, edges.size, (_RESAMPLINGS, edges.size))
-    ratios = np.sqrt(sums_after[drawn].sum(axis=1) / sums_before[drawn].sum(axis=1))
-    low, high = np.quantile(ratios, [0.025, 0.975])
-    return math.sqrt(float(squares[1].sum() / squares[0].sum())), (float(low), float(high))
 
 
 def _estimates(

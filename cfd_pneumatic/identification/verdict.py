@@ -88,7 +88,7 @@ def verdict_of(
         name + (f' (or {" or ".join(alternatives[name])}: not to be told apart here)' if alternatives.get(name) else '')
         for name in effects
     )
-    falls = '' if ratio is None else f'; with it the error falls to {100.0 * ratio:.0f} %'
+    falls = '' if ratio is None else f'; with it the error {_change(ratio)}'
     if not explained(tests):
         failed = ', '.join(test.what for test in tests if test.decisive and not test.passed)
         if effects:
@@ -97,6 +97,10 @@ def verdict_of(
     if effects:
         return 'effect_added', f'the model lacks {named}{falls}, and what is left is noise'
     return 'no_missing_effect', 'what the model leaves is noise: nothing is missing that these recordings could show'
+
+
+def _change(ratio: float) -> str:
+    return f'falls to {100.0 * ratio:.0f} %' if ratio < 1.0 else f'does not fall, but is {100.0 * ratio:.0f} %'
 
 
 def next_experiment(hidden: Sequence[str], library: Mapping[str, Effect], shortage: str | None) -> str:
