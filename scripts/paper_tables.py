@@ -139,8 +139,8 @@ EFFECTS = {
 }
 """Every effect on the pressure, with what is searched of it and in which range."""
 
-TOGETHER = ('lost_motion', 'valve_dead_band', 'nonlinear_valve', 'valve_hysteresis', 'sensor_lag', 'leakage', 'droop')
-"""Effects that are tried two at a time: those that alone lower K_x or K_sv with the amplitude, or both somewhat."""
+TOGETHER = ('lost_motion', 'valve_dead_band', 'nonlinear_valve', 'valve_hysteresis', 'sensor_lag')
+"""Effects that are tried two at a time: those that lower K_x or K_sv, with the amplitude or at all."""
 
 
 @dataclass(frozen=True)
@@ -331,8 +331,8 @@ def document(singles: Sequence[Answers], pairs: Sequence[Answers], command: str,
     sections = [
         "# The paper's Table 2 from its Table 1\n\n" + ' '.join((__doc__ or '').strip().split('\n\n')[1].split()),
         f'- Command: `{command}`\n- Machine: {machine()}\n- Commit {commit()}\n'
-        f"- Records: the paper's step (2 ms, 50 samples at rest, 300 after), {LARGE:g} and {SMALL:g} mil, no noise; fit of "
-        'the four parameters and the set-point.\n'
+        f"- Records: the paper's step (2 ms, 50 samples at rest, 300 after), {LARGE:g} and {SMALL:g} mil, no noise; "
+        'fit of the four parameters and the set-point.\n'
         f'- *Returned* means within {100 * REPEATABILITY:.0f} %, by which the paper says that repeats differ.',
         '## Before: no effect\n\nThe small step returns what the large one does.\n\n'
         + table(['psig', 'Table 1: K_x / K_sv', 'Table 2: K_x / K_sv', 'error against Table 2: K_x, K_sv'], before),
@@ -383,8 +383,8 @@ def _consistent_section(title: str, some: Sequence[Answers]) -> str:
     header += ['large step at 5; at 10: K_x, K_sv, K_v, tau', 'largest of K_x, K_sv', 'both tables']
     return (
         f'## {title} on a device whose large step returns Table 1\n\nTable 1 was identified on the device with the '
-        "effect in it. So here the device's own gains are free at each pressure, and the strength is one for both; all twelve "
-        'values are fitted together, and errors are of both steps.\n\n' + table(header, lines)
+        "effect in it. So here the device's own gains are free at each pressure, and the strength is one for both; all "
+        'twelve values are fitted together, and errors are of both steps.\n\n' + table(header, lines)
     )
 
 

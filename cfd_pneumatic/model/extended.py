@@ -140,7 +140,7 @@ class ExtendedCylinder:
     ambient_pressure: float
 
     def stiffness(self, pressures: Sequence[float], displacements: Sequence[float]) -> float:
-        """Return the inverse of the fastest time constant [1/s] at the extremes of pressure [Pa] and displacement [m]."""
+        """Return the inverse of the fastest time constant [1/s] at extremes of pressure [Pa] and displacement [m]."""
         _, k_sv, k_v, tau = self.gains
         fastest = max(k_sv, k_v, 1.0 / tau)
         for name, own in self.effects.items():

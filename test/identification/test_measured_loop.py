@@ -1,7 +1,6 @@
 """The loop on measured recordings: a worn seal named, healthy ones left alone, one model for four pressures."""
 
 import numpy as np
-import pytest
 from drawn import experiments_of
 from measured import MAPPING, ROOT, needs_measured_data
 

@@ -10,7 +10,7 @@ REFERENCE = 2e5
 """Absolute pressure at which the gains are the model's own [Pa]."""
 
 SMALLEST = 0.1
-"""Share of the choked flow that always passes: a supply no higher than the pressure would make the gains infinite [-]."""
+"""Share of the choked flow that always passes: a supply below the pressure would make the gains infinite [-]."""
 
 
 @kernel
