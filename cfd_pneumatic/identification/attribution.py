@@ -107,6 +107,10 @@ class Search(EffectSearch[_Model]):
             self.train, self.masks, self.ambient_pressure, begin, effects, self.weights, tolerance, evaluations
         )
         simulated = found.simulate(self.train, self.ambient_pressure)
+        if not all(np.all(np.isfinite(pressure)) for pressure in simulated):  # it ran away: as if it were not there
+            absent = {name: begin.effects.get(name, self.library[name].null) for name in effects}
+            found = replace(begin, effects=absent, unknowns=found.unknowns)
+            simulated = found.simulate(self.train, self.ambient_pressure)
         residuals = tuple(
             ((one.pressure - pressure) * weight)[mask]
             for one, pressure, weight, mask in zip(self.train, simulated, self.weights, self.masks)

@@ -137,6 +137,8 @@ def close_loop(
                 weights,
                 *_FINE,
             )
+            if not _finite(found.simulate(experiments, ambient_pressure)):
+                found = attribution.extension
     simulated = found.simulate(experiments, ambient_pressure) if found.effects else list(baseline.simulated)
     noise = pressure_noise(experiments, simulated, found.gains[0])
     after = tuple(residual_tests(experiments, simulated, masks, noise)) if found.effects else before
@@ -159,6 +161,10 @@ def close_loop(
         not_visible=hidden,
         next_experiment=next_experiment(hidden, library, shortage),
     )
+
+
+def _finite(pressures: Sequence[Array]) -> bool:
+    return all(bool(np.all(np.isfinite(pressure))) for pressure in pressures)
 
 
 def _weights(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> list[Array]:
