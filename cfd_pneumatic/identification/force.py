@@ -230,7 +230,8 @@ class ForceFit:
     stretches
         For each experiment how far the seals were stretched at its first sample, -1 to 1 [-].
     estimates
-        What was searched with its uncertainty and verdict: `area`, then `EFFECT.PARAMETER`.
+        What was searched with its uncertainty and verdict: `area`, then `EFFECT.PARAMETER`. Empty where they were not
+        asked for.
     simulated
         For each experiment the force at its samples [N].
     cost
@@ -425,6 +426,8 @@ def fit_force(
     effects: Effects,
     tolerance: float = _FINE[0],
     steps: int = _FINE[1],
+    *,
+    estimated: bool = True,
 ) -> ForceFit:
     """
     Fit piston area and effects jointly to the measured force of several recordings.
@@ -448,6 +451,8 @@ def fit_force(
         Effects with starting values; parameters that are choices stay as they are.
     tolerance, steps
         Share of the sum of squares by which a step of the search must lower it, and most steps.
+    estimated
+        Whether uncertainties are worked out, which takes longer than a rough search.
 
     Raises
     ------
@@ -465,8 +470,8 @@ def fit_force(
     point = search.run(tolerance, steps)
     found, own, stretches = search.unpack(point)
     residuals, jacobian = search.tangent(point)
-    estimates = _estimates(search, point, jacobian, residuals)
-    if not several_levels:
+    estimates = _estimates(search, point, jacobian, residuals) if estimated else []
+    if estimated and not several_levels:
         level = float(np.median(np.concatenate([one.level for one in experiments])))
         reason = (
             f'all recordings have one set-point, {level:.0f} Pa: record a second one '

@@ -154,7 +154,7 @@ def close_force_loop(
     measured, parts = [one.force for one in experiments], [one.part for one in experiments]
     search = ForceSearch(experiments, ambient_pressure, area, factor, library)
     fitting = _Fitting(experiments, masks, ambient_pressure, area, factor)
-    plain = fitting.fit({}, *_FINEST)
+    plain = fitting.fit({}, *_FINEST, estimated=True)
     before = tuple(force_residual_tests(experiments, plain.simulated, masks))
     shortage = shortage_of(parts)
     fit, alternatives, tried = plain, dict[str, tuple[str, ...]](), tuple[Trial, ...]()
@@ -162,7 +162,7 @@ def close_force_loop(
         found = search.run()
         tried = found.tried
         if found.model.effects:
-            fit = fitting.fit(found.model.effects, *_FINEST)
+            fit = fitting.fit(found.model.effects, *_FINEST, estimated=True)
             alternatives = dict(found.alternatives)
             if 'force_offset' in fit.effects and 'moving_mass' in library and _may_be_weight(fitting, fit):
                 alternatives['force_offset'] = ('moving_mass',)
@@ -217,10 +217,18 @@ class _Fitting:
             return any(one.resolves_rate for one in self.experiments)
         return self.area_is_told or effect not in _CONSTANT
 
-    def fit(self, effects: Effects, tolerance: float, steps: int) -> ForceFit:
+    def fit(self, effects: Effects, tolerance: float, steps: int, *, estimated: bool = False) -> ForceFit:
         """Return the best fit that is found from an area and effects with starting values."""
         return fit_force(
-            self.experiments, self.masks, self.ambient_pressure, self.area, self.factor, effects, tolerance, steps
+            self.experiments,
+            self.masks,
+            self.ambient_pressure,
+            self.area,
+            self.factor,
+            effects,
+            tolerance,
+            steps,
+            estimated=estimated,
         )
 
     def simulate(self, fit: ForceFit, effects: Effects) -> list[Array]:

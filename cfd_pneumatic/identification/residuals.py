@@ -216,8 +216,9 @@ def _orthogonal(columns: Array) -> Array:
     """Return an orthonormal basis of what columns span, shape (n, rank)."""
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 0.0] / size[size > 0.0]
-    basis, values, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(basis[:, values > 1e-6 * values[0]], dtype=np.float64)
+    basis, triangle = np.linalg.qr(columns)  # the long way of a decomposition, and the quick one
+    directions, values, _ = np.linalg.svd(triangle)
+    return np.asarray(basis @ directions[:, values > 1e-6 * values[0]], dtype=np.float64)
 
 
 def _line_test(residuals: Sequence[Array]) -> Test:
