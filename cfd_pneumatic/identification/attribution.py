@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.extension import Effects, Extension, extend
-from cfd_pneumatic.identification.judgement import EffectSearch, Trial, small_enough
+from cfd_pneumatic.identification.judgement import EffectSearch, Trial
 from cfd_pneumatic.identification.noise import precision, pressure_noise, sample_noise
-from cfd_pneumatic.identification.residuals import residual_tests
+from cfd_pneumatic.identification.residuals import Test, residual_tests
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.starts import starting_data
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Data, Effect
@@ -181,10 +181,9 @@ class Search(EffectSearch[_Model]):
         found = self.search(self.baseline)
         return Attribution(found.model.extension, found.alternatives, found.tried)
 
-    def is_explained(self, model: _Model) -> bool:
-        """Return whether what a model leaves of train and validation is noise, in kind and in size."""
+    def residual_tests(self, model: _Model) -> list[Test]:
+        """Return the tests of what a model leaves of train and validation."""
         simulated = model.extension.simulate(self.learn, self.ambient_pressure)
         noise = pressure_noise(self.learn, simulated, model.extension.gains[0])
         masks = [np.ones(one.pressure.size, dtype=np.bool_) for one in self.learn]
-        tests = residual_tests(self.learn, simulated, masks, noise)
-        return small_enough(tests)
+        return residual_tests(self.learn, simulated, masks, noise)

@@ -24,6 +24,7 @@ _DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's s
 # of a sample: what is faster can't be told from nothing, and would cost steps
 _SHORTEST_TAU = 0.3
 _SHORTEST_LAG = 0.15
+_FEWEST_PERIODS = 0.5  # in the longest experiment: with fewer, a period can't be told from a drift
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,7 @@ class _Unknowns:
         self.start_slots = PARAMETERS + count + np.arange(count)
         span = float(np.mean([one.span for one in experiments]))
         period = min(float(np.median(np.diff(one.sample_times))) for one in experiments)
+        duration = max(float(np.ptp(one.sample_times)) for one in experiments)
         slots: list[int] = []
         logarithmic: list[bool] = []
         units: list[float] = []
@@ -124,9 +126,9 @@ class _Unknowns:
             for slot, parameter, value in zip(_slots_of(name), PRESSURE_EFFECTS[name].parameters, own):
                 if not parameter.choice:
                     unit = abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
-                    quick = parameter.logarithmic and parameter.unit == 's'
-                    lower = max(parameter.lower, _SHORTEST_LAG * period) if quick else parameter.lower
-                    search(slot, parameter.logarithmic, unit, lower, parameter.upper)
+                    least = {'s': _SHORTEST_LAG * period, 'Hz': _FEWEST_PERIODS / duration}.get(parameter.unit, 0.0)
+                    lower = max(parameter.lower, least) if parameter.logarithmic else parameter.lower
+                    search(slot, parameter.logarithmic, unit, min(lower, parameter.upper), parameter.upper)
         self.slots = np.array(slots)
         self.logarithmic = np.array(logarithmic)
         self.units = np.array(units)

@@ -26,7 +26,7 @@ from cfd_pneumatic.identification.force import (
     likely_area,
     starting_force_data,
 )
-from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH, EffectSearch, Found, Trial, small_enough
+from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH, EffectSearch, Found, Trial
 from cfd_pneumatic.identification.noise import Noise, noise_of, rounding_step, runs_at_rest, sample_noise
 from cfd_pneumatic.identification.residuals import Test, explained, lagged_features, tests_of
 from cfd_pneumatic.identification.split import PARTS
@@ -170,7 +170,7 @@ def close_force_loop(
     noise = force_noise(experiments, fit.simulated)
     hidden = () if shortage else _invisible(fitting, fit, noise, library)
     ratio, interval = compared(measured, plain.simulated, fit.simulated, parts) if fit.effects else (None, None)
-    verdict, why = verdict_of(list(fit.effects), alternatives, after, shortage, ratio)
+    verdict, why = verdict_of(list(fit.effects), alternatives, after, shortage, ratio, interval)
     return ForceClosure(
         verdict=verdict,
         why=why,
@@ -320,10 +320,10 @@ class ForceSearch(EffectSearch[_Model]):
         """Return the colour of the noise at rest."""
         return force_noise(self.experiments, model.fit.simulated).colour
 
-    def is_explained(self, model: _Model) -> bool:
-        """Return whether what a model leaves of train and validation is noise, in kind and in size."""
+    def residual_tests(self, model: _Model) -> list[Test]:
+        """Return the tests of what a model leaves of train and validation."""
         masks = [np.ones(one.force.size, dtype=np.bool_) for one in self.experiments]
-        return small_enough(force_residual_tests(self.experiments, model.fit.simulated, masks))
+        return force_residual_tests(self.experiments, model.fit.simulated, masks)
 
 
 def force_noise(experiments: Sequence[ForceExperiment], simulated: Sequence[Array]) -> Noise:

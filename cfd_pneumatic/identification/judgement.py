@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -29,13 +29,18 @@ STRENGTH = 5.0
 SHOWN = 0.57
 """What it has to leave of itself beside the model's parameters, in the same: what raises the error by 15 % [-]."""
 
+_WHITE = np.empty(0)  # colour of white noise
+_OUTDONE = 'worth it, but another lowers the criterion more'
 _LEAST_BIC = 10.0  # by which an effect must lower the criterion
 _LEAST_BIC_UNSEEN = 20.0  # where there is no validation part to agree
 _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by each further one
+_LEAST_DROP_OF_MORE = 0.10  # where more than noise is left: little finds a name by chance
 _BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
+_COMPARABLE = 0.5  # of what an effect takes, with which a rival is named where more than noise is left
 _TIE = 10.0  # rivals within so much of the criterion can't be told apart
 _SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
 _MOST_EFFECTS = 3
+_MOST_EFFECTS_UNSEEN = 2  # where there is no validation part: a single step
 _MOST_ALTERNATIVES = 2
 _ROUNDS = 2  # of trying rivals
 _RIVALS = 4  # that are tried in an effect's place
@@ -115,13 +120,45 @@ class Found(Generic[Model]):
     tried: tuple[Trial, ...]
 
 
+@dataclass(frozen=True)
+class Step(Generic[Model]):
+    """
+    Every effect tried beside a model.
+
+    Attributes
+    ----------
+    candidates
+        The model with each.
+    ranked
+        Their names, the best first.
+    leads
+        Those that are worth it and the best, by either criterion; empty where none is worth it.
+    tried
+        What came of each, before one is chosen.
+
+    """
+
+    candidates: Mapping[str, Model]
+    ranked: Sequence[str]
+    leads: tuple[str, ...]
+    tried: Mapping[str, Trial]
+
+    def trials(self, chosen: str | None = None) -> tuple[Trial, ...]:
+        """Return what came of each, one of them chosen."""
+        accepted = replace(self.tried[chosen], accepted=True, why='lowers the criterion most') if chosen else None
+        return tuple(accepted if accepted and name == chosen else self.tried[name] for name in self.ranked)
+
+    def rivals(self, name: str) -> list[str]:
+        """Return the best of the others."""
+        return [other for other in self.ranked if other != name][:_RIVALS]
+
+
 class EffectSearch(ABC, Generic[Model]):
     """The search for missing effects; how models with effects are fitted is for its subclasses to say."""
 
     def __init__(self, names: Sequence[str], samples: int) -> None:
         self.names = names
         self.samples = samples
-        self.trials: list[Trial] = []
 
     @abstractmethod
     def extensions(self, model: Model, names: Sequence[str]) -> dict[str, Model]:
@@ -140,8 +177,8 @@ class EffectSearch(ABC, Generic[Model]):
         """Return the colour of the noise at rest, as a model leaves it, as in `colour.autoregression`."""
 
     @abstractmethod
-    def is_explained(self, model: Model) -> bool:
-        """Return whether what a model leaves of train and validation is noise, in kind and in size."""
+    def residual_tests(self, model: Model) -> list[Test]:
+        """Return the tests of what a model leaves of train and validation."""
 
     def criterion(self, model: Model, colour: Array) -> float:
         """Return the Bayesian information criterion of a model at a colour of noise."""
@@ -156,43 +193,63 @@ class EffectSearch(ABC, Generic[Model]):
         """
         samples = self.samples * independent_share(self.resting_colour(candidate))
         more = candidate.unknowns - model.unknowns
-        return samples * math.log(model.rss / max(candidate.rss, 1e-300)) - more * math.log(samples)
+        return samples * math.log(model.rss / max(candidate.rss, 1e-300)) - more * math.log(self.samples)
 
     def search(self, model: Model) -> Found[Model]:
-        """Add what is worth it, take out what is not needed any more, and try each effect against its rivals."""
-        ranking: dict[str, list[str]] = {}
-        while len(model.effects) < _MOST_EFFECTS and not (model.effects and self.is_explained(model)):
-            added, ranked = self.step(model)
-            if added is None:
-                break
-            name = list(added.effects)[-1]
-            ranking[name] = [other for other in ranked if other != name][:_RIVALS]
-            model = self.pruned(added)
-        model, alternatives = self.challenged(model, ranking)
-        return Found(model, alternatives, tuple(self.trials))
+        """
+        Add what is worth it, take out what is not needed any more, and try each effect against its rivals.
 
-    def step(self, model: Model) -> tuple[Model | None, list[str]]:
-        """Try every effect beside a model; return the model with the best that is worth it, and all names by rank."""
+        The first effect leads all others. Where it depends on whether the residual is whitened which one is best, each
+        is followed to the end.
+        """
+        first = self.step(model)
+        found = [self._followed(first, lead) for lead in first.leads]
+        if not found:
+            return Found(model, {}, first.trials())
+        best = found[0]
+        for other in found[1:]:
+            if other.model.rss < (1.0 - _LEAST_DROP_OF_MORE) * best.model.rss:
+                best = other
+        return best
+
+    def _followed(self, step: Step[Model], lead: str) -> Found[Model]:
+        """Return what is found after a first effect."""
+        trials, ranking = step.trials(lead), {lead: step.rivals(lead)}
+        model = step.candidates[lead]
+        most = _MOST_EFFECTS if self.validation_rmse(model) is not None else _MOST_EFFECTS_UNSEEN
+        while len(model.effects) < most and not small_enough(self.residual_tests(model)):
+            step = self.step(model)
+            if not step.leads:
+                trials += step.trials()
+                break
+            lead = step.leads[0]
+            trials += step.trials(lead)
+            ranking[lead] = step.rivals(lead)
+            model = self.pruned(step.candidates[lead])
+        model, alternatives = self.challenged(model, ranking)
+        return Found(model, alternatives, trials)
+
+    def step(self, model: Model) -> Step[Model]:
+        """Try every effect beside a model."""
         candidates = self.extensions(model, [name for name in self.names if name not in model.effects])
         colour = autoregression(min((*candidates.values(), model), key=lambda one: one.rss).residuals)
-        before = self.criterion(model, colour)
-        after = {name: self.criterion(one, colour) for name, one in candidates.items()}
-        ranked = sorted(after, key=lambda name: after[name])
-        reference = self.validation_rmse(model)
-        chosen = None
-        for name in ranked:
-            candidate = candidates[name]
-            gain = min(before - after[name], self.evidence(model, candidate))
+        before, reference = self.criterion(model, colour), self.validation_rmse(model)
+        coloured = {name: self.criterion(one, colour) for name, one in candidates.items()}
+        trials, objections = {}, {}
+        for name, candidate in candidates.items():
+            gain = min(before - coloured[name], self.evidence(model, candidate))
             drop = 1.0 - candidate.rss / model.rss
             validation = self.validation_rmse(candidate)
             reason = objection(gain, drop, len(model.effects), validation, reference)
-            if reason is None and chosen is None:
-                chosen = candidate
-                self.trials.append(Trial(name, gain, drop, validation, True, 'lowers the criterion most'))
-            else:
-                why = reason or 'worth it, but another lowers the criterion more'
-                self.trials.append(Trial(name, gain, drop, validation, False, why))
-        return chosen, ranked
+            little = model.effects and drop < _LEAST_DROP_OF_MORE
+            if reason is None and little and not explained(self.residual_tests(candidate)):
+                reason = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %, and more than noise is left'
+            objections[name] = reason
+            trials[name] = Trial(name, gain, drop, validation, False, objections[name] or _OUTDONE)
+        ranked = sorted(candidates, key=lambda name: self.criterion(candidates[name], _WHITE))
+        worthy = [name for name in ranked if objections[name] is None]
+        leads = dict.fromkeys([*sorted(worthy, key=lambda name: coloured[name])[:1], *worthy[:1]])
+        return Step(candidates, ranked, tuple(leads), trials)
 
     def pruned(self, model: Model) -> Model:
         """Return a model without the effects that it does not need any more, the last one apart."""
@@ -210,14 +267,17 @@ class EffectSearch(ABC, Generic[Model]):
         """Try rivals in each effect's place; return the best model, and for each effect those that do as well."""
         for _ in range(_ROUNDS):
             colour = autoregression(model.residuals)
-            own = self.criterion(model, colour)
+            own, more_is_left = self.criterion(model, colour), not explained(self.residual_tests(model))
             alternatives: dict[str, tuple[str, ...]] = {}
             better: tuple[float, Model] | None = None
             for name in model.effects:
                 rest = self.without(model, name)
                 rivals = self.extensions(rest, [rival for rival in ranking.get(name, ()) if rival not in model.effects])
                 gains = {rival: own - self.criterion(one, colour) for rival, one in rivals.items()}
-                ties = sorted((rival for rival in gains if gains[rival] > -_TIE), key=lambda rival: -gains[rival])
+                ties = [rival for rival in gains if gains[rival] > -_TIE]
+                if more_is_left:
+                    ties += [rival for rival, one in rivals.items() if comparable(one.rss, model.rss, rest.rss)]
+                ties = sorted(set(ties), key=lambda rival: -gains[rival])
                 alternatives[name] = tuple(ties[:_MOST_ALTERNATIVES])
                 if ties and gains[ties[0]] > (better[0] if better else _BETTER):
                     better = gains[ties[0]], rivals[ties[0]]
@@ -234,6 +294,11 @@ def small_enough(tests: Sequence[Test]) -> bool:
     """Return whether a residual is noise, in kind and in size, from its tests."""
     size = next(test.statistic for test in tests if test.name == 'noise_floor')
     return explained(tests) and size <= _SMALL_ENOUGH
+
+
+def comparable(rival: float, own: float, without: float) -> bool:
+    """Return whether a rival takes a good part of what an effect takes, from sums of squares: one model is as wrong."""
+    return without - rival > _COMPARABLE * (without - own)
 
 
 def objection(gain: float, drop: float, rank: int, validation: float | None, reference: float | None) -> str | None:

@@ -144,7 +144,7 @@ def close_loop(
     after = tuple(residual_tests(experiments, simulated, masks, noise)) if found.effects else before
     hidden = invisible(experiments, masks, ambient_pressure, found, simulated, noise, library) if not shortage else ()
     ratio, interval = compared(measured, baseline.simulated, simulated, parts) if found.effects else (None, None)
-    verdict, why = verdict_of(list(found.effects), alternatives, after, shortage, ratio)
+    verdict, why = verdict_of(list(found.effects), alternatives, after, shortage, ratio, interval)
     return Closure(
         verdict=verdict,
         why=why,

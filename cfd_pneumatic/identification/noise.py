@@ -19,8 +19,12 @@ Array = NDArray[np.float64]
 _SETTLING = 0.15  # after which a pressure is at rest [s]
 _STILL = 6.0  # standard deviations of the displacement's noise
 _SHORTEST_REST = 30  # samples
+SLOWEST = 6.0
+"""Noise of a sensor over its white part, at most: with a memory of 25 samples [-]."""
+
 _APART = 50  # samples: longer than the memory of a sensor
 _ENOUGH_AT_REST = 100  # samples
+_ROUNDED = 0.6  # rounding over all of the noise, from which on it is rounding above all
 _KEPT = 0.9  # share of the smallest differences that is taken for noise; the rest may be transients
 _NORMAL_PER_MEDIAN = 1.4826  # standard deviation over median absolute deviation
 
@@ -65,7 +69,8 @@ class Noise:
         Standard error of `std`, as a share of it [-].
     known
         Whether std and colour were seen while the piston and the set-point rested; otherwise the noise is taken for
-        white, and only what neighbouring samples differ by is counted.
+        white, and only what neighbouring samples differ by is counted. So it is where a model leaves more at rest than
+        a sensor's noise can be.
     rounded
         Whether most of it is the converter's rounding, which depends on the signal.
 
@@ -115,12 +120,13 @@ def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) 
 
     """
     known = sum(rest.size for rest in rests) >= _ENOUGH_AT_REST
-    colour = autoregression(rests) if known and any(np.any(rest) for rest in rests) else np.empty(0)
+    sensible = known and 0.0 < _spread(rests) <= SLOWEST * white
+    colour = autoregression(rests) if sensible else np.empty(0)
     if colour.size:
         count = sum(rest.size for rest in rests)
     std = _spread(rests) if colour.size else white
     uncertainty = 1.0 / math.sqrt(2.0 * count * independent_share(colour))
-    return Noise(max(std, rounding), colour, uncertainty, known, rounding > std)
+    return Noise(max(std, rounding), colour, uncertainty, known, rounding > _ROUNDED * std)
 
 
 def _white(experiments: Sequence[Experiment], residuals: Sequence[Array], k_x: float) -> float:

@@ -20,7 +20,7 @@ from scipy.stats import beta, f
 
 from cfd_pneumatic.identification.colour import autocovariance, autoregression, whitened
 from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.noise import Noise, precision
+from cfd_pneumatic.identification.noise import SLOWEST, Noise, precision
 
 Array = NDArray[np.float64]
 
@@ -29,6 +29,7 @@ SIGNIFICANCE = 0.001
 
 _MATERIAL = 0.04  # share of the residual, beyond chance, that inputs have to explain
 _SHIFTED = 0.005  # share of the shifts whose inputs may explain more
+_MATERIAL_LIKENESS = 0.04  # squared correlations with neighbours, altogether
 _MATERIAL_LEVEL = 0.015  # share of it that is slow
 _SEED = 1  # of the simulated thresholds
 _SIMULATIONS = 100
@@ -37,6 +38,7 @@ _LONGEST_SIMULATED = 5000  # samples
 _MEMORY = 200  # samples
 _LAGS_WHITE = 25
 _LARGEST, _LARGEST_LONG, _LONG = 1.10, 1.05, 5000  # residual over noise; in records with so many samples
+_ROUNDED = 1.25  # over what rounding makes, and leaves while nothing moves: the noise that is rounded comes on top
 _LAGS = (-2, -1, 0, 1, 2, 4, 8, 16, 32)  # [samples]
 _SMOOTHED = 25  # samples
 _SLOW = 4  # ordinates
@@ -223,33 +225,40 @@ def _orthogonal(columns: Array) -> Array:
 
 def _line_test(residuals: Sequence[Array]) -> Test:
     """Ask whether one line stands out of the spectrum beside it, which is smooth in noise of any colour."""
-    worst, count = 0.0, 0
-    for residual in residuals:
-        power = _periodogram(residual)
-        if power.size > 2 * _SLOW:
-            beside = median_filter(power, size=min(_NEIGHBOURS, power.size // 2 * 2 - 1), mode='reflect') / math.log(
-                2.0
-            )
-            worst = max(worst, float(np.max(power / beside)))
-            count += power.size
+    worst, count = min(_line_ratio(residuals), _line_ratio(_forgotten(residuals)))
     # an ordinate is exponential, and its neighbours' median spreads it a little
     threshold = _MEDIAN_SPREAD * math.log(max(count, 1) / SIGNIFICANCE)
     return Test('line', worst, threshold, 'largest line of the spectrum over its neighbours')
 
 
-def _level_test(residuals: Sequence[Array]) -> Test:
-    """
-    Ask whether the mean moves slowly: the slowest ordinates of the spectrum against those beside them.
+def _line_ratio(residuals: Sequence[Array]) -> tuple[float, int]:
+    """Return the largest ordinate over those beside it, and how many there are."""
+    worst, count = 0.0, 0
+    for residual in residuals:
+        power = _periodogram(residual)
+        if power.size > 2 * _SLOW:
+            window = min(_NEIGHBOURS, power.size // 2 * 2 - 1)
+            beside = median_filter(power, size=window, mode='reflect') / math.log(2.0)
+            worst = max(worst, float(np.max(power / beside)))
+            count += power.size
+    return worst, count
 
-    Noise with a memory of a few samples has slow ordinates too; what is slower than any such memory stays when each
-    sample is taken less what the one before tells of it.
+
+def _forgotten(residuals: Sequence[Array]) -> list[Array]:
+    """
+    Return residuals less what the sample before tells of each.
+
+    That flattens the spectrum of noise with a memory of a few samples, and leaves lines, and what is slower than any
+    such memory, where they are.
     """
     first = float(autocovariance(residuals, 1)[1] / autocovariance(residuals, 0)[0])
     memory = np.array([max(first, 0.0)])
-    ratio, threshold = min(
-        (_slow_ratio(residuals), _slow_ratio([whitened(residual, memory) for residual in residuals])),
-        key=lambda found: found[0],
-    )
+    return [whitened(residual, memory) for residual in residuals]
+
+
+def _level_test(residuals: Sequence[Array]) -> Test:
+    """Ask whether the mean moves slowly: the slowest ordinates of the spectrum against those beside them."""
+    ratio, threshold = min(_slow_ratio(residuals), _slow_ratio(_forgotten(residuals)))
     return Test('level', ratio, threshold, 'slowest ordinates of the spectrum over those beside them')
 
 
@@ -284,9 +293,11 @@ def _whiteness_test(residuals: Sequence[Array], noise: Noise) -> Test:
         _ljung_box([lfilter([1.0], shape, rng.standard_normal(_MEMORY + length))[_MEMORY:] for length in lengths])
         for _ in range(_SIMULATIONS)
     ]
-    threshold = float(np.mean(simulated) + _QUANTILE * np.std(simulated))
+    significant = float(np.mean(simulated) + _QUANTILE * np.std(simulated))
+    threshold = significant * (1.0 + 3.0 * noise.uncertainty) + _MATERIAL_LIKENESS * sum(lengths)
     statistic = _ljung_box([residual[:length] for residual, length in zip(residuals, lengths)])
-    return Test('ljung_box', statistic, threshold, "likeness of neighbouring residuals, Ljung and Box's Q", False)
+    what = "likeness of neighbouring residuals, Ljung and Box's Q"
+    return Test('ljung_box', statistic, threshold, what, noise.known and noise.colour.size == 0)
 
 
 def _ljung_box(series: Sequence[Array]) -> float:
@@ -301,5 +312,6 @@ def _size_test(residuals: Sequence[Array], noise: Noise) -> Test:
     together = np.concatenate(residuals)
     ratio = float(np.sqrt(np.mean(together**2))) / noise.std
     largest = _LARGEST_LONG if together.size >= _LONG else _LARGEST
-    threshold = largest * (1.0 + 3.0 * noise.uncertainty)
-    return Test('noise_floor', ratio, threshold, 'root mean square of the residual over that of the noise', noise.known)
+    known = (_ROUNDED if noise.rounded else 1.0) * largest * (1.0 + 3.0 * noise.uncertainty)
+    threshold = known if noise.known else SLOWEST
+    return Test('noise_floor', ratio, threshold, 'root mean square of the residual over that of the noise')

@@ -80,6 +80,7 @@ def verdict_of(
     tests: Sequence[Test],
     shortage: str | None,
     ratio: float | None,
+    interval: tuple[float, float] | None,
 ) -> tuple[str, str]:
     """Return the verdict and the sentence that says it."""
     if shortage is not None:
@@ -88,7 +89,7 @@ def verdict_of(
         name + (f' (or {" or ".join(alternatives[name])}: not to be told apart here)' if alternatives.get(name) else '')
         for name in effects
     )
-    falls = '' if ratio is None else f'; with it the error {_change(ratio)}'
+    falls = '' if ratio is None or interval is None else f'; with it the error {_change(ratio, interval)}'
     if not explained(tests):
         failed = ', '.join(test.what for test in tests if test.decisive and not test.passed)
         if effects:
@@ -99,8 +100,10 @@ def verdict_of(
     return 'no_missing_effect', 'what the model leaves is noise: nothing is missing that these recordings could show'
 
 
-def _change(ratio: float) -> str:
-    return f'falls to {100.0 * ratio:.0f} %' if ratio < 1.0 else f'does not fall, but is {100.0 * ratio:.0f} %'
+def _change(ratio: float, interval: tuple[float, float]) -> str:
+    change = f'falls to {100.0 * ratio:.0f} %' if ratio < 1.0 else f'does not fall, but is {100.0 * ratio:.0f} %'
+    low, high = (f'{100.0 * edge:.0f}' for edge in interval)
+    return change if interval[1] < 1.0 else f'{change}, which may be chance ({low} to {high} %)'
 
 
 def next_experiment(hidden: Sequence[str], library: Mapping[str, Effect], shortage: str | None) -> str:

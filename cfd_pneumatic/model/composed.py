@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. All numbers stand in one array of rows, a row being one number of each
 lane.
 
-Made by `make kernel` from the effects, fingerprint 547f396e502a04d4; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint df4676d8cb3275f9; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -133,12 +133,13 @@ TARGET = 82 * LANES
 ERROR = 83 * LANES
 FLOW = 84 * LANES
 GAIN = 85 * LANES
-CHAMBER = 86 * LANES
-OUTLET = 87 * LANES
-TAU = 88 * LANES
-SIGNAL = 89 * LANES
+SWEPT = 86 * LANES
+CHAMBER = 87 * LANES
+OUTLET = 88 * LANES
+TAU = 89 * LANES
+SIGNAL = 90 * LANES
 
-SIZE = 90 * LANES
+SIZE = 91 * LANES
 """Length of the array of rows."""
 
 STATE_ROWS = slice(0, 12)
@@ -168,13 +169,15 @@ def valve_error(time, ambient, w, on):
     if on[2]:
         for j in range(LANES):
             w[TARGET + j] = set_point_drift.setpoint(
-                w[TARGET + j], Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient), w[A8 + j]
+                w[TARGET + j],
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
+                w[A8 + j],
             )
     if on[4]:
         for j in range(LANES):
             w[TARGET + j] = supply_variation.setpoint(
                 w[TARGET + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[A10 + j],
                 w[A11 + j],
                 w[A12 + j],
@@ -183,7 +186,7 @@ def valve_error(time, ambient, w, on):
         for j in range(LANES):
             w[TARGET + j] = droop.setpoint(
                 w[TARGET + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[S3 + j],
                 w[A14 + j],
                 w[A15 + j],
@@ -195,37 +198,63 @@ def valve_error(time, ambient, w, on):
 @kernel
 def slopes(time, ambient, w, on):
     """Compute the rates of all states."""
+    for j in range(LANES):
+        w[GAIN + j] = w[A0 + j]
+    if on[0]:
+        for j in range(LANES):
+            w[GAIN + j] = volume_variation.velocity_gain(
+                w[GAIN + j],
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
+                w[A4 + j],
+            )
+    if on[1]:
+        for j in range(LANES):
+            w[GAIN + j] = operating_point.velocity_gain(
+                w[GAIN + j],
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
+                w[A5 + j],
+                w[A6 + j],
+                w[A7 + j],
+            )
+    for j in range(LANES):
+        w[SWEPT + j] = w[GAIN + j] * w[RATE + j]
     valve_error(time, ambient, w, on)
     if on[5]:
         for j in range(LANES):
             w[ERROR + j] = valve_hysteresis.error(
                 w[ERROR + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[S2 + j],
                 w[A13 + j],
             )
     if on[13]:
         for j in range(LANES):
             w[ERROR + j] = valve_dead_band.error(
-                w[ERROR + j], Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient), w[A29 + j]
+                w[ERROR + j],
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
+                w[A29 + j],
             )
     if on[15]:
         for j in range(LANES):
             w[ERROR + j] = nonlinear_valve.error(
-                w[ERROR + j], Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient), w[A32 + j]
+                w[ERROR + j],
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
+                w[A32 + j],
             )
     for j in range(LANES):
         w[FLOW + j] = (w[A1 + j] if w[ERROR + j] > 0.0 else w[A2 + j]) * w[ERROR + j]
     if on[0]:
         for j in range(LANES):
             w[FLOW + j] = volume_variation.flow(
-                w[FLOW + j], Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient), w[A4 + j]
+                w[FLOW + j],
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
+                w[A4 + j],
             )
     if on[1]:
         for j in range(LANES):
             w[FLOW + j] = operating_point.flow(
                 w[FLOW + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[A5 + j],
                 w[A6 + j],
                 w[A7 + j],
@@ -234,14 +263,14 @@ def slopes(time, ambient, w, on):
         for j in range(LANES):
             w[FLOW + j] = flow_saturation.flow(
                 w[FLOW + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[A25 + j],
                 w[A26 + j],
             )
     if on[16]:
         for j in range(LANES):
             (w[K8 + j],) = line_restriction.evolve(
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[FLOW + j],
                 w[S8 + j],
                 w[A33 + j],
@@ -250,7 +279,7 @@ def slopes(time, ambient, w, on):
         for j in range(LANES):
             w[FLOW + j] = line_restriction.flow(
                 w[FLOW + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[S8 + j],
                 w[A33 + j],
                 w[A34 + j],
@@ -259,42 +288,26 @@ def slopes(time, ambient, w, on):
         for j in range(LANES):
             w[FLOW + j] = heat_transfer.flow(
                 w[FLOW + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[S9 + j],
                 w[A35 + j],
             )
     if on[6]:
         for j in range(LANES):
             (w[K3 + j],) = droop.evolve(
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[FLOW + j],
                 w[S3 + j],
                 w[A14 + j],
                 w[A15 + j],
             )
     for j in range(LANES):
-        w[GAIN + j] = w[A0 + j]
-    if on[0]:
-        for j in range(LANES):
-            w[GAIN + j] = volume_variation.velocity_gain(
-                w[GAIN + j], Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient), w[A4 + j]
-            )
-    if on[1]:
-        for j in range(LANES):
-            w[GAIN + j] = operating_point.velocity_gain(
-                w[GAIN + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
-                w[A5 + j],
-                w[A6 + j],
-                w[A7 + j],
-            )
-    for j in range(LANES):
-        w[CHAMBER + j] = w[FLOW + j] - w[GAIN + j] * w[RATE + j]
+        w[CHAMBER + j] = w[FLOW + j] - w[SWEPT + j]
     if on[7]:
         for j in range(LANES):
             w[CHAMBER + j] = leakage.chamber(
                 w[CHAMBER + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[A16 + j],
                 w[A17 + j],
             )
@@ -302,7 +315,7 @@ def slopes(time, ambient, w, on):
         for j in range(LANES):
             w[CHAMBER + j] = positional_leakage.chamber(
                 w[CHAMBER + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[A18 + j],
                 w[A19 + j],
                 w[A20 + j],
@@ -313,7 +326,7 @@ def slopes(time, ambient, w, on):
     if on[17]:
         for j in range(LANES):
             (w[K9 + j],) = heat_transfer.evolve(
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[CHAMBER + j],
                 w[S9 + j],
                 w[A35 + j],
@@ -321,7 +334,7 @@ def slopes(time, ambient, w, on):
         for j in range(LANES):
             w[CHAMBER + j] = heat_transfer.chamber(
                 w[CHAMBER + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[S9 + j],
                 w[A35 + j],
             )
@@ -331,7 +344,7 @@ def slopes(time, ambient, w, on):
         for j in range(LANES):
             w[OUTLET + j] = line_restriction.outlet(
                 w[OUTLET + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[FLOW + j],
                 w[S8 + j],
                 w[A33 + j],
@@ -343,7 +356,7 @@ def slopes(time, ambient, w, on):
         for j in range(LANES):
             w[TAU + j] = operating_point.time_constant(
                 w[TAU + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[A5 + j],
                 w[A6 + j],
                 w[A7 + j],
@@ -353,7 +366,7 @@ def slopes(time, ambient, w, on):
     if on[12]:
         for j in range(LANES):
             (w[K5 + j],) = sensor_lag.evolve(
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[SIGNAL + j],
                 w[S5 + j],
                 w[A28 + j],
@@ -361,7 +374,7 @@ def slopes(time, ambient, w, on):
         for j in range(LANES):
             w[SIGNAL + j] = sensor_lag.signal(
                 w[SIGNAL + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[S5 + j],
                 w[A28 + j],
             )
@@ -371,7 +384,7 @@ def slopes(time, ambient, w, on):
                 w[K6 + j],
                 w[K7 + j],
             ) = line_resonance.evolve(
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[SIGNAL + j],
                 w[S6 + j],
                 w[S7 + j],
@@ -381,7 +394,7 @@ def slopes(time, ambient, w, on):
         for j in range(LANES):
             w[SIGNAL + j] = line_resonance.signal(
                 w[SIGNAL + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[S6 + j],
                 w[S7 + j],
                 w[A30 + j],
@@ -530,7 +543,7 @@ def leave_behind_valve_hysteresis(time, ambient, w, on):
     for j in range(LANES):
         w[Y2 + j] = valve_hysteresis.error(
             w[ERROR + j],
-            Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+            Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
             w[S2 + j],
             w[A13 + j],
         )
@@ -548,13 +561,15 @@ def follow(time, x, h, ambient, w, on):
     if on[3]:
         for j in range(LANES):
             w[X + j] = displacement_lag.displacement(
-                w[X + j], Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient), w[A9 + j]
+                w[X + j],
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
+                w[A9 + j],
             )
     if on[11]:
         for j in range(LANES):
             w[X + j] = lost_motion.displacement(
                 w[X + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[Y4 + j],
                 w[A27 + j],
             )
@@ -575,7 +590,7 @@ def read(time, ambient, w, on):
         for j in range(LANES):
             w[SIGNAL + j] = sensor_lag.signal(
                 w[SIGNAL + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[S5 + j],
                 w[A28 + j],
             )
@@ -583,7 +598,7 @@ def read(time, ambient, w, on):
         for j in range(LANES):
             w[SIGNAL + j] = line_resonance.signal(
                 w[SIGNAL + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient),
+                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
                 w[S6 + j],
                 w[S7 + j],
                 w[A30 + j],
@@ -604,12 +619,13 @@ def rest(x, setpoint, w):
         w[Y5 + j] = pressure
         w[Y6 + j] = pressure
         w[Y7 + j] = 0.0
-        w[Y8 + j] = pressure
+        w[Y8 + j] = 0.0
         w[Y9 + j] = 0.0
         w[FOLLOWED + j] = x
         w[MEASURED + j] = x
         w[X + j] = x
         w[RATE + j] = 0.0
+        w[SWEPT + j] = 0.0
         w[SETPOINT + j] = pressure
         w[S0 + j] = w[Y0 + j]
         w[S1 + j] = w[Y1 + j]

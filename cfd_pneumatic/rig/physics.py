@@ -238,8 +238,9 @@ def cylinder_rates(
     volume = cylinder.rest_volume + cylinder.position_dependence * cylinder.area * position
     work = pressure * cylinder.area * velocity
     if effects.heat_transfer > 0.0:
+        # the air itself is not frozen: its mass and temperature follow the pressure that it has
         outlet_rate, temperature_rate = heated_rates(
-            pressure, state.temperature, gained, volume, work, effects.heat_transfer, air
+            state.outlet, state.temperature, gained, volume, work, effects.heat_transfer, air
         )
     else:
         outlet_rate = exponent / volume * (heat * gained - work)

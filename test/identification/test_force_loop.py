@@ -201,13 +201,14 @@ def test_too_few_samples_are_said():
 
 
 def test_the_verdict_is_put_into_words():
-    for shortage, effects, ratio, verdict, words in (
-        ('7 samples', (), None, 'insufficient_data', '7 samples'),
-        (None, (), None, 'no_missing_effect', 'nothing is missing that these recordings could show'),
-        (None, ('force_offset',), 0.25, 'effect_added', 'lacks force_offset; with it the error falls to 25 %'),
-        (None, ('force_offset',), 1.02, 'effect_added', 'does not fall'),
+    for shortage, effects, ratio, interval, verdict, words in (
+        ('7 samples', (), None, None, 'insufficient_data', '7 samples'),
+        (None, (), None, None, 'no_missing_effect', 'nothing is missing that these recordings could show'),
+        (None, ('force_offset',), 0.25, (0.2, 0.3), 'effect_added', 'error falls to 25 %, and what is left is noise'),
+        (None, ('force_offset',), 0.95, (0.8, 1.1), 'effect_added', 'falls to 95 %, which may be chance (80 to 110 %)'),
+        (None, ('force_offset',), 1.02, (0.9, 1.2), 'effect_added', 'does not fall'),
     ):
-        found = verdict_of(effects, {}, (), shortage, ratio)
+        found = verdict_of(effects, {}, (), shortage, ratio, interval)
         assert found[0] == verdict
         assert found[0] in VERDICTS
         assert words in found[1]

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from cfd_pneumatic.identification import residuals as module
 from cfd_pneumatic.identification.extension import Extension
-from cfd_pneumatic.identification.noise import pressure_noise
+from cfd_pneumatic.identification.noise import SLOWEST, pressure_noise
 from cfd_pneumatic.identification.residuals import Test as ResidualTest
 from cfd_pneumatic.identification.residuals import explained, residual_tests
 from cfd_pneumatic.rig.panel import draw_textbook
@@ -136,14 +136,15 @@ def test_a_jump_is_found(kind, size, found):
     assert power('level', size * STD * (np.arange(simulated.size) > 0.6 * simulated.size), kind) >= found
 
 
-def test_what_resembles_itself_more_than_the_noise_does_is_said():
-    """A slow wander while the piston moves, and white noise at rest."""
+def test_what_resembles_itself_more_than_white_noise_at_rest_is_found():
+    """A slow wander while the piston moves; where the noise at rest has a colour, it may be that."""
     experiment, _ = out_and_back()
     wander = gaussian_filter1d(np.random.default_rng(0).standard_normal(experiment.pressure.size), 3.0)
     wander *= np.abs(rate(0)) > 0.01 * np.max(np.abs(rate(0)))
     found = asked('white', 0, scaled(wander, 0.3))
     assert not found['ljung_box'].passed
-    assert not found['ljung_box'].decisive
+    assert found['ljung_box'].decisive
+    assert not asked('coloured', 0, scaled(wander, 0.3))['ljung_box'].decisive
 
 
 @pytest.mark.parametrize('larger', [1.05, 1.25])
@@ -160,13 +161,14 @@ def test_a_residual_larger_than_the_noise_at_rest_is_found(larger):
     assert size.decisive
 
 
-def test_where_the_noise_is_not_known_its_size_does_not_decide():
+def test_where_the_noise_is_not_known_it_may_be_as_large_as_a_sensors_noise_can_be():
     experiment, simulated = out_and_back()
     measured = replace(experiment, pressure=simulated + noise('white', 0))
     level = replace(pressure_noise([measured], [simulated], 0.0), known=False)
     masks = [np.ones(simulated.size, dtype=bool)]
     found = {test.name: test for test in residual_tests([measured], [simulated], masks, level)}
-    assert not found['noise_floor'].decisive
+    assert found['noise_floor'].threshold == SLOWEST
+    assert found['noise_floor'].decisive
     assert found['inputs'].decisive
 
 

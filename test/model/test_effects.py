@@ -195,10 +195,17 @@ def test_heat_transfer_takes_a_fast_change_to_isothermal():
 
 
 def test_warm_air_that_leaves_takes_more_pressure_along():
-    """A tenth of the pressure is due to temperature: a tenth more."""
+    """The wall is a tenth colder than the air: the air is a ninth warmer than the wall."""
     moment = Moment(0.0, 0.0, 0.0, 2e5, 2e5, AMBIENT)
-    assert heat_transfer.flow(-1000.0, moment, 2e4, 5.0) == pytest.approx(-1100.0)
+    assert heat_transfer.flow(-1000.0, moment, 2e4, 5.0) == pytest.approx(-1000.0 / 0.9)
     assert heat_transfer.flow(1000.0, moment, 2e4, 5.0) == 1000.0
+
+
+def test_much_air_cools_slowly():
+    """Twice the mass of air: half the rate at which it loses what is due to temperature."""
+    once, twice = (heat_transfer.cooling(Moment(0.0, 0.0, 0.0, p, p, AMBIENT), 1e3, 5.0) for p in (1.01e5, 2.01e5))
+    assert once == pytest.approx(5.0 * 1e3 * AMBIENT / 1e5)
+    assert twice == pytest.approx(0.5 * once)
 
 
 def test_a_drift_is_followed():

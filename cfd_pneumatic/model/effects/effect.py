@@ -61,6 +61,9 @@ class Moment(NamedTuple):
     ambient: float
     """Ambient pressure [Pa]."""
 
+    swept: float = 0.0
+    """Pressure rate that the piston's motion takes, K_x times its speed [Pa/s]; not for what changes either of them."""
+
 
 class ForceMoment(NamedTuple):
     """Where the piston is: what the function of an effect on the force may look at."""

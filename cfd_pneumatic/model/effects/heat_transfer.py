@@ -5,26 +5,36 @@ from __future__ import annotations
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
-SHARE = 1.0 - 1.0 / 1.4
+ADIABATIC = 1.4
+"""Ratio of the specific heats of air [-]."""
+
+SHARE = 1.0 - 1.0 / ADIABATIC
 """Part of an adiabatic change of pressure that goes as the temperature evens out [-]."""
 
 
 @kernel
 def flow(value, moment, heat, loss):
     """Return the pressure rate that the flow makes [Pa/s]: warm air that leaves takes more pressure with it."""
-    return value if value > 0.0 or loss == 0.0 else value * (1.0 + heat / moment.p)
+    return value if value > 0.0 or loss == 0.0 else value / (1.0 - heat / moment.p)
+
+
+@kernel
+def cooling(moment, heat, loss):
+    """Return the rate at which the walls take pressure [Pa/s]: the less air there is to be cooled, the quicker."""
+    return loss * heat * moment.ambient / (moment.p - heat)
 
 
 @kernel
 def chamber(rate, moment, heat, loss):
     """Return the outlet pressure's rate [Pa/s]."""
-    return rate - loss * heat
+    return rate - cooling(moment, heat, loss)
 
 
 @kernel
 def evolve(moment, rate, heat, loss):
-    """Return the rate at which pressure due to temperature builds up and goes [Pa/s]."""
-    return (SHARE * rate - loss * heat,)
+    """Return the rate at which pressure due to temperature, p (1 - T_wall / T), builds up and goes [Pa/s]."""
+    thinned = min(rate, -moment.swept)  # air that comes in is as warm as the wall: it brings no heat
+    return (SHARE * rate + heat / (ADIABATIC * moment.p) * thinned - cooling(moment, heat, loss),)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
@@ -40,7 +50,11 @@ def fastest(loss: float) -> float:
 EFFECT = Effect(
     name='heat_transfer',
     description='adiabatic changes of pressure relax to isothermal',
-    parameters=(EffectParameter('loss', '1/s', 0.0, 1e3, 0.0, 'inverse of the time constant m c_v / (h A)'),),
+    parameters=(
+        EffectParameter(
+            'loss', '1/s', 0.0, 1e3, 0.0, 'inverse of the time constant m c_v / (h A), at ambient pressure'
+        ),
+    ),
     starts=starts,
     shown_by='large steps of the set-point, up and down',
     fastest=fastest,

@@ -9,28 +9,36 @@ NONE = 1e-5
 """Resistance below which there is none [s]."""
 
 QUICKEST = 3e-4
-"""Time in which the outlet's volume fills at least; below, it is as good as filled at once [s]."""
+"""
+Time constant of the outlet's pressure at least [s].
+
+A quicker one is taken to be as slow as that; what it settles to, and the mass of air in the outlet, stay right.
+"""
 
 
 @kernel
-def evolve(moment, valves, regulator, resistance, volume):
-    """Return the rate of the pressure at the regulator's outlet [Pa/s]."""
+def evolve(moment, valves, drop, resistance, volume):
+    """Return the rate of the pressure drop along the line [Pa/s]."""
     if resistance < NONE:
         return (0.0,)
-    passes = (regulator - moment.p) / resistance
-    return ((valves - passes) / max(volume, QUICKEST / resistance),)
+    both = 1.0 + volume
+    settled = resistance * (valves + volume * moment.swept) / both
+    return ((settled - drop) / max(volume * resistance / both, QUICKEST),)
 
 
 @kernel
-def flow(valves, moment, regulator, resistance, volume):
-    """Return the pressure rate that the flow through the line makes [Pa/s]."""
-    return valves if resistance < NONE else (regulator - moment.p) / resistance
+def flow(valves, moment, drop, resistance, volume):
+    """Return the pressure rate that the flow through the line makes [Pa/s]: what the outlet does not keep."""
+    if resistance < NONE:
+        return valves
+    (rate,) = evolve(moment, valves, drop, resistance, volume)
+    return (valves + volume * (moment.swept - rate)) / (1.0 + volume)
 
 
 @kernel
-def outlet(p, moment, valves, regulator, resistance, volume):
+def outlet(p, moment, valves, drop, resistance, volume):
     """Return the pressure at the regulator's outlet [Pa]."""
-    return p if resistance < NONE else regulator
+    return p + drop
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
@@ -39,8 +47,8 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 
 
 def fastest(resistance: float, volume: float) -> float:
-    """Return the inverse of the time in which the outlet's volume fills [1/s]."""
-    return 0.0 if resistance < NONE else 1.0 / max(volume * resistance, QUICKEST)
+    """Return the inverse of the drop's time constant [1/s]."""
+    return 0.0 if resistance < NONE else 1.0 / max(volume * resistance / (1.0 + volume), QUICKEST)
 
 
 EFFECT = Effect(
@@ -57,6 +65,5 @@ EFFECT = Effect(
     fastest=fastest,
     states=1,
     follows='flow',
-    rests_at_pressure=True,
     rank=80,
 )

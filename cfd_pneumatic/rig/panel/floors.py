@@ -1,8 +1,9 @@
 """
 How well anybody could do on a recording: the oracle knows the device, and the baseline the device without its effects.
 
-Both are given the measured displacement, straight between its samples, so that the oracle's error is the floor of every
-identification. One whose baseline is as good as the oracle hasn't shown its effect.
+Both are given the measured displacement, straight between its samples, and when these were really taken, which the
+stamps tell but roughly: so the oracle's error is the floor of every identification. A recording whose baseline is as
+good as its oracle hasn't shown its effect.
 """
 
 from __future__ import annotations
@@ -50,16 +51,17 @@ def predict(device: Specimen | Gains, recording: PanelRecording, schedule: Sched
     """Return what cylinder A's sensor would read of a device that is moved as a recording says [Pa], (n,)."""
     motion = motion_of(schedule)
     times = motion.start + motion.period * np.arange(1.0, len(motion.positions) + 1.0)
-    displacement = np.interp(times, recording.times, recording.displacement)
+    taken = schedule.sampling_period * np.arange(float(schedule.samples))
+    displacement = np.interp(times, taken, recording.displacement)
     if isinstance(device, Gains):
         levels = motion.setpoints[:, 0] + AMBIENT_PRESSURE
-        return np.interp(recording.times, times, pressure_along(displacement, levels, motion.period, device))
+        return np.interp(taken, times, pressure_along(displacement, levels, motion.period, device))
     lag = device.rig.pickup.displacement_lag
     if lag:
         displacement = displacement + lag * np.gradient(displacement, motion.period)
     driven = motion._replace(positions=displacement, velocities=np.gradient(displacement, motion.period))
     _, arrived = device.put_through(driven)
-    return at_times(device.clock.sampled(recording.times), arrived)[:, 0]
+    return at_times(device.clock.sampled(taken), arrived)[:, 0]
 
 
 def _pressure_residual(draw: Draw, device: Specimen | Gains) -> NDArray[np.float64]:
