@@ -349,12 +349,12 @@ def _row(line: str) -> Row | None:
 
 def run(jobs: Sequence[Job], path: Path, code: str, processes: int) -> None:
     """Measure and append a row for each recording, in processes of one thread each; in this one where there are 0."""
-    from tqdm import tqdm
+    from rich.progress import track
 
     path.parent.mkdir(parents=True, exist_ok=True)
     here = commit()
     with path.open('a', encoding='utf-8') as stream:
-        for row in tqdm(_measured(jobs, processes), total=len(jobs), unit='recording', smoothing=0.05):
+        for row in track(_measured(jobs, processes), description='recordings', total=len(jobs)):
             stream.write(json.dumps({**asdict(row), 'code': code, 'commit': here}) + '\n')
             stream.flush()
 

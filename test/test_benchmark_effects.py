@@ -172,7 +172,6 @@ def test_rows_come_back_from_disk(tmp_path):
 
 
 def test_a_run_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys):
-    pytest.importorskip('tqdm')
     pytest.importorskip('matplotlib')
     measured = []
 

@@ -1,6 +1,7 @@
 """The loop on measured recordings: a worn seal named, healthy ones left alone, one model for four pressures."""
 
 import numpy as np
+import pytest
 from drawn import experiments_of
 from measured import MAPPING, ROOT, needs_measured_data
 
@@ -13,6 +14,7 @@ from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.recording import read_mapping, read_recording
 
 pytestmark = needs_measured_data
+AT_AN_END = {'heat_transfer', 'volume_variation', 'nonlinear_valve'}
 GAINS = np.array([2e6, 10.0, 5.0, 0.02])
 
 
@@ -53,13 +55,30 @@ def test_the_kidney_seal_leaks_at_one_end_while_the_chamber_grows():
     assert after <= 3.3
 
 
-def test_a_healthy_seal_does_not_leak():
-    experiments = experiments_from('friction/O-ring257_3bar')
+@pytest.mark.parametrize(
+    'run',
+    [*(f'friction/O-ring257_{bar}bar' for bar in (1, 3, 5, 7)), 'rerun/2_O-ring257_3bar'],
+)
+def test_a_healthy_seal_does_not_leak(run):
+    """What opens towards an end of the stroke may be said, with what it may be instead."""
+    experiments = experiments_from(run)
     closure = close_loop(experiments, fit(experiments, learnt(experiments)), AMBIENT_PRESSURE)
-    assert not {'leakage', 'positional_leakage'} & set(closure.effects[:1])
     (after,) = test_nrmse(experiments, closure.simulated)
-    print(f'\nO-ring257_3bar: {", ".join(closure.effects)}: {after:.2f} %')
+    print(f'\n{run}: {closure.verdict}, {", ".join(closure.effects)}, {dict(closure.alternatives)}: {after:.2f} %')
+    assert 'leakage' not in closure.effects
+    assert closure.effects[:1] != ('positional_leakage',)
+    if 'positional_leakage' in closure.effects:
+        assert set(closure.alternatives['positional_leakage']) & AT_AN_END
     assert after <= 3.0
+
+
+def test_the_repeat_with_the_kidney_seal_names_no_leak_for_sure():
+    """In the second run the seal lies: the paper's model leaves about half, and what is left may be several things."""
+    experiments = experiments_from('friction/Kidney_2bar_tweederun')
+    closure = close_loop(experiments, fit(experiments, learnt(experiments)), AMBIENT_PRESSURE)
+    print(f'\nKidney_2bar_tweederun: {closure.verdict}: {closure.why}')
+    assert closure.verdict == 'unexplained'
+    assert not {'leakage', 'positional_leakage'} & set(closure.effects)
 
 
 def test_gains_that_follow_the_pressure_suit_four_pressures_at_once():
