@@ -912,7 +912,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     picture = options.output.with_suffix('.svg')
     if drawing is not None:
         write_text(picture, drawing)
-    given = shlex.join(sys.argv[1:] if arguments is None else arguments)
+    given = shlex.join(one for one in (sys.argv[1:] if arguments is None else arguments) if one != '--only-document')
     command = 'make benchmark-effects' + (f" ARGS='{given}'" if given else '')
     how = {'command': command, 'machine': machine()}
     write_text(
