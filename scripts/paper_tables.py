@@ -426,7 +426,7 @@ def _summary_section(everything: Sequence[Answers]) -> str:
 
 def main() -> int:
     """Ask about every effect and some pairs, write the document; return the exit code."""
-    from tqdm import tqdm
+    from rich.progress import track
 
     parser = argparse.ArgumentParser(prog='paper_tables', description=(__doc__ or '').split('\n\n')[0])
     parser.add_argument('--effects', help='only these, separated by commas')
@@ -441,7 +441,7 @@ def main() -> int:
     for library in ('OMP', 'OPENBLAS', 'MKL', 'NUMBA'):
         os.environ[f'{library}_NUM_THREADS'] = '1'  # read by the new processes
     with ProcessPoolExecutor(options.jobs, multiprocessing.get_context('spawn')) as pool:
-        found = list(tqdm(pool.map(answers, candidates), total=len(candidates), unit='candidate'))
+        found = list(track(pool.map(answers, candidates), description='candidates', total=len(candidates)))
     singles = [one for one in found if len(one.both.names) == 1]
     pairs = [one for one in found if len(one.both.names) == 2]
     write_text(options.output, document(singles, pairs, 'make paper-tables', notes_in(options.output)))
