@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.extension import Effects, Extension, extend
-from cfd_pneumatic.identification.judgement import EffectSearch, Trial
+from cfd_pneumatic.identification.judgement import EffectSearch, Found
 from cfd_pneumatic.identification.noise import precision, pressure_noise, sample_noise
 from cfd_pneumatic.identification.residuals import Test, residual_tests
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.starts import starting_data
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Data, Effect
-
-__all__ = ['Attribution', 'Search', 'Trial']
 
 Array = NDArray[np.float64]
 
@@ -35,27 +33,6 @@ _QUICKER = 5.0
 _SLOWEST_RELIEF, _USUAL_RELIEF = 0.1, 0.25  # K_v over K_sv; the paper's tables have 0.15 to 0.3
 _ROUGH = (1e-2, 5)  # tolerance and evaluations from each start
 _FINE = (1e-5, 20)
-
-
-@dataclass(frozen=True)
-class Attribution:
-    """
-    Effects that were found.
-
-    Attributes
-    ----------
-    extension
-        The model with them, fitted to the train part; its effects stand in the order in which they were added.
-    alternatives
-        For each effect those that the data can't tell from it, at most two.
-    tried
-        Every effect that was tried, in the order of the search.
-
-    """
-
-    extension: Extension
-    alternatives: Mapping[str, tuple[str, ...]]
-    tried: tuple[Trial, ...]
 
 
 @dataclass(frozen=True)
@@ -176,10 +153,9 @@ class Search(EffectSearch[_Model]):
         )
         return math.sqrt(float(np.mean(errors**2))) if errors.size else None
 
-    def run(self) -> Attribution:
+    def run(self) -> Found[_Model]:
         """Return the effects that were found."""
-        found = self.search(self.baseline)
-        return Attribution(found.model.extension, found.alternatives, found.tried)
+        return self.search(self.baseline)
 
     def residual_tests(self, model: _Model) -> list[Test]:
         """Return the tests of what a model leaves of train and validation."""

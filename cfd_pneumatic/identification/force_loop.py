@@ -31,6 +31,7 @@ from cfd_pneumatic.identification.noise import Noise, noise_of, rounding_step, r
 from cfd_pneumatic.identification.residuals import Test, explained, lagged_features, tests_of
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.verdict import (
+    Conclusion,
     PartError,
     compared,
     next_experiment,
@@ -57,67 +58,32 @@ _TIED = 3.2  # standard errors: by so much the criterion tells as little as betw
 
 
 @dataclass(frozen=True)
-class ForceClosure:
+class ForceClosure(Conclusion):
     """
     What came of closing the loop on the contact force.
 
     Attributes
     ----------
-    verdict
-        One of `verdict.VERDICTS`.
-    why
-        The verdict in a sentence, for people.
     fit
         Area and the effects that were found, fitted to train and validation.
-    estimates
-        Area, geometric factor and the effects' parameters (`EFFECT.PARAMETER`) with standard errors, or why not.
-    alternatives
-        For each effect those that the recordings can't tell from it, at most two.
-    tried
-        Every effect that was tried.
     before, after
         Error on each part that has samples, by its name, without and with effects [N].
     experiments
         The recordings made ready for the model.
     simulated_before, simulated
         Force without and with effects at each experiment's samples [N].
-    ratio, ratio_interval
-        Error after over before on the test part (on all samples where there is none), and the 95 % interval by a block
-        bootstrap; None without an effect.
-    tests_before, tests_after
-        Of the residuals, on train and validation.
     noise_floor
         Standard deviation that measurement noise alone gives the residual [N].
-    not_visible
-        Effects that these recordings could not have shown.
-    next_experiment
-        What to record to see them; empty where there are none.
 
     """
 
-    verdict: str
-    why: str
     fit: ForceFit
-    estimates: tuple[Estimate, ...]
-    alternatives: Mapping[str, tuple[str, ...]]
-    tried: tuple[Trial, ...]
     before: Mapping[str, PartError]
     after: Mapping[str, PartError]
     experiments: tuple[ForceExperiment, ...]
     simulated_before: tuple[Array, ...]
     simulated: tuple[Array, ...]
-    ratio: float | None
-    ratio_interval: tuple[float, float] | None
-    tests_before: tuple[Test, ...]
-    tests_after: tuple[Test, ...]
     noise_floor: float
-    not_visible: tuple[str, ...]
-    next_experiment: str
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """Names of the effects that were found, in the order in which they were added."""
-        return tuple(self.fit.effects)
 
 
 def close_force_loop(
@@ -174,6 +140,7 @@ def close_force_loop(
     return ForceClosure(
         verdict=verdict,
         why=why,
+        effects=tuple(fit.effects),
         fit=fit,
         estimates=_estimates(fit),
         alternatives=alternatives,

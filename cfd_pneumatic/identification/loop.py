@@ -15,15 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as student_t
 
-from cfd_pneumatic.identification.attribution import Search, Trial
+from cfd_pneumatic.identification.attribution import Search
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.extension import Extension, extend, tangent
 from cfd_pneumatic.identification.fit import Estimate, Fit
+from cfd_pneumatic.identification.judgement import Trial
 from cfd_pneumatic.identification.noise import Noise, precision, pressure_noise
-from cfd_pneumatic.identification.residuals import Test, explained, residual_tests
+from cfd_pneumatic.identification.residuals import explained, residual_tests
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.uncertainty import covariance
-from cfd_pneumatic.identification.verdict import VERDICTS, compared, next_experiment, shortage_of, verdict_of
+from cfd_pneumatic.identification.verdict import (
+    VERDICTS,
+    Conclusion,
+    compared,
+    next_experiment,
+    shortage_of,
+    verdict_of,
+)
 from cfd_pneumatic.identification.visibility import invisible
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Effect
@@ -38,59 +46,24 @@ _LARGEST_RELATIVE_STD = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
-class Closure:
+class Closure(Conclusion):
     """
     What came of closing the loop on one cylinder.
 
     Attributes
     ----------
-    verdict
-        One of `VERDICTS`.
-    why
-        The verdict in a sentence, for people.
     extension
         The model with the effects that were found, fitted to train and validation; without any it is the paper's.
-    estimates
-        Its gains and its effects' parameters (`EFFECT.PARAMETER`) with standard errors.
-    alternatives
-        For each effect those that the recordings can't tell from it, at most two.
-    tried
-        Every effect that was tried.
     simulated
         Pressures by it at each experiment's samples [Pa].
-    ratio, ratio_interval
-        Its error over the paper's model's on the test part (on all samples where there is none), and the 95 % interval
-        by a block bootstrap; None without an effect.
     noise
         Of the pressure.
-    tests_before, tests_after
-        Of the residuals, on train and validation.
-    not_visible
-        Effects that these recordings could not have shown.
-    next_experiment
-        What to record to see them; empty where there are none.
 
     """
 
-    verdict: str
-    why: str
     extension: Extension
-    estimates: tuple[Estimate, ...]
-    alternatives: Mapping[str, tuple[str, ...]]
-    tried: tuple[Trial, ...]
     simulated: tuple[Array, ...]
-    ratio: float | None
-    ratio_interval: tuple[float, float] | None
     noise: Noise
-    tests_before: tuple[Test, ...]
-    tests_after: tuple[Test, ...]
-    not_visible: tuple[str, ...]
-    next_experiment: str
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """Names of the effects that were found, in the order in which they were added."""
-        return tuple(self.extension.effects)
 
 
 def close_loop(
@@ -124,21 +97,13 @@ def close_loop(
     alternatives: dict[str, tuple[str, ...]] = {}
     tried: tuple[Trial, ...] = ()
     if shortage is None and not explained(before):
-        attribution = Search(experiments, begin, ambient_pressure, library).run()
-        alternatives, tried = dict(attribution.alternatives), attribution.tried
-        if attribution.extension.effects:
-            weights = _weights(experiments, attribution.extension.simulate(experiments, ambient_pressure))
-            found = extend(
-                experiments,
-                masks,
-                ambient_pressure,
-                attribution.extension,
-                attribution.extension.effects,
-                weights,
-                *_FINE,
-            )
+        answer = Search(experiments, begin, ambient_pressure, library).run()
+        alternatives, tried, rough = dict(answer.alternatives), answer.tried, answer.model.extension
+        if rough.effects:
+            weights = _weights(experiments, rough.simulate(experiments, ambient_pressure))
+            found = extend(experiments, masks, ambient_pressure, rough, rough.effects, weights, *_FINE)
             if not _finite(found.simulate(experiments, ambient_pressure)):
-                found = attribution.extension
+                found = rough
     simulated = found.simulate(experiments, ambient_pressure) if found.effects else list(baseline.simulated)
     noise = pressure_noise(experiments, simulated, found.gains[0])
     after = tuple(residual_tests(experiments, simulated, masks, noise)) if found.effects else before
@@ -148,6 +113,7 @@ def close_loop(
     return Closure(
         verdict=verdict,
         why=why,
+        effects=tuple(found.effects),
         extension=found,
         estimates=_estimates(experiments, masks, ambient_pressure, found, simulated, baseline),
         alternatives=alternatives,

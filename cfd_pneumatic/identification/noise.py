@@ -24,7 +24,7 @@ SLOWEST = 6.0
 
 _APART = 50  # samples: longer than the memory of a sensor
 _ENOUGH_AT_REST = 100  # samples
-_ROUNDED = 0.6  # rounding over all of the noise, from which on it is rounding above all
+_MOSTLY_ROUNDING = 0.6  # rounding over all of the noise, from which on it is rounding above all
 _KEPT = 0.9  # share of the smallest differences that is taken for noise; the rest may be transients
 _NORMAL_PER_MEDIAN = 1.4826  # standard deviation over median absolute deviation
 
@@ -126,7 +126,7 @@ def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) 
         count = sum(rest.size for rest in rests)
     std = _spread(rests) if colour.size else white
     uncertainty = 1.0 / math.sqrt(2.0 * count * independent_share(colour))
-    return Noise(max(std, rounding), colour, uncertainty, known, rounding > _ROUNDED * std)
+    return Noise(max(std, rounding), colour, uncertainty, known, rounding > _MOSTLY_ROUNDING * std)
 
 
 def _white(experiments: Sequence[Experiment], residuals: Sequence[Array], k_x: float) -> float:

@@ -38,7 +38,7 @@ _LONGEST_SIMULATED = 5000  # samples
 _MEMORY = 200  # samples
 _LAGS_WHITE = 25
 _LARGEST, _LARGEST_LONG, _LONG = 1.10, 1.05, 5000  # residual over noise; in records with so many samples
-_ROUNDED = 1.25  # over what rounding makes, and leaves while nothing moves: the noise that is rounded comes on top
+_BESIDE_ROUNDING = 1.25  # over what rounding makes, and leaves at rest: the noise that is rounded comes on top
 _LAGS = (-2, -1, 0, 1, 2, 4, 8, 16, 32)  # [samples]
 _SMOOTHED = 25  # samples
 _SLOW = 4  # ordinates
@@ -312,6 +312,6 @@ def _size_test(residuals: Sequence[Array], noise: Noise) -> Test:
     together = np.concatenate(residuals)
     ratio = float(np.sqrt(np.mean(together**2))) / noise.std
     largest = _LARGEST_LONG if together.size >= _LONG else _LARGEST
-    known = (_ROUNDED if noise.rounded else 1.0) * largest * (1.0 + 3.0 * noise.uncertainty)
+    known = (_BESIDE_ROUNDING if noise.rounded else 1.0) * largest * (1.0 + 3.0 * noise.uncertainty)
     threshold = known if noise.known else SLOWEST
     return Test('noise_floor', ratio, threshold, 'root mean square of the residual over that of the noise')

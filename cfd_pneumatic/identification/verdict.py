@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.identification.fit import Estimate
+from cfd_pneumatic.identification.judgement import Trial
 from cfd_pneumatic.identification.residuals import Test, explained
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.model.effects import Effect
@@ -23,6 +25,51 @@ _FEWEST_SAMPLES = 100  # of the train part: below, a dozen unknowns and a noise 
 _BLOCKS = 20
 _RESAMPLINGS = 2000
 _SEED = 2
+
+
+@dataclass(frozen=True)
+class Conclusion:
+    """
+    What closing the loop comes to, whatever it is closed on.
+
+    Attributes
+    ----------
+    verdict
+        One of `VERDICTS`.
+    why
+        The verdict in a sentence, for people.
+    effects
+        Names of the effects that were found, in the order in which they were added.
+    estimates
+        What was fitted, effects' parameters (`EFFECT.PARAMETER`) among it, with standard errors, or why not.
+    alternatives
+        For each effect those that the recordings can't tell from it, at most two.
+    tried
+        Every effect that was tried.
+    ratio, ratio_interval
+        Error after over before on the test part (on all samples where there is none), and the 95 % interval by a block
+        bootstrap; None without an effect.
+    tests_before, tests_after
+        Of the residuals, on train and validation.
+    not_visible
+        Effects that these recordings could not have shown.
+    next_experiment
+        What to record to see them; empty where there are none.
+
+    """
+
+    verdict: str
+    why: str
+    effects: tuple[str, ...]
+    estimates: tuple[Estimate, ...]
+    alternatives: Mapping[str, tuple[str, ...]]
+    tried: tuple[Trial, ...]
+    ratio: float | None
+    ratio_interval: tuple[float, float] | None
+    tests_before: tuple[Test, ...]
+    tests_after: tuple[Test, ...]
+    not_visible: tuple[str, ...]
+    next_experiment: str
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.extension import Extension, extend, tangent
+from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH
 from cfd_pneumatic.identification.noise import Noise
 from cfd_pneumatic.identification.starts import starting_data
 from cfd_pneumatic.model.effects import Effect
@@ -17,8 +18,6 @@ from cfd_pneumatic.model.effects import Effect
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_STRENGTH = 5.0  # in standard deviations of the noise: what an effect's starting values are drawn for
-_SHOWN = 0.57  # of the noise: what raises the error by 15 %
 _PLAIN = 10.0  # times what shows: no fit makes up for so much
 _MADE_UP = 2.0  # an effect that loses less than half of itself to the model's parameters keeps what is left
 _ROUGH = (1e-2, 10)  # tolerance and evaluations of a fit to what an effect makes
@@ -53,7 +52,7 @@ def invisible(
     """
     data = {
         **starting_data(experiments, fitted, simulated, ambient_pressure),
-        'residual': _STRENGTH * noise.std,
+        'residual': STRENGTH * noise.std,
         'lag': 0.0,
     }
     weights = [np.ones_like(one.pressure) for one in experiments]
@@ -65,7 +64,7 @@ def invisible(
         beside = replace(fitted, effects={**fitted.effects, name: start})
         pressures = beside.simulate(experiments, ambient_pressure)
         change = _masked(pressures, simulated, masks)
-        shown, left = _SHOWN * noise.std, _rms(change - basis @ (basis.T @ change))
+        shown, left = SHOWN * noise.std, _rms(change - basis @ (basis.T @ change))
         if not left > shown:
             return False
         if left > _PLAIN * shown or _rms(change) < _MADE_UP * left:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification import CylinderResult, Estimate, Identification, PartError
-from cfd_pneumatic.identification.attribution import Trial
 from cfd_pneumatic.identification.experiment import Experiment
+from cfd_pneumatic.identification.judgement import Trial
 from cfd_pneumatic.identification.noise import precision
-from cfd_pneumatic.identification.residuals import Test
 from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.units import POUND_FORCE, PSI
 
@@ -59,35 +59,6 @@ PRESSURE = Quantity('pressure', 'pa', 'paper’s model', Scale('Pa', 1.0), Scale
 FORCE = Quantity(
     'contact force', 'n', 'area times pressure', Scale('N', 1.0), Scale('lbf', POUND_FORCE), Scale('N', 1.0)
 )
-
-
-class Findings(Protocol):
-    """What a closure of the loop says, whatever it was closed on; see `identification.loop.Closure`."""
-
-    @property
-    def verdict(self) -> str: ...  # noqa: D102
-    @property
-    def why(self) -> str: ...  # noqa: D102
-    @property
-    def effects(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def estimates(self) -> tuple[Estimate, ...]: ...  # noqa: D102
-    @property
-    def alternatives(self) -> Mapping[str, tuple[str, ...]]: ...  # noqa: D102
-    @property
-    def tried(self) -> tuple[Trial, ...]: ...  # noqa: D102
-    @property
-    def ratio(self) -> float | None: ...  # noqa: D102
-    @property
-    def ratio_interval(self) -> tuple[float, float] | None: ...  # noqa: D102
-    @property
-    def tests_before(self) -> tuple[Test, ...]: ...  # noqa: D102
-    @property
-    def tests_after(self) -> tuple[Test, ...]: ...  # noqa: D102
-    @property
-    def not_visible(self) -> tuple[str, ...]: ...  # noqa: D102
-    @property
-    def next_experiment(self) -> str: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -172,7 +143,7 @@ class Outcome:
 
     name: str
     quantity: Quantity
-    findings: Findings
+    findings: Conclusion
     comparisons: tuple[Comparison, ...]
     before: Mapping[str, PartError]
     after: Mapping[str, PartError]

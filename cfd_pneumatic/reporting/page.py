@@ -57,7 +57,7 @@ def report_page(identification: Identification, outcomes: Sequence[Outcome]) -> 
         percent=wording.percent,
         sentence=wording.sentence,
         spoken=wording.spoken,
-        test_title=wording.test_title,
+        title_of_test=wording.title_of_test,
         unit=wording.unit,
         verdict=wording.verdict,
     )

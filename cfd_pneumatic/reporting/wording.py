@@ -45,12 +45,9 @@ def verdict(name: str) -> str:
     return VERDICTS.get(name, spoken(name).capitalize())
 
 
-def test_title(name: str) -> str:
+def title_of_test(name: str) -> str:
     """Return what one hopes that a residual's test says."""
     return TESTS.get(name, spoken(name).capitalize())
-
-
-test_title.__test__ = False  # type: ignore[attr-defined]  # pytest takes it for a test otherwise
 
 
 def sentence(text: str) -> str:

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drawn import moved, with_pressure
+from hypothesis import given
+from hypothesis import strategies as st
 from reference import AMBIENT, PSI, step_like
 from scipy.signal import lfilter
 from scipy.stats import chi2
@@ -261,8 +263,9 @@ def test_reading_late_is_exact(delay):
     np.testing.assert_allclose(pressure, fine_truth(STROKES, delay, 40), rtol=0.0, atol=6.0)
 
 
-@pytest.mark.parametrize('delay', [-0.3017, -0.0123, 0.0, 0.00411, 0.2503])
-def test_reading_late_changes_when_samples_are_taken_and_nothing_else(delay):
+@given(samples=st.integers(-150, 150), fraction=st.floats(0.01, 0.99) | st.just(0.0))
+def test_reading_late_changes_when_samples_are_taken_and_nothing_else(samples, fraction):
+    delay = (samples + fraction) * 0.002
     late = read_late(STROKES, delay)
     wanted = np.clip(STROKES.sample_times - delay, STROKES.times[0], STROKES.times[-1])
     np.testing.assert_array_equal(late.sample_times, wanted)
@@ -273,4 +276,5 @@ def test_reading_late_changes_when_samples_are_taken_and_nothing_else(delay):
     np.testing.assert_array_equal(late.setpoint[kept], STROKES.setpoint)
     middle = 0.5 * (late.times[1:] + late.times[:-1])
     steps = np.searchsorted(STROKES.times, middle)
-    np.testing.assert_array_equal(late.setpoint[1:], STROKES.setpoint[steps])
+    lasting = np.diff(late.times) > 1e-9  # a step that is rounding may belong to either side
+    np.testing.assert_array_equal(late.setpoint[1:][lasting], STROKES.setpoint[steps][lasting])

@@ -133,7 +133,7 @@ def test_what_cannot_show_is_what_a_fit_without_it_makes_up_for(name, experiment
     simulated = MODEL.simulate([experiment], AMBIENT)
     data = {
         **starting_data([replace(experiment, pressure=simulated[0])], MODEL, simulated, AMBIENT),
-        'residual': module._STRENGTH * STD,
+        'residual': module.STRENGTH * STD,
         'lag': 0.0,
     }
     masks = [np.ones(experiment.samples.size, dtype=bool)]
@@ -144,9 +144,9 @@ def test_what_cannot_show_is_what_a_fit_without_it_makes_up_for(name, experiment
         left.append(math.sqrt(np.mean((without.simulate([with_it], AMBIENT)[0] - with_it.pressure) ** 2)))
     shows = name not in hidden(experiment)
     if shows:
-        assert max(left) > 0.8 * module._SHOWN * STD
+        assert max(left) > 0.8 * module.SHOWN * STD
     else:
-        assert max(left) < 1.2 * module._SHOWN * STD
+        assert max(left) < 1.2 * module.SHOWN * STD
 
 
 @pytest.mark.parametrize('seed', range(900, 903))
