@@ -7,9 +7,7 @@ How effects are judged stands in `judgement`; here is how a cylinder's pressure 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +21,7 @@ from cfd_pneumatic.identification.residuals import Test, residual_tests
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.starts import starting_data
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Data, Effect
+from cfd_pneumatic.parallel import each
 
 Array = NDArray[np.float64]
 
@@ -101,10 +100,9 @@ class Search(EffectSearch[_Model]):
         All are fitted roughly, from every start; the more promising half is fitted to the end.
         """
         data = starting_data(self.train, model.extension, model.simulated, self.ambient_pressure)
-        with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:  # simulations let other threads run
-            rough = dict(zip(names, pool.map(lambda name: self._rough(model, name, data), names)))
-            promising = sorted(names, key=lambda name: rough[name][0].rss)[: max(_PROMISING, len(names) // 2)]
-            fine = dict(zip(promising, pool.map(lambda name: self._fine(rough[name]), promising)))
+        rough = dict(zip(names, each(lambda name: self._rough(model, name, data), names)))
+        promising = sorted(names, key=lambda name: rough[name][0].rss)[: max(_PROMISING, len(names) // 2)]
+        fine = dict(zip(promising, each(lambda name: self._fine(rough[name]), promising)))
         return {name: fine.get(name, rough[name][0]) for name in names}
 
     def _rough(self, model: _Model, name: str, data: Data) -> list[_Model]:

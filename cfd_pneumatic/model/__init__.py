@@ -1,6 +1,11 @@
 """The paper's pneumatic model: parameters, exact propagation, the two-cylinder device. No input or output."""
 
-from cfd_pneumatic.model.cylinder import Cylinder, CylinderState, simulate_with_sensitivities
+from cfd_pneumatic.model.cylinder import (
+    Cylinder,
+    CylinderState,
+    simulate_parameter_sets,
+    simulate_with_sensitivities,
+)
 from cfd_pneumatic.model.device import DIRECTIONS, Device, DeviceState, ForceGeometry
 from cfd_pneumatic.model.extended import ExtendedCylinder, Movement
 from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
@@ -28,5 +33,6 @@ __all__ = [
     'ParameterSpec',
     'Regulator',
     'first_guess',
+    'simulate_parameter_sets',
     'simulate_with_sensitivities',
 ]

@@ -6,6 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,15 @@ from numpy.typing import NDArray
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.model.extended import ExtendedCylinder, ExtendedState, Movement, check_effects
 from cfd_pneumatic.model.parameters import OperatingPoints
-from cfd_pneumatic.model.propagation import advance, interpolate_gains, propagate, propagate_sensitivities
+from cfd_pneumatic.model.propagation import (
+    CARRIED,
+    SENSITIVITIES,
+    advance,
+    interpolate_gains,
+    propagate,
+    propagate_sets,
+)
+from cfd_pneumatic.parallel import each, threads
 
 Array = NDArray[np.float64]
 
@@ -161,7 +170,7 @@ class Cylinder:
         """
         Return what the pressure sensor reads [Pa] at each sample, shape (n,): p, unless an effect says otherwise.
 
-        It is what `step` gives sample by sample, to the last bit.
+        It is what `step` gives sample by sample, to rounding.
 
         Parameters
         ----------
@@ -235,7 +244,35 @@ def simulate_with_sensitivities(
     The columns are by the four gains, by a shift of the set-point and by `start`.
     """
     pressure = np.empty_like(times)
-    jacobian = np.empty((times.size, 6))
+    jacobian = np.empty((times.size, len(SENSITIVITIES)))
     state = np.full(2, setpoint[0] + start)
-    propagate_sensitivities(times, displacement, setpoint, gains, state, pressure, jacobian)
+    carried = np.zeros((2, CARRIED))
+    carried[:, -1] = 1.0
+    table = np.array([[0.0, *gains]])
+    propagate(times, displacement, setpoint, table, 0.0, state, pressure, carried, jacobian)
     return pressure, jacobian
+
+
+def simulate_parameter_sets(gains: Array, times: Array, displacement: Array, setpoint: Array) -> Array:
+    """
+    Return the outlet pressures by many parameter sets [Pa], shape (sets, n), each at rest at the first sample.
+
+    All cores work on it.
+
+    Parameters
+    ----------
+    gains
+        k_x [Pa/m], k_sv, k_v [1/s], tau [s] of each set, shape (sets, 4).
+    times, displacement, setpoint
+        As in `Cylinder.simulate`.
+
+    """
+    pressures = np.empty((len(gains), times.size))
+    states = np.full((len(gains), 2), setpoint[0])
+
+    def run(part: slice) -> None:
+        propagate_sets(times, displacement, setpoint, gains[part], 0.0, states[part], pressures[part])
+
+    cuts = np.linspace(0, len(gains), 2 * threads() + 1).astype(int).tolist()
+    each(run, [slice(begin, end) for begin, end in pairwise(cuts)])
+    return pressures

@@ -13,3 +13,9 @@ Compile to machine code kept on disk, beside which other threads run.
 
 A division by zero gives inf, as NumPy's does, instead of a branch to raise.
 """
+
+fused = njit(cache=True, error_model='numpy', nogil=True, fastmath={'contract'})
+"""As `kernel`, with products and sums rounded once where the processor can; no other liberty is taken."""
+
+inlined = njit(error_model='numpy', nogil=True, fastmath={'contract'}, inline='always')
+"""Compile into what calls it: for a few operations in the innermost loop."""

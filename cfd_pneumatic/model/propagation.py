@@ -12,28 +12,90 @@ K is K_sv while w < 0 and K_v while w > 0 (the paper prints this switch reversed
 changes sign; on a piece the solution is a 2 x 2 matrix exponential in closed form. The vector field is continuous at
 the switch, so that sensitivities carry over it unchanged.
 
-Everything here is one step of a loop over samples: a live simulator calls it with two samples, a fit with a recording.
+Nearly all steps are one piece, and nearly all recordings have one sample period: the exponential of each branch is kept
+from step to step. A period that differs by the rounding of its times is made up for to first order, which is exact to
+rounding again.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from cfd_pneumatic.model.kernel import kernel
+import numpy as np
+
+from cfd_pneumatic.model.kernel import fused, inlined, kernel
 
 SENSITIVITIES = ('k_x', 'k_sv', 'k_v', 'tau', 'setpoint', 'start')
 """What the pressure is differentiated by, in the order of the sensitivities' columns."""
+
+CARRIED = 5
+"""How many pairs of derivatives are carried: those by the set-point are zero in deviations from it."""
 
 _CLOSE = 1e-11  # share of a piece; the field is continuous at the switch, so that an error in its time acts squared
 _FLAT = 1e-6  # slope at an extremum, against the distance from the switch that remains there
 _ITERATIONS = 60
 _SETTLED = 1e-9  # an oscillation smaller than this is over [Pa]
+_ROUNDED = 1e-7  # of the time constants: by so much periods may differ that are one but for rounding
 
-_SERIES_BELOW = 0.5  # |z| up to which these series are exact to rounding
+_SERIES_BELOW = 0.5  # |z| up to which the series in z are exact to rounding
+_SERIES_ABOVE = -0.35  # x down to which the one for e^x is
 C1, C2, C3, C4, C5, C6 = (1.0 / math.factorial(2 * n) for n in range(1, 7))  # cosh(sqrt z)
 S1, S2, S3, S4, S5, S6 = (1.0 / math.factorial(2 * n + 1) for n in range(1, 7))  # sinh(sqrt z) / sqrt z
 D0, D1, D2, D3, D4, D5 = ((n + 1.0) / math.factorial(2 * n + 3) for n in range(6))  # d/dz of the latter
+E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12 = (1.0 / math.factorial(n) for n in range(2, 13))  # e^x
 _LONGEST_TURN = 4.0  # (omega h)^2 of a piece: below pi^2, so that w has at most one extremum in it
+
+
+class Transition(NamedTuple):
+    """
+    What a branch makes of a state in a time: exp(A h) and what it is made of.
+
+    Attributes
+    ----------
+    h
+        The time [s]; 0 where there is none yet.
+    gain, inverse_gain
+        K of the branch [1/s], and 1/K.
+    z
+        -det(B) h^2 with B = A + I/(2 tau): below zero an oscillation turns by sqrt(-z).
+    decay
+        e^(-h/(2 tau)).
+    cosine, sine
+        exp(A h) = cosine I + sine B.
+    e11, e12, e21, e22
+        exp(A h).
+    slack
+        By how much another time may differ that is the same but for rounding [s].
+
+    """
+
+    h: float
+    gain: float
+    inverse_gain: float
+    z: float
+    decay: float
+    cosine: float
+    sine: float
+    e11: float
+    e12: float
+    e21: float
+    e22: float
+    slack: float
+
+
+class Slopes(NamedTuple):
+    """Derivatives of exp(A h) by the gain of its branch, g, and by tau, t; h as in `Transition`."""
+
+    h: float
+    g11: float
+    g12: float
+    g21: float
+    g22: float
+    t11: float
+    t12: float
+    t21: float
+    t22: float
 
 
 @kernel
@@ -56,77 +118,201 @@ def interpolate_gains(table, setpoint):
     )
 
 
-@kernel
-def exponential(a11, a12, a21, a22, h):
+@inlined
+def transition(gain, inverse_tau, h):
     """
-    Return exp(A h) of a 2 x 2 matrix as (mu, squared, cosine, sine).
+    Return the transition of a branch over h seconds.
 
-    With mu half the trace, B = A - mu I and squared = -det B: exp(A h) = cosine I + sine B, both factors e^(mu h)
-    included. Growing exponentials are never formed, so that a stiff system over a long step does not overflow.
+    Series are summed in pairs, which a processor does side by side. Growing exponentials are never formed, so that a
+    stiff system over a long step does not overflow.
     """
-    mu = 0.5 * (a11 + a22)
-    half = 0.5 * (a11 - a22)
-    squared = half * half + a12 * a21
+    mu = -0.5 * inverse_tau
+    squared = (0.25 * inverse_tau - gain) * inverse_tau
+    x = mu * h
     z = squared * h * h
+    if abs(z) < _SERIES_BELOW and x > _SERIES_ABOVE:
+        x2 = x * x
+        x4 = x2 * x2
+        low = (1.0 + x) + (E2 + E3 * x) * x2 + ((E4 + E5 * x) + (E6 + E7 * x) * x2) * x4
+        decay = low + ((E8 + E9 * x) + (E10 + E11 * x) * x2 + E12 * x4) * (x4 * x4)
+    else:
+        decay = math.exp(x)
     if abs(z) < _SERIES_BELOW:
-        scale = math.exp(mu * h)
-        c = 1.0 + z * (C1 + z * (C2 + z * (C3 + z * (C4 + z * (C5 + z * C6)))))
-        s = 1.0 + z * (S1 + z * (S2 + z * (S3 + z * (S4 + z * (S5 + z * S6)))))
-        return mu, squared, scale * c, scale * h * s
-    if z > 0.0:
+        z2 = z * z
+        z4 = z2 * z2
+        cosine = decay * ((1.0 + C1 * z) + (C2 + C3 * z) * z2 + ((C4 + C5 * z) + C6 * z2) * z4)
+        sine = decay * h * ((1.0 + S1 * z) + (S2 + S3 * z) * z2 + ((S4 + S5 * z) + S6 * z2) * z4)
+    elif z > 0.0:
         root = math.sqrt(squared)
         slow = math.exp((mu + root) * h)
         fast = math.exp((mu - root) * h)
-        return mu, squared, 0.5 * (slow + fast), 0.5 * (slow - fast) / root
-    scale = math.exp(mu * h)
-    omega = math.sqrt(-squared)
-    return mu, squared, scale * math.cos(omega * h), scale * math.sin(omega * h) / omega
-
-
-@kernel
-def branch_gain(u, w, tau, b1, k_sv, k_v):
-    """Return K of the branch on which the state is, or which it enters when p_f = p_d: equations (9), (10), (12)."""
-    side = w
-    if side == 0.0:
-        side = (u - w) / tau
-    if side == 0.0:
-        side = b1
-    return k_sv if side < 0.0 else k_v
-
-
-@kernel
-def relax(u, w, gain, tau, b1, h):
-    """Return (u, w) after h seconds on one branch."""
-    rest = b1 / gain
-    mu, _, cosine, sine = exponential(0.0, -gain, 1.0 / tau, -1.0 / tau, h)
-    du = u - rest
-    dw = w - rest
-    return (
-        rest + (cosine - sine * mu) * du - sine * gain * dw,
-        rest + sine / tau * du + (cosine + sine * mu) * dw,
+        cosine = 0.5 * (slow + fast)
+        sine = 0.5 * (slow - fast) / root
+    else:
+        omega = math.sqrt(-squared)
+        cosine = decay * math.cos(omega * h)
+        sine = decay * math.sin(omega * h) / omega
+    return Transition(
+        h,
+        gain,
+        1.0 / gain,
+        z,
+        decay,
+        cosine,
+        sine,
+        cosine - sine * mu,
+        -sine * gain,
+        sine * inverse_tau,
+        cosine + sine * mu,
+        _ROUNDED / (gain + inverse_tau),
     )
 
 
-@kernel
-def first_crossing(u, w, gain, tau, b1, h, u_end, w_end):
+@inlined
+def transition_slopes(step, inverse_tau):
+    """Return the derivatives of a branch's transition."""
+    h, gain, cosine, sine, z = step.h, step.gain, step.cosine, step.sine, step.z
+    mu = -0.5 * inverse_tau
+    if abs(z) < _SERIES_BELOW:  # d sine / d squared, with squared = z / h^2
+        z2 = z * z
+        sine_slope = step.decay * h * h * h * ((D0 + D1 * z) + (D2 + D3 * z) * z2 + (D4 + D5 * z) * (z2 * z2))
+    else:
+        sine_slope = 0.5 * (h * cosine - sine) * h * h / z
+    cosine_slope = 0.5 * h * sine
+    # by the gain: d squared = -1/tau, and dA has -1 in its upper right
+    c = -cosine_slope * inverse_tau
+    s = -sine_slope * inverse_tau
+    g11, g12, g21, g22 = c - s * mu, -s * gain - sine, s * inverse_tau, c + s * mu
+    # by tau: mu = -1/(2 tau), squared = 1/(4 tau^2) - gain/tau
+    mu_tau = 0.5 * inverse_tau * inverse_tau
+    squared_tau = (gain - 0.5 * inverse_tau) * inverse_tau * inverse_tau
+    c = h * mu_tau * cosine + cosine_slope * squared_tau
+    s = h * mu_tau * sine + sine_slope * squared_tau
+    t11, t12 = c - s * mu - sine * mu_tau, -s * gain
+    t21, t22 = (s - sine * inverse_tau) * inverse_tau, c + s * mu + sine * mu_tau
+    return Slopes(h, g11, g12, g21, g22, t11, t12, t21, t22)
+
+
+@inlined
+def over(step, h, inverse_tau):
+    """Return a transition over nearly its time, h: exact to rounding where the two differ by rounding."""
+    more = h - step.h
+    less = more * step.gain
+    fall = more * inverse_tau
+    return Transition(
+        step.h,
+        step.gain,
+        step.inverse_gain,
+        step.z,
+        step.decay,
+        step.cosine,
+        step.sine,
+        step.e11 - less * step.e21,
+        step.e12 - less * step.e22,
+        step.e21 + fall * (step.e11 - step.e21),
+        step.e22 + fall * (step.e12 - step.e22),
+        step.slack,
+    )
+
+
+@inlined
+def moved(step, u, w, b1):
+    """Return (u, w) after a transition."""
+    rest = b1 * step.inverse_gain
+    return (
+        (rest - rest * step.e11 - rest * step.e12) + step.e12 * w + step.e11 * u,
+        (rest - rest * step.e21 - rest * step.e22) + step.e21 * u + step.e22 * w,
+    )
+
+
+@inlined
+def carry(carried, step, by, charges, u, w, rate, b1):
     """
-    Return the time in (0, h] at which w first reaches zero, or h where it doesn't.
+    Move the derivatives of a state over a transition that begins at (u, w).
+
+    Parameters
+    ----------
+    carried
+        As in `propagate`.
+    step, by
+        The transition and its slopes.
+    charges
+        Whether its branch is that of K_sv.
+    u, w
+        State before it, as deviations from the set-point [Pa].
+    rate
+        Of the piston [m/s].
+    b1
+        -K_x times it.
+
+    """
+    rest = b1 * step.inverse_gain
+    du = u - rest
+    dw = w - rest
+    left_u = 1.0 - step.e11 - step.e12  # of what the rest point moves by
+    left_w = 1.0 - step.e21 - step.e22
+    by_kx = -rate * step.inverse_gain
+    by_gain = -rest * step.inverse_gain
+    gain_u = by.g11 * du + by.g12 * dw + by_gain * left_u
+    gain_w = by.g21 * du + by.g22 * dw + by_gain * left_w
+    relay(carried, 0, step, by_kx * left_u, by_kx * left_w)
+    relay(carried, 1, step, gain_u if charges else 0.0, gain_w if charges else 0.0)
+    relay(carried, 2, step, 0.0 if charges else gain_u, 0.0 if charges else gain_w)
+    relay(carried, 3, step, by.t11 * du + by.t12 * dw, by.t21 * du + by.t22 * dw)
+    relay(carried, 4, step, 0.0, 0.0)
+
+
+@inlined
+def relay(carried, column, step, more_u, more_w):
+    """Move one pair of derivatives over a transition, and add to it."""
+    by_u = carried[0, column]
+    by_w = carried[1, column]
+    carried[0, column] = step.e11 * by_u + step.e12 * by_w + more_u
+    carried[1, column] = step.e21 * by_u + step.e22 * by_w + more_w
+
+
+@inlined
+def lead_of(u, w, b1):
+    """Return which way w goes or lies: below zero the branch of K_sv is in force, equations (9), (10), (12)."""
+    side = w
+    if side == 0.0:
+        side = u - w
+        if side == 0.0:
+            side = b1
+    return side
+
+
+@fused
+def relax(u, w, gain, inverse_tau, b1, h):
+    """Return (u, w) after h seconds on one branch."""
+    return moved(transition(gain, inverse_tau, h), u, w, b1)
+
+
+@inlined
+def stays(side, u, w, u_end, w_end):
+    """
+    Return whether w keeps its side over a piece.
 
     On a piece of at most a third of an oscillation w has at most one extremum. It therefore crosses once if its ends
     lie on opposite sides, twice or never if they lie on one side and w turns back in between, and never otherwise.
     """
-    rate = (u - w) / tau
-    side = w if w != 0.0 else (rate if rate != 0.0 else b1)
+    return side * w_end >= 0.0 and (side * (u - w) >= 0.0 or side * (u_end - w_end) <= 0.0)
+
+
+@fused
+def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
+    """Return the time in (0, h] at which w first reaches zero, or h where it doesn't."""
+    side = lead_of(u, w, b1)
+    if stays(side, u, w, u_end, w_end):
+        return h
     last = h
     if side * w_end >= 0.0:
-        if side * rate >= 0.0 or side * (u_end - w_end) <= 0.0:
-            return h
         first = 0.0
         begin = u - w
         end = u_end - w_end
         for _ in range(_ITERATIONS):  # the extremum is where u = w: regula falsi, the retained end halved (Illinois)
             middle = first + (last - first) * begin / (begin - end)
-            u_middle, w_middle = relax(u, w, gain, tau, b1, middle)
+            u_middle, w_middle = relax(u, w, gain, inverse_tau, b1, middle)
             slope = u_middle - w_middle
             if side * w_middle < 0.0 or abs(slope) <= _FLAT * abs(w_middle):
                 last = middle
@@ -139,18 +325,18 @@ def first_crossing(u, w, gain, tau, b1, h, u_end, w_end):
                 last = middle
                 end = slope
                 begin *= 0.5
-        _, w_last = relax(u, w, gain, tau, b1, last)
+        _, w_last = relax(u, w, gain, inverse_tau, b1, last)
         if side * w_last >= 0.0:
             return h
     first = 0.0
     time = 0.5 * last
     for _ in range(_ITERATIONS):  # Newton's method, kept inside its bracket
-        u_now, w_now = relax(u, w, gain, tau, b1, time)
+        u_now, w_now = relax(u, w, gain, inverse_tau, b1, time)
         if side * w_now >= 0.0:
             first = time
         else:
             last = time
-        rate = (u_now - w_now) / tau
+        rate = (u_now - w_now) * inverse_tau
         following = time - w_now / rate if rate != 0.0 else last
         if not first < following < last:
             following = 0.5 * (first + last)
@@ -161,52 +347,71 @@ def first_crossing(u, w, gain, tau, b1, h, u_end, w_end):
     return time
 
 
-@kernel
-def next_piece(u, w, tau, b1, k_sv, k_v, remaining):
+@fused
+def first_piece(u, w, gain, inverse_tau, b1, remaining):
     """
-    Return (gain, duration, u, w) of the piece of a step that begins at (u, w).
+    Return (transition, u, w) of the piece that a step begins with on a branch.
 
     Pieces end where w crosses zero, and where an oscillation would turn more than once; one that has died away, or a
     state that has left the range of numbers, is not followed any more.
     """
-    gain = branch_gain(u, w, tau, b1, k_sv, k_v)
-    h = remaining
-    rest = b1 / gain
-    turn = (gain / tau - 0.25 / (tau * tau)) * h * h
-    if turn > _LONGEST_TURN and abs(u - rest) + abs(w - rest) > _SETTLED:
-        h = h / math.ceil(math.sqrt(turn / _LONGEST_TURN))
-    u_end, w_end = relax(u, w, gain, tau, b1, h)
+    step = transition(gain, inverse_tau, remaining)
+    rest = b1 * step.inverse_gain
+    if step.z < -_LONGEST_TURN and abs(u - rest) + abs(w - rest) > _SETTLED:
+        step = transition(gain, inverse_tau, remaining / math.ceil(math.sqrt(step.z / -_LONGEST_TURN)))
+    u_end, w_end = relax(u, w, gain, inverse_tau, b1, step.h)
     if not abs(w_end) < math.inf:
-        return gain, remaining, math.nan, math.nan
-    time = first_crossing(u, w, gain, tau, b1, h, u_end, w_end)
-    if time < h:
-        time = max(time, _CLOSE * h)
-        u_end, _ = relax(u, w, gain, tau, b1, time)
-        return gain, time, u_end, 0.0
-    return gain, h, u_end, w_end
+        return transition(gain, inverse_tau, remaining), math.nan, math.nan
+    time = first_crossing(u, w, gain, inverse_tau, b1, step.h, u_end, w_end)
+    if time < step.h:
+        step = transition(gain, inverse_tau, max(time, _CLOSE * step.h))
+        u_end, _ = relax(u, w, gain, inverse_tau, b1, step.h)
+        w_end = 0.0
+    return step, u_end, w_end
 
 
-@kernel
+@fused
+def step_by_pieces(u, w, h, rate, k_x, k_sv, k_v, inverse_tau, carried=None):
+    """Return (u, w) after h seconds, however often the branch changes; move the derivatives along if there are any."""
+    b1 = -k_x * rate
+    remaining = h
+    while remaining > 0.0:
+        charges = lead_of(u, w, b1) < 0.0
+        step, u_end, w_end = first_piece(u, w, k_sv if charges else k_v, inverse_tau, b1, remaining)
+        if carried is not None:
+            carry(carried, step, transition_slopes(step, inverse_tau), charges, u, w, rate, b1)
+        u = u_end
+        w = w_end
+        remaining -= step.h
+    return u, w
+
+
+@fused
 def advance(p, p_f, h, rate, setpoint, k_x, k_sv, k_v, tau):
     """
     Return outlet and sensed pressure [Pa] after h seconds at constant piston rate [m/s] and set-point [Pa].
 
     Equations (8) and (12), exact. Pressures and set-point share one zero (absolute or gauge).
     """
-    u = p - setpoint
-    w = p_f - setpoint
-    b1 = -k_x * rate
-    remaining = h
-    while remaining > 0.0:
-        _, time, u, w = next_piece(u, w, tau, b1, k_sv, k_v, remaining)
-        remaining -= time
+    u, w = step_by_pieces(p - setpoint, p_f - setpoint, h, rate, k_x, k_sv, k_v, 1.0 / tau)
     return setpoint + u, setpoint + w
 
 
-@kernel
-def propagate(times, displacement, setpoint, table, ambient, state, pressure):
+@inlined
+def write_sample(i, value, pressure, carried, jacobian):
+    """Write the pressure of a sample and, where they are asked for, its derivatives by `SENSITIVITIES`."""
+    pressure[i] = value
+    if jacobian is not None:
+        for k in range(4):
+            jacobian[i, k] = carried[0, k]
+        jacobian[i, 4] = 1.0
+        jacobian[i, 5] = carried[0, 4]
+
+
+@fused
+def propagate(times, displacement, setpoint, table, ambient, state, pressure, carried=None, jacobian=None):
     """
-    Propagate over a recording; write the outlet pressure at each sample.
+    Propagate over a recording; write the outlet pressure at each sample, and its derivatives where they are asked for.
 
     Parameters
     ----------
@@ -224,117 +429,85 @@ def propagate(times, displacement, setpoint, table, ambient, state, pressure):
         Outlet and sensed pressure at the first sample, shape (2,) [Pa]; holds those at the last one on return.
     pressure
         Takes the outlet pressure at each sample, shape (n,) [Pa].
-
-    """
-    p = state[0]
-    p_f = state[1]
-    pressure[0] = p
-    k_x, k_sv, k_v, tau = interpolate_gains(table, setpoint[0] - ambient)
-    for i in range(1, times.size):
-        if setpoint[i] != setpoint[i - 1]:
-            k_x, k_sv, k_v, tau = interpolate_gains(table, setpoint[i] - ambient)
-        h = times[i] - times[i - 1]
-        rate = (displacement[i] - displacement[i - 1]) / h
-        p, p_f = advance(p, p_f, h, rate, setpoint[i], k_x, k_sv, k_v, tau)
-        pressure[i] = p
-    state[0] = p
-    state[1] = p_f
-
-
-@kernel
-def propagate_sensitivities(times, displacement, setpoint, gains, state, pressure, jacobian):
-    """
-    Propagate as `propagate` does, at constant gains, with the pressure's derivatives.
-
-    Parameters
-    ----------
-    times, displacement, setpoint, pressure
-        As in `propagate`.
-    gains
-        k_x, k_sv, k_v, tau, shape (4,).
-    state
-        Outlet and sensed pressure at the first sample, shape (2,) [Pa], taken to move with the set-point.
+    carried
+        Derivatives of the state at the first sample, shape (2, CARRIED), by all of `SENSITIVITIES` but the set-point,
+        which it moves with; holds those at the last one on return.
     jacobian
-        Takes the derivatives by `SENSITIVITIES` at each sample, shape (n, 6): by the four gains, by a shift of the
-        set-point, and by a shift of both pressures at the first sample.
+        Takes the derivatives of the pressure by `SENSITIVITIES` at each sample, shape (n, 6): by the four gains, by a
+        shift of the set-point, and by a shift of both pressures at the first sample. The table has one row then.
 
     """
-    k_x, k_sv, k_v, tau = gains[0], gains[1], gains[2], gains[3]
-    p = state[0]
-    p_f = state[1]
-    pressure[0] = p
-    jacobian[0, :] = 0.0
-    jacobian[0, 4] = 1.0
-    jacobian[0, 5] = 1.0
-    # derivatives of (u, w); those by the set-point stay zero, because the state at the start moves with it
-    u_kx = w_kx = u_sv = w_sv = u_v = w_v = u_tau = w_tau = 0.0
-    u_start = w_start = 1.0
+    p_d = setpoint[0]
+    u = state[0] - p_d
+    w = state[1] - p_d
+    k_x, k_sv, k_v, tau = interpolate_gains(table, p_d - ambient)
+    inverse_tau = 1.0 / tau
+    charging = transition(k_sv, inverse_tau, 0.0)
+    venting = transition(k_v, inverse_tau, 0.0)
+    if jacobian is not None:
+        charging_slopes = transition_slopes(charging, inverse_tau)
+        venting_slopes = transition_slopes(venting, inverse_tau)
+    write_sample(0, p_d + u, pressure, carried, jacobian)
     for i in range(1, times.size):
-        p_d = setpoint[i]
+        if setpoint[i] != p_d:
+            u += p_d - setpoint[i]
+            w += p_d - setpoint[i]
+            p_d = setpoint[i]
+            k_x, k_sv, k_v, tau = interpolate_gains(table, p_d - ambient)
+            inverse_tau = 1.0 / tau
+            charging = transition(k_sv, inverse_tau, 0.0)
+            venting = transition(k_v, inverse_tau, 0.0)
         h = times[i] - times[i - 1]
         rate = (displacement[i] - displacement[i - 1]) / h
         b1 = -k_x * rate
-        u = p - p_d
-        w = p_f - p_d
-        remaining = h
-        while remaining > 0.0:
-            gain, time, u_end, w_end = next_piece(u, w, tau, b1, k_sv, k_v, remaining)
-            mu, squared, cosine, sine = exponential(0.0, -gain, 1.0 / tau, -1.0 / tau, time)
-            z = squared * time * time
-            if abs(z) < _SERIES_BELOW:  # d sine / d squared, without e^(mu h)
-                series = D0 + z * (D1 + z * (D2 + z * (D3 + z * (D4 + z * D5))))
-                sine_slope = math.exp(mu * time) * time**3 * series
+        side = lead_of(u, w, b1)
+        charges = side < 0.0
+        if charges:
+            if not abs(h - charging.h) <= charging.slack:
+                charging = transition(k_sv, inverse_tau, h)
+            step = over(charging, h, inverse_tau)
+        else:
+            if not abs(h - venting.h) <= venting.slack:
+                venting = transition(k_v, inverse_tau, h)
+            step = over(venting, h, inverse_tau)
+        u_end, w_end = moved(step, u, w, b1)
+        if step.z < -_LONGEST_TURN or not stays(side, u, w, u_end, w_end):
+            u_end, w_end = step_by_pieces(u, w, h, rate, k_x, k_sv, k_v, inverse_tau, carried)
+        elif jacobian is not None:
+            if charges:
+                if charging_slopes.h != charging.h:
+                    charging_slopes = transition_slopes(charging, inverse_tau)
+                carry(carried, step, charging_slopes, charges, u, w, rate, b1)
             else:
-                sine_slope = 0.5 * (time * cosine - sine) / squared
-            cosine_slope = 0.5 * time * sine
-            e11 = cosine - sine * mu
-            e12 = -sine * gain
-            e21 = sine / tau
-            e22 = cosine + sine * mu
-            rest = b1 / gain
-            du = u - rest
-            dw = w - rest
-            # by the gain of this branch: d squared = -1/tau, dA has -1 in its upper right
-            c = -cosine_slope / tau
-            s = -sine_slope / tau
-            rest_gain = -rest / gain
-            by_gain_u = (c - s * mu) * du - (s * gain + sine) * dw + rest_gain * (1.0 - e11 - e12)
-            by_gain_w = s / tau * du + (c + s * mu) * dw + rest_gain * (1.0 - e21 - e22)
-            # by tau: mu = -1/(2 tau), squared = 1/(4 tau^2) - gain/tau
-            inverse = 1.0 / tau
-            mu_tau = 0.5 * inverse * inverse
-            squared_tau = -0.5 * inverse**3 + gain * inverse * inverse
-            c = time * mu_tau * cosine + cosine_slope * squared_tau
-            s = time * mu_tau * sine + sine_slope * squared_tau
-            by_tau_u = (c - s * mu - sine * mu_tau) * du - s * gain * dw
-            by_tau_w = (s * inverse - sine * inverse * inverse) * du + (c + s * mu + sine * mu_tau) * dw
-            # by k_x: the rest point moves by -rate / gain
-            rest_kx = -rate / gain
-            u_kx, w_kx = (
-                e11 * u_kx + e12 * w_kx + rest_kx * (1.0 - e11 - e12),
-                e21 * u_kx + e22 * w_kx + rest_kx * (1.0 - e21 - e22),
-            )
-            u_sv, w_sv = e11 * u_sv + e12 * w_sv, e21 * u_sv + e22 * w_sv
-            u_v, w_v = e11 * u_v + e12 * w_v, e21 * u_v + e22 * w_v
-            if branch_gain(u, w, tau, b1, 0.0, 1.0) == 0.0:
-                u_sv += by_gain_u
-                w_sv += by_gain_w
-            else:
-                u_v += by_gain_u
-                w_v += by_gain_w
-            u_tau, w_tau = e11 * u_tau + e12 * w_tau + by_tau_u, e21 * u_tau + e22 * w_tau + by_tau_w
-            u_start, w_start = e11 * u_start + e12 * w_start, e21 * u_start + e22 * w_start
-            u = u_end
-            w = w_end
-            remaining -= time
-        p = p_d + u
-        p_f = p_d + w
-        pressure[i] = p
-        jacobian[i, 0] = u_kx
-        jacobian[i, 1] = u_sv
-        jacobian[i, 2] = u_v
-        jacobian[i, 3] = u_tau
-        jacobian[i, 4] = 1.0
-        jacobian[i, 5] = u_start
-    state[0] = p
-    state[1] = p_f
+                if venting_slopes.h != venting.h:
+                    venting_slopes = transition_slopes(venting, inverse_tau)
+                carry(carried, step, venting_slopes, charges, u, w, rate, b1)
+        u = u_end
+        w = w_end
+        write_sample(i, p_d + u, pressure, carried, jacobian)
+    state[0] = p_d + u
+    state[1] = p_d + w
+
+
+@fused
+def propagate_sets(times, displacement, setpoint, gains, ambient, states, pressures):
+    """
+    Propagate many parameter sets over one recording.
+
+    Parameters
+    ----------
+    times, displacement, setpoint, ambient
+        As in `propagate`.
+    gains
+        k_x, k_sv, k_v, tau of each set, shape (sets, 4).
+    states
+        Outlet and sensed pressure of each at the first sample, shape (sets, 2) [Pa]; holds those at the last one on
+        return.
+    pressures
+        Takes the outlet pressures, shape (sets, n) [Pa].
+
+    """
+    table = np.zeros((1, 5))
+    for row in range(len(gains)):
+        table[0, 1:] = gains[row]
+        propagate(times, displacement, setpoint, table, ambient, states[row], pressures[row])
