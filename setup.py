@@ -43,7 +43,7 @@ setup(
             'ros-jazzy-std-msgs',
             'ros-jazzy-std-srvs',
         ],
-        'test': ['hypothesis', 'pytest'],  # colcon runs pytest because it stands here
+        'test': ['hypothesis', 'mpmath', 'pytest'],  # colcon runs pytest because it stands here
         'benchmark': ['pytest-benchmark'],
         'lint': ['mypy', 'ruff', 'types-PyYAML'],
         'colcon': ['colcon-common-extensions'],

@@ -6,6 +6,7 @@ The displacement is a function of time, as a piston has it, not a list of sample
 
 from __future__ import annotations
 
+import mpmath
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -78,3 +79,44 @@ def pressure_between_samples(gains, times, displacement, setpoint):
         state = solve_ivp(field, (0.0, step), state, rtol=1e-11, atol=1e-7, max_step=step / 10).y[:, -1]
         out.append(state[0])
     return np.array(out)
+
+
+def pressure_to_thirty_digits(gains, times, displacement, setpoint):
+    """
+    Return the outlet pressure [Pa]: displacement straight between samples, entry i of the set-point on step i.
+
+    The exact solution of each branch in multiple precision; where p_f crosses the set-point is found by bisection.
+    """
+    with mpmath.workdps(30):
+        k_x, k_sv, k_v, tau, *levels = (mpmath.mpf(float(one)) for one in (*gains, *setpoint))
+        u = w = mpmath.mpf(0)  # deviations from the set-point
+        out = [levels[0]]
+
+        def after(gain, forcing, time):
+            mu, root = -0.5 / tau, mpmath.sqrt(mpmath.mpc(0.25 / tau**2 - gain / tau))
+            decay = mpmath.exp(mu * time)
+            cosine, sine = (decay * mpmath.cosh(root * time)).real, (decay * mpmath.sinh(root * time) / root).real
+            rest = forcing / gain
+            return (
+                rest + (cosine - mu * sine) * (u - rest) - gain * sine * (w - rest),
+                rest + sine / tau * (u - rest) + (cosine + mu * sine) * (w - rest),
+            )
+
+        for i in range(1, len(times)):
+            u, w = u + levels[i - 1] - levels[i], w + levels[i - 1] - levels[i]
+            left = mpmath.mpf(float(times[i])) - mpmath.mpf(float(times[i - 1]))
+            forcing = -k_x * (mpmath.mpf(float(displacement[i])) - mpmath.mpf(float(displacement[i - 1]))) / left
+            while left > 0:
+                side = w or u - w or forcing
+                gain = k_sv if side < 0 else k_v
+                parts = [left * part / 40 for part in range(1, 41)]
+                beyond = next((time for time in parts if side * after(gain, forcing, time)[1] < 0), None)
+                first, last = (left, left) if beyond is None else (beyond - left / 40, beyond)
+                for _ in range(90 if last > first else 0):
+                    middle = (first + last) / 2
+                    first, last = (first, middle) if side * after(gain, forcing, middle)[1] < 0 else (middle, last)
+                u, w = after(gain, forcing, last)
+                w = w if beyond is None else mpmath.mpf(0)
+                left -= last
+            out.append(levels[i] + u)
+        return np.array([float(one) for one in out])

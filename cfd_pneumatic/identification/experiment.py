@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,29 @@ from cfd_pneumatic.recording import Recording, Signal
 Array = NDArray[np.float64]
 
 _BEYOND = 0.5  # longest time by which a pressure may be read early [s]
+_BLOCK = 4096  # grid steps: what is simulated of one stays in a processor's cache
 _FEWEST_SAMPLES = 20  # four gains, a set-point, and something left to judge them by
+
+
+@dataclass(frozen=True)
+class Block:
+    """
+    A piece of an experiment.
+
+    Attributes
+    ----------
+    grid
+        Its grid times: the last one before it, which it begins from, and its own.
+    samples
+        Its pressure samples among those of the experiment.
+    at
+        Their places in `grid`.
+
+    """
+
+    grid: slice
+    samples: slice
+    at: NDArray[np.intp] | slice
 
 
 @dataclass(frozen=True)
@@ -86,6 +109,32 @@ class Experiment:
             pressure=self.pressure[: last + 1],
             part=self.part[: last + 1],
         )
+
+    def between(self, first: int, last: int) -> Experiment:
+        """Return what lies between two grid times, both included."""
+        begin, end = np.searchsorted(self.samples, [first, last + 1])
+        return replace(
+            self,
+            times=self.times[first : last + 1],
+            displacement=self.displacement[first : last + 1],
+            setpoint=self.setpoint[first : last + 1],
+            samples=self.samples[begin:end] - first,
+            pressure=self.pressure[begin:end],
+            part=self.part[begin:end],
+            starts_at_rest=self.starts_at_rest and first == 0,
+        )
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the whole experiment in pieces that are small against a long recording."""
+        first = 0
+        begin = 0
+        while first < self.times.size - 1:
+            last = min(first + _BLOCK, self.times.size - 1)
+            end = int(np.searchsorted(self.samples, last, side='right'))
+            at = self.samples[begin:end] - first
+            evenly = at.size > 0 and at[-1] - at[0] == at.size - 1
+            yield Block(slice(first, last + 1), slice(begin, end), slice(int(at[0]), int(at[-1]) + 1) if evenly else at)
+            first, begin = last, end
 
     @property
     def span(self) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.levenberg import least_squares
+from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.model.extended import ExtendedCylinder, simulate_side_by_side
@@ -216,7 +216,11 @@ class _Search:
             slot for name in unknowns.effects if PRESSURE_EFFECTS[name].delays for slot in _slots_of(name)
         ]
 
-    def evaluate(self, point: Array) -> tuple[Array, Array]:
+    def evaluate(self, point: Array) -> Quadratic:
+        """Return what the sum of squares of `tangent`'s residuals is like."""
+        return Quadratic.of(*self.tangent(point))
+
+    def tangent(self, point: Array) -> tuple[Array, Array]:
         """Return weighted simulated less measured pressure of all experiments, and its Jacobian."""
         beside, differences = self.unknowns.beside(point)
         rows = self.unknowns.rows(np.vstack([point[None], beside]))
@@ -309,7 +313,7 @@ def tangent(
 ) -> Tangent:
     """Return the residuals of a fit and their Jacobian; parameters as in `extend`."""
     unknowns = _Unknowns(experiments, fitted, fitted.effects)
-    residuals, jacobian = _Search(experiments, masks, ambient_pressure, unknowns, weights).evaluate(unknowns.start)
+    residuals, jacobian = _Search(experiments, masks, ambient_pressure, unknowns, weights).tangent(unknowns.start)
     named = {slot: spec.name for slot, spec in enumerate(SPECS)}
     for name in fitted.effects:
         for slot, parameter in zip(_slots_of(name), PRESSURE_EFFECTS[name].parameters):

@@ -9,25 +9,27 @@ wrong by a factor of ten, bounds are what keeps the search from running away.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.stats import t as student_t
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.uncertainty import covariance
-from cfd_pneumatic.model import NAMES, SPECS, simulate_with_sensitivities
+from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
+from cfd_pneumatic.identification.uncertainty import information
+from cfd_pneumatic.model import NAMES, SPECS, Course
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 GAINS = len(SPECS)
 _LOWER = np.log([spec.lower for spec in SPECS])
 _UPPER = np.log([spec.upper for spec in SPECS])
 _STARTING_K = (3.0, 30.0, 150.0)  # charging gains that the search starts from [1/s]
+_EXCERPT = 50_000  # grid steps
 _ROUGH = (1e-4, 40)  # tolerance and evaluations of a search that chooses among starts
 _FINE = (1e-9, 200)
 _LARGEST_RELATIVE_STD = 1.0 / 3.0  # above this zero lies within three standard errors: the recording does not tell it
@@ -85,8 +87,6 @@ class Fit:
         Standard errors of `offsets` [Pa].
     simulated
         For each experiment the simulated pressure at its samples [Pa].
-    evaluations
-        Simulations that the search took.
 
     """
 
@@ -96,7 +96,6 @@ class Fit:
     starts: tuple[float, ...]
     offset_stds: tuple[float, ...]
     simulated: tuple[Array, ...]
-    evaluations: int
 
     def residual(self, index: int, experiment: Experiment) -> Array:
         """Return measured less simulated pressure at the experiment's samples [Pa]."""
@@ -104,79 +103,123 @@ class Fit:
 
 
 class _Problem:
-    """Residuals and Jacobian of a joint fit; unknowns are log gains, then offset and start of each experiment."""
+    """
+    A joint fit; unknowns are log gains, then offset and start of each experiment in units of its pressure's range.
 
-    def __init__(self, experiments: Sequence[Experiment], masks: Sequence[NDArray[np.bool_]], weights: Array) -> None:
+    Experiments are simulated block by block, so that no Jacobian is ever held that is as long as a recording.
+    """
+
+    def __init__(self, experiments: Sequence[Experiment], masks: Sequence[Mask], weights: Array) -> None:
         self.experiments = experiments
         self.masks = masks
         self.weights = weights
-        self.offset_at = GAINS + np.arange(len(experiments))
+        count = len(experiments)
         moving = [index for index, experiment in enumerate(experiments) if not experiment.starts_at_rest]
-        self.start_at = {index: GAINS + len(experiments) + rank for rank, index in enumerate(moving)}
-        self.size = GAINS + len(experiments) + len(moving)
-        self.evaluations = 0
-        self._unknowns: Array | None = None
-        self._simulations: list[tuple[Array, Array]] = []
+        self.size = GAINS + count + len(moving)
+        self.offset_at = GAINS + np.arange(count)
+        self.start_at = {index: GAINS + count + rank for rank, index in enumerate(moving)}
+        self.units = np.ones(self.size)
+        for index, (experiment, mask) in enumerate(zip(experiments, masks)):
+            self.units[self._columns(index)[GAINS:]] = np.ptp(experiment.pressure[mask]) if np.any(mask) else 1.0
 
-    def simulate(self, unknowns: Array) -> list[tuple[Array, Array]]:
-        """Return simulated pressure and Jacobian by the unknowns at the samples of each experiment."""
-        if self._unknowns is None or not np.array_equal(unknowns, self._unknowns):
-            self._simulations = [self._simulate(index, unknowns) for index in range(len(self.experiments))]
-            self._unknowns = unknowns.copy()
-            self.evaluations += 1
-        return self._simulations
+    def _columns(self, index: int) -> NDArray[np.intp]:
+        """Return which unknowns concern an experiment: gains, offset and, unless it begins at rest, start."""
+        start = [self.start_at[index]] if index in self.start_at else []
+        return np.array([*range(GAINS), self.offset_at[index], *start])
 
-    def _simulate(self, index: int, unknowns: Array) -> tuple[Array, Array]:
-        experiment = self.experiments[index]
-        gains = np.exp(unknowns[:GAINS])
-        start_at = self.start_at.get(index)
-        pressure, sensitivities = simulate_with_sensitivities(
-            gains,
-            experiment.times,
-            experiment.displacement,
-            experiment.setpoint + unknowns[self.offset_at[index]],
-            0.0 if start_at is None else float(unknowns[start_at]),
-        )
-        sensitivities = sensitivities[experiment.samples]
-        jacobian = np.zeros((experiment.samples.size, self.size))
-        jacobian[:, :GAINS] = sensitivities[:, :GAINS] * gains
-        jacobian[:, self.offset_at[index]] = sensitivities[:, GAINS]
-        if start_at is not None:
-            jacobian[:, start_at] = sensitivities[:, GAINS + 1]
-        return pressure[experiment.samples], jacobian
+    def outward(self, unknowns: Array) -> Array:
+        """Return the gains themselves, then offsets and starts [Pa]."""
+        return np.concatenate([np.exp(unknowns[:GAINS]), (unknowns * self.units)[GAINS:]])
 
-    def residuals(self, unknowns: Array) -> Array:
+    def _blocks(self, index: int, unknowns: Array, *, slopes: bool = True) -> Iterator[tuple[slice, Array, Array]]:
+        """Yield pressure and, by the gains, set-point and start, its derivatives at the samples of each block."""
+        experiment, values = self.experiments[index], self.outward(unknowns)
+        offset = values[self.offset_at[index]]
+        start = values[self.start_at[index]] if index in self.start_at else 0.0
+        course = Course(values[:GAINS], experiment.setpoint[0] + offset + start)
+        for block in experiment.blocks():
+            pressure, jacobian = course.follow(
+                experiment.times[block.grid],
+                experiment.displacement[block.grid],
+                experiment.setpoint[block.grid] + offset,
+                slopes=slopes,
+            )
+            yield block.samples, pressure[block.at], jacobian[block.at] if slopes else jacobian
+
+    def evaluate(self, unknowns: Array) -> Quadratic:
+        """Return what the sum of squared weighted residuals is like."""
+        total = 0.0
+        gradient = np.zeros(self.size)
+        normal = np.zeros((self.size, self.size))
+        scale = np.concatenate([np.exp(unknowns[:GAINS]), self.units[GAINS:]])
+        for index, (experiment, mask, weight) in enumerate(zip(self.experiments, self.masks, self.weights)):
+            columns = self._columns(index)
+            for samples, pressure, jacobian in self._blocks(index, unknowns):
+                counts = mask[samples]
+                here = Quadratic.of((pressure - experiment.pressure[samples])[counts], jacobian[counts, : columns.size])
+                total += weight**2 * here.total
+                gradient[columns] += weight**2 * here.gradient
+                normal[np.ix_(columns, columns)] += weight**2 * here.normal
+        return Quadratic(total, gradient * scale, normal * np.outer(scale, scale))
+
+    def simulate(self, unknowns: Array) -> list[Array]:
+        """Return the pressure at the samples of each experiment [Pa]."""
+        return [
+            np.concatenate([pressure for _, pressure, _ in self._blocks(index, unknowns, slopes=False)])
+            for index in range(len(self.experiments))
+        ]
+
+    def residuals(self, simulated: Sequence[Array]) -> Array:
         """Return weighted simulated less measured pressure of all experiments, masked."""
-        parts = zip(self.experiments, self.masks, self.weights, self.simulate(unknowns))
+        parts = zip(self.experiments, self.masks, self.weights, simulated)
         return np.concatenate(
-            [weight * (pressure - experiment.pressure)[mask] for experiment, mask, weight, (pressure, _) in parts]
+            [weight * (pressure - experiment.pressure)[mask] for experiment, mask, weight, pressure in parts]
         )
 
-    def jacobian(self, unknowns: Array) -> Array:
-        """Return the weighted Jacobian of `residuals`."""
-        parts = zip(self.masks, self.weights, self.simulate(unknowns))
-        return np.concatenate([weight * jacobian[mask] for mask, weight, (_, jacobian) in parts])
+    def jacobians(self, unknowns: Array) -> Iterator[Array]:
+        """Yield the Jacobian of `residuals`, by log gains, offsets and starts [Pa], in blocks of rows."""
+        gains = np.exp(unknowns[:GAINS])
+        for index, (mask, weight) in enumerate(zip(self.masks, self.weights)):
+            columns = self._columns(index)
+            for samples, _, jacobian in self._blocks(index, unknowns):
+                rows = jacobian[mask[samples], : columns.size]
+                rows[:, :GAINS] *= gains
+                own = np.zeros((len(rows), self.size))
+                own[:, columns] = weight * rows
+                yield own
 
     def search(self, start: Array, tolerance: float, evaluations: int) -> tuple[Array, float]:
         """Return the best unknowns from one start, and their cost, until it falls by less than a share `tolerance`."""
         lower = np.full(self.size, -np.inf)
         upper = np.full(self.size, np.inf)
         lower[:GAINS], upper[:GAINS] = _LOWER, _UPPER
-        found = least_squares(
-            self.residuals,
-            start,
-            jac=self.jacobian,
-            bounds=(lower, upper),
-            x_scale='jac',
-            ftol=tolerance,
-            max_nfev=evaluations,
-        )
-        return found.x, float(found.cost)
+        return least_squares(self.evaluate, start, lower, upper, tolerance, evaluations)
+
+    def excerpt(self) -> _Problem:
+        """Return the problem of what moves most in long experiments, to choose a start by."""
+        cut = [_liveliest(experiment) for experiment in self.experiments]
+        experiments = [one.between(first, last) for one, (first, last) in zip(self.experiments, cut)]
+        masks = [
+            mask[slice(*np.searchsorted(one.samples, [first, last + 1]))]
+            for one, mask, (first, last) in zip(self.experiments, self.masks, cut)
+        ]
+        return _Problem(experiments, masks, self.weights)
+
+
+def _liveliest(experiment: Experiment) -> tuple[int, int]:
+    """Return the first and last grid time between which the piston moves farthest, few enough for a rough fit."""
+    last = experiment.times.size - 1
+    if last <= _EXCERPT:
+        return 0, last
+    travel = np.cumsum(np.abs(np.diff(experiment.displacement)))
+    firsts = np.arange(0, last - _EXCERPT, _EXCERPT // 4)
+    first = int(firsts[np.argmax(travel[firsts + _EXCERPT - 1] - travel[firsts])])
+    return first, first + _EXCERPT
 
 
 def fit(
     experiments: Sequence[Experiment],
-    masks: Sequence[NDArray[np.bool_]],
+    masks: Sequence[Mask],
     initial: Sequence[float] | None = None,
 ) -> Fit:
     """
@@ -200,22 +243,30 @@ def fit(
 
     """
     problem = _Problem(experiments, masks, np.ones(len(experiments)))
-    candidates = _first_guesses(experiments, masks) if initial is None else [initial]
-    searches = [problem.search(_unknowns_at(problem, gains), *_ROUGH) for gains in candidates]
-    best, _ = problem.search(min(searches, key=lambda search: search[1])[0], *_FINE)
-    evaluations = problem.evaluations
+    gains = _best_guess(problem, initial)
+    best, _ = problem.search(_unknowns_at(problem, gains), *_FINE)
     if len(experiments) > 1:
         rmse = [
             math.sqrt(np.mean((pressure - experiment.pressure)[mask] ** 2))
-            for experiment, mask, (pressure, _) in zip(experiments, masks, problem.simulate(best))
+            for experiment, mask, pressure in zip(experiments, masks, problem.simulate(best))
         ]
         problem = _Problem(experiments, masks, float(np.mean(rmse)) / np.maximum(rmse, 1e-9))
         best, _ = problem.search(best, *_FINE)
-        evaluations += problem.evaluations
-    return _summary(problem, best, evaluations)
+    return _summary(problem, best)
 
 
-def _first_guesses(experiments: Sequence[Experiment], masks: Sequence[NDArray[np.bool_]]) -> list[tuple[float, ...]]:
+def _best_guess(problem: _Problem, initial: Sequence[float] | None) -> Sequence[float]:
+    """Return the best gains that rough searches end at, from given ones or from several."""
+    if initial is not None and max(one.times.size for one in problem.experiments) <= _EXCERPT:
+        return initial
+    rough = problem.excerpt()
+    guesses = _first_guesses(rough.experiments, rough.masks) if initial is None else [initial]
+    searches = (rough.search(_unknowns_at(rough, gains), *_ROUGH) for gains in guesses)
+    best, _ = min(searches, key=lambda found: found[1])
+    return tuple(np.exp(best[:GAINS]))
+
+
+def _first_guesses(experiments: Sequence[Experiment], masks: Sequence[Mask]) -> list[tuple[float, ...]]:
     """Return starts about K_x = n p / L with the chamber's length L taken as the stroke's order, and several K."""
     pressures = [experiment.pressure[mask] for experiment, mask in zip(experiments, masks)]
     pressure = float(np.median(np.concatenate(pressures)))
@@ -228,21 +279,23 @@ def _unknowns_at(problem: _Problem, gains: Sequence[float]) -> Array:
     unknowns[:GAINS] = np.clip(np.log(gains), _LOWER + 1e-6, _UPPER - 1e-6)
     for index, start_at in problem.start_at.items():
         experiment = problem.experiments[index]
-        unknowns[start_at] = float(np.median(experiment.pressure[:3])) - experiment.setpoint[0]
+        above = float(np.median(experiment.pressure[:3])) - experiment.setpoint[0]
+        unknowns[start_at] = above / problem.units[start_at]
     return unknowns
 
 
-def _summary(problem: _Problem, unknowns: Array, evaluations: int) -> Fit:
-    _check_that_pressure_follows(problem, unknowns)
-    residuals = problem.residuals(unknowns)
-    jacobian = problem.jacobian(unknowns)
-    reasons = {index: reason for index, reason in enumerate(_unmoved(unknowns, jacobian)) if reason is not None}
+def _summary(problem: _Problem, unknowns: Array) -> Fit:
+    simulated = problem.simulate(unknowns)
+    residuals = problem.residuals(simulated)
+    _check_that_pressure_follows(problem, residuals)
+    told = information(problem.jacobians(unknowns), residuals, [int(np.count_nonzero(mask)) for mask in problem.masks])
+    reasons = {index: reason for index, reason in enumerate(_unmoved(unknowns, told.normal)) if reason is not None}
     degrees = residuals.size - problem.size
     if degrees < 1:
         raise InputError(f'{residuals.size} pressure samples are too few for {problem.size} unknowns: record longer')
     while True:
         free = np.array([index for index in range(problem.size) if index not in reasons])
-        std = np.sqrt(np.diag(covariance(jacobian[:, free], residuals, degrees, _lengths(problem))))
+        std = np.sqrt(np.diag(told.covariance(degrees, free)))
         gains_free = free[free < GAINS]
         if gains_free.size == 0:
             raise InputError(_NOTHING_TOLD)
@@ -255,24 +308,24 @@ def _summary(problem: _Problem, unknowns: Array, evaluations: int) -> Fit:
         )
     stds = dict(zip((int(index) for index in free), std))
     quantile = float(student_t.ppf(0.5 + 0.5 * _CONFIDENCE, degrees))
+    values = problem.outward(unknowns)
     return Fit(
-        gains=np.exp(unknowns[:GAINS]),
+        gains=values[:GAINS],
         estimates=tuple(
-            _estimate(index, math.exp(unknowns[index]), stds.get(index), quantile, reasons.get(index))
+            _estimate(index, float(values[index]), stds.get(index), quantile, reasons.get(index))
             for index in range(GAINS)
         ),
-        offsets=tuple(float(unknowns[at]) for at in problem.offset_at),
+        offsets=tuple(values[problem.offset_at].tolist()),
         starts=tuple(
-            float(unknowns[problem.start_at[index]]) if index in problem.start_at else 0.0
+            float(values[problem.start_at[index]]) if index in problem.start_at else 0.0
             for index in range(len(problem.experiments))
         ),
         offset_stds=tuple(float(stds[int(at)]) for at in problem.offset_at),
-        simulated=tuple(pressure for pressure, _ in problem.simulate(unknowns)),
-        evaluations=evaluations,
+        simulated=tuple(simulated),
     )
 
 
-def _check_that_pressure_follows(problem: _Problem, unknowns: Array) -> None:
+def _check_that_pressure_follows(problem: _Problem, residuals: Array) -> None:
     """Raise InputError where the pressure is explained as well by one that does not follow the piston at all."""
     if any(np.ptp(experiment.setpoint) > 0.0 for experiment in problem.experiments):
         return
@@ -283,7 +336,6 @@ def _check_that_pressure_follows(problem: _Problem, unknowns: Array) -> None:
             if np.any(mask)
         ]
     )
-    residuals = problem.residuals(unknowns)
     evidence = residuals.size * math.log(float(rested @ rested) / max(float(residuals @ residuals), 1e-300))
     if evidence < _LEAST_EVIDENCE:
         raise InputError(_NOTHING_TOLD)
@@ -303,12 +355,11 @@ _HINTS = {
 """What to record so that a parameter shows."""
 
 
-def _unmoved(unknowns: Array, jacobian: Array) -> list[str | None]:
+def _unmoved(unknowns: Array, normal: Array) -> list[str | None]:
     """Return for each gain why its value means nothing, before any statistics; None where it may mean something."""
-    size = np.sqrt(np.mean(jacobian[:, :GAINS] ** 2, axis=0))
     reasons: list[str | None] = []
     for index, spec in enumerate(SPECS):
-        if size[index] == 0.0:
+        if normal[index, index] == 0.0:
             reasons.append(f'nothing in the recording depends on it: {_HINTS[spec.name]}')
         elif unknowns[index] - _LOWER[index] < 1e-3:
             reasons.append(f'the fit ends at its lower bound {spec.lower:g} {spec.unit}: {_HINTS[spec.name]}')
@@ -325,7 +376,3 @@ def _estimate(index: int, value: float, std: float | None, quantile: float, reas
         return Estimate(spec.name, spec.unit, None, None, None, reason)
     margin = quantile * value * std
     return Estimate(spec.name, spec.unit, value, value * std, (value - margin, value + margin), None)
-
-
-def _lengths(problem: _Problem) -> list[int]:
-    return [int(np.count_nonzero(mask)) for mask in problem.masks]

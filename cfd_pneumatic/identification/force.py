@@ -17,7 +17,7 @@ from scipy.stats import t as student_t
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import on_clock
 from cfd_pneumatic.identification.fit import Estimate
-from cfd_pneumatic.identification.levenberg import least_squares
+from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
 from cfd_pneumatic.identification.motion import Motion
 from cfd_pneumatic.identification.split import PARTS, Split
 from cfd_pneumatic.identification.travel import reversals, travelled
@@ -413,7 +413,7 @@ class _Search:
             return start
         lower = np.array([unknown.lower for unknown in self.unknowns])
         upper = np.array([unknown.upper for unknown in self.unknowns])
-        point, _ = least_squares(self.tangent, start, lower, upper, tolerance, steps)
+        point, _ = least_squares(lambda at: Quadratic.of(*self.tangent(at)), start, lower, upper, tolerance, steps)
         return point
 
 

@@ -1,26 +1,61 @@
 """
 Least squares within bounds, by Levenberg and Marquardt.
 
-Where residuals are many and unknowns few, all that a step needs is the small normal matrix: memory and time go into the
-simulations. Residuals and Jacobian are asked for together, because they are simulated side by side.
+Where residuals are many and unknowns few, all that a step needs is the small normal matrix, which may be summed up from
+blocks of residuals: memory and time go into the simulations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Evaluate = Callable[[Array], tuple[Array, Array]]
-"""Takes a point, shape (k,); returns residuals, shape (n,), and their Jacobian, shape (n, k)."""
 
 _FIRST_DAMPING = 1e-3
 _LARGEST_DAMPING = 1e12
 _LEAST_SCALE = 1e-12  # of the largest, for an unknown on which nothing depends
 _MOST_CHANGES = 4  # of what is held, for each unknown
 _LONGEST_STEP = 2.0  # in any unknown: a factor of seven where it is a logarithm
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """
+    What a sum of squared residuals is like near a point.
+
+    Attributes
+    ----------
+    total
+        The sum, r'r.
+    gradient
+        Half of its gradient, J'r, shape (k,).
+    normal
+        J'J, shape (k, k).
+
+    """
+
+    total: float
+    gradient: Array
+    normal: Array
+
+    @classmethod
+    def of(cls, residuals: Array, jacobian: Array) -> Quadratic:
+        """Return it for residuals, shape (n,), with their Jacobian, shape (n, k)."""
+        with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
+            return cls(float(residuals @ residuals), jacobian.T @ residuals, jacobian.T @ jacobian)
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether the model has not run away."""
+        return bool(np.isfinite(self.total) and np.all(np.isfinite(self.normal)))
+
+
+Evaluate = Callable[[Array], Quadratic]
+"""Takes a point, shape (k,)."""
 
 
 def least_squares(
@@ -35,7 +70,7 @@ def least_squares(
     Parameters
     ----------
     evaluate
-        Residuals and Jacobian.
+        The sum and its slope at a point.
     start, lower, upper
         Shape (k,).
     tolerance
@@ -45,34 +80,28 @@ def least_squares(
 
     """
     point = np.clip(start, lower, upper)
-    residuals, jacobian = evaluate(point)
-    total = float(residuals @ residuals)
-    if not (np.isfinite(total) and np.all(np.isfinite(jacobian))):
+    here = evaluate(point)
+    if not here.is_finite:
         return point, np.inf
     damping, growth = _FIRST_DAMPING, 2.0
     for _ in range(evaluations - 1):
-        gradient = jacobian.T @ residuals
-        normal = jacobian.T @ jacobian
-        step = _step(normal, gradient, damping, lower - point, upper - point)
-        foretold = -float(step @ (2.0 * gradient + normal @ step))
-        if foretold <= tolerance * total:
+        step = _step(here.normal, here.gradient, damping, lower - point, upper - point)
+        foretold = -float(step @ (2.0 * here.gradient + here.normal @ step))
+        if foretold <= tolerance * here.total:
             break
         trial = np.clip(point + step, lower, upper)  # exactly, where rounding takes it past a bound
-        trial_residuals, trial_jacobian = evaluate(trial)
-        with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
-            trial_total = float(trial_residuals @ trial_residuals)
-        if not (trial_total < total and np.all(np.isfinite(trial_jacobian))):
+        there = evaluate(trial)
+        fell = here.total - there.total
+        if not (fell > 0.0 and there.is_finite):
             damping, growth = damping * growth, 2.0 * growth
             if damping > _LARGEST_DAMPING:
                 break
             continue
-        gain = (total - trial_total) / foretold
-        damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), 2.0
-        fell = total - trial_total
-        point, residuals, jacobian, total = trial, trial_residuals, trial_jacobian, trial_total
-        if fell <= tolerance * total:
+        damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * fell / foretold - 1.0) ** 3), 2.0
+        point, here = trial, there
+        if fell <= tolerance * here.total:
             break
-    return point, total
+    return point, here.total
 
 
 def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array) -> Array:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+_FINEST_LAGS = 64  # up to which a window is taken sample by sample
 
 
 def covariance(jacobian: Array, residuals: Array, degrees: int, lengths: Sequence[int]) -> Array:
@@ -24,25 +27,102 @@ def covariance(jacobian: Array, residuals: Array, degrees: int, lengths: Sequenc
     lengths
         Of the runs of neighbouring samples that the residuals are made of.
 
-    (J'J)^-1 times the residual variance where the residual is white. Where neighbouring residuals are correlated, by
-    the displacement's smoothed noise or by an effect that the model lacks, each of them tells less: the sandwich of
-    Newey and West (1987) with a Bartlett window.
     """
-    size = np.linalg.norm(jacobian, axis=0)
-    size[size == 0.0] = 1.0
-    scaled = jacobian / size  # metres and hertz side by side would pass for a matrix without full rank
-    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-14, hermitian=True) / np.outer(size, size)
+    return information(np.split(jacobian, np.cumsum(lengths)[:-1]), residuals, lengths).covariance(degrees)
+
+
+@dataclass(frozen=True)
+class Information:
+    """
+    What residuals tell about unknowns.
+
+    Attributes
+    ----------
+    normal
+        J'J, shape (k, k).
+    scores
+        Covariance of J'r by Newey and West, shape (k, k); None where the residual is white.
+    power
+        r'r.
+    size
+        How many residuals there are.
+
+    """
+
+    normal: Array
+    scores: Array | None
+    power: float
+    size: int
+
+    def covariance(self, degrees: int, free: NDArray[np.intp] | None = None) -> Array:
+        """
+        Return the covariance of the unknowns, or of those that are free while the others are held.
+
+        (J'J)^-1 times the residual variance where the residual is white. Where neighbouring residuals are correlated,
+        by the displacement's smoothed noise or by an effect that the model lacks, each of them tells less: the sandwich
+        of Newey and West (1987) with a Bartlett window.
+        """
+        at = np.ix_(*[np.arange(len(self.normal)) if free is None else free] * 2)
+        normal = self.normal[at]
+        size = np.sqrt(np.diag(normal))
+        size[size == 0.0] = 1.0  # metres and hertz side by side would pass for a matrix without full rank
+        units = np.outer(size, size)
+        inverse = np.linalg.pinv(normal / units, rcond=1e-14, hermitian=True) / units
+        if self.scores is None:
+            return np.asarray(inverse * self.power / degrees)
+        return np.asarray(inverse @ self.scores[at] @ inverse * (self.size / degrees))
+
+
+def information(jacobians: Iterable[Array], residuals: Array, lengths: Sequence[int]) -> Information:
+    """
+    Return what residuals tell about unknowns, in one walk over their Jacobian.
+
+    Parameters
+    ----------
+    jacobians
+        The Jacobian in blocks of rows; none reaches over the end of a run.
+    residuals, lengths
+        As in `covariance`.
+
+    """
     lags = _correlation_length(residuals, lengths)
-    if lags == 0:
-        return inverse * float(residuals @ residuals) / degrees
-    middle = np.zeros_like(inverse)
-    scores = jacobian * residuals[:, None]
-    for part in np.split(scores, np.cumsum(lengths)[:-1]):
+    ends = set(np.cumsum(lengths).tolist())
+    normal: Array | float = 0.0
+    scores: Array | float = 0.0
+    window = _Window(lags)
+    at = 0
+    for jacobian in jacobians:
+        rows = slice(at, at + len(jacobian))
+        at = rows.stop
+        normal = normal + jacobian.T @ jacobian
+        if lags:
+            scores = scores + window.products(jacobian * residuals[rows, None], at in ends)
+    return Information(np.asarray(normal), np.asarray(scores) if lags else None, float(residuals @ residuals), at)
+
+
+class _Window:
+    """
+    Bartlett's window over scores that come in blocks.
+
+    Long windows are over sums of neighbours: what matters is their length, to a few percent.
+    """
+
+    def __init__(self, lags: int) -> None:
+        self.group = max(1, lags // _FINEST_LAGS)
+        self.lags = max(1, lags // self.group)
+        self.last: Array | None = None
+
+    def products(self, scores: Array, ends: bool) -> Array:
+        """Return the sum of the weighted products that end in a block; the next one begins a run if this `ends` one."""
+        summed = np.add.reduceat(scores, np.arange(0, len(scores), self.group)) if self.group > 1 else scores
+        before = np.zeros((self.lags + 1, scores.shape[1])) if self.last is None else self.last
+        after = np.zeros((self.lags if ends else 0, scores.shape[1]))
+        series = np.concatenate([before, summed, after])
         # sums over every window of lags + 1 neighbours, which weight products by the Bartlett window
-        total = np.cumsum(np.pad(part, ((lags + 1, lags), (0, 0))), axis=0)
-        windows = total[lags + 1 :] - total[: -lags - 1]
-        middle += windows.T @ windows / (lags + 1.0)
-    return inverse @ middle @ inverse * (residuals.size / degrees)
+        total = np.cumsum(series, axis=0)
+        windows = total[self.lags + 1 :] - total[: -self.lags - 1]
+        self.last = None if ends else series[-self.lags - 1 :]
+        return np.asarray(windows.T @ windows / (self.lags + 1.0))
 
 
 def _correlation_length(residuals: Array, lengths: Sequence[int]) -> int:

@@ -1,10 +1,10 @@
 """The paper's pneumatic model: parameters, exact propagation, the two-cylinder device. No input or output."""
 
 from cfd_pneumatic.model.cylinder import (
+    Course,
     Cylinder,
     CylinderState,
     simulate_parameter_sets,
-    simulate_with_sensitivities,
 )
 from cfd_pneumatic.model.device import DIRECTIONS, Device, DeviceState, ForceGeometry
 from cfd_pneumatic.model.extended import ExtendedCylinder, Movement
@@ -21,6 +21,7 @@ __all__ = [
     'Arrival',
     'AspiratorTube',
     'Committed',
+    'Course',
     'Cylinder',
     'CylinderState',
     'Device',
@@ -34,5 +35,4 @@ __all__ = [
     'Regulator',
     'first_guess',
     'simulate_parameter_sets',
-    'simulate_with_sensitivities',
 ]

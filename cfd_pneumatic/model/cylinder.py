@@ -226,31 +226,44 @@ def _read_late(
     return replace(state, track=past.since(wanted), delayed=past.at(wanted))
 
 
-def simulate_with_sensitivities(
-    gains: Array, times: Array, displacement: Array, setpoint: Array, start: float = 0.0
-) -> tuple[Array, Array]:
+class Course:
     """
-    Return the outlet pressure [Pa], shape (n,), and its derivatives, shape (n, 6), at constant gains.
+    The outlet pressure and its derivatives along a recording that comes in pieces, at constant gains.
 
     Parameters
     ----------
     gains
         k_x [Pa/m], k_sv, k_v [1/s], tau [s], shape (4,).
-    times, displacement, setpoint
-        As in `Cylinder.simulate`.
-    start
-        What both pressures lie above the first set-point at the first sample [Pa].
+    pressure
+        Outlet and sensed pressure at the first sample [Pa].
 
-    The columns are by the four gains, by a shift of the set-point and by `start`.
     """
-    pressure = np.empty_like(times)
-    jacobian = np.empty((times.size, len(SENSITIVITIES)))
-    state = np.full(2, setpoint[0] + start)
-    carried = np.zeros((2, CARRIED))
-    carried[:, -1] = 1.0
-    table = np.array([[0.0, *gains]])
-    propagate(times, displacement, setpoint, table, 0.0, state, pressure, carried, jacobian)
-    return pressure, jacobian
+
+    def __init__(self, gains: Array, pressure: float) -> None:
+        self._table = np.array([[0.0, *gains]])
+        self._state = np.full(2, pressure)
+        self._carried = np.zeros((2, CARRIED))
+        self._carried[:, -1] = 1.0
+
+    def follow(self, times: Array, displacement: Array, setpoint: Array, *, slopes: bool = True) -> tuple[Array, Array]:
+        """
+        Return the pressure at the samples of a piece [Pa], shape (n,), and its derivatives, shape (n, 6) or (0, 6).
+
+        Parameters
+        ----------
+        times, displacement, setpoint
+            As in `Cylinder.simulate`; a piece begins with the last sample of the one before.
+        slopes
+            Whether derivatives are asked for, now and later on.
+
+        The columns are by the four gains, by a shift of the set-point and by what both pressures lie above it at the
+        first sample.
+        """
+        pressure = np.empty_like(times)
+        jacobian = np.empty((times.size if slopes else 0, len(SENSITIVITIES)))
+        derivatives = (self._carried, jacobian) if slopes else ()
+        propagate(times, displacement, setpoint, self._table, 0.0, self._state, pressure, *derivatives)
+        return pressure, jacobian
 
 
 def simulate_parameter_sets(gains: Array, times: Array, displacement: Array, setpoint: Array) -> Array:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares as scipys
 from scipy.optimize import lsq_linear
 
-from cfd_pneumatic.identification.levenberg import least_squares
+from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
 
 FREE = np.full(2, np.inf)
 
@@ -22,7 +22,7 @@ class Counted:
 
     def __call__(self, point):
         self.points.append(point.copy())
-        return self.residuals(point), self.jacobian(point)
+        return Quadratic.of(self.residuals(point), self.jacobian(point))
 
     def totals(self):
         """Return the sum of squares at each point."""
