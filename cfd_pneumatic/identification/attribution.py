@@ -14,19 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Effects, Extension, extend
+from cfd_pneumatic.identification.extension import Effects, Extension, extend_with_cost
 from cfd_pneumatic.identification.judgement import EffectSearch, Found
 from cfd_pneumatic.identification.noise import precision, pressure_noise, sample_noise
 from cfd_pneumatic.identification.residuals import Test, residual_tests
+from cfd_pneumatic.identification.screening import Outlook, Screening, Start
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.starts import starting_data
-from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Data, Effect
+from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Effect
 from cfd_pneumatic.parallel import each
 
 Array = NDArray[np.float64]
 
 _REFINED = 2  # of an effect's starts
 _PROMISING = 4  # effects that are fitted to the end at least
+_LONG = 5000  # grid steps
+_FITTED_OF_LONG = 6  # effects
+_STARTS_OF_LONG = 2  # of each
+_RIVALLING = 0.3  # of what the best one takes: what is fitted to the end of long recordings
+_ALIKE = 1.1  # times the least cost: starts whose rough fits may change places
 _STRONG = 5.0  # in sample noises: a residual that may have led the gains astray
 _QUICKER = 5.0
 _SLOWEST_RELIEF, _USUAL_RELIEF = 0.1, 0.25  # K_v over K_sv; the paper's tables have 0.15 to 0.3
@@ -34,13 +40,28 @@ _ROUGH = (1e-2, 5)  # tolerance and evaluations from each start
 _FINE = (1e-5, 20)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Model:
-    """The model with some effects, fitted to the train part."""
+    """
+    The model with some effects, fitted to the train part.
+
+    Attributes
+    ----------
+    extension
+        The model.
+    simulated
+        Its pressures in train and validation [Pa].
+    residuals
+        What it leaves of train, weighted [Pa].
+    validation_rmse
+        Its error on the validation part [Pa]; None where there is no such part.
+
+    """
 
     extension: Extension
     simulated: list[Array]
     residuals: tuple[Array, ...]
+    validation_rmse: float | None
 
     @property
     def effects(self) -> Effects:
@@ -53,6 +74,14 @@ class _Model:
     @property
     def unknowns(self) -> int:
         return self.extension.unknowns
+
+
+@dataclass(frozen=True)
+class _Rough:
+    """A rough fit, and the sum of squares that it leaves of the train part."""
+
+    extension: Extension
+    cost: float
 
 
 class Search(EffectSearch[_Model]):
@@ -76,48 +105,99 @@ class Search(EffectSearch[_Model]):
         self.noise = math.sqrt(
             sum(sample_noise(one.sample_times, one.pressure) ** 2 for one in self.train) / len(self.train)
         )
-        self.baseline = self._fit(baseline, {}, *_FINE)
+        self._known_outlooks: dict[_Model, dict[str, Outlook]] = {}
+        self.is_long = sum(one.times.size for one in self.train) > _LONG
+        self.baseline = self._finished(self._fit(baseline, {}, *_FINE), baseline)
 
-    def _fit(self, begin: Extension, effects: Effects, tolerance: float, evaluations: int) -> _Model:
-        found = extend(
-            self.train, self.masks, self.ambient_pressure, begin, effects, self.weights, tolerance, evaluations
+    def _fit(self, begin: Extension, effects: Effects, tolerance: float, evaluations: int) -> _Rough:
+        return _Rough(
+            *extend_with_cost(
+                self.train, self.masks, self.ambient_pressure, begin, effects, self.weights, tolerance, evaluations
+            )
         )
-        simulated = found.simulate(self.train, self.ambient_pressure)
-        if not all(np.all(np.isfinite(pressure)) for pressure in simulated):  # it ran away: as if it were not there
-            absent = {name: begin.effects.get(name, self.library[name].null) for name in effects}
+
+    def _finished(self, fit: _Rough, begin: Extension) -> _Model:
+        """Return a fit with what it leaves; one that ran away is as if its effects were not there."""
+        found = fit.extension
+        simulated = found.simulate(self.learn, self.ambient_pressure)
+        if not all(np.all(np.isfinite(pressure)) for pressure in simulated):
+            absent = {name: begin.effects.get(name, self.library[name].null) for name in found.effects}
             found = replace(begin, effects=absent, unknowns=found.unknowns)
-            simulated = found.simulate(self.train, self.ambient_pressure)
+            simulated = found.simulate(self.learn, self.ambient_pressure)
         residuals = tuple(
-            ((one.pressure - pressure) * weight)[mask]
+            ((one.pressure - pressure[: one.pressure.size]) * weight)[mask]
             for one, pressure, weight, mask in zip(self.train, simulated, self.weights, self.masks)
         )
-        return _Model(found, simulated, residuals)
+        errors = np.concatenate(
+            [
+                (pressure - one.pressure)[one.part == PARTS.index('validation')]
+                for one, pressure in zip(self.learn, simulated)
+            ]
+        )
+        return _Model(found, simulated, residuals, math.sqrt(float(np.mean(errors**2))) if errors.size else None)
+
+    def promising(self, model: _Model, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
+        """Return the effects to fit beside a model, and the share of its residual that each other one may take."""
+        if not self.is_long:
+            return names, {}
+        shares = {name: outlook.share for name, outlook in self._outlooks(model, names).items()}
+        ranked = sorted(names, key=lambda name: -shares[name])
+        return ranked[:_FITTED_OF_LONG], {name: shares[name] for name in ranked[_FITTED_OF_LONG:]}
 
     def extensions(self, model: _Model, names: Sequence[str]) -> dict[str, _Model]:
         """
         Return a model with each of some effects beside its own.
 
-        All are fitted roughly, from every start; the more promising half is fitted to the end.
+        All are fitted roughly, the more promising ones to the end: where that is quick, from every start; in long
+        recordings from those that one simulation of each shows to tell most.
         """
-        data = starting_data(self.train, model.extension, model.simulated, self.ambient_pressure)
-        rough = dict(zip(names, each(lambda name: self._rough(model, name, data), names)))
-        promising = sorted(names, key=lambda name: rough[name][0].rss)[: max(_PROMISING, len(names) // 2)]
+        starts = self._starts(model, names)
+        if self.is_long:
+            outlooks = self._outlooks(model, names)
+            starts = {name: outlooks[name].starts[:_STARTS_OF_LONG] for name in names}
+        rough = dict(zip(names, each(lambda name: self._rough(model, name, starts[name]), names)))
+        promising = self._promising_of(model, rough)
         fine = dict(zip(promising, each(lambda name: self._fine(rough[name]), promising)))
-        return {name: fine.get(name, rough[name][0]) for name in names}
+        models = each(lambda name: self._finished(fine.get(name, rough[name][0]), model.extension), names)
+        return dict(zip(names, models))
 
-    def _rough(self, model: _Model, name: str, data: Data) -> list[_Model]:
+    def _promising_of(self, model: _Model, rough: Mapping[str, Sequence[_Rough]]) -> list[str]:
+        """Return the effects to fit to the end: the better half, of long recordings those that may be rivals."""
+        ranked = sorted(rough, key=lambda name: rough[name][0].cost)
+        if not self.is_long:
+            return ranked[: max(_PROMISING, len(ranked) // 2)]
+        best = model.rss - rough[ranked[0]][0].cost
+        return [name for name in ranked[:_PROMISING] if model.rss - rough[name][0].cost >= _RIVALLING * best]
+
+    def _starts(self, model: _Model, names: Sequence[str]) -> dict[str, Sequence[Start]]:
+        simulated = [pressure[: one.pressure.size] for one, pressure in zip(self.train, model.simulated)]
+        data = starting_data(self.train, model.extension, simulated, self.ambient_pressure)
+        return {name: self.library[name].starts(data) for name in names}
+
+    def _outlooks(self, model: _Model, names: Sequence[str]) -> dict[str, Outlook]:
+        """Return what each effect may take of a model's residual; nothing is simulated twice."""
+        known = self._known_outlooks.setdefault(model, {})
+        fresh = [name for name in names if name not in known]
+        if fresh:
+            screening = Screening(self.train, self.masks, self.ambient_pressure, model.extension, self.weights)
+            starts = self._starts(model, fresh)
+            known.update(zip(fresh, each(lambda name: screening.outlook(name, starts[name]), fresh)))
+        return {name: known[name] for name in names}
+
+    def _rough(self, model: _Model, name: str, starts: Sequence[Start]) -> list[_Rough]:
         """Return a model with one more effect as rough fits from each start leave it, the best first."""
         fits = [
             self._fit(begin, {**model.effects, name: start}, *_ROUGH)
             for begin in self._beginnings(model)
-            for start in self.library[name].starts(data)
+            for start in starts
         ]
-        return sorted(fits, key=lambda one: one.rss)
+        return sorted(fits, key=lambda one: one.cost)
 
-    def _fine(self, rough: Sequence[_Model]) -> _Model:
+    def _fine(self, rough: Sequence[_Rough]) -> _Rough:
         """Return the best of a few rough fits, fitted to the end."""
-        fits = [self._fit(one.extension, one.effects, *_FINE) for one in rough[:_REFINED]]
-        return min(fits, key=lambda one: one.rss)
+        alike = [one for one in rough[:_REFINED] if not self.is_long or one.cost < _ALIKE * rough[0].cost]
+        fits = [self._fit(one.extension, one.extension.effects, *_FINE) for one in alike or rough[:1]]
+        return min(fits, key=lambda one: one.cost)
 
     def _beginnings(self, model: _Model) -> list[Extension]:
         """Return where the gains may start from: an effect that is not in the model may have led them astray."""
@@ -134,22 +214,16 @@ class Search(EffectSearch[_Model]):
     def without(self, model: _Model, name: str) -> _Model:
         """Return a model with one effect less."""
         fewer = {other: own for other, own in model.effects.items() if other != name}
-        return self._fit(model.extension, fewer, *_FINE)
+        return self._finished(self._fit(model.extension, fewer, *_FINE), model.extension)
 
     def resting_colour(self, model: _Model) -> Array:
         """Return the colour of the noise at rest, as a model leaves it."""
-        return pressure_noise(self.train, model.simulated, model.extension.gains[0]).colour
+        simulated = [pressure[: one.pressure.size] for one, pressure in zip(self.train, model.simulated)]
+        return pressure_noise(self.train, simulated, model.extension.gains[0]).colour
 
     def validation_rmse(self, model: _Model) -> float | None:
         """Return a model's error on the validation part [Pa]; None where there is no such part."""
-        pressures = model.extension.simulate(self.learn, self.ambient_pressure)
-        errors = np.concatenate(
-            [
-                (pressure - one.pressure)[one.part == PARTS.index('validation')]
-                for one, pressure in zip(self.learn, pressures)
-            ]
-        )
-        return math.sqrt(float(np.mean(errors**2))) if errors.size else None
+        return model.validation_rmse
 
     def run(self) -> Found[_Model]:
         """Return the effects that were found."""
@@ -157,7 +231,6 @@ class Search(EffectSearch[_Model]):
 
     def residual_tests(self, model: _Model) -> list[Test]:
         """Return the tests of what a model leaves of train and validation."""
-        simulated = model.extension.simulate(self.learn, self.ambient_pressure)
-        noise = pressure_noise(self.learn, simulated, model.extension.gains[0])
+        noise = pressure_noise(self.learn, model.simulated, model.extension.gains[0])
         masks = [np.ones(one.pressure.size, dtype=np.bool_) for one in self.learn]
-        return residual_tests(self.learn, simulated, masks, noise)
+        return residual_tests(self.learn, model.simulated, masks, noise)

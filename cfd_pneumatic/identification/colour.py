@@ -48,8 +48,14 @@ def autoregression(series: Sequence[Array]) -> Array:
 
 
 def whitened(series: Array, coefficients: Array) -> Array:
-    """Return what is new in each sample of a series, shape (n,); what came before the first is taken as zero."""
-    innovations: Array = lfilter(np.concatenate([[1.0], -coefficients]), [1.0], series)
+    """
+    Return what is new in each sample of a series, shape (n,), or of several side by side, shape (n, k).
+
+    What came before the first is taken as zero.
+    """
+    innovations = series.copy()
+    for lag, coefficient in enumerate(coefficients.tolist(), start=1):
+        innovations[lag:] -= coefficient * series[:-lag]
     return innovations
 
 

@@ -51,22 +51,70 @@ class Extension:
     starts: tuple[float, ...]
     unknowns: int = 0
 
+    @property
+    def delay(self) -> float:
+        """By how much the sensor is read late [s]."""
+        return sum(own[0] for name, own in self.effects.items() if PRESSURE_EFFECTS[name].delays)
+
     def settles(self, experiment: Experiment) -> bool:
         """Return whether the cylinder has to settle, at a rest that effects have moved, before an experiment begins."""
         return experiment.starts_at_rest and any(PRESSURE_EFFECTS[name].moves_rest for name in self.effects)
 
     def simulate(self, experiments: Sequence[Experiment], ambient_pressure: float) -> list[Array]:
         """Return the pressure at the samples of each experiment, or of a part of it [Pa]."""
-        cylinder = ExtendedCylinder(self.gains, self.effects, ambient_pressure)
-        delay = sum(own[0] for name, own in self.effects.items() if PRESSURE_EFFECTS[name].delays)
-        pressures = []
-        for one, offset, start in zip(experiments, self.offsets, self.starts):
-            read = read_late(one, delay)
-            simulated = cylinder.simulate(
-                read.times, read.displacement, read.setpoint + offset, start, self.settles(one)
-            )
-            pressures.append(simulated[read.samples])
-        return pressures
+        return [pressures[:, 0] for pressures in simulate_models(experiments, [self], ambient_pressure)]
+
+
+def simulate_models(
+    experiments: Sequence[Experiment], models: Sequence[Extension], ambient_pressure: float
+) -> list[Array]:
+    """Return the pressures by models with the same effects at each experiment's samples, shape (m, models) [Pa]."""
+    cylinders = [ExtendedCylinder(one.gains, one.effects, ambient_pressure) for one in models]
+    parameters = np.array([all_parameters(one.gains, one.effects) for one in models])
+    delays = np.array([one.delay for one in models])
+    return [
+        _simulate_side_by_side(
+            experiment,
+            cylinders[0],
+            parameters,
+            np.array([one.offsets[index] for one in models]),
+            np.array([one.starts[index] for one in models]),
+            delays,
+            models[0].settles(experiment),
+            max(one.stiffness_over(experiment.displacement, experiment.setpoint) for one in cylinders),
+        )
+        for index, experiment in enumerate(experiments)
+    ]
+
+
+def _simulate_side_by_side(
+    experiment: Experiment,
+    cylinder: ExtendedCylinder,
+    parameters: Array,
+    offsets: Array,
+    starts: Array,
+    delays: Array,
+    settles: bool,
+    stiffness: float | None = None,
+) -> Array:
+    """Do as `extended.simulate_side_by_side` does, each sensor read late by a delay of its own [s]."""
+    pressures = np.empty((experiment.samples.size, len(parameters)))
+    for delay in np.unique(delays).tolist():
+        alike = np.flatnonzero(delays == delay)
+        read = read_late(experiment, delay)
+        simulated = simulate_side_by_side(
+            cylinder,
+            parameters[alike],
+            read.times,
+            read.displacement,
+            read.setpoint,
+            offsets[alike],
+            starts[alike],
+            settles,
+            stiffness,
+        )
+        pressures[:, alike] = simulated[read.samples]
+    return pressures
 
 
 def read_late(experiment: Experiment, delay: float) -> Experiment:
@@ -246,26 +294,17 @@ class _Search:
 
     def _simulate(self, index: int, rows: Array) -> Array:
         """Return the pressures at an experiment's samples by the models in some rows, shape (m, rows) [Pa]."""
-        experiment = self.experiments[index]
-        delays = rows[:, self.delay_slots].sum(axis=1)
         base = self.unknowns.model(rows[0])
-        cylinder = ExtendedCylinder(base.gains, base.effects, self.ambient_pressure)
-        pressures = np.empty((experiment.samples.size, len(rows)))
-        for delay in np.unique(delays):
-            alike = np.flatnonzero(delays == delay)
-            read = read_late(experiment, float(delay))
-            simulated = simulate_side_by_side(
-                cylinder,
-                rows[alike, :PARAMETERS],
-                read.times,
-                read.displacement,
-                read.setpoint,
-                rows[alike, self.unknowns.offset_slots[index]],
-                rows[alike, self.unknowns.start_slots[index]],
-                base.settles(experiment),
-            )
-            pressures[:, alike] = simulated[read.samples]
-        return pressures
+        experiment = self.experiments[index]
+        return _simulate_side_by_side(
+            experiment,
+            ExtendedCylinder(base.gains, base.effects, self.ambient_pressure),
+            rows[:, :PARAMETERS],
+            rows[:, self.unknowns.offset_slots[index]],
+            rows[:, self.unknowns.start_slots[index]],
+            rows[:, self.delay_slots].sum(axis=1),
+            base.settles(experiment),
+        )
 
 
 def extend(
@@ -279,7 +318,7 @@ def extend(
     evaluations: int = 60,
 ) -> Extension:
     """
-    Fit the paper's model with effects, from given starting values.
+    Return the paper's model with effects, fitted from given starting values.
 
     Parameters
     ----------
@@ -297,11 +336,26 @@ def extend(
         The search ends when the sum of squares falls by less than this share, or after so many steps.
 
     """
+    found, _ = extend_with_cost(experiments, masks, ambient_pressure, begin, effects, weights, tolerance, evaluations)
+    return found
+
+
+def extend_with_cost(
+    experiments: Sequence[Experiment],
+    masks: Sequence[Mask],
+    ambient_pressure: float,
+    begin: Extension,
+    effects: Effects,
+    weights: Sequence[Array] | None,
+    tolerance: float,
+    evaluations: int,
+) -> tuple[Extension, float]:
+    """Do as `extend` does; return the sum of squares too, which is infinite where the model runs away."""
     unknowns = _Unknowns(experiments, begin, effects)
     all_alike = [np.ones_like(one.pressure) for one in experiments]
     search = _Search(experiments, masks, ambient_pressure, unknowns, weights or all_alike)
-    point, _ = least_squares(search.evaluate, unknowns.start, unknowns.lower, unknowns.upper, tolerance, evaluations)
-    return unknowns.model(unknowns.rows(point[None])[0])
+    point, cost = least_squares(search.evaluate, unknowns.start, unknowns.lower, unknowns.upper, tolerance, evaluations)
+    return unknowns.model(unknowns.rows(point[None])[0]), cost
 
 
 def tangent(

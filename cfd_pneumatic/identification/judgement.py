@@ -31,6 +31,7 @@ SHOWN = 0.57
 
 _WHITE = np.empty(0)  # colour of white noise
 _OUTDONE = 'worth it, but another lowers the criterion more'
+_UNPROMISING = 'not fitted: as far as small changes tell, it takes no more than that'
 _LEAST_BIC = 10.0  # by which an effect must lower the criterion
 _LEAST_BIC_UNSEEN = 20.0  # where there is no validation part to agree
 _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by each further one
@@ -56,11 +57,11 @@ class Trial:
     effect
         Its name.
     delta_bic
-        By how much it lowers the criterion.
+        By how much it lowers the criterion; None where it was not fitted.
     rss_drop
-        Share of the train part's sum of squares that it takes.
+        Share of the train part's sum of squares that it takes; at most, where it was not fitted.
     validation_rmse
-        Error on the validation part with it [Pa or N]; None where there is no such part.
+        Error on the validation part with it [Pa or N]; None where there is no such part or it was not fitted.
     accepted
         Whether it was added.
     why
@@ -69,7 +70,7 @@ class Trial:
     """
 
     effect: str
-    delta_bic: float
+    delta_bic: float | None
     rss_drop: float
     validation_rmse: float | None
     accepted: bool
@@ -146,7 +147,9 @@ class Step(Generic[Model]):
     def trials(self, chosen: str | None = None) -> tuple[Trial, ...]:
         """Return what came of each, one of them chosen."""
         accepted = replace(self.tried[chosen], accepted=True, why='lowers the criterion most') if chosen else None
-        return tuple(accepted if accepted and name == chosen else self.tried[name] for name in self.ranked)
+        others = sorted(set(self.tried) - set(self.ranked), key=lambda name: -self.tried[name].rss_drop)
+        names = [*self.ranked, *others]
+        return tuple(accepted if accepted and name == chosen else self.tried[name] for name in names)
 
     def rivals(self, name: str) -> list[str]:
         """Return the best of the others."""
@@ -159,6 +162,13 @@ class EffectSearch(ABC, Generic[Model]):
     def __init__(self, names: Sequence[str], samples: int) -> None:
         self.names = names
         self.samples = samples
+        self._accepted: dict[tuple[str, ...], Model] = {}
+        self._tried: dict[tuple[str, ...], Model] = {}
+
+    def promising(self, model: Model, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
+        """Return the effects to fit beside a model, and the share of its residual that each other one may take."""
+        del model
+        return names, {}
 
     @abstractmethod
     def extensions(self, model: Model, names: Sequence[str]) -> dict[str, Model]:
@@ -202,6 +212,7 @@ class EffectSearch(ABC, Generic[Model]):
         The first effect leads all others. Where it depends on whether the residual is whitened which one is best, each
         is followed to the end.
         """
+        self._accepted[tuple(model.effects)] = model
         first = self.step(model)
         found = [self._followed(first, lead) for lead in first.leads]
         if not found:
@@ -215,7 +226,7 @@ class EffectSearch(ABC, Generic[Model]):
     def _followed(self, step: Step[Model], lead: str) -> Found[Model]:
         """Return what is found after a first effect."""
         trials, ranking = step.trials(lead), {lead: step.rivals(lead)}
-        model = step.candidates[lead]
+        model = self._accepted[lead,] = step.candidates[lead]
         most = _MOST_EFFECTS if self.validation_rmse(model) is not None else _MOST_EFFECTS_UNSEEN
         while len(model.effects) < most and not small_enough(self.residual_tests(model)):
             step = self.step(model)
@@ -226,16 +237,19 @@ class EffectSearch(ABC, Generic[Model]):
             trials += step.trials(lead)
             ranking[lead] = step.rivals(lead)
             model = self.pruned(step.candidates[lead])
+            self._accepted[tuple(model.effects)] = model
         model, alternatives = self.challenged(model, ranking)
         return Found(model, alternatives, trials)
 
     def step(self, model: Model) -> Step[Model]:
         """Try every effect beside a model."""
-        candidates = self.extensions(model, [name for name in self.names if name not in model.effects])
+        chosen, others = self.promising(model, [name for name in self.names if name not in model.effects])
+        candidates = self._beside(model, chosen)
         colour = autoregression(min((*candidates.values(), model), key=lambda one: one.rss).residuals)
         before, reference = self.criterion(model, colour), self.validation_rmse(model)
         coloured = {name: self.criterion(one, colour) for name, one in candidates.items()}
-        trials, objections = {}, {}
+        trials: dict[str, Trial] = {}
+        objections: dict[str, str | None] = {}
         for name, candidate in candidates.items():
             gain = min(before - coloured[name], self.evidence(model, candidate))
             drop = 1.0 - candidate.rss / model.rss
@@ -246,15 +260,32 @@ class EffectSearch(ABC, Generic[Model]):
                 reason = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %, and more than noise is left'
             objections[name] = reason
             trials[name] = Trial(name, gain, drop, validation, False, objections[name] or _OUTDONE)
+        trials.update({name: Trial(name, None, share, None, False, _UNPROMISING) for name, share in others.items()})
         ranked = sorted(candidates, key=lambda name: self.criterion(candidates[name], _WHITE))
         worthy = [name for name in ranked if objections[name] is None]
         leads = dict.fromkeys([*sorted(worthy, key=lambda name: coloured[name])[:1], *worthy[:1]])
         return Step(candidates, ranked, tuple(leads), trials)
 
+    def _beside(self, model: Model, names: Sequence[str]) -> dict[str, Model]:
+        """Return a model with one more effect, for each of some names; none is fitted twice."""
+        keys = {name: (*model.effects, name) for name in names}
+        if self._accepted.get(tuple(model.effects)) is not model:
+            return self.extensions(model, names)
+        fresh = [name for name in names if keys[name] not in self._tried]
+        if fresh:
+            found = self.extensions(model, fresh)
+            self._tried.update({keys[name]: candidate for name, candidate in found.items()})
+        return {name: self._tried[keys[name]] for name in names}
+
+    def _rest(self, model: Model, name: str) -> Model:
+        """Return a model with one effect less, as it was before that one was added if it was the last."""
+        known = self._accepted.get(tuple(other for other in model.effects if other != name))
+        return known if known is not None else self.without(model, name)
+
     def pruned(self, model: Model) -> Model:
         """Return a model without the effects that it does not need any more, the last one apart."""
         for name in list(model.effects)[:-1]:
-            fewer = self.without(model, name)
+            fewer = self._rest(model, name)
             colour = autoregression(model.residuals)
             gain = self.criterion(fewer, colour) - self.criterion(model, colour)
             if objection(gain, 1.0 - model.rss / fewer.rss, 1, self.validation_rmse(model), math.inf) is not None:
@@ -271,8 +302,8 @@ class EffectSearch(ABC, Generic[Model]):
             alternatives: dict[str, tuple[str, ...]] = {}
             better: tuple[float, Model] | None = None
             for name in model.effects:
-                rest = self.without(model, name)
-                rivals = self.extensions(rest, [rival for rival in ranking.get(name, ()) if rival not in model.effects])
+                rest = self._rest(model, name)
+                rivals = self._beside(rest, [rival for rival in ranking.get(name, ()) if rival not in model.effects])
                 gains = {rival: own - self.criterion(one, colour) for rival, one in rivals.items()}
                 ties = [rival for rival in gains if gains[rival] > -_TIE]
                 if more_is_left:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,7 @@ _BESIDE_ROUNDING = 1.25  # over what rounding makes, and leaves at rest: the noi
 _LAGS = (-2, -1, 0, 1, 2, 4, 8, 16, 32)  # [samples]
 _SMOOTHED = 25  # samples
 _SLOW = 4  # ordinates
+_SLOW_SAMPLES = 4096  # to which long records are averaged: slow parts need no more
 _NEIGHBOURS = 61  # ordinates
 _MEDIAN_SPREAD = 1.3
 _FEWEST_PER_FEATURE = 10  # samples
@@ -185,10 +187,10 @@ def _shifted(values: Array, lag: int) -> Array:
 def _inputs_test(innovations: Sequence[Array], features: Sequence[Array], colour: Array) -> Test:
     """Ask how much of what is new in each sample a regression on the inputs explains: the quick part."""
     new = np.concatenate(innovations)
-    columns = np.concatenate([np.column_stack([whitened(one, colour) for one in part.T]) for part in features])
-    basis = _orthogonal(columns)
-    rank = basis.shape[1]
-    share = float(np.sum((basis.T @ new) ** 2) / (new @ new))
+    columns = _scaled(np.concatenate([whitened(part, colour) for part in features]))
+    triangle: Array = np.linalg.qr(np.column_stack([columns, new]), mode='r')  # type: ignore[assignment]
+    directions, rank = _directions(triangle[:-1, :-1])
+    share = float(np.sum((directions.T @ triangle[:-1, -1]) ** 2) / (new @ new))
     significant = float(beta.isf(SIGNIFICANCE, rank / 2.0, max(new.size - rank, 1) / 2.0))
     threshold = max(significant, rank / new.size + _MATERIAL)
     return Test('inputs', share, threshold, 'share of the residual that a regression on the inputs explains')
@@ -201,13 +203,13 @@ def _slow_inputs_test(residuals: Sequence[Array], features: Sequence[Array]) -> 
     What chance explains of noise with a memory is seen from the same residual against the inputs of other times: all
     circular shifts of it.
     """
-    residual = np.concatenate(residuals)
-    basis = _orthogonal(np.concatenate(features))
-    spectrum = np.conj(np.fft.rfft(residual))
-    shares = np.zeros(residual.size)
-    for column in basis.T:
-        shares += np.fft.irfft(spectrum * np.fft.rfft(column), residual.size) ** 2
-    shares /= float(residual @ residual)
+    residual, columns = np.concatenate(residuals), np.concatenate(features)
+    if residual.size > 2 * _SLOW_SAMPLES:
+        edges = np.arange(_SLOW_SAMPLES) * residual.size // _SLOW_SAMPLES
+        residual, columns = np.add.reduceat(residual, edges), np.add.reduceat(columns, edges, axis=0)
+    basis = _orthogonal(columns)
+    spectra = np.fft.rfft(basis.T) * np.conj(np.fft.rfft(residual))
+    shares = np.sum(np.fft.irfft(spectra, residual.size) ** 2, axis=0) / float(residual @ residual)
     threshold = float(np.quantile(shares, 1.0 - _SHIFTED)) + _MATERIAL
     return Test(
         'slow_inputs', float(shares[0]), threshold, 'share of the residual, slow parts too, that inputs explain'
@@ -216,11 +218,22 @@ def _slow_inputs_test(residuals: Sequence[Array], features: Sequence[Array]) -> 
 
 def _orthogonal(columns: Array) -> Array:
     """Return an orthonormal basis of what columns span, shape (n, rank)."""
+    basis, triangle = np.linalg.qr(_scaled(columns))  # the long way of a decomposition, and the quick one
+    directions, _ = _directions(triangle)
+    return np.asarray(basis @ directions, dtype=np.float64)
+
+
+def _scaled(columns: Array) -> Array:
+    """Return columns of one length, those that are zero left out."""
     size = np.linalg.norm(columns, axis=0)
-    columns = columns[:, size > 0.0] / size[size > 0.0]
-    basis, triangle = np.linalg.qr(columns)  # the long way of a decomposition, and the quick one
+    return np.asarray(columns[:, size > 0.0] / size[size > 0.0])
+
+
+def _directions(triangle: Array) -> tuple[Array, int]:
+    """Return the directions in which columns differ, of which this is the triangular factor, and how many they are."""
     directions, values, _ = np.linalg.svd(triangle)
-    return np.asarray(basis @ directions[:, values > 1e-6 * values[0]], dtype=np.float64)
+    rank = int(np.count_nonzero(values > 1e-6 * values[0]))
+    return directions[:, :rank], rank
 
 
 def _line_test(residuals: Sequence[Array]) -> Test:
@@ -286,18 +299,24 @@ def _periodogram(residual: Array) -> Array:
 
 def _whiteness_test(residuals: Sequence[Array], noise: Noise) -> Test:
     """Ljung and Box's test, against what noise of the known colour makes."""
-    rng = np.random.default_rng(_SEED)
     lengths = [min(residual.size, _LONGEST_SIMULATED) for residual in residuals]
-    shape = np.concatenate([[1.0], -noise.colour])
-    simulated = [
-        _ljung_box([lfilter([1.0], shape, rng.standard_normal(_MEMORY + length))[_MEMORY:] for length in lengths])
-        for _ in range(_SIMULATIONS)
-    ]
-    significant = float(np.mean(simulated) + _QUANTILE * np.std(simulated))
+    significant = _significant_likeness(tuple(lengths), tuple(noise.colour.tolist()))
     threshold = significant * (1.0 + 3.0 * noise.uncertainty) + _MATERIAL_LIKENESS * sum(lengths)
     statistic = _ljung_box([residual[:length] for residual, length in zip(residuals, lengths)])
     what = "likeness of neighbouring residuals, Ljung and Box's Q"
     return Test('ljung_box', statistic, threshold, what, noise.known and noise.colour.size == 0)
+
+
+@lru_cache(maxsize=64)
+def _significant_likeness(lengths: tuple[int, ...], colour: tuple[float, ...]) -> float:
+    """Return what noise of a colour hardly ever exceeds, from simulations of it."""
+    rng = np.random.default_rng(_SEED)
+    shape = np.concatenate([[1.0], -np.array(colour)])
+    simulated = [
+        _ljung_box([lfilter([1.0], shape, rng.standard_normal(_MEMORY + length))[_MEMORY:] for length in lengths])
+        for _ in range(_SIMULATIONS)
+    ]
+    return float(np.mean(simulated) + _QUANTILE * np.std(simulated))
 
 
 def _ljung_box(series: Sequence[Array]) -> float:

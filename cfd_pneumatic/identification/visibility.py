@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Extension, extend, tangent
+from cfd_pneumatic.identification.extension import Extension, extend, simulate_models, tangent
 from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH
 from cfd_pneumatic.identification.noise import Noise
 from cfd_pneumatic.identification.starts import starting_data
 from cfd_pneumatic.model.effects import Effect
+from cfd_pneumatic.parallel import each
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -60,24 +61,28 @@ def invisible(
     size = np.linalg.norm(jacobian, axis=0)
     basis = np.linalg.qr(jacobian[:, size > 0.0] / size[size > 0.0])[0]
 
-    def shows(name: str, start: tuple[float, ...]) -> bool:
-        beside = replace(fitted, effects={**fitted.effects, name: start})
-        pressures = beside.simulate(experiments, ambient_pressure)
-        change = _masked(pressures, simulated, masks)
-        shown, left = SHOWN * noise.std, _rms(change - basis @ (basis.T @ change))
-        if not left > shown:
-            return False
-        if left > _PLAIN * shown or _rms(change) < _MADE_UP * left:
+    shown = SHOWN * noise.std
+
+    def shows(name: str) -> bool:
+        beside = [replace(fitted, effects={**fitted.effects, name: start}) for start in library[name].starts(data)]
+        pressures = simulate_models(experiments, beside, ambient_pressure)
+        starts = [[of_all[:, rank] for of_all in pressures] for rank in range(len(beside))]
+        changes = [_masked(start, simulated, masks) for start in starts]
+        left = [_rms(change - basis @ (basis.T @ change)) for change in changes]
+        if any(
+            own > shown and (own > _PLAIN * shown or _rms(change) < _MADE_UP * own)
+            for own, change in zip(left, changes)
+        ):
             return True
+        return any(own > shown and remains(start) for own, start in zip(left, starts))
+
+    def remains(pressures: Sequence[Array]) -> bool:
         made = [replace(one, pressure=pressure) for one, pressure in zip(experiments, pressures)]
         without = extend(made, masks, ambient_pressure, fitted, fitted.effects, weights, *_ROUGH)
         return _rms(_masked(pressures, without.simulate(made, ambient_pressure), masks)) > shown
 
-    return tuple(
-        name
-        for name, effect in library.items()
-        if name not in fitted.effects and not any(shows(name, start) for start in effect.starts(data))
-    )
+    names = [name for name in library if name not in fitted.effects]
+    return tuple(name for name, visible in zip(names, each(shows, names)) if not visible)
 
 
 def _masked(ones: Sequence[Array], others: Sequence[Array], masks: Sequence[Mask]) -> Array:

@@ -153,6 +153,11 @@ class ExtendedCylinder:
                 fastest = max(fastest, rate(*own))
         return fastest / SLOWEST_CUT
 
+    def stiffness_over(self, displacement: Array, setpoint: Array) -> float:
+        """Return the inverse of the fastest time constant [1/s] in a recording."""
+        pressures = _MARGIN_BELOW * float(np.min(setpoint)), _MARGIN_ABOVE * float(np.max(setpoint))
+        return self.stiffness(pressures, (float(np.min(displacement)), float(np.max(displacement))))
+
     @property
     def settling(self) -> float:
         """Time in which the pressure settles at a rest below the set-point, where the regulator charges [s]."""
@@ -259,16 +264,17 @@ def simulate_side_by_side(
     offsets: Array,
     starts: Array,
     settles: bool = False,
+    stiffness: float | None = None,
 ) -> Array:
     """
-    Return what the sensors of cylinders read that differ little from one, shape (n, cylinders) [Pa].
+    Return what the sensors of cylinders with the same effects read, shape (n, cylinders) [Pa].
 
-    All are moved alike and cut into that one's steps, so that their difference is smooth in their parameters.
+    All are moved alike and cut into the same steps, so that their difference is smooth in their parameters.
 
     Parameters
     ----------
     cylinder
-        Says which effects are on, and how fast it all is.
+        Says which effects are on, and how fast it all is where they differ little.
     parameters
         Of each cylinder, in the order of `places.all_parameters`, shape (cylinders, parameters).
     times, displacement, setpoint
@@ -279,13 +285,14 @@ def simulate_side_by_side(
         What each one's pressures lie above its first set-point at the first sample, shape (cylinders,) [Pa].
     settles
         Whether they stand still before the first sample until the pressure has settled.
+    stiffness
+        That of the fastest, where they differ much [1/s]; by default the cylinder's.
 
     """
     signals = np.empty((times.size, len(parameters)))
     on = switches(cylinder.effects)
-    lowest, highest = _MARGIN_BELOW * float(np.min(setpoint)), _MARGIN_ABOVE * float(np.max(setpoint))
-    reach = (float(np.min(displacement)), float(np.max(displacement)))
-    stiffness = cylinder.stiffness((lowest, highest), reach)
+    if stiffness is None:
+        stiffness = cylinder.stiffness_over(displacement, setpoint)
     for first in range(0, len(parameters), LANES):
         lanes = np.minimum(first + np.arange(LANES), len(parameters) - 1)  # the last one fills what is left
         numbers = np.zeros(SIZE)

@@ -87,13 +87,13 @@ def _trial_table(outcome: Outcome) -> Table:
         table.add_column(heading, justify='left' if heading in ('effect', 'added', 'why') else 'right')
     shown = 0
     for one in rounds(outcome.findings.tried):
-        telling = [trial for trial in one.trials if trial.accepted or trial.delta_bic > _LEAST_BIC]
+        telling = [trial for trial in one.trials if trial.accepted or (trial.delta_bic or 0.0) > _LEAST_BIC]
         shown += len(telling)
         for trial in telling:
             table.add_row(
                 trial.effect,
                 percent(trial.rss_drop),
-                f'{trial.delta_bic:.0f}',
+                '' if trial.delta_bic is None else f'{trial.delta_bic:.0f}',
                 '' if trial.validation_rmse is None else f'{trial.validation_rmse / outcome.quantity.small.si:.4g}',
                 'yes' if trial.accepted else 'no',
                 trial.why,
