@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 _REFINED = 2  # of an effect's starts
 _PROMISING = 4  # effects that are fitted to the end at least
 _LONG = 5000  # grid steps
+_EXCERPT = 8000  # grid steps of each recording that rough fits are of
 _FITTED_OF_LONG = 6  # effects
 _STARTS_OF_LONG = 2  # of each
 _RIVALLING = 0.3  # of what the best one takes: what is fitted to the end of long recordings
@@ -77,6 +78,36 @@ class _Model:
 
 
 @dataclass(frozen=True)
+class _Data:
+    """What is fitted: experiments, which of their samples count, and how much."""
+
+    experiments: list[Experiment]
+    masks: list[NDArray[np.bool_]]
+    weights: list[Array]
+
+    def excerpt(self, steps: int) -> _Data:
+        """Return the liveliest part of each experiment, or all of it where it has no more steps."""
+        cuts = [one.liveliest(steps) for one in self.experiments]
+        samples = [
+            slice(*np.searchsorted(one.samples, [first, last + 1]).tolist())
+            for one, (first, last) in zip(self.experiments, cuts)
+        ]
+        return _Data(
+            [one.between(first, last) for one, (first, last) in zip(self.experiments, cuts)],
+            [mask[part] for mask, part in zip(self.masks, samples)],
+            [weight[part] for weight, part in zip(self.weights, samples)],
+        )
+
+    def beginning(self, model: Extension) -> Extension:
+        """Return a model that begins where the pressures are that were measured first."""
+        starts = [
+            0.0 if one.starts_at_rest else float(np.median(one.pressure[:3])) - float(one.setpoint[0]) - offset
+            for one, offset in zip(self.experiments, model.offsets)
+        ]
+        return replace(model, starts=tuple(starts))
+
+
+@dataclass(frozen=True)
 class _Rough:
     """A rough fit, and the sum of squares that it leaves of the train part."""
 
@@ -96,25 +127,24 @@ class Search(EffectSearch[_Model]):
     ) -> None:
         self.ambient_pressure = ambient_pressure
         self.library = library
-        self.train = [one.until('train') for one in experiments]
+        train = [one.until('train') for one in experiments]
         self.learn = [one.until('validation') for one in experiments]
-        self.masks = [one.part == PARTS.index('train') for one in self.train]
-        super().__init__(list(library), sum(int(mask.sum()) for mask in self.masks))
-        simulated = baseline.simulate(self.train, ambient_pressure)
-        self.weights = [precision(one, pressure) for one, pressure in zip(self.train, simulated)]
-        self.noise = math.sqrt(
-            sum(sample_noise(one.sample_times, one.pressure) ** 2 for one in self.train) / len(self.train)
-        )
+        masks = [one.part == PARTS.index('train') for one in train]
+        super().__init__(list(library), sum(int(mask.sum()) for mask in masks))
+        simulated = baseline.simulate(train, ambient_pressure)
+        weights = [precision(one, pressure) for one, pressure in zip(train, simulated)]
+        self.train = _Data(train, masks, weights)
+        self.excerpt = self.train.excerpt(_EXCERPT)
+        self.noise = math.sqrt(sum(sample_noise(one.sample_times, one.pressure) ** 2 for one in train) / len(train))
         self._known_outlooks: dict[_Model, dict[str, Outlook]] = {}
-        self.is_long = sum(one.times.size for one in self.train) > _LONG
-        self.baseline = self._finished(self._fit(baseline, {}, *_FINE), baseline)
+        self.is_long = sum(one.times.size for one in train) > _LONG
+        self.baseline = self._finished(self._fit(self.train, baseline, {}, *_FINE), baseline)
 
-    def _fit(self, begin: Extension, effects: Effects, tolerance: float, evaluations: int) -> _Rough:
-        return _Rough(
-            *extend_with_cost(
-                self.train, self.masks, self.ambient_pressure, begin, effects, self.weights, tolerance, evaluations
-            )
+    def _fit(self, data: _Data, begin: Extension, effects: Effects, tolerance: float, evaluations: int) -> _Rough:
+        found, cost = extend_with_cost(
+            data.experiments, data.masks, self.ambient_pressure, begin, effects, data.weights, tolerance, evaluations
         )
+        return _Rough(found, cost)
 
     def _finished(self, fit: _Rough, begin: Extension) -> _Model:
         """Return a fit with what it leaves; one that ran away is as if its effects were not there."""
@@ -126,7 +156,9 @@ class Search(EffectSearch[_Model]):
             simulated = found.simulate(self.learn, self.ambient_pressure)
         residuals = tuple(
             ((one.pressure - pressure[: one.pressure.size]) * weight)[mask]
-            for one, pressure, weight, mask in zip(self.train, simulated, self.weights, self.masks)
+            for one, pressure, weight, mask in zip(
+                self.train.experiments, simulated, self.train.weights, self.train.masks
+            )
         )
         errors = np.concatenate(
             [
@@ -135,6 +167,10 @@ class Search(EffectSearch[_Model]):
             ]
         )
         return _Model(found, simulated, residuals, math.sqrt(float(np.mean(errors**2))) if errors.size else None)
+
+    def _in_train(self, model: _Model) -> list[Array]:
+        """Return a model's pressures at the samples of the train part [Pa]."""
+        return [pressure[: one.pressure.size] for one, pressure in zip(self.train.experiments, model.simulated)]
 
     def promising(self, model: _Model, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
         """Return the effects to fit beside a model, and the share of its residual that each other one may take."""
@@ -156,22 +192,33 @@ class Search(EffectSearch[_Model]):
             outlooks = self._outlooks(model, names)
             starts = {name: outlooks[name].starts[:_STARTS_OF_LONG] for name in names}
         rough = dict(zip(names, each(lambda name: self._rough(model, name, starts[name]), names)))
-        promising = self._promising_of(model, rough)
+        promising = self._rivals(model, rough)
         fine = dict(zip(promising, each(lambda name: self._fine(rough[name]), promising)))
         models = each(lambda name: self._finished(fine.get(name, rough[name][0]), model.extension), names)
         return dict(zip(names, models))
 
-    def _promising_of(self, model: _Model, rough: Mapping[str, Sequence[_Rough]]) -> list[str]:
-        """Return the effects to fit to the end: the better half, of long recordings those that may be rivals."""
+    def _rivals(self, model: _Model, rough: Mapping[str, Sequence[_Rough]]) -> list[str]:
+        """Return the effects to fit to the end: the better half; of long recordings those that may be the best."""
         ranked = sorted(rough, key=lambda name: rough[name][0].cost)
         if not self.is_long:
             return ranked[: max(_PROMISING, len(ranked) // 2)]
-        best = model.rss - rough[ranked[0]][0].cost
-        return [name for name in ranked[:_PROMISING] if model.rss - rough[name][0].cost >= _RIVALLING * best]
+        before = sum(float(one @ one) for one in self._left(model))
+        shares = {name: 1.0 - rough[name][0].cost / before for name in rough}
+        outlooks = {name: outlook.share for name, outlook in self._outlooks(model, ranked).items()}
+        least, least_outlook = _RIVALLING * max(shares.values()), _RIVALLING * max(outlooks.values())
+        may_be = [name for name in ranked if shares[name] >= least or outlooks[name] >= least_outlook]
+        return sorted(may_be, key=lambda name: -max(shares[name], outlooks[name]))[:_PROMISING]
+
+    def _left(self, model: _Model) -> list[Array]:
+        """Return what a model leaves of the excerpt, weighted [Pa]."""
+        data = self.excerpt
+        begin = data.beginning(model.extension)
+        simulated = begin.simulate(data.experiments, self.ambient_pressure)
+        parts = zip(data.experiments, simulated, data.weights, data.masks)
+        return [((one.pressure - pressure) * weight)[mask] for one, pressure, weight, mask in parts]
 
     def _starts(self, model: _Model, names: Sequence[str]) -> dict[str, Sequence[Start]]:
-        simulated = [pressure[: one.pressure.size] for one, pressure in zip(self.train, model.simulated)]
-        data = starting_data(self.train, model.extension, simulated, self.ambient_pressure)
+        data = starting_data(self.train.experiments, model.extension, self._in_train(model), self.ambient_pressure)
         return {name: self.library[name].starts(data) for name in names}
 
     def _outlooks(self, model: _Model, names: Sequence[str]) -> dict[str, Outlook]:
@@ -179,7 +226,8 @@ class Search(EffectSearch[_Model]):
         known = self._known_outlooks.setdefault(model, {})
         fresh = [name for name in names if name not in known]
         if fresh:
-            screening = Screening(self.train, self.masks, self.ambient_pressure, model.extension, self.weights)
+            data = self.train
+            screening = Screening(data.experiments, data.masks, self.ambient_pressure, model.extension, data.weights)
             starts = self._starts(model, fresh)
             known.update(zip(fresh, each(lambda name: screening.outlook(name, starts[name]), fresh)))
         return {name: known[name] for name in names}
@@ -187,16 +235,18 @@ class Search(EffectSearch[_Model]):
     def _rough(self, model: _Model, name: str, starts: Sequence[Start]) -> list[_Rough]:
         """Return a model with one more effect as rough fits from each start leave it, the best first."""
         fits = [
-            self._fit(begin, {**model.effects, name: start}, *_ROUGH)
+            self._fit(self.excerpt, self.excerpt.beginning(begin), {**model.effects, name: start}, *_ROUGH)
             for begin in self._beginnings(model)
             for start in starts
         ]
+        if self.is_long:
+            fits = [replace(one, extension=replace(one.extension, starts=model.extension.starts)) for one in fits]
         return sorted(fits, key=lambda one: one.cost)
 
     def _fine(self, rough: Sequence[_Rough]) -> _Rough:
         """Return the best of a few rough fits, fitted to the end."""
         alike = [one for one in rough[:_REFINED] if not self.is_long or one.cost < _ALIKE * rough[0].cost]
-        fits = [self._fit(one.extension, one.extension.effects, *_FINE) for one in alike or rough[:1]]
+        fits = [self._fit(self.train, one.extension, one.extension.effects, *_FINE) for one in alike or rough[:1]]
         return min(fits, key=lambda one: one.cost)
 
     def _beginnings(self, model: _Model) -> list[Extension]:
@@ -214,12 +264,11 @@ class Search(EffectSearch[_Model]):
     def without(self, model: _Model, name: str) -> _Model:
         """Return a model with one effect less."""
         fewer = {other: own for other, own in model.effects.items() if other != name}
-        return self._finished(self._fit(model.extension, fewer, *_FINE), model.extension)
+        return self._finished(self._fit(self.train, model.extension, fewer, *_FINE), model.extension)
 
     def resting_colour(self, model: _Model) -> Array:
         """Return the colour of the noise at rest, as a model leaves it."""
-        simulated = [pressure[: one.pressure.size] for one, pressure in zip(self.train, model.simulated)]
-        return pressure_noise(self.train, simulated, model.extension.gains[0]).colour
+        return pressure_noise(self.train.experiments, self._in_train(model), model.extension.gains[0]).colour
 
     def validation_rmse(self, model: _Model) -> float | None:
         """Return a model's error on the validation part [Pa]; None where there is no such part."""

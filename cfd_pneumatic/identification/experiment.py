@@ -18,7 +18,7 @@ from cfd_pneumatic.recording import Recording, Signal
 Array = NDArray[np.float64]
 
 _BEYOND = 0.5  # longest time by which a pressure may be read early [s]
-_BLOCK = 4096  # grid steps: what is simulated of one stays in a processor's cache
+_BLOCK = 4096  # samples: what is simulated of them stays in a processor's cache
 _FEWEST_SAMPLES = 20  # four gains, a set-point, and something left to judge them by
 
 
@@ -124,17 +124,26 @@ class Experiment:
             starts_at_rest=self.starts_at_rest and first == 0,
         )
 
+    def liveliest(self, steps: int) -> tuple[int, int]:
+        """Return the first and last grid time of so many steps, or of all, in which the piston moves farthest."""
+        last = self.times.size - 1
+        if last <= steps:
+            return 0, last
+        travel = np.cumsum(np.abs(np.diff(self.displacement)))
+        firsts = np.arange(0, last - steps, max(1, steps // 4))
+        first = int(firsts[np.argmax(travel[firsts + steps - 1] - travel[firsts])])
+        return first, first + steps
+
     def blocks(self) -> Iterator[Block]:
-        """Yield the whole experiment in pieces that are small against a long recording."""
+        """Yield the experiment up to its last sample, in pieces that are small against a long recording."""
         first = 0
-        begin = 0
-        while first < self.times.size - 1:
-            last = min(first + _BLOCK, self.times.size - 1)
-            end = int(np.searchsorted(self.samples, last, side='right'))
-            at = self.samples[begin:end] - first
-            evenly = at.size > 0 and at[-1] - at[0] == at.size - 1
-            yield Block(slice(first, last + 1), slice(begin, end), slice(int(at[0]), int(at[-1]) + 1) if evenly else at)
-            first, begin = last, end
+        for begin in range(0, self.samples.size, _BLOCK):
+            samples = slice(begin, min(begin + _BLOCK, self.samples.size))
+            at = self.samples[samples] - first
+            last = first + int(at[-1])
+            evenly = at[-1] - at[0] == at.size - 1 and at.size > 1 and bool(np.all(np.diff(at) == 1))
+            yield Block(slice(first, last + 1), samples, slice(int(at[0]), int(at[-1]) + 1) if evenly else at)
+            first = last
 
     @property
     def span(self) -> float:

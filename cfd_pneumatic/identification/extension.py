@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
-from cfd_pneumatic.model.extended import ExtendedCylinder, simulate_side_by_side
+from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
 from cfd_pneumatic.model.places import GAINS, PARAMETERS, PLACES, all_parameters
 
 Array = NDArray[np.float64]
@@ -72,49 +72,59 @@ def simulate_models(
     cylinders = [ExtendedCylinder(one.gains, one.effects, ambient_pressure) for one in models]
     parameters = np.array([all_parameters(one.gains, one.effects) for one in models])
     delays = np.array([one.delay for one in models])
-    return [
-        _simulate_side_by_side(
-            experiment,
-            cylinders[0],
+    pressures = []
+    for index, experiment in enumerate(experiments):
+        lanes = _Lanes(
             parameters,
             np.array([one.offsets[index] for one in models]),
             np.array([one.starts[index] for one in models]),
             delays,
-            models[0].settles(experiment),
             max(one.stiffness_over(experiment.displacement, experiment.setpoint) for one in cylinders),
         )
-        for index, experiment in enumerate(experiments)
-    ]
-
-
-def _simulate_side_by_side(
-    experiment: Experiment,
-    cylinder: ExtendedCylinder,
-    parameters: Array,
-    offsets: Array,
-    starts: Array,
-    delays: Array,
-    settles: bool,
-    stiffness: float | None = None,
-) -> Array:
-    """Do as `extended.simulate_side_by_side` does, each sensor read late by a delay of its own [s]."""
-    pressures = np.empty((experiment.samples.size, len(parameters)))
-    for delay in np.unique(delays).tolist():
-        alike = np.flatnonzero(delays == delay)
-        read = read_late(experiment, delay)
-        simulated = simulate_side_by_side(
-            cylinder,
-            parameters[alike],
-            read.times,
-            read.displacement,
-            read.setpoint,
-            offsets[alike],
-            starts[alike],
-            settles,
-            stiffness,
-        )
-        pressures[:, alike] = simulated[read.samples]
+        blocks = _simulate_blocks(experiment, cylinders[0], lanes, models[0].settles(experiment))
+        pressures.append(np.concatenate([block for _, block in blocks]))
     return pressures
+
+
+@dataclass(frozen=True)
+class _Lanes:
+    """Models that are simulated side by side: as in `extended.SideBySide`, each sensor with a delay of its own [s]."""
+
+    parameters: Array
+    offsets: Array
+    starts: Array
+    delays: Array
+    stiffness: float
+
+
+def _simulate_blocks(
+    experiment: Experiment, cylinder: ExtendedCylinder, lanes: _Lanes, settles: bool
+) -> Iterator[tuple[slice, Array]]:
+    """Yield the pressures by models side by side at the samples of each block, shape (m, models) [Pa]."""
+    delays = np.unique(lanes.delays).tolist()
+    groups = [np.flatnonzero(lanes.delays == delay) for delay in delays]
+    walks = [
+        _walk(
+            read_late(experiment, delay),
+            SideBySide(
+                cylinder, lanes.parameters[group], lanes.offsets[group], lanes.starts[group], lanes.stiffness, settles
+            ),
+        )
+        for delay, group in zip(delays, groups)
+    ]
+    for parts in zip(*walks):
+        samples, _ = parts[0]
+        pressures = np.empty((samples.stop - samples.start, len(lanes.delays)))
+        for group, (_, readings) in zip(groups, parts):
+            pressures[:, group] = readings
+        yield samples, pressures
+
+
+def _walk(experiment: Experiment, side_by_side: SideBySide) -> Iterator[tuple[slice, Array]]:
+    for block in experiment.blocks():
+        grid = block.grid
+        readings = side_by_side.follow(experiment.times[grid], experiment.displacement[grid], experiment.setpoint[grid])
+        yield block.samples, readings[block.at]
 
 
 def read_late(experiment: Experiment, delay: float) -> Experiment:
@@ -265,46 +275,55 @@ class _Search:
         ]
 
     def evaluate(self, point: Array) -> Quadratic:
-        """Return what the sum of squares of `tangent`'s residuals is like."""
-        return Quadratic.of(*self.tangent(point))
+        """Return what the sum of squares is like."""
+        total = 0.0
+        gradient, normal = np.zeros(point.size), np.zeros((point.size, point.size))
+        for residuals, jacobian, own in self._blocks(point):
+            here = Quadratic.of(residuals, jacobian)
+            total += here.total
+            gradient[own] += here.gradient
+            normal[np.ix_(own, own)] += here.normal
+        return Quadratic(total, gradient, normal)
 
     def tangent(self, point: Array) -> tuple[Array, Array]:
         """Return weighted simulated less measured pressure of all experiments, and its Jacobian."""
+        parts = list(self._blocks(point))
+        jacobian = np.zeros((sum(len(residuals) for residuals, _, _ in parts), point.size))
+        row = 0
+        for residuals, block, own in parts:
+            jacobian[row : row + len(residuals), own] = block
+            row += len(residuals)
+        return np.concatenate([residuals for residuals, _, _ in parts]), jacobian
+
+    def _blocks(self, point: Array) -> Iterator[tuple[Array, Array, NDArray[np.intp]]]:
+        """Yield the weighted residuals of each block, their Jacobian, and which unknowns it is by."""
         beside, differences = self.unknowns.beside(point)
         rows = self.unknowns.rows(np.vstack([point[None], beside]))
-        parts = [self._evaluate(index, rows, differences) for index in range(len(self.experiments))]
-        return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-
-    def _evaluate(self, index: int, rows: Array, differences: Array) -> tuple[Array, Array]:
-        """Do so for one experiment; what belongs to another one makes no difference to it."""
-        mask, weight = self.masks[index], self.weights[index]
-        own = np.flatnonzero(np.any(rows[1:] != rows[0], axis=1) & self._concerns(index))
-        simulated = self._simulate(index, rows[np.concatenate([[0], own + 1])])[mask]
-        jacobian = np.zeros((simulated.shape[0], differences.size))
-        with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
-            jacobian[:, own] = (simulated[:, 1:] - simulated[:, :1]) / differences[own]
-        residuals = simulated[:, 0] - self.experiments[index].pressure[mask]
-        return residuals * weight[mask], jacobian * weight[mask, None]
+        base = self.unknowns.model(rows[0])
+        cylinder = ExtendedCylinder(base.gains, base.effects, self.ambient_pressure)
+        for index, experiment in enumerate(self.experiments):
+            own = np.flatnonzero(np.any(rows[1:] != rows[0], axis=1) & self._concerns(index))
+            beside_it = rows[np.concatenate([[0], own + 1])]
+            lanes = _Lanes(
+                beside_it[:, :PARAMETERS],
+                beside_it[:, self.unknowns.offset_slots[index]],
+                beside_it[:, self.unknowns.start_slots[index]],
+                beside_it[:, self.delay_slots].sum(axis=1),
+                cylinder.stiffness_over(experiment.displacement, experiment.setpoint),
+            )
+            mask, weight = self.masks[index], self.weights[index]
+            for samples, simulated in _simulate_blocks(experiment, cylinder, lanes, base.settles(experiment)):
+                counts = mask[samples]
+                kept, scale = simulated[counts], weight[samples][counts]
+                with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
+                    jacobian = (kept[:, 1:] - kept[:, :1]) * (scale[:, None] / differences[own])
+                    yield (kept[:, 0] - experiment.pressure[samples][counts]) * scale, jacobian, own
 
     def _concerns(self, index: int) -> Mask:
         """Return which unknowns concern an experiment, shape (k,)."""
         slots = self.unknowns.slots
         mine = (slots == self.unknowns.offset_slots[index]) | (slots == self.unknowns.start_slots[index])
         return np.asarray((slots < PARAMETERS) | mine)
-
-    def _simulate(self, index: int, rows: Array) -> Array:
-        """Return the pressures at an experiment's samples by the models in some rows, shape (m, rows) [Pa]."""
-        base = self.unknowns.model(rows[0])
-        experiment = self.experiments[index]
-        return _simulate_side_by_side(
-            experiment,
-            ExtendedCylinder(base.gains, base.effects, self.ambient_pressure),
-            rows[:, :PARAMETERS],
-            rows[:, self.unknowns.offset_slots[index]],
-            rows[:, self.unknowns.start_slots[index]],
-            rows[:, self.delay_slots].sum(axis=1),
-            base.settles(experiment),
-        )
 
 
 def extend(

@@ -197,24 +197,13 @@ class _Problem:
 
     def excerpt(self) -> _Problem:
         """Return the problem of what moves most in long experiments, to choose a start by."""
-        cut = [_liveliest(experiment) for experiment in self.experiments]
+        cut = [experiment.liveliest(_EXCERPT) for experiment in self.experiments]
         experiments = [one.between(first, last) for one, (first, last) in zip(self.experiments, cut)]
         masks = [
             mask[slice(*np.searchsorted(one.samples, [first, last + 1]))]
             for one, mask, (first, last) in zip(self.experiments, self.masks, cut)
         ]
         return _Problem(experiments, masks, self.weights)
-
-
-def _liveliest(experiment: Experiment) -> tuple[int, int]:
-    """Return the first and last grid time between which the piston moves farthest, few enough for a rough fit."""
-    last = experiment.times.size - 1
-    if last <= _EXCERPT:
-        return 0, last
-    travel = np.cumsum(np.abs(np.diff(experiment.displacement)))
-    firsts = np.arange(0, last - _EXCERPT, _EXCERPT // 4)
-    first = int(firsts[np.argmax(travel[firsts + _EXCERPT - 1] - travel[firsts])])
-    return first, first + _EXCERPT
 
 
 def fit(

@@ -667,15 +667,19 @@ def step(time, x, h, setpoint, ambient, stiffness, w, on):
 
 
 @kernel
-def propagate(times, displacement, setpoint, ambient, stiffness, w, on, signals):
-    """Advance over a recording, as `propagation.propagate` does; write the lanes' readings, (n, lanes) [Pa]."""
+def propagate(times, displacement, setpoint, begin, ambient, stiffness, w, on, signals):
+    """
+    Advance over a recording, as `propagation.propagate` does; write the lanes' readings, (n, lanes) [Pa].
+
+    Time began at `begin`, with the first of the recording's times or, of a piece of it, earlier.
+    """
     lanes = signals.shape[1]
-    read(0.0, ambient, w, on)
+    read(times[0] - begin, ambient, w, on)
     for j in range(lanes):
         signals[0, j] = w[SIGNAL + j]
     for i in range(1, times.size):
         h = times[i] - times[i - 1]
-        step(times[i] - times[0], displacement[i], h, setpoint[i], ambient, stiffness, w, on)
+        step(times[i] - begin, displacement[i], h, setpoint[i], ambient, stiffness, w, on)
         for j in range(lanes):
             signals[i, j] = w[SIGNAL + j]
 

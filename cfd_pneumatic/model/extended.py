@@ -247,63 +247,85 @@ class ExtendedCylinder:
 
         """
         parameters = all_parameters(self.gains, self.effects)[None]
-        none, starts = np.zeros(1), np.array([start])
-        return simulate_side_by_side(self, parameters, times, displacement, setpoint, none, starts, settles)[:, 0]
+        stiffness = self.stiffness_over(displacement, setpoint)
+        alone = SideBySide(self, parameters, np.zeros(1), np.array([start]), stiffness, settles)
+        return alone.follow(times, displacement, setpoint)[:, 0]
 
 
 def _rows(numbers: Array) -> Array:
     return numbers.reshape(-1, LANES)
 
 
-def simulate_side_by_side(
-    cylinder: ExtendedCylinder,
-    parameters: Array,
-    times: Array,
-    displacement: Array,
-    setpoint: Array,
-    offsets: Array,
-    starts: Array,
-    settles: bool = False,
-    stiffness: float | None = None,
-) -> Array:
+class SideBySide:
     """
-    Return what the sensors of cylinders with the same effects read, shape (n, cylinders) [Pa].
+    What the sensors of cylinders with the same effects read along a recording that comes in pieces.
 
     All are moved alike and cut into the same steps, so that their difference is smooth in their parameters.
 
     Parameters
     ----------
     cylinder
-        Says which effects are on, and how fast it all is where they differ little.
+        Says which effects are on.
     parameters
         Of each cylinder, in the order of `places.all_parameters`, shape (cylinders, parameters).
-    times, displacement, setpoint
-        As in `Cylinder.simulate`.
     offsets
         What each one's set-point lies above the common one, shape (cylinders,) [Pa].
     starts
         What each one's pressures lie above its first set-point at the first sample, shape (cylinders,) [Pa].
+    stiffness
+        Inverse of the fastest time constant, see `ExtendedCylinder.stiffness_over` [1/s].
     settles
         Whether they stand still before the first sample until the pressure has settled.
-    stiffness
-        That of the fastest, where they differ much [1/s]; by default the cylinder's.
 
     """
-    signals = np.empty((times.size, len(parameters)))
-    on = switches(cylinder.effects)
-    if stiffness is None:
-        stiffness = cylinder.stiffness_over(displacement, setpoint)
-    for first in range(0, len(parameters), LANES):
-        lanes = np.minimum(first + np.arange(LANES), len(parameters) - 1)  # the last one fills what is left
+
+    def __init__(
+        self,
+        cylinder: ExtendedCylinder,
+        parameters: Array,
+        offsets: Array,
+        starts: Array,
+        stiffness: float,
+        settles: bool = False,
+    ) -> None:
+        self._cylinder = cylinder
+        self._parameters = parameters
+        self._offsets = offsets
+        self._starts = starts
+        self._stiffness = stiffness
+        self._settles = settles
+        self._on = switches(cylinder.effects)
+        self._groups: list[Array] = []
+        self._begin = 0.0
+
+    def follow(self, times: Array, displacement: Array, setpoint: Array) -> Array:
+        """
+        Return the readings at the samples of a piece, shape (n, cylinders) [Pa].
+
+        The arguments are as in `Cylinder.simulate`; a piece begins with the last sample of the one before.
+        """
+        if not self._groups:
+            self._begin = float(times[0])
+            self._groups = [
+                self._resting(first, displacement[0], setpoint[0]) for first in range(0, len(self._parameters), LANES)
+            ]
+        readings = np.empty((times.size, len(self._parameters)))
+        for rank, numbers in enumerate(self._groups):
+            own = readings[:, rank * LANES : (rank + 1) * LANES]
+            ambient = self._cylinder.ambient_pressure
+            propagate(times, displacement, setpoint, self._begin, ambient, self._stiffness, numbers, self._on, own)
+        return readings
+
+    def _resting(self, first: int, displacement: float, setpoint: float) -> Array:
+        """Return the kernel's numbers with cylinders from one on in its lanes, before the first sample."""
+        lanes = np.minimum(first + np.arange(LANES), len(self._parameters) - 1)  # the last one fills what is left
         numbers = np.zeros(SIZE)
         rows = _rows(numbers)
-        rows[PARAMETER_ROWS] = parameters[lanes].T
-        rows[OFFSET_ROW] = offsets[lanes] + starts[lanes]
-        rest(displacement[0], setpoint[0], numbers)
-        rows[OFFSET_ROW] = offsets[lanes]
-        if settles:
-            settle(setpoint[0], cylinder.settling, cylinder.ambient_pressure, stiffness, numbers, on)
-        own = np.empty((times.size, min(LANES, len(parameters) - first)))
-        propagate(times, displacement, setpoint, cylinder.ambient_pressure, stiffness, numbers, on, own)
-        signals[:, first : first + own.shape[1]] = own
-    return signals
+        rows[PARAMETER_ROWS] = self._parameters[lanes].T
+        rows[OFFSET_ROW] = self._offsets[lanes] + self._starts[lanes]
+        rest(displacement, setpoint, numbers)
+        rows[OFFSET_ROW] = self._offsets[lanes]
+        if self._settles:
+            cylinder = self._cylinder
+            settle(setpoint, cylinder.settling, cylinder.ambient_pressure, self._stiffness, numbers, self._on)
+        return numbers

@@ -1,5 +1,7 @@
 """Cylinders side by side in the lanes of the kernel: none knows of the others."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from effect_cases import CASES, DATA, GAINS
@@ -8,7 +10,7 @@ from reference import AMBIENT, PSI
 from cfd_pneumatic.model import ExtendedCylinder
 from cfd_pneumatic.model.composed import LANES
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
-from cfd_pneumatic.model.extended import simulate_side_by_side
+from cfd_pneumatic.model.extended import SideBySide
 from cfd_pneumatic.model.places import PARAMETERS, PLACES, all_parameters
 
 TIMES = np.arange(250) * 0.002
@@ -34,9 +36,23 @@ def test_side_by_side_each_is_as_it_is_alone(effects, count):
     rng = np.random.default_rng(11)
     rows, offsets, starts = strewn(effects, count, rng), rng.normal(0.0, 300.0, count), rng.normal(0.0, 300.0, count)
     cylinder = ExtendedCylinder(GAINS, effects, AMBIENT)
-    together = simulate_side_by_side(cylinder, rows, TIMES, STROKE, SETPOINT, offsets, starts)
+    stiffness = cylinder.stiffness_over(STROKE, SETPOINT)
+    together = SideBySide(cylinder, rows, offsets, starts, stiffness).follow(TIMES, STROKE, SETPOINT)
     assert together.shape == (TIMES.size, count)
     assert np.min(np.std(together, axis=1)) > 1.0, 'they differ'
     for one in range(count):
-        alone = simulate_side_by_side(cylinder, rows[[one]], TIMES, STROKE, SETPOINT, offsets[[one]], starts[[one]])
-        np.testing.assert_allclose(together[:, one], alone[:, 0], rtol=0.0, atol=1e-6)
+        alone = SideBySide(cylinder, rows[[one]], offsets[[one]], starts[[one]], stiffness)
+        np.testing.assert_allclose(together[:, one], alone.follow(TIMES, STROKE, SETPOINT)[:, 0], rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize('effects', [*({case.values[0]: case.values[1]} for case in CASES), ALL], ids=str)
+def test_a_recording_in_pieces_is_followed_as_a_whole(effects):
+    rng = np.random.default_rng(12)
+    rows, offsets, starts = strewn(effects, 2, rng), rng.normal(0.0, 300.0, 2), rng.normal(0.0, 300.0, 2)
+    cylinder = ExtendedCylinder(GAINS, effects, AMBIENT)
+    stiffness = cylinder.stiffness_over(STROKE, SETPOINT)
+    whole = SideBySide(cylinder, rows, offsets, starts, stiffness).follow(TIMES, STROKE, SETPOINT)
+    in_pieces = SideBySide(cylinder, rows, offsets, starts, stiffness)
+    for begin, end in pairwise([0, 1, 40, 41, TIMES.size - 1]):
+        piece = slice(begin, end + 1)
+        np.testing.assert_array_equal(in_pieces.follow(TIMES[piece], STROKE[piece], SETPOINT[piece]), whole[piece])
