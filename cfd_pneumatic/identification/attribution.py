@@ -18,7 +18,7 @@ from cfd_pneumatic.identification.extension import Effects, Extension, extend_wi
 from cfd_pneumatic.identification.judgement import EffectSearch, Found
 from cfd_pneumatic.identification.noise import precision, pressure_noise, sample_noise
 from cfd_pneumatic.identification.residuals import Test, residual_tests
-from cfd_pneumatic.identification.screening import Outlook, Screening, Start
+from cfd_pneumatic.identification.screening import Screening, Start
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.starts import starting_data
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Effect
@@ -31,7 +31,6 @@ _PROMISING = 4  # effects that are fitted to the end at least
 _LONG = 5000  # grid steps
 _EXCERPT = 8000  # grid steps of each recording that rough fits are of
 _FITTED_OF_LONG = 6  # effects
-_STARTS_OF_LONG = 2  # of each
 _RIVALLING = 0.3  # of what the best one takes: what is fitted to the end of long recordings
 _ALIKE = 1.1  # times the least cost: starts whose rough fits may change places
 _STRONG = 5.0  # in sample noises: a residual that may have led the gains astray
@@ -136,7 +135,7 @@ class Search(EffectSearch[_Model]):
         self.train = _Data(train, masks, weights)
         self.excerpt = self.train.excerpt(_EXCERPT)
         self.noise = math.sqrt(sum(sample_noise(one.sample_times, one.pressure) ** 2 for one in train) / len(train))
-        self._known_outlooks: dict[_Model, dict[str, Outlook]] = {}
+        self._known_shares: dict[_Model, dict[str, float]] = {}
         self.is_long = sum(one.times.size for one in train) > _LONG
         self.baseline = self._finished(self._fit(self.train, baseline, {}, *_FINE), baseline)
 
@@ -176,7 +175,7 @@ class Search(EffectSearch[_Model]):
         """Return the effects to fit beside a model, and the share of its residual that each other one may take."""
         if not self.is_long:
             return names, {}
-        shares = {name: outlook.share for name, outlook in self._outlooks(model, names).items()}
+        shares = self._shares(model, names)
         ranked = sorted(names, key=lambda name: -shares[name])
         return ranked[:_FITTED_OF_LONG], {name: shares[name] for name in ranked[_FITTED_OF_LONG:]}
 
@@ -184,13 +183,9 @@ class Search(EffectSearch[_Model]):
         """
         Return a model with each of some effects beside its own.
 
-        All are fitted roughly, the more promising ones to the end: where that is quick, from every start; in long
-        recordings from those that one simulation of each shows to tell most.
+        All are fitted roughly, from every start; the more promising ones are fitted to the end.
         """
         starts = self._starts(model, names)
-        if self.is_long:
-            outlooks = self._outlooks(model, names)
-            starts = {name: outlooks[name].starts[:_STARTS_OF_LONG] for name in names}
         rough = dict(zip(names, each(lambda name: self._rough(model, name, starts[name]), names)))
         promising = self._rivals(model, rough)
         fine = dict(zip(promising, each(lambda name: self._fine(rough[name]), promising)))
@@ -203,11 +198,11 @@ class Search(EffectSearch[_Model]):
         if not self.is_long:
             return ranked[: max(_PROMISING, len(ranked) // 2)]
         before = sum(float(one @ one) for one in self._left(model))
-        shares = {name: 1.0 - rough[name][0].cost / before for name in rough}
-        outlooks = {name: outlook.share for name, outlook in self._outlooks(model, ranked).items()}
-        least, least_outlook = _RIVALLING * max(shares.values()), _RIVALLING * max(outlooks.values())
-        may_be = [name for name in ranked if shares[name] >= least or outlooks[name] >= least_outlook]
-        return sorted(may_be, key=lambda name: -max(shares[name], outlooks[name]))[:_PROMISING]
+        taken = {name: 1.0 - rough[name][0].cost / before for name in rough}
+        promised = self._shares(model, ranked)
+        least, least_promised = _RIVALLING * max(taken.values()), _RIVALLING * max(promised.values())
+        may_be = [name for name in ranked if taken[name] >= least or promised[name] >= least_promised]
+        return sorted(may_be, key=lambda name: -max(taken[name], promised[name]))[:_PROMISING]
 
     def _left(self, model: _Model) -> list[Array]:
         """Return what a model leaves of the excerpt, weighted [Pa]."""
@@ -221,15 +216,15 @@ class Search(EffectSearch[_Model]):
         data = starting_data(self.train.experiments, model.extension, self._in_train(model), self.ambient_pressure)
         return {name: self.library[name].starts(data) for name in names}
 
-    def _outlooks(self, model: _Model, names: Sequence[str]) -> dict[str, Outlook]:
-        """Return what each effect may take of a model's residual; nothing is simulated twice."""
-        known = self._known_outlooks.setdefault(model, {})
+    def _shares(self, model: _Model, names: Sequence[str]) -> dict[str, float]:
+        """Return what share of a model's residual each effect may take; nothing is simulated twice."""
+        known = self._known_shares.setdefault(model, {})
         fresh = [name for name in names if name not in known]
         if fresh:
             data = self.train
             screening = Screening(data.experiments, data.masks, self.ambient_pressure, model.extension, data.weights)
             starts = self._starts(model, fresh)
-            known.update(zip(fresh, each(lambda name: screening.outlook(name, starts[name]), fresh)))
+            known.update(zip(fresh, each(lambda name: screening.share(name, starts[name]), fresh)))
         return {name: known[name] for name in names}
 
     def _rough(self, model: _Model, name: str, starts: Sequence[Start]) -> list[_Rough]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,24 +16,6 @@ Array = NDArray[np.float64]
 Start = tuple[float, ...]
 
 _ALIKE = 1e-3  # part of a change that has to be its own, or it is another start's
-
-
-@dataclass(frozen=True)
-class Outlook:
-    """
-    What an effect may take of a residual.
-
-    Attributes
-    ----------
-    share
-        Of the residual's sum of squares, by all of its starts together, whatever their strengths [-].
-    starts
-        Its starting values, the most telling first.
-
-    """
-
-    share: float
-    starts: tuple[Start, ...]
 
 
 class Screening:
@@ -70,8 +52,8 @@ class Screening:
         measured = [one.pressure for one in experiments]
         self._simulated = own.residuals + self._weighted(measured)
 
-    def outlook(self, name: str, starts: Sequence[Start]) -> Outlook:
-        """Return what an effect may take, from its starting values."""
+    def share(self, name: str, starts: Sequence[Start]) -> float:
+        """Return what share of the residual's sum of squares an effect may take, by all of its starts together."""
         beside = [replace(self.model, effects={**self.model.effects, name: start}) for start in starts]
         pressures = simulate_models(self.experiments, beside, self.ambient_pressure)
         changes = np.column_stack(
@@ -81,16 +63,13 @@ class Screening:
             ]
         )
         size = np.linalg.norm(changes, axis=0)
-        telling = np.flatnonzero(np.isfinite(size) & (size > 0.0))
-        if telling.size == 0:
-            return Outlook(0.0, tuple(starts))
-        units = changes[:, telling] / size[telling]
-        likeness = np.full(len(starts), -np.inf)
-        likeness[telling] = -(units.T @ self._residual)  # the residual is simulated less measured
-        basis, triangle, _ = qr(units, mode='economic', pivoting=True)
+        telling = np.isfinite(size) & (size > 0.0)
+        if not telling.any():
+            return 0.0
+        basis, triangle, _ = qr(changes[:, telling] / size[telling], mode='economic', pivoting=True)
         basis = basis[:, np.abs(np.diag(triangle)) > _ALIKE]
-        share = float(np.sum((basis.T @ self._residual) ** 2) / max(float(self._residual @ self._residual), 1e-300))
-        return Outlook(share, tuple(starts[rank] for rank in np.argsort(-likeness, kind='stable').tolist()))
+        power = max(float(self._residual @ self._residual), 1e-300)
+        return float(np.sum((basis.T @ self._residual) ** 2)) / power
 
     def _weighted(self, pressures: Sequence[Array]) -> Array:
         """Return pressures at the samples that count, weighted, one experiment after the other."""
