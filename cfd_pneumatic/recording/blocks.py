@@ -1,0 +1,118 @@
+"""Blocks: many messages of a topic as one piece of memory, so that they can be decoded together."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Connection
+
+BATCH = 16_384
+"""Messages of all topics that are put together."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """
+    Messages of one topic, in order of reception.
+
+    Attributes
+    ----------
+    times : (n,) array of int
+        Times of reception [ns].
+    data : bytes
+        What their payloads are in; there may be more in it.
+    starts, sizes : (n,) array of int
+        Where in `data` each payload begins and how many bytes it has.
+
+    """
+
+    times: NDArray[np.int64]
+    data: bytes
+    starts: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, times: Sequence[int] | NDArray[np.int64], payloads: Sequence[bytes]) -> Block:
+        """Return messages that were one by one."""
+        sizes = np.fromiter(map(len, payloads), np.int64, len(payloads))
+        return cls(np.array(times, np.int64), b''.join(payloads), np.cumsum(sizes) - sizes, sizes)
+
+    def __len__(self) -> int:
+        """Return the number of messages."""
+        return len(self.times)
+
+    def __getitem__(self, which: slice | NDArray[np.intp]) -> Block:
+        """Return some of the messages, in the same memory."""
+        return Block(self.times[which], self.data, self.starts[which], self.sizes[which])
+
+    def payload(self, index: int) -> bytes:
+        """Return one message's payload."""
+        start = int(self.starts[index])
+        return self.data[start : start + int(self.sizes[index])]
+
+
+def join(blocks: Sequence[Block]) -> Block:
+    """Return the messages of several blocks in the order of reception, equal times in the order given."""
+    if len(blocks) == 1:
+        return blocks[0]
+    times = np.concatenate([block.times for block in blocks])
+    shifts = np.cumsum([0, *(len(block.data) for block in blocks[:-1])])
+    starts = np.concatenate([block.starts + shift for block, shift in zip(blocks, shifts)])
+    sizes = np.concatenate([block.sizes for block in blocks])
+    whole = Block(times, b''.join([block.data for block in blocks]), starts, sizes)
+    return whole[np.argsort(times, kind='stable')]
+
+
+class Messages(Protocol):
+    """What gives the messages of a file one by one: rosbags' readers and ours for damaged files."""
+
+    @property
+    def connections(self) -> list[Connection]:
+        """The topics."""
+
+    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield the messages of some topics: topic, time of reception [ns], payload."""
+
+
+@dataclass(frozen=True)
+class OneByOne:
+    """
+    A file whose messages come one by one.
+
+    Attributes
+    ----------
+    source : Messages
+        What they come from.
+    start_time : int
+        Time of the first message [ns].
+
+    """
+
+    source: Messages
+    start_time: int
+
+    @property
+    def connections(self) -> list[Connection]:
+        """The topics."""
+        return self.source.connections
+
+    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
+        """Yield the messages of some topics."""
+        return _in_blocks(self.source.messages(connections))
+
+
+def _in_blocks(messages: Iterable[tuple[Connection, int, bytes]]) -> Iterator[tuple[Connection, Block]]:
+    """Yield messages (topic, time of reception [ns], payload) in blocks, those of a topic in the same order."""
+    remaining = iter(messages)
+    while batch := list(islice(remaining, BATCH)):
+        by_topic: dict[str, list[tuple[Connection, int, bytes]]] = {}
+        for message in batch:
+            by_topic.setdefault(message[0].topic, []).append(message)
+        for found in by_topic.values():
+            connections, times, payloads = zip(*found)
+            yield connections[0], Block.of(times, payloads)
