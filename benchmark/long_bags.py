@@ -42,7 +42,7 @@ EPOCH = 1_700_000_000 * NANOSECONDS
 STEP = 1_000_000  # ns
 PERIOD = 20_000  # samples after which the motion repeats itself
 TRANSPORT = 200_000  # ns from a sample to its reception; a topic comes a hundredth of it after the one before
-PART = 5_000  # samples that are written together, a chunk of an mcap
+PART = 1_500  # samples that are written together: a chunk of an mcap, of the size that rosbag2 makes
 
 STORAGES = ('mcap', 'sqlite3')
 COMPRESS = {'none': ('', bytes), 'zstd': ('zstd', zstandard.compress), 'lz4': ('lz4', lz4.frame.compress)}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 
-BATCH = 16_384
+BATCH = 4_096
 """Messages of all topics that are put together."""
 
 
@@ -110,9 +110,9 @@ def _in_blocks(messages: Iterable[tuple[Connection, int, bytes]]) -> Iterator[tu
     """Yield messages (topic, time of reception [ns], payload) in blocks, those of a topic in the same order."""
     remaining = iter(messages)
     while batch := list(islice(remaining, BATCH)):
-        by_topic: dict[str, list[tuple[Connection, int, bytes]]] = {}
-        for message in batch:
-            by_topic.setdefault(message[0].topic, []).append(message)
-        for found in by_topic.values():
-            connections, times, payloads = zip(*found)
-            yield connections[0], Block.of(times, payloads)
+        connections, times, payloads = zip(*batch)
+        whole = Block.of(times, payloads)
+        topics = np.array([connection.topic for connection in connections])
+        for topic in dict.fromkeys(topics):
+            which = np.flatnonzero(topics == topic)
+            yield connections[which[0]], whole[which]
