@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 
-BATCH = 4_096
-"""Messages of all topics that are put together."""
+TOGETHER = 8_192
+"""Messages of a topic that are put together."""
 
 
 @dataclass(frozen=True)
@@ -108,11 +107,15 @@ class OneByOne:
 
 def _in_blocks(messages: Iterable[tuple[Connection, int, bytes]]) -> Iterator[tuple[Connection, Block]]:
     """Yield messages (topic, time of reception [ns], payload) in blocks, those of a topic in the same order."""
-    remaining = iter(messages)
-    while batch := list(islice(remaining, BATCH)):
-        connections, times, payloads = zip(*batch)
-        whole = Block.of(times, payloads)
-        topics = np.array([connection.topic for connection in connections])
-        for topic in dict.fromkeys(topics):
-            which = np.flatnonzero(topics == topic)
-            yield connections[which[0]], whole[which]
+    pending: dict[str, tuple[Connection, list[int], list[bytes]]] = {}
+    for connection, time, payload in messages:
+        if connection.topic not in pending:
+            pending[connection.topic] = connection, [], []
+        _, times, payloads = pending[connection.topic]
+        times.append(time)
+        payloads.append(payload)
+        if len(times) == TOGETHER:
+            yield connection, Block.of(times, payloads)
+            del pending[connection.topic]
+    for connection, times, payloads in pending.values():
+        yield connection, Block.of(times, payloads)
