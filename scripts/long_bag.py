@@ -1,7 +1,7 @@
 """
 Bags of any length, made in bulk: a device at 1 kHz with two cylinders, each with pressure and applied set-point.
 
-    python benchmark/long_bags.py FOLDER --samples 14400000 --storage mcap --compression zstd
+    python scripts/long_bag.py FOLDER --samples 14400000 --storage mcap --compression zstd
 
 The motion, which is simulated, repeats itself after 20 s; the sensors' noise doesn't.
 """
@@ -164,7 +164,7 @@ def _write_mcap(file: Path, templates: list[_Template], parts: Iterator[_Part], 
 
         magic = b'\x89MCAP0\r\n'
         stream.write(magic)
-        write(records.Header('ros2', 'long_bags'), *schemas.values(), *channels)
+        write(records.Header('ros2', 'long_bag'), *schemas.values(), *channels)
         begin = end = count = 0
         for part in parts:
             chunk, offsets = _chunk_of(part)
