@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,13 @@ def join(blocks: Sequence[Block]) -> Block:
     sizes = np.concatenate([block.sizes for block in blocks])
     whole = Block(times, b''.join([block.data for block in blocks]), starts, sizes)
     return whole[np.argsort(times, kind='stable')]
+
+
+def gather(data: bytes, dtype: str, places: NDArray[np.int64]) -> NDArray[Any]:
+    """Return what is at some places of a piece of memory."""
+    kind = np.dtype(dtype)
+    everywhere: NDArray[Any] = np.ndarray(len(data) - kind.itemsize + 1, kind, data, strides=(1,))
+    return everywhere[places]
 
 
 class Messages(Protocol):

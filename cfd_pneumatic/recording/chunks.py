@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
@@ -16,19 +17,20 @@ from mcap.stream_reader import get_chunk_data_stream
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 
-from cfd_pneumatic.recording.blocks import Block, join
+from cfd_pneumatic.recording.blocks import Block, gather, join
 from cfd_pneumatic.recording.ordering import earliest_after
 
 _RECORD_HEAD = 9
 """Bytes of a record before its content: what it is, and the length of the content."""
 
-_MESSAGE = np.dtype(
-    [('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('sequence', '<u4'), ('log', '<u8'), ('publish', '<u8')]
-)
-"""What a message's record begins with."""
+_MESSAGE_HEAD = 22
+"""Bytes of a message's record before its payload: channel, sequence, times of reception and of publishing."""
 
-_INDEX_HEAD = np.dtype([('opcode', 'u1'), ('length', '<u8'), ('channel', '<u2'), ('bytes', '<u4')])
-_INDEX_ENTRY = np.dtype([('log', '<u8'), ('offset', '<u8')])
+_TIME = _RECORD_HEAD + 6
+"""Where in a message's record the time of reception is."""
+
+_ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
+"""What an index tells of a message: when it was received and where its record begins."""
 
 
 @dataclass(frozen=True)
@@ -66,11 +68,11 @@ class ChunkedMcap:
         with self.path.open('rb') as stream:
             topics = [_Topic(same, self.indexes) for same in by_topic.values()]
             for index in self.indexes:
-                within = [topic for topic in topics if topic.is_in(index)]
-                data = _content(stream, index) if within else b''
-                for topic in within:
-                    messages = _messages(data, _offsets(stream, index, topic.channels), topic.channels)
-                    yield topic.connection, topic.take(messages)
+                places = {topic: topic.places(index) for topic in topics if topic.places(index)}
+                content, behind = _read(stream, index) if places else (b'', b'')
+                for topic, positions in places.items():
+                    entries = np.concatenate([_entries(behind, position) for position in positions])
+                    yield topic.connection, topic.take(_messages(content, entries))
 
 
 def chunk_indexes(path: Path) -> list[ChunkIndex]:
@@ -87,14 +89,16 @@ class _Topic:
 
     def __init__(self, connections: Sequence[Connection], indexes: Sequence[ChunkIndex]) -> None:
         self.connection = connections[0]
-        self.channels = {connection.id for connection in connections}
-        begins = [index.message_start_time for index in indexes if self.is_in(index)]
+        self._channels = [connection.id for connection in connections]
+        begins = [index.message_start_time for index in indexes if self.places(index)]
         self._limits = iter(earliest_after(begins))
         self._waiting: list[Block] = []
 
-    def is_in(self, index: ChunkIndex) -> bool:
-        """Return whether a chunk holds messages of the topic."""
-        return not self.channels.isdisjoint(index.message_index_offsets)
+    def places(self, index: ChunkIndex) -> list[int]:
+        """Return where in what follows a chunk the records about its messages are; empty where it holds none."""
+        end = index.chunk_start_offset + index.chunk_length
+        offsets = index.message_index_offsets
+        return [offsets[channel] - end for channel in self._channels if channel in offsets]
 
     def take(self, block: Block) -> Block:
         """Take the messages of the next chunk, and return all that came before those of later chunks."""
@@ -105,30 +109,28 @@ class _Topic:
         return join([block[:count] for block, count in zip(queue, ready) if count] or [block[:0]])
 
 
-def _content(stream: IO[bytes], index: ChunkIndex) -> bytes:
-    """Return the records of a chunk."""
+def _read(stream: IO[bytes], index: ChunkIndex) -> tuple[bytes, bytes]:
+    """Return what is in a chunk, and what follows it: the records that tell where in it the messages are."""
     stream.seek(index.chunk_start_offset + _RECORD_HEAD)
-    records, size = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-    return records.read(size)
+    content, size = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
+    stream.seek(index.chunk_start_offset + index.chunk_length)
+    return content.read(size), stream.read(index.message_index_length)
 
 
-def _offsets(stream: IO[bytes], index: ChunkIndex, channels: set[int]) -> NDArray[np.int64]:
-    """Return where in a chunk the records of some channels' messages are, in the order of the file."""
-    offsets = []
-    for channel in channels.intersection(index.message_index_offsets):
-        stream.seek(index.message_index_offsets[channel])
-        head = np.frombuffer(stream.read(_INDEX_HEAD.itemsize), _INDEX_HEAD)[0]
-        entries = np.frombuffer(stream.read(int(head['bytes'])), _INDEX_ENTRY)
-        offsets.append(entries['offset'].astype(np.int64))
-    return np.sort(np.concatenate(offsets))
+def _entries(records: bytes, position: int) -> NDArray[Any]:
+    """Return the times and places of a channel's messages, from the record at a position."""
+    (size,) = struct.unpack_from('<I', records, position + _RECORD_HEAD + 2)
+    return np.frombuffer(records, _ENTRY, size // _ENTRY.itemsize, position + _RECORD_HEAD + 6)
 
 
-def _messages(data: bytes, offsets: NDArray[np.int64], channels: set[int]) -> Block:
-    """Return the messages whose records are at some offsets of a chunk."""
-    heads = np.ndarray(len(data) - _MESSAGE.itemsize + 1, _MESSAGE, data, strides=(1,))[offsets]
-    starts = offsets + _MESSAGE.itemsize
-    sizes = heads['length'].astype(np.int64) - (_MESSAGE.itemsize - _RECORD_HEAD)
-    right = (heads['opcode'] == Opcode.MESSAGE) & np.isin(heads['channel'], list(channels))
-    if not (right & (sizes >= 0) & (starts + sizes <= len(data))).all():
+def _messages(content: bytes, entries: NDArray[Any]) -> Block:
+    """Return some messages of a chunk, in the order of the file."""
+    records = entries['offset'].astype(np.int64)
+    order = np.argsort(records, kind='stable')
+    records, times = records[order], entries['time'].astype(np.int64)[order]
+    sizes = gather(content, '<u8', records + 1).astype(np.int64) - _MESSAGE_HEAD
+    starts = records + _RECORD_HEAD + _MESSAGE_HEAD
+    right = (gather(content, 'u1', records) == Opcode.MESSAGE) & (gather(content, '<u8', records + _TIME) == times)
+    if not (right & (sizes >= 0) & (starts + sizes <= len(content))).all():
         raise ValueError('the index of a chunk does not lead to its messages')
-    return Block(heads['log'].astype(np.int64), data, starts, sizes)
+    return Block(times, content, starts, sizes)

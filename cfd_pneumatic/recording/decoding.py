@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.blocks import Block
+from cfd_pneumatic.recording.blocks import Block, gather
 from cfd_pneumatic.recording.fields import FieldPath
-from cfd_pneumatic.recording.layout import Layout, LayoutError, Place, Serialization, fields
+from cfd_pneumatic.recording.layout import Layout, LayoutError, Place, Serialization
 from cfd_pneumatic.recording.messages import NANOSECONDS
 
 KNOWN = 8
@@ -165,4 +165,4 @@ def in_nanoseconds(times: NDArray[Any], unit: float) -> NDArray[np.int64]:
 
 def _numbers(messages: Block, place: Place) -> NDArray[Any]:
     """Return the numbers at one place of every message."""
-    return fields(messages.data, place.dtype, messages.starts + place.offset)
+    return gather(messages.data, place.dtype, messages.starts + place.offset)

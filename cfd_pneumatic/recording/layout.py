@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 from rosbags.typesys.store import Typestore
 
-from cfd_pneumatic.recording.blocks import Block
+from cfd_pneumatic.recording.blocks import Block, gather
 from cfd_pneumatic.recording.fields import NAMES, NUMBERS, FieldPath
 
 _PLACEHOLDER = 'structure_needs_at_least_one_member'
@@ -112,7 +111,7 @@ class Layout:
         alike: NDArray[np.bool_] = block.sizes == self.size
         for span in self._deciding:
             which = np.flatnonzero(alike)
-            texts = fields(block.data, f'V{span.stop - span.start}', block.starts[which] + span.start)
+            texts = gather(block.data, f'V{span.stop - span.start}', block.starts[which] + span.start)
             alike[which] = texts == np.void(self._payload[span])
         return alike
 
@@ -184,10 +183,3 @@ class Layout:
     def _align(self, size: int) -> None:
         if self._aligned:
             self._position += (self._origin - self._position) % size
-
-
-def fields(data: bytes, dtype: str, places: NDArray[np.int64]) -> NDArray[Any]:
-    """Return what is at some places of a piece of memory."""
-    kind = np.dtype(dtype)
-    everywhere: NDArray[Any] = np.ndarray(len(data) - kind.itemsize + 1, kind, data, strides=(1,))
-    return everywhere[places]
