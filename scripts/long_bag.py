@@ -74,6 +74,11 @@ class _Template:
             rows[:, columns] = np.ascontiguousarray(numbers, dtype)[:, None].view(np.uint8)
 
 
+def topics(force: bool = False) -> list[str]:
+    """Return the topics of a bag."""
+    return [template.topic for template in _templates(force)]
+
+
 def _templates(force: bool) -> list[_Template]:
     piston = messages.joint_state(0, PISTON_JOINT, 0.0)
     templates = [_Template(PISTON_STATE, messages.JOINT_STATE, piston, 'position[0]')]
@@ -127,7 +132,9 @@ def _parts(samples: int, templates: list[_Template]) -> Iterator[_Part]:
         yield _Part(rows, stamps + TRANSPORT)
 
 
-def write_long_bag(path: Path, samples: int, storage: str = 'mcap', compression: str = 'none', force: bool = False):
+def write_long_bag(
+    path: Path, samples: int, storage: str = 'mcap', compression: str = 'none', force: bool = False
+) -> Path:
     """Write a bag of so many samples of each topic; return the path of its file."""
     templates = _templates(force)
     with Writer(path, version=8, storage_plugin=StoragePlugin[storage.upper()]) as writer:
