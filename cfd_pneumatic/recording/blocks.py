@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 
-TOGETHER = 8_192
-"""Messages of a topic that are put together."""
+TOGETHER = 16_384
+"""Messages of all topics that are put together."""
 
 
 @dataclass(frozen=True)
@@ -114,15 +115,24 @@ class OneByOne:
 
 def _in_blocks(messages: Iterable[tuple[Connection, int, bytes]]) -> Iterator[tuple[Connection, Block]]:
     """Yield messages (topic, time of reception [ns], payload) in blocks, those of a topic in the same order."""
-    pending: dict[str, tuple[Connection, list[int], list[bytes]]] = {}
+    connections: list[Connection] = []
+    times: list[int] = []
+    payloads: list[bytes] = []
     for connection, time, payload in messages:
-        if connection.topic not in pending:
-            pending[connection.topic] = connection, [], []
-        _, times, payloads = pending[connection.topic]
+        connections.append(connection)
         times.append(time)
         payloads.append(payload)
         if len(times) == TOGETHER:
-            yield connection, Block.of(times, payloads)
-            del pending[connection.topic]
-    for connection, times, payloads in pending.values():
-        yield connection, Block.of(times, payloads)
+            yield from _by_topic(connections, Block.of(times, payloads))
+            connections, times, payloads = [], [], []
+    yield from _by_topic(connections, Block.of(times, payloads))
+
+
+def _by_topic(connections: Sequence[Connection], block: Block) -> Iterator[tuple[Connection, Block]]:
+    """Part a block whose messages are on several connections, of which some may have one topic."""
+    ids = np.fromiter(map(attrgetter('id'), connections), np.int64, len(connections))
+    topics: dict[str, list[Connection]] = {}
+    for connection in dict(zip(ids.tolist(), connections)).values():
+        topics.setdefault(connection.topic, []).append(connection)
+    for same in topics.values():
+        yield same[0], block[np.flatnonzero(np.isin(ids, [connection.id for connection in same]))]
