@@ -176,7 +176,7 @@ def _sort(times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
 def _describe_intervals(times: NDArray[np.int64], name: str) -> list[str]:
     if len(times) < 3:
         return []
-    low, usual, high = _quantiles_of_intervals(times, (0.05, 0.5, 0.95))
+    low, usual, high = quantiles_of_intervals(times, (0.05, 0.5, 0.95))
     notes = []
     if high - low > JITTER * usual:
         notes.append(f'{name}: intervals of {1e-6 * low:.4g} to {1e-6 * high:.4g} ms about {1e-6 * usual:.4g} ms')
@@ -195,7 +195,7 @@ def _intervals(times: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
         yield np.diff(times[part.start : part.stop + 1])
 
 
-def _quantiles_of_intervals(times: NDArray[np.int64], fractions: Sequence[float]) -> list[float]:
+def quantiles_of_intervals(times: NDArray[np.int64], fractions: Sequence[float]) -> list[float]:
     """Return quantiles, up to 0.95, of the times between samples [ns], to a part in `_RESOLUTION` of the mean."""
     count = len(times) - 1
     mean = int(times[-1] - times[0]) / count
