@@ -22,7 +22,7 @@ from cfd_pneumatic.recording import read_recording
 MESSAGES = int(os.environ.get('CFD_PNEUMATIC_MESSAGES', 1_000_000))
 SAMPLES = MESSAGES // len(topics())
 BAGS = {'mcap': ('mcap', 'none'), 'mcap, zstd': ('mcap', 'zstd'), 'sqlite3': ('sqlite3', 'none')}
-ROUNDS = 3
+ROUNDS = max(1, 3_000_000 // MESSAGES)
 
 
 def read_with_rosbags(file):

@@ -20,6 +20,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.blocks import Block, OneByOne
 from cfd_pneumatic.recording.chunks import ChunkedMcap, chunk_indexes
 from cfd_pneumatic.recording.layout import Serialization
+from cfd_pneumatic.recording.rows import SqliteRows
 from cfd_pneumatic.recording.salvage import SalvagedMcap, SalvagedSqlite, is_cut_off
 from cfd_pneumatic.recording.wording import counted, reason_of
 
@@ -252,6 +253,8 @@ def _fastest(file: McapReader | Sqlite3Reader) -> Storage:
         indexes = chunk_indexes(path)
         if indexes:
             return ChunkedMcap(path, file.connections, start, indexes)
+    if isinstance(file, Sqlite3Reader):
+        return SqliteRows(file.dbconn, file.connections, start)
     return OneByOne(file, start)
 
 

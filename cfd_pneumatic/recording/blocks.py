@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection
+
+Owner = TypeVar('Owner')
 
 TOGETHER = 16_384
 """Messages of all topics that are put together."""
@@ -110,29 +111,32 @@ class OneByOne:
 
     def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
         """Yield the messages of some topics."""
-        return _in_blocks(self.source.messages(connections))
+        for owners, block in put_together(self.source.messages(connections)):
+            yield from by_topic(block, np.array([owner.id for owner in owners]), connections)
 
 
-def _in_blocks(messages: Iterable[tuple[Connection, int, bytes]]) -> Iterator[tuple[Connection, Block]]:
-    """Yield messages (topic, time of reception [ns], payload) in blocks, those of a topic in the same order."""
-    connections: list[Connection] = []
+def put_together(messages: Iterable[tuple[Owner, int, bytes]]) -> Iterator[tuple[list[Owner], Block]]:
+    """Yield messages that come one by one, each with what says whose it is, its time of reception and its payload."""
+    owners: list[Owner] = []
     times: list[int] = []
     payloads: list[bytes] = []
-    for connection, time, payload in messages:
-        connections.append(connection)
+    for owner, time, payload in messages:
+        owners.append(owner)
         times.append(time)
         payloads.append(payload)
         if len(times) == TOGETHER:
-            yield from _by_topic(connections, Block.of(times, payloads))
-            connections, times, payloads = [], [], []
-    yield from _by_topic(connections, Block.of(times, payloads))
+            yield owners, Block.of(times, payloads)
+            owners, times, payloads = [], [], []
+    if owners:
+        yield owners, Block.of(times, payloads)
 
 
-def _by_topic(connections: Sequence[Connection], block: Block) -> Iterator[tuple[Connection, Block]]:
-    """Part a block whose messages are on several connections, of which some may have one topic."""
-    ids = np.fromiter(map(attrgetter('id'), connections), np.int64, len(connections))
+def by_topic(
+    block: Block, ids: NDArray[np.int64], connections: Collection[Connection]
+) -> Iterator[tuple[Connection, Block]]:
+    """Part a block whose messages are on several connections; some of these may have one topic."""
     topics: dict[str, list[Connection]] = {}
-    for connection in dict(zip(ids.tolist(), connections)).values():
+    for connection in connections:
         topics.setdefault(connection.topic, []).append(connection)
     for same in topics.values():
         yield same[0], block[np.flatnonzero(np.isin(ids, [connection.id for connection in same]))]

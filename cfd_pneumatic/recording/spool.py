@@ -39,7 +39,8 @@ def allocate(count: int, dtype: DTypeLike, folder: Path | None) -> NDArray[Any]:
             mapping = mmap.mmap(file.fileno(), size)
     except OSError as error:
         raise InputError(
-            f'{size / 1e6:.0f} MB of it cannot be kept in {folder}: {error.strerror}; give another folder in TMPDIR'
+            f'{size / 1e6:.1f} MB of it cannot be kept in {folder}: {error.strerror}; '
+            'give a folder with room for it in TMPDIR'
         ) from error
     return np.frombuffer(mapping, dtype)
 

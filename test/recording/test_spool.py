@@ -81,8 +81,8 @@ def test_a_folder_that_is_not_there_is_told(tmp_path):
     with pytest.raises(InputError) as caught:
         read_recording(tmp_path / 'bag', spool=tmp_path / 'nowhere')
     assert str(caught.value) == (
-        f'{tmp_path}/bag: 0 MB of it cannot be kept in {tmp_path}/nowhere: No such file or directory; '
-        'give another folder in TMPDIR'
+        f'{tmp_path}/bag: 0.0 MB of it cannot be kept in {tmp_path}/nowhere: No such file or directory; '
+        'give a folder with room for it in TMPDIR'
     )
 
 
