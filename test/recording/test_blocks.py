@@ -6,13 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, IndexType, Writer
-from recording_cases import EPOCH, SECOND, piston, plain_messages, pressure, write_bag
+from recording_cases import EPOCH, SECOND, Message, piston, plain_messages, pressure, write_bag
 from rosbags.rosbag2 import Reader
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import read_recording
 from cfd_pneumatic.recording.blocks import OneByOne
 from cfd_pneumatic.recording.chunks import ChunkedMcap, chunk_indexes
+from cfd_pneumatic.recording.messages import FLOAT64
+from cfd_pneumatic.recording.rows import SqliteRows
 
 TOPICS = ('/a', '/b', '/b', '/c')  # a topic may have several channels
 
@@ -73,6 +75,19 @@ def test_chunks_give_what_rosbags_gives(tmp_path_factory, messages, chunk_size, 
     assert sum(map(len, chunked.values())) == sum(TOPICS[channel] in topics for channel, _, _ in messages)
 
 
+@settings(max_examples=30, deadline=None)
+@given(messages=any_messages, topics=st.sets(st.sampled_from(TOPICS), min_size=1))
+def test_rows_give_what_rosbags_gives(tmp_path_factory, messages, topics):
+    contents = [Message(TOPICS[channel], FLOAT64, time, payload) for channel, time, payload in messages]
+    path = write_bag(tmp_path_factory.mktemp('sqlite3') / 'any', contents, storage='sqlite3', in_order=False)
+    with Reader(path / 'any.db3') as reader:
+        wanted = [connection for connection in reader.connections if connection.topic in topics]
+        rows = SqliteRows(reader.storage.dbconn, reader.connections, reader.start_time)
+        one_by_one = OneByOne(reader, reader.start_time)
+        if wanted:
+            assert by_topic(rows.blocks(wanted)) == by_topic(one_by_one.blocks(wanted))
+
+
 def test_chunks_in_the_reverse_order_of_time_are_turned_round(tmp_path):
     messages = [(0, time, b'%d' % time) for time in range(100, 0, -1)]
     path = write_mcap(tmp_path / 'back.mcap', messages, chunk_size=200)
@@ -105,6 +120,5 @@ def test_an_index_that_leads_astray_is_damage(tmp_path):
 def test_messages_come_in_the_order_of_reception(tmp_path, storage):
     """Two that have one stamp: the one received first is kept, wherever it stands in the file."""
     contents = [piston(2.0, EPOCH, received=EPOCH + SECOND), piston(1.0, EPOCH), piston(3.0, EPOCH + SECOND // 2)]
-    file = tmp_path / 'bag'
-    write_bag(file, [*contents, pressure(2e5, EPOCH)], storage=storage)
-    assert read_recording(file).displacement.values.tolist() == [1.0, 3.0]
+    write_bag(tmp_path / 'bag', [*contents, pressure(2e5, EPOCH)], storage=storage, in_order=False)
+    assert read_recording(tmp_path / 'bag').displacement.values.tolist() == [1.0, 3.0]
