@@ -124,8 +124,6 @@ class Bag:
             try:
                 for connection, block in storage.blocks(connections):
                     yield _full_name(connection), block
-            except MemoryError:
-                raise
             except Exception as error:  # readers raise whatever damage makes them stumble over
                 raise InputError(f'is damaged: {reason_of(error)}; {_remedy(self.path)}') from error
 

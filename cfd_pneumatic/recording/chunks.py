@@ -68,9 +68,9 @@ class ChunkedMcap:
         with self.path.open('rb') as stream:
             topics = [_Topic(same, self.indexes) for same in by_topic.values()]
             for index in self.indexes:
-                places = {topic: topic.places(index) for topic in topics if topic.places(index)}
-                content, behind = _read(stream, index) if places else (b'', b'')
-                for topic, positions in places.items():
+                within = [(topic, places) for topic in topics if (places := topic.places(index))]
+                content, behind = _read(stream, index) if within else (b'', b'')
+                for topic, positions in within:
                     entries = np.concatenate([_entries(behind, position) for position in positions])
                     yield topic.connection, topic.take(_messages(content, entries))
 

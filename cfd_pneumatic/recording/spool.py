@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.wording import reason_of
 
 PART = 65_536
 """Entries of an array that are gone over together."""
@@ -27,22 +28,21 @@ def allocate(count: int, dtype: DTypeLike, folder: Path | None) -> NDArray[Any]:
     Raises
     ------
     InputError
-        If the file can't be made, as on a full disk.
+        If there is no room for it.
 
     """
     size = count * np.dtype(dtype).itemsize
-    if folder is None or not size:
-        return np.empty(count, dtype)
     try:
+        if folder is None or not size:
+            return np.empty(count, dtype)
         with TemporaryFile(dir=folder) as file:
             os.posix_fallocate(file.fileno(), 0, size)  # a disk that fills up later would kill the program
-            mapping = mmap.mmap(file.fileno(), size)
-    except OSError as error:
+            return np.frombuffer(mmap.mmap(file.fileno(), size), dtype)
+    except (OSError, MemoryError, ValueError) as error:
         raise InputError(
-            f'{size / 1e6:.1f} MB of it cannot be kept in {folder}: {error.strerror}; '
-            'give a folder with room for it in TMPDIR'
+            f'{size / 1e6:.1f} MB of it cannot be kept in {folder or "memory"}: '
+            f'{getattr(error, "strerror", None) or reason_of(error)}; give a folder with room for it in TMPDIR'
         ) from error
-    return np.frombuffer(mapping, dtype)
 
 
 def parts(*arrays: NDArray[Any]) -> Iterator[slice]:
