@@ -44,7 +44,7 @@ setup(
             'ros-jazzy-std-srvs',
         ],
         'test': ['hypothesis', 'mpmath', 'pytest'],  # colcon runs pytest because it stands here
-        'benchmark': ['pytest-benchmark'],
+        'benchmark': ['casadi', 'lmfit', 'mcap-ros2-support', 'pytest-benchmark'],
         'lint': ['mypy', 'ruff', 'types-PyYAML'],
         'colcon': ['colcon-common-extensions'],
     },

@@ -13,9 +13,14 @@ from typing import TYPE_CHECKING, Protocol
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag2 import Reader as Ros2Reader
+from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.blocks import Block, OneByOne
+from cfd_pneumatic.recording.chunks import ChunkedMcap, chunk_indexes
 from cfd_pneumatic.recording.layout import Serialization
+from cfd_pneumatic.recording.rows import SqliteRows
 from cfd_pneumatic.recording.salvage import SalvagedMcap, SalvagedSqlite, is_cut_off
 from cfd_pneumatic.recording.wording import counted, reason_of
 
@@ -28,7 +33,7 @@ ROS1_SUFFIX = '.bag'
 
 
 class Storage(Protocol):
-    """One file of a bag, or a folder with its metadata: rosbags' readers and ours for damaged files."""
+    """One file of a bag."""
 
     @property
     def connections(self) -> list[Connection]:
@@ -38,11 +43,8 @@ class Storage(Protocol):
     def start_time(self) -> int:
         """Time of the first message [ns]."""
 
-    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yield the messages of some topics: topic, time of reception [ns], payload."""
-
-    def close(self) -> None:
-        """Close the file."""
+    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
+        """Yield the messages of some topics."""
 
 
 @dataclass(frozen=True)
@@ -98,15 +100,15 @@ class Bag:
         self.serialization = Serialization.ROS1 if path.suffix == ROS1_SUFFIX else Serialization.CDR
         self._stack = ExitStack()
         try:
-            self._storages = sorted(self._open(), key=lambda storage: storage.start_time)
+            self._storages = self._open()
             self.topics = self._list_topics()
         except BaseException:
             self.close()
             raise
 
-    def messages(self, topics: Iterable[str]) -> Iterator[tuple[str, int, bytes]]:
+    def blocks(self, topics: Iterable[str]) -> Iterator[tuple[str, Block]]:
         """
-        Yield the messages of some topics: topic, time of reception [ns], payload.
+        Yield the messages of some topics, file by file, in each file in the order of reception.
 
         Raises
         ------
@@ -117,13 +119,12 @@ class Bag:
         wanted = set(topics)
         for storage in self._storages:
             connections = [connection for connection in storage.connections if _full_name(connection) in wanted]
-            names = {connection.id: _full_name(connection) for connection in connections}
             if not connections:
                 continue
             try:
-                for connection, time, payload in storage.messages(connections):
-                    yield names[connection.id], time, payload
-            except Exception as error:  # rosbags raises whatever damage makes it stumble over
+                for connection, block in storage.blocks(connections):
+                    yield _full_name(connection), block
+            except Exception as error:  # readers raise whatever damage makes them stumble over
                 raise InputError(f'is damaged: {reason_of(error)}; {_remedy(self.path)}') from error
 
     def close(self) -> None:
@@ -146,9 +147,9 @@ class Bag:
         if self.path.is_dir():
             return self._open_folder()
         if self.path.suffix == ROS1_SUFFIX:
-            return [self._open_whole()]
+            return [self._open_ros1()]
         if self.path.suffix in STORAGE_SUFFIXES:
-            return [self._open_file(self.path)]
+            return self._open_file(self.path)
         raise InputError(
             'is not a bag: give the folder of a ROS 2 bag, a .mcap, .db3 or ROS 1 .bag file, '
             'or a table together with its mapping file'
@@ -159,10 +160,10 @@ class Bag:
         if (self.path / METADATA).exists():
             try:
                 if not any(map(is_cut_off, files)):
-                    reader = self._enter(Ros2Reader(self.path))
+                    storages = self._enter(Ros2Reader(self.path))
                     for file in files:
                         self._note_unmerged(file)
-                    return [reader]
+                    return storages
             except Exception as error:  # rosbags raises whatever damage makes it stumble over
                 if not files:
                     raise InputError(f'cannot be read: {reason_of(error)}') from error
@@ -171,7 +172,8 @@ class Bag:
             raise InputError(self._no_bag_here())
         elif len({re.sub(r'_\d+$', '', file.stem) for file in files}) > 1:
             raise InputError(f'holds several bags without {METADATA}: give one of {", ".join(f.name for f in files)}')
-        return [self._open_file(file) for file in files]
+        storages = [storage for file in files for storage in self._open_file(file)]
+        return sorted(storages, key=lambda storage: storage.start_time)
 
     def _no_bag_here(self) -> str:
         inside = sorted(file.parent.name for file in self.path.glob(f'*/{METADATA}'))
@@ -182,13 +184,16 @@ class Bag:
             return f'is compressed and has no {METADATA}: unpack its files with zstd -d'
         return f'holds no bag, neither {METADATA} nor .mcap or .db3 files'
 
-    def _open_whole(self) -> Storage:
+    def _open_ros1(self) -> Storage:
         try:
-            return self._enter(Ros1Reader(self.path))
+            reader = Ros1Reader(self.path)
+            reader.open()
+            self._stack.callback(reader.close)
+            return OneByOne(reader, reader.start_time)
         except Exception as error:  # rosbags raises whatever damage makes it stumble over
             raise InputError(f'cannot be read: {reason_of(error)}; {_remedy(self.path)}') from error
 
-    def _open_file(self, file: Path) -> Storage:
+    def _open_file(self, file: Path) -> list[Storage]:
         """Open one storage file, damaged or not."""
         self._note_unmerged(file)
         try:
@@ -199,13 +204,13 @@ class Bag:
             raise InputError(f'{file.name} cannot be read: {error.strerror}') from error
         except Exception as error:  # rosbags raises whatever damage makes it stumble over
             damage = f'is damaged ({reason_of(error)})'
-        storage = SalvagedMcap(file) if file.suffix == '.mcap' else SalvagedSqlite(file)
-        self._stack.callback(storage.close)
-        count = sum(connection.msgcount for connection in storage.connections)
+        salvaged = SalvagedMcap(file) if file.suffix == '.mcap' else SalvagedSqlite(file)
+        self._stack.callback(salvaged.close)
+        count = sum(connection.msgcount for connection in salvaged.connections)
         if not count and file == self.path:
             raise InputError(f'{damage} and nothing can be salvaged; {_remedy(file)}')
         self.notes.append(f'{file.name} {damage}: salvaged {counted(count, "message")}')
-        return storage
+        return [OneByOne(salvaged, salvaged.start_time)]
 
     def _note_unmerged(self, file: Path) -> None:
         """Note what a recorder that was killed had not moved into a database yet."""
@@ -213,10 +218,12 @@ class Bag:
         if log.exists() and log.stat().st_size:
             self.notes.append(f'{log.name} is not read: open {file.name} once with sqlite3 to merge it')
 
-    def _enter(self, reader: Ros1Reader | Ros2Reader) -> Storage:
+    def _enter(self, reader: Ros2Reader) -> list[Storage]:
         reader.open()
         self._stack.callback(reader.close)
-        return reader
+        if reader.compression_mode == 'message':
+            return [OneByOne(reader, reader.start_time)]
+        return [_fastest(file) for file in getattr(reader.storage, 'storages', [reader.storage])]
 
     def _list_topics(self) -> dict[str, Topic]:
         topics: dict[str, Topic] = {}
@@ -234,6 +241,19 @@ class Bag:
             notes = f' ({"; ".join(self.notes)})' if self.notes else ''
             raise InputError(f'holds no messages{notes}: was anything published while it was recorded?')
         return topics
+
+
+def _fastest(file: McapReader | Sqlite3Reader) -> Storage:
+    """Return the quickest way to read an open file."""
+    start = file.metadata.start_time
+    if isinstance(file, McapReader):
+        path = Path(str(file.path))
+        indexes = chunk_indexes(path)
+        if indexes:
+            return ChunkedMcap(path, file.connections, start, indexes)
+    if isinstance(file, Sqlite3Reader):
+        return SqliteRows(file.dbconn, file.connections, start)
+    return OneByOne(file, start)
 
 
 def _full_name(connection: Connection) -> str:

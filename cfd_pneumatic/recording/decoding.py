@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +12,13 @@ from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.blocks import Block, gather
 from cfd_pneumatic.recording.fields import FieldPath
 from cfd_pneumatic.recording.layout import Layout, LayoutError, Place, Serialization
 from cfd_pneumatic.recording.messages import NANOSECONDS
+
+KNOWN = 8
+"""Layouts that are remembered from one block to the next."""
 
 
 @dataclass(frozen=True)
@@ -85,12 +90,13 @@ class Decoder:
         self._value = value
         self._stamp = stamp
         self._serialization = serialization
+        self._known: deque[Layout] = deque(maxlen=KNOWN)
 
     def names(self, payload: bytes) -> list[str]:
         """Return the names of a message's entries, as JointState has them."""
-        return self._layout(payload).names()
+        return self._parse(payload).names()
 
-    def decode(self, payloads: Sequence[bytes]) -> Columns:
+    def decode(self, block: Block) -> Columns:
         """
         Return the numbers and stamps of messages.
 
@@ -100,31 +106,34 @@ class Decoder:
             If a payload does not fit the type's definition.
 
         """
-        count = len(payloads)
+        count = len(block)
         columns = Columns(np.zeros(count, bool), np.zeros(count), np.zeros(count, np.int64))
-        for layout, which, rows in self._alike(payloads):
+        for layout, which in self._alike(block):
+            messages = block[which]
             place = layout.place(self._value)
             if place is not None:
                 columns.found[which] = True
-                columns.values[which] = _column(rows, place)
-            columns.stamps[which] = self._stamps(layout, rows)
+                columns.values[which] = _numbers(messages, place)
+            columns.stamps[which] = self._stamps(layout, messages)
         return columns
 
-    def _alike(self, payloads: Sequence[bytes]) -> Iterator[tuple[Layout, NDArray[np.intp], NDArray[np.uint8]]]:
-        """Sort payloads by layout: for each layout yield which they are and their bytes, a row for each."""
-        sizes = np.fromiter(map(len, payloads), np.intp, len(payloads))
-        pending = np.arange(len(payloads))
+    def _alike(self, block: Block) -> Iterator[tuple[Layout, NDArray[np.intp]]]:
+        """Sort messages by layout: for each layout yield which have it."""
+        pending = np.arange(len(block))
+        known = iter(tuple(self._known))
         while pending.size:
-            layout = self._layout(payloads[pending[0]])
-            candidates = pending[sizes[pending] == layout.size]
-            joined = b''.join([payloads[index] for index in candidates])
-            rows = np.frombuffer(joined, np.uint8).reshape(len(candidates), layout.size)
-            deciding = rows[:, layout.deciding_bytes()]
-            alike = (deciding == deciding[0]).all(axis=1)
-            yield layout, candidates[alike], rows if alike.all() else rows[alike]
-            pending = np.setdiff1d(pending, candidates[alike], assume_unique=True)
+            layout = next(known, None) or self._learn(block.payload(pending[0]))
+            alike = layout.alike(block[pending])
+            if alike.any():
+                yield layout, pending[alike]
+                pending = pending[~alike]
 
-    def _layout(self, payload: bytes) -> Layout:
+    def _learn(self, payload: bytes) -> Layout:
+        layout = self._parse(payload)
+        self._known.appendleft(layout)
+        return layout
+
+    def _parse(self, payload: bytes) -> Layout:
         try:
             return Layout(payload, self._types, self._msgtype, self._serialization)
         except LayoutError as error:
@@ -133,18 +142,17 @@ class Decoder:
                 'defined as it was recorded: check the files that `types` names in the mapping'
             ) from error
 
-    def _stamps(self, layout: Layout, rows: NDArray[np.uint8]) -> NDArray[np.int64]:
+    def _stamps(self, layout: Layout, messages: Block) -> NDArray[np.int64]:
         if isinstance(self._stamp, TimePaths):
             seconds, nanoseconds = layout.place(self._stamp.seconds), layout.place(self._stamp.nanoseconds)
             if seconds is not None and nanoseconds is not None:
-                return _column(rows, seconds).astype(np.int64) * NANOSECONDS + _column(rows, nanoseconds).astype(
-                    np.int64
-                )
+                whole = _numbers(messages, seconds).astype(np.int64) * NANOSECONDS
+                return whole + _numbers(messages, nanoseconds).astype(np.int64)
         elif isinstance(self._stamp, CounterPath):
             place = layout.place(self._stamp.counter)
             if place is not None:
-                return in_nanoseconds(_column(rows, place), self._stamp.unit)
-        return np.zeros(len(rows), np.int64)
+                return in_nanoseconds(_numbers(messages, place), self._stamp.unit)
+        return np.zeros(len(messages), np.int64)
 
 
 def in_nanoseconds(times: NDArray[Any], unit: float) -> NDArray[np.int64]:
@@ -155,9 +163,6 @@ def in_nanoseconds(times: NDArray[Any], unit: float) -> NDArray[np.int64]:
     return np.where(np.isfinite(nanoseconds), nanoseconds, 0).astype(np.int64)
 
 
-def _column(rows: NDArray[np.uint8], place: Place) -> NDArray[Any]:
-    """Return the numbers at one place of every row."""
-    dtype = np.dtype(place.dtype)
-    record = np.dtype({'names': ['number'], 'formats': [dtype], 'offsets': [place.offset], 'itemsize': rows.shape[1]})
-    column: NDArray[Any] = np.ascontiguousarray(rows).view(record)['number'][:, 0]
-    return column
+def _numbers(messages: Block, place: Place) -> NDArray[Any]:
+    """Return the numbers at one place of every message."""
+    return gather(messages.data, place.dtype, messages.starts + place.offset)

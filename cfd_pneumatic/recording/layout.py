@@ -17,6 +17,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 from rosbags.typesys.store import Typestore
 
+from cfd_pneumatic.recording.blocks import Block, gather
 from cfd_pneumatic.recording.fields import NAMES, NUMBERS, FieldPath
 
 _PLACEHOLDER = 'structure_needs_at_least_one_member'
@@ -105,22 +106,27 @@ class Layout:
             names.append(self._payload[span].rstrip(b'\0').decode(errors='replace'))
         return names
 
-    def deciding_bytes(self) -> NDArray[np.intp]:
-        """
-        Return the indices of the bytes that must agree for another payload of this size to be laid out alike.
+    def alike(self, block: Block) -> NDArray[np.bool_]:
+        """Return which messages are laid out alike: their size, all lengths and the names of the entries agree."""
+        alike: NDArray[np.bool_] = block.sizes == self.size
+        for span in self._deciding:
+            which = np.flatnonzero(alike)
+            texts = gather(block.data, f'V{span.stop - span.start}', block.starts[which] + span.start)
+            alike[which] = texts == np.void(self._payload[span])
+        return alike
 
-        They are the lengths of its strings and sequences, and the names of its entries.
-        """
-        names = [span for path, span in self._texts.items() if path.rpartition('.')[2].startswith(f'{NAMES}[')]
-        spans = [np.arange(span.start, span.stop, dtype=np.intp) for span in self._deciding + names]
-        return np.concatenate(spans) if spans else np.empty(0, dtype=np.intp)
+    def _decide(self, start: int, stop: int) -> None:
+        """Count bytes among those that must agree."""
+        if self._deciding and self._deciding[-1].stop == start:
+            start = self._deciding.pop().start
+        self._deciding.append(slice(start, stop))
 
     def _walk_encapsulation(self) -> None:
         kind = self._payload[:2]
         if len(self._payload) < 4 or kind not in (b'\0\0', b'\0\1'):
             raise LayoutError(f'begins with {kind.hex()}, which is not plain CDR')
         self._order = '<' if kind[1] else '>'
-        self._deciding.append(slice(0, 4))
+        self._decide(0, 4)
         self._position = 4
 
     def _walk_message(self, msgtype: str, prefix: str) -> None:
@@ -156,15 +162,18 @@ class Layout:
 
     def _walk_text(self, path: str) -> None:
         length = self._walk_length()
-        self._texts[path] = slice(self._position, self._position + length)
-        self._position += length
+        text = slice(self._position, self._position + length)
+        self._texts[path] = text
+        if length and path.rpartition('.')[2].startswith(f'{NAMES}['):
+            self._decide(text.start, text.stop)
+        self._position = text.stop
 
     def _walk_length(self) -> int:
         self._align(4)
         word = slice(self._position, self._position + 4)
         if word.stop > self.size:
             raise LayoutError(f'ends after {self.size} bytes, inside a message')
-        self._deciding.append(word)
+        self._decide(word.start, word.stop)
         self._position = word.stop
         length = int.from_bytes(self._payload[word], 'little' if self._order == '<' else 'big')
         if length > self.size:

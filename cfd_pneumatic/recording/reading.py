@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bag import Bag
@@ -14,8 +17,9 @@ from cfd_pneumatic.recording.mapping import ChannelMapping
 from cfd_pneumatic.recording.messages import NANOSECONDS
 from cfd_pneumatic.recording.sampling import Defaults, read_samples
 from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.spool import parts
 from cfd_pneumatic.recording.table import read_table
-from cfd_pneumatic.recording.tidying import Tidied, changes, tidy
+from cfd_pneumatic.recording.tidying import Tidied, at_changes, tidy
 from cfd_pneumatic.recording.topics import convention_channels, resolve
 
 FORCE_AXES = ('x', 'y', 'z')
@@ -29,6 +33,7 @@ def read_recording(
     ambient_pressure: float = AMBIENT_PRESSURE,
     joint: str = PISTON_JOINT,
     force_axis: str = 'x',
+    spool: Path | str | None = None,
 ) -> Recording:
     """
     Read a bag or a table.
@@ -48,6 +53,9 @@ def read_recording(
         Name of the piston in a JointState.
     force_axis : str
         Axis of the force in a WrenchStamped: x, y or z.
+    spool : Path or str, optional
+        Folder for files to keep the signals of a bag in, so that they need no memory. They vanish with the recording.
+        By default a long recording's are in the system's temporary folder.
 
     Returns
     -------
@@ -67,14 +75,15 @@ def read_recording(
         if mapping is not None and mapping.table is not None:
             samples, notes = read_table(path, mapping.table, mapping.channels), list[str]()
         else:
-            samples, notes = _read_bag(path, mapping, namespace, Defaults(joint, force_axis))
+            folder = None if spool is None else Path(spool)
+            samples, notes = _read_bag(path, mapping, namespace, Defaults(joint, force_axis), folder)
         return _assemble(path.resolve().name, samples, notes, ambient_pressure)
     except InputError as error:
         raise InputError(f'{path}: {error}') from error
 
 
 def _read_bag(
-    path: Path, mapping: ChannelMapping | None, namespace: str | None, defaults: Defaults
+    path: Path, mapping: ChannelMapping | None, namespace: str | None, defaults: Defaults, spool: Path | None
 ) -> tuple[list[Samples], list[str]]:
     with Bag(path) as bag:
         if mapping is None:
@@ -83,7 +92,8 @@ def _read_bag(
             channels = [
                 replace(channel, source=resolve(namespace, str(channel.source))) for channel in mapping.channels
             ]
-        samples, notes = read_samples(bag, _preferred(channels), mapping.types if mapping else None, defaults)
+        types = mapping.types if mapping else None
+        samples, notes = read_samples(bag, _preferred(channels), types, defaults, spool)
         return samples, bag.notes + notes
 
 
@@ -100,7 +110,7 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
 
     def signal(role: Role, cylinder: str | None = None) -> Signal | None:
         found = tidied.get((role, cylinder))
-        return None if found is None else Signal((found.times - epoch) / NANOSECONDS, found.values)
+        return None if found is None else Signal(_seconds_since(epoch, found.times), found.values)
 
     cylinders = {}
     for cylinder in CYLINDERS:
@@ -115,13 +125,22 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
     return Recording(name, epoch, displacement, cylinders, signal('force'), tuple(health))
 
 
+def _seconds_since(epoch: int, times: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return times [ns] in seconds since an epoch, in the same memory."""
+    seconds = times.view(np.float64)
+    for part in parts(times):
+        seconds[part] = (times[part] - epoch) / NANOSECONDS
+    return seconds
+
+
 def _tidy(samples: Samples, ambient_pressure: float) -> Tidied:
-    channel = samples.channel
-    values = channel.si(samples.raw, ambient_pressure)
+    channel, values = samples.channel, samples.raw
+    for part in parts(values):
+        values[part] = channel.si(values[part], ambient_pressure)
     if channel.role == 'setpoint':
-        return _at_changes(tidy(samples.times, values, channel.name, held=True))
+        return at_changes(tidy(samples.times, values, channel.name, held=True))
     tidied = tidy(samples.times, values, channel.name)
-    return _at_changes(_from_previous(tidied)) if channel.role == 'setpoint_applied' else tidied
+    return at_changes(_from_previous(tidied)) if channel.role == 'setpoint_applied' else tidied
 
 
 def _from_previous(applied: Tidied) -> Tidied:
@@ -129,11 +148,6 @@ def _from_previous(applied: Tidied) -> Tidied:
     if len(applied.times) == 1:
         return applied
     return Tidied(applied.times[:-1], applied.values[1:], applied.notes)
-
-
-def _at_changes(tidied: Tidied) -> Tidied:
-    begins = changes(tidied.values)
-    return Tidied(tidied.times[begins], tidied.values[begins], tidied.notes)
 
 
 def _check_overlap(displacement: Signal, cylinders: dict[str, CylinderSignals]) -> None:

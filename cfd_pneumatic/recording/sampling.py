@@ -1,27 +1,27 @@
-"""Reading the samples of a bag's channels: one pass over the messages, decoded a chunk at a time."""
+"""Reading the samples of a bag's channels: one pass over the messages, decoded a block at a time."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import gettempdir
 
-import numpy as np
-from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bag import Bag
+from cfd_pneumatic.recording.bag import Bag, Topic
 from cfd_pneumatic.recording.channels import RECEIVE, Channel, Samples
-from cfd_pneumatic.recording.decoding import Columns, CounterPath, Decoder, TimePaths
+from cfd_pneumatic.recording.decoding import CounterPath, Decoder, TimePaths
 from cfd_pneumatic.recording.definitions import read_types, types_of
 from cfd_pneumatic.recording.fields import FieldPath, check_number, has_header, is_time, list_numbers, parse_path
+from cfd_pneumatic.recording.intake import Content, Intake
 from cfd_pneumatic.recording.messages import NANOSECONDS, obvious_field
+from cfd_pneumatic.recording.spool import give_back, parts
 from cfd_pneumatic.recording.topics import list_topics
-from cfd_pneumatic.recording.wording import counted
 
-CHUNK = 65_536
-"""Messages of a topic that are decoded together."""
+LONG = 8_000_000
+"""Samples, of all channels together, from which on a recording is kept in files: 128 MB."""
 
 OTHER_CLOCK = 1.0
 """Stamps that differ from the times of reception by more [s] come from another clock."""
@@ -36,7 +36,7 @@ class Defaults:
 
 
 def read_samples(
-    bag: Bag, channels: Sequence[Channel], types_folder: Path | None, defaults: Defaults
+    bag: Bag, channels: Sequence[Channel], types_folder: Path | None, defaults: Defaults, spool: Path | None
 ) -> tuple[list[Samples], list[str]]:
     """
     Return what a bag holds for some channels, and notes on what was amiss.
@@ -51,6 +51,8 @@ def read_samples(
         Folder with definitions of messages.
     defaults : Defaults
         What is meant where a channel leaves it open.
+    spool : Path or None
+        Folder to keep the samples in; None for memory, or the system's temporary folder if there are more than `LONG`.
 
     Raises
     ------
@@ -58,84 +60,25 @@ def read_samples(
         If a topic is missing or empty, its type unknown, or a field isn't there.
 
     """
-    intakes = [_intake(bag, channel, types_folder, defaults) for channel in channels]
-    by_topic: dict[str, list[_Intake]] = {}
+    found = [_find(bag, channel, types_folder, defaults) for channel in channels]
+    if spool is None and sum(topic.count for topic, _, _ in found) > LONG:
+        spool = Path(gettempdir())
+    intakes = [
+        Intake(channel, decoder, path, topic.count, spool) for channel, (topic, path, decoder) in zip(channels, found)
+    ]
+    by_topic: dict[str, list[Intake]] = {}
     for intake in intakes:
         by_topic.setdefault(str(intake.channel.source), []).append(intake)
-    for topic, time, payload in bag.messages(by_topic):
+    for topic, block in bag.blocks(by_topic):
         for intake in by_topic[topic]:
-            intake.add(time, payload)
-    contents = [intake.content() for intake in intakes]
-    return _on_one_clock(contents)
+            intake.add(block)
+    return _on_one_clock([intake.content() for intake in intakes])
 
 
-@dataclass(frozen=True)
-class _Content:
-    """What the messages of a channel hold; a stamp of 0 is none."""
-
-    channel: Channel
-    received: NDArray[np.int64]
-    stamps: NDArray[np.int64]
-    raw: NDArray[np.float64]
-    notes: tuple[str, ...]
-
-
-class _Intake:
-    """Takes in the messages of a channel's topic."""
-
-    def __init__(self, channel: Channel, decoder: Decoder, path: FieldPath) -> None:
-        self.channel = channel
-        self._decoder = decoder
-        self._path = path
-        self._payloads: list[bytes] = []
-        self._times: list[int] = []
-        self._columns: list[Columns] = []
-        self._received: list[NDArray[np.int64]] = []
-        self._names: list[str] = []
-
-    def add(self, time: int, payload: bytes) -> None:
-        """Take in a message received at a time [ns]."""
-        self._times.append(time)
-        self._payloads.append(payload)
-        if len(self._payloads) == CHUNK:
-            self._decode()
-
-    def content(self) -> _Content:
-        """Return what was taken in."""
-        self._decode()
-        channel = self.channel
-        if not self._columns:
-            raise InputError(f'topic {channel.source}, the {channel.name}, has no messages')
-        found = np.concatenate([columns.found for columns in self._columns])
-        if not found.any():
-            there = f'; the names are {", ".join(self._names)}' if self._names else ''
-            raise InputError(f'no message on topic {channel.source} has {self._path}{there}')
-        notes = []
-        if not found.all():
-            notes.append(f'{channel.name}: {counted(int(np.count_nonzero(~found)), "message")} without {self._path}')
-        return _Content(
-            channel,
-            np.concatenate(self._received)[found],
-            np.concatenate([columns.stamps for columns in self._columns])[found],
-            np.concatenate([columns.values for columns in self._columns])[found],
-            tuple(notes),
-        )
-
-    def _decode(self) -> None:
-        if not self._payloads:
-            return
-        try:
-            self._columns.append(self._decoder.decode(self._payloads))
-        except InputError as error:
-            raise InputError(f'topic {self.channel.source}: {error}') from error
-        self._received.append(np.array(self._times, np.int64))
-        if not self._names:
-            self._names = self._decoder.names(self._payloads[0])
-        self._payloads.clear()
-        self._times.clear()
-
-
-def _intake(bag: Bag, channel: Channel, types_folder: Path | None, defaults: Defaults) -> _Intake:
+def _find(
+    bag: Bag, channel: Channel, types_folder: Path | None, defaults: Defaults
+) -> tuple[Topic, FieldPath, Decoder]:
+    """Return a channel's topic, where its number is, and what decodes it."""
     topic = bag.topics.get(str(channel.source))
     if topic is None:
         raise InputError(f'no topic {channel.source} for the {channel.name}: the topics are {list_topics(bag.topics)}')
@@ -150,7 +93,7 @@ def _intake(bag: Bag, channel: Channel, types_folder: Path | None, defaults: Def
         stamp = _stamp(types, topic.msgtype, channel)
     except InputError as error:
         raise InputError(f'topic {topic.name}: {error}') from error
-    return _Intake(channel, Decoder(types, topic.msgtype, path, stamp, bag.serialization), path)
+    return topic, path, Decoder(types, topic.msgtype, path, stamp, bag.serialization)
 
 
 def _stamp(types: Typestore, msgtype: str, channel: Channel) -> TimePaths | CounterPath | None:
@@ -164,7 +107,7 @@ def _stamp(types: Typestore, msgtype: str, channel: Channel) -> TimePaths | Coun
     return CounterPath(path, channel.stamp_unit)
 
 
-def _on_one_clock(contents: Sequence[_Content]) -> tuple[list[Samples], list[str]]:
+def _on_one_clock(contents: Sequence[Content]) -> tuple[list[Samples], list[str]]:
     """
     Return samples at their stamps, those without one at the time of reception.
 
@@ -172,22 +115,18 @@ def _on_one_clock(contents: Sequence[_Content]) -> tuple[list[Samples], list[str
     by what lies between the two.
     """
     notes = [note for content in contents for note in content.notes]
-    lag = next((lag for lag in map(_lag, contents) if lag is not None), 0)
+    lag = next((content.lag for content in contents if content.lag is not None), 0)
     if abs(lag) <= OTHER_CLOCK * NANOSECONDS:
         lag = 0
     samples = []
     for content in contents:
-        unstamped = content.stamps == 0
-        if lag and unstamped.any():
+        if lag and content.unstamped:
             shift = f'{-lag / NANOSECONDS:.3f} s'
             notes.append(f'{content.channel.name}: moved by {shift} from the clock of reception to that of the stamps')
-        times = np.where(unstamped, content.received - lag, content.stamps)
-        times += round(content.channel.time_offset * NANOSECONDS)
-        samples.append(Samples(content.channel, times, content.raw))
+            for some in content.unstamped:
+                content.times[some] -= lag
+                give_back(content.times)
+        for part in parts(content.times) if content.channel.time_offset else ():
+            content.times[part] += round(content.channel.time_offset * NANOSECONDS)
+        samples.append(Samples(content.channel, content.times, content.raw))
     return samples, notes
-
-
-def _lag(content: _Content) -> int | None:
-    """Return the median time from stamp to reception [ns], None without stamps."""
-    lags = (content.received - content.stamps)[content.stamps != 0]
-    return int(lags[0]) + int(np.median(lags - lags[0])) if lags.size else None

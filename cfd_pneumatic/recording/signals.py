@@ -1,12 +1,19 @@
-"""What a recording holds: signals in SI units, each on its own times."""
+"""
+What a recording holds: signals in SI units, each on its own times.
+
+A long recording's signals are kept in files. They are arrays like any others; who goes over them by `Signal.parts` or
+`Recording.between` needs memory for a part only.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cfd_pneumatic.recording.spool import give_back, parts
 
 
 @dataclass(frozen=True)
@@ -30,6 +37,25 @@ class Signal:
         """Return the number of samples."""
         return len(self.times)
 
+    def parts(self) -> Iterator[Signal]:
+        """Yield the signal piece by piece, in order."""
+        for part in parts(self.times, self.values):
+            yield Signal(self.times[part], self.values[part])
+
+    def between(self, begin: float, end: float) -> Signal:
+        """Return the samples from `begin` on and before `end` [s], in memory."""
+        return self._copy(int(np.searchsorted(self.times, begin)), int(np.searchsorted(self.times, end)))
+
+    def holding_between(self, begin: float, end: float) -> Signal:
+        """Return values that hold until the next: those set between two times [s], and what held at the first."""
+        held = int(np.searchsorted(self.times, begin, side='right')) - 1
+        return self._copy(max(held, 0), int(np.searchsorted(self.times, end)))
+
+    def _copy(self, first: int, last: int) -> Signal:
+        copy = Signal(self.times[first:last].copy(), self.values[first:last].copy())
+        give_back(self.times, self.values)
+        return copy
+
 
 @dataclass(frozen=True)
 class CylinderSignals:
@@ -48,6 +74,11 @@ class CylinderSignals:
 
     pressure: Signal
     setpoint: Signal | None
+
+    def between(self, begin: float, end: float) -> CylinderSignals:
+        """Return what lies between two times [s], with the set pressure that acted at the first of them."""
+        setpoint = None if self.setpoint is None else self.setpoint.holding_between(begin, end)
+        return CylinderSignals(self.pressure.between(begin, end), setpoint)
 
 
 @dataclass(frozen=True)
@@ -78,3 +109,25 @@ class Recording:
     cylinders: Mapping[str, CylinderSignals]
     force: Signal | None
     health: tuple[str, ...]
+
+    def between(self, begin: float, end: float) -> Recording:
+        """
+        Return what lies between two times, in memory.
+
+        Parameters
+        ----------
+        begin, end : float
+            Times since the epoch, which stays [s]; a sample at `begin` counts, one at `end` doesn't.
+
+        Returns
+        -------
+        Recording
+            Of the set-points also the one that acted at `begin`, at its own time; of other signals maybe no sample.
+
+        """
+        return replace(
+            self,
+            displacement=self.displacement.between(begin, end),
+            cylinders={name: signals.between(begin, end) for name, signals in self.cylinders.items()},
+            force=None if self.force is None else self.force.between(begin, end),
+        )

@@ -78,7 +78,7 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[Channel]) -> 
     times = nanoseconds.astype(np.int64)
     times -= min(0, int(times.min()) + min(offsets))
     return [
-        Samples(channel, times + offset, rows[:, index])
+        Samples(channel, times + offset, rows[:, index].copy())
         for index, (channel, offset) in enumerate(zip(channels, offsets), start=1)
     ]
 

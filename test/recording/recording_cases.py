@@ -91,8 +91,8 @@ def plain_messages(samples=20, start=EPOCH):
     ]
 
 
-def write_bag(path, contents, *, storage='mcap', types=None, compression=CompressionMode.NONE):
-    """Write messages, in the order of their times, as a ROS 2 bag."""
+def write_bag(path, contents, *, storage='mcap', types=None, compression=CompressionMode.NONE, in_order=True):
+    """Write messages, in the order of their times or as they are given, as a ROS 2 bag."""
     types = types or messages.standard_types()
     writer = Writer(path, version=8, storage_plugin=StoragePlugin[storage.upper()])
     writer.set_compression(compression, CompressionFormat.ZSTD)
@@ -101,7 +101,7 @@ def write_bag(path, contents, *, storage='mcap', types=None, compression=Compres
         for message in contents:
             if message.topic not in topics:
                 topics[message.topic] = writer.add_connection(message.topic, message.msgtype, typestore=types)
-        for message in sorted(contents, key=lambda message: message.time):
+        for message in sorted(contents, key=lambda message: message.time) if in_order else contents:
             payload = message.content
             if not isinstance(payload, bytes):
                 payload = types.serialize_cdr(payload, message.msgtype)

@@ -11,6 +11,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.blocks import Block
 from cfd_pneumatic.recording.decoding import CounterPath, Decoder, TimePaths, in_nanoseconds
 from cfd_pneumatic.recording.fields import NUMBERS, parse_path
 from cfd_pneumatic.recording.layout import Layout, Serialization
@@ -31,6 +32,10 @@ MSGTYPES = [
     'std_msgs/msg/Float32MultiArray',
     'trajectory_msgs/msg/JointTrajectory',
 ]
+
+
+def block_of(payloads):
+    return Block.of(range(len(payloads)), payloads)
 
 
 def any_number(random, kind):
@@ -96,7 +101,7 @@ def test_messages_of_many_layouts_are_decoded_together():
     payloads = [bytes(types.serialize_cdr(message.content, message.msgtype)) for message in sent]
     stamp = CounterPath(parse_path('t_us'), 1e-6)
     decoder = Decoder(types, 'acme_msgs/msg/Press', parse_path('channels[1].reading'), stamp, Serialization.CDR)
-    columns = decoder.decode(payloads)
+    columns = decoder.decode(block_of(payloads))
     assert columns.found.all()
     np.testing.assert_array_equal(columns.values, 100.0 * np.arange(500))
     np.testing.assert_array_equal(columns.stamps, [message.content.t_us * 1000 for message in sent])
@@ -109,7 +114,7 @@ def test_lengths_that_differ_at_equal_size_are_told_apart():
     sent = [two(a='a' * length, x=float(length), b='b' * (16 - length)) for length in range(17)]
     payloads = [bytes(types.serialize_cdr(message, 'test/msg/Two')) for message in sent]
     assert len({len(payload) for payload in payloads}) < len(payloads)
-    columns = Decoder(types, 'test/msg/Two', parse_path('x'), None, Serialization.CDR).decode(payloads)
+    columns = Decoder(types, 'test/msg/Two', parse_path('x'), None, Serialization.CDR).decode(block_of(payloads))
     np.testing.assert_array_equal(columns.values, np.arange(17.0))
 
 
@@ -120,7 +125,7 @@ def test_stamps_keep_their_nanoseconds():
     payload = bytes(TYPES.serialize_cdr(message, 'sensor_msgs/msg/FluidPressure'))
     stamp = TimePaths(parse_path('header.stamp.sec'), parse_path('header.stamp.nanosec'))
     decoder = Decoder(TYPES, 'sensor_msgs/msg/FluidPressure', parse_path('fluid_pressure'), stamp, Serialization.CDR)
-    assert decoder.decode([payload]).stamps.tolist() == [1_700_000_000_123_456_789]
+    assert decoder.decode(block_of([payload])).stamps.tolist() == [1_700_000_000_123_456_789]
 
 
 def test_an_entry_beyond_the_end_is_not_found():
@@ -129,7 +134,7 @@ def test_an_entry_beyond_the_end_is_not_found():
     )
     payload = bytes(TYPES.serialize_cdr(message, 'std_msgs/msg/Float32MultiArray'))
     decoder = Decoder(TYPES, 'std_msgs/msg/Float32MultiArray', parse_path('data[2]'), None, Serialization.CDR)
-    assert not decoder.decode([payload]).found.any()
+    assert not decoder.decode(block_of([payload])).found.any()
 
 
 @pytest.mark.parametrize(
@@ -144,7 +149,7 @@ def test_an_entry_beyond_the_end_is_not_found():
 def test_a_payload_of_another_type_is_refused(payload, reason):
     decoder = Decoder(TYPES, 'std_msgs/msg/Float64', parse_path('data'), None, Serialization.CDR)
     with pytest.raises(InputError) as caught:
-        decoder.decode([payload])
+        decoder.decode(block_of([payload]))
     assert str(caught.value).startswith(f'{reason}: the bag is damaged, or std_msgs/msg/Float64 is not defined as')
 
 
@@ -153,7 +158,7 @@ def test_a_payload_of_another_type_is_refused(payload, reason):
 def test_no_bytes_make_the_decoder_stumble(payload, serialization):
     decoder = Decoder(PRESS_TYPES, 'acme_msgs/msg/Press', parse_path('analog[3]'), None, serialization)
     with suppress(InputError):
-        decoder.decode([payload])
+        decoder.decode(block_of([payload]))
 
 
 def test_integers_keep_their_nanoseconds_and_nan_is_no_time():

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.tidying import tidy
+from cfd_pneumatic.recording import spool
+from cfd_pneumatic.recording.tidying import quantiles_of_intervals, tidy
 
 MILLISECOND = 1_000_000
 
@@ -77,3 +78,25 @@ def test_time_that_goes_back_a_little_is_sorted_and_far_is_refused():
     assert tidied([0, 1000, 1, 1001]).notes[0] == 'x: sorted 1 sample out of order'
     with pytest.raises(InputError, match=r'^x: time goes back by 1\.001 s at sample 3: the clock was set back'):
         tidied([0, 1001, 0, 1002])
+
+
+@given(samples, st.booleans(), st.integers(1, 8))
+def test_part_by_part_is_the_same_as_at_once(pairs, held, part):
+    """`parts` says how many samples are looked at together; here few, so that what is late comes in another part."""
+    times, values = [time for time, _ in pairs], [value for _, value in pairs]
+    whole = tidied(times, values, held=held)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(spool, 'PART', part)
+        pieces = tidied(times, values, held=held)
+    assert pieces.times.tolist() == whole.times.tolist()
+    assert pieces.values.tolist() == whole.values.tolist()
+    assert pieces.notes == whole.notes
+
+
+@given(st.lists(st.integers(1, 10**8), min_size=2, max_size=200), st.integers(1, 50))
+def test_quantiles_of_intervals_are_those_of_numpy(intervals, part):
+    times = np.cumsum([0, *intervals])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(spool, 'PART', part)
+        found = quantiles_of_intervals(times, (0.05, 0.5, 0.95))
+    np.testing.assert_allclose(found, np.percentile(intervals, [5, 50, 95]), rtol=0, atol=1e-4 * np.mean(intervals) + 1)

@@ -1,0 +1,66 @@
+"""
+Reading a bag into arrays against what a user would write with rosbags or mcap-ros2-support, in the same run.
+
+    CFD_PNEUMATIC_MESSAGES=10000000 make benchmark ARGS='-k read'
+
+The peers make an object of every message, and nothing of the objects. By default there are a million messages.
+"""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from long_bag import topics, write_long_bag
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from cfd_pneumatic.recording import read_recording
+
+MESSAGES = int(os.environ.get('CFD_PNEUMATIC_MESSAGES', 1_000_000))
+SAMPLES = MESSAGES // len(topics())
+BAGS = {'mcap': ('mcap', 'none'), 'mcap, zstd': ('mcap', 'zstd'), 'sqlite3': ('sqlite3', 'none')}
+ROUNDS = max(1, 3_000_000 // MESSAGES)
+
+
+def read_with_rosbags(file):
+    types = get_typestore(Stores.LATEST)
+    with Reader(file) as reader:
+        return sum(
+            types.deserialize_cdr(payload, connection.msgtype) is not None
+            for connection, _, payload in reader.messages()
+        )
+
+
+def read_with_mcap_ros2_support(file):
+    with file.open('rb') as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        return sum(message is not None for *_, message in reader.iter_decoded_messages())
+
+
+@pytest.fixture(scope='module', params=BAGS)
+def bag(request, tmp_path_factory):
+    storage, compression = BAGS[request.param]
+    return request.param, write_long_bag(tmp_path_factory.mktemp('bags') / 'long', SAMPLES, storage, compression)
+
+
+def timed(benchmark, bag, read):
+    name, file = bag
+    benchmark.group = f'read {SAMPLES * len(topics()):,} messages, {name}'
+    return benchmark.pedantic(read, args=(file,), rounds=ROUNDS, warmup_rounds=1 if read is read_recording else 0)
+
+
+def test_reading(benchmark, bag):
+    assert len(timed(benchmark, bag, read_recording).displacement) == SAMPLES
+
+
+def test_reading_with_rosbags(benchmark, bag):
+    assert timed(benchmark, bag, read_with_rosbags) == SAMPLES * len(topics())
+
+
+def test_reading_with_mcap_ros2_support(benchmark, bag):
+    if bag[0] == 'sqlite3':
+        pytest.skip('it reads mcap only')
+    assert timed(benchmark, bag, read_with_mcap_ros2_support) == SAMPLES * len(topics())

@@ -1,0 +1,42 @@
+"""Reading a sqlite3 file row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Connection
+
+from cfd_pneumatic.recording.blocks import Block, by_topic, put_together
+
+
+@dataclass(frozen=True)
+class SqliteRows:
+    """
+    A sqlite3 file that rosbags has opened.
+
+    Attributes
+    ----------
+    database
+        Its connection to SQLite.
+    connections : list of Connection
+        Its topics.
+    start_time : int
+        Time of the first message [ns].
+
+    """
+
+    database: Any
+    connections: list[Connection]
+    start_time: int
+
+    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
+        """Yield the messages of some topics, for each in the order of reception."""
+        wanted = ', '.join(str(connection.id) for connection in connections)
+        rows = self.database.execute(
+            f'SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({wanted}) ORDER BY timestamp'
+        )
+        for ids, block in put_together(rows):
+            yield from by_topic(block, np.array(ids), connections)
