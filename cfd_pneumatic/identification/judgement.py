@@ -267,7 +267,7 @@ class EffectSearch(ABC, Generic[Model]):
         return Step(candidates, ranked, tuple(leads), trials)
 
     def _beside(self, model: Model, names: Sequence[str]) -> dict[str, Model]:
-        """Return a model with one more effect, for each of some names; none is fitted twice."""
+        """Return a model with one more effect, for each of some names that may tell; none is fitted twice."""
         keys = {name: (*model.effects, name) for name in names}
         if self._accepted.get(tuple(model.effects)) is not model:
             return self.extensions(model, names)
@@ -275,7 +275,7 @@ class EffectSearch(ABC, Generic[Model]):
         if fresh:
             found = self.extensions(model, fresh)
             self._tried.update({keys[name]: candidate for name, candidate in found.items()})
-        return {name: self._tried[keys[name]] for name in names}
+        return {name: self._tried[keys[name]] for name in names if keys[name] in self._tried}
 
     def _rest(self, model: Model, name: str) -> Model:
         """Return a model with one effect less, as it was before that one was added if it was the last."""
