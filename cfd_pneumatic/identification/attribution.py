@@ -32,7 +32,7 @@ _LONG = 5000  # grid steps
 _EXCERPT = 8000  # grid steps of each recording that rough fits are of
 _FITTED_OF_LONG = 6  # effects
 _RIVALLING = 0.3  # of what the best one takes: what is fitted to the end of long recordings
-_ALIKE = 1.1  # times the least cost: starts whose rough fits may change places
+_ALIKE = 0.9  # of what its best start takes: starts whose rough fits may change places
 _STRONG = 5.0  # in sample noises: a residual that may have led the gains astray
 _QUICKER = 5.0
 _SLOWEST_RELIEF, _USUAL_RELIEF = 0.1, 0.25  # K_v over K_sv; the paper's tables have 0.15 to 0.3
@@ -187,30 +187,31 @@ class Search(EffectSearch[_Model]):
         """
         starts = self._starts(model, names)
         rough = dict(zip(names, each(lambda name: self._rough(model, name, starts[name]), names)))
-        promising = self._rivals(model, rough)
-        fine = dict(zip(promising, each(lambda name: self._fine(rough[name]), promising)))
+        before = self._cost_of_excerpt(model)
+        promising = self._rivals(model, rough, before)
+        fine = dict(zip(promising, each(lambda name: self._fine(rough[name], before), promising)))
         models = each(lambda name: self._finished(fine.get(name, rough[name][0]), model.extension), names)
         return dict(zip(names, models))
 
-    def _rivals(self, model: _Model, rough: Mapping[str, Sequence[_Rough]]) -> list[str]:
+    def _rivals(self, model: _Model, rough: Mapping[str, Sequence[_Rough]], before: float) -> list[str]:
         """Return the effects to fit to the end: the better half; of long recordings those that may be the best."""
         ranked = sorted(rough, key=lambda name: rough[name][0].cost)
         if not self.is_long:
             return ranked[: max(_PROMISING, len(ranked) // 2)]
-        before = sum(float(one @ one) for one in self._left(model))
         taken = {name: 1.0 - rough[name][0].cost / before for name in rough}
         promised = self._shares(model, ranked)
         least, least_promised = _RIVALLING * max(taken.values()), _RIVALLING * max(promised.values())
         may_be = [name for name in ranked if taken[name] >= least or promised[name] >= least_promised]
         return sorted(may_be, key=lambda name: -max(taken[name], promised[name]))[:_PROMISING]
 
-    def _left(self, model: _Model) -> list[Array]:
-        """Return what a model leaves of the excerpt, weighted [Pa]."""
+    def _cost_of_excerpt(self, model: _Model) -> float:
+        """Return the sum of squares that a model leaves of the excerpt."""
         data = self.excerpt
         begin = data.beginning(model.extension)
         simulated = begin.simulate(data.experiments, self.ambient_pressure)
         parts = zip(data.experiments, simulated, data.weights, data.masks)
-        return [((one.pressure - pressure) * weight)[mask] for one, pressure, weight, mask in parts]
+        left = [((one.pressure - pressure) * weight)[mask] for one, pressure, weight, mask in parts]
+        return sum(float(residual @ residual) for residual in left)
 
     def _starts(self, model: _Model, names: Sequence[str]) -> dict[str, Sequence[Start]]:
         data = starting_data(self.train.experiments, model.extension, self._in_train(model), self.ambient_pressure)
@@ -238,10 +239,12 @@ class Search(EffectSearch[_Model]):
             fits = [replace(one, extension=replace(one.extension, starts=model.extension.starts)) for one in fits]
         return sorted(fits, key=lambda one: one.cost)
 
-    def _fine(self, rough: Sequence[_Rough]) -> _Rough:
+    def _fine(self, rough: Sequence[_Rough], before: float) -> _Rough:
         """Return the best of a few rough fits, fitted to the end."""
-        alike = [one for one in rough[:_REFINED] if not self.is_long or one.cost < _ALIKE * rough[0].cost]
-        fits = [self._fit(self.train, one.extension, one.extension.effects, *_FINE) for one in alike or rough[:1]]
+        best, *others = rough[:_REFINED]
+        if self.is_long:
+            others = [one for one in others if before - one.cost > _ALIKE * (before - best.cost)]
+        fits = [self._fit(self.train, one.extension, one.extension.effects, *_FINE) for one in (best, *others)]
         return min(fits, key=lambda one: one.cost)
 
     def _beginnings(self, model: _Model) -> list[Extension]:

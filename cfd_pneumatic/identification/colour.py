@@ -49,13 +49,13 @@ def autoregression(series: Sequence[Array]) -> Array:
 
 def whitened(series: Array, coefficients: Array) -> Array:
     """
-    Return what is new in each sample of a series, shape (n,), or of several side by side, shape (n, k).
+    Return what is new in each sample of a series, shape (n,), or of several, shape (k, n).
 
     What came before the first is taken as zero.
     """
     innovations = series.copy()
     for lag, coefficient in enumerate(coefficients.tolist(), start=1):
-        innovations[lag:] -= coefficient * series[:-lag]
+        innovations[..., lag:] -= coefficient * series[..., :-lag]
     return innovations
 
 

@@ -26,9 +26,10 @@ from cfd_pneumatic.identification.force import (
     likely_area,
     starting_force_data,
 )
+from cfd_pneumatic.identification.influences import Influences
 from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH, EffectSearch, Found, Trial
 from cfd_pneumatic.identification.noise import Noise, noise_of, rounding_step, runs_at_rest, sample_noise
-from cfd_pneumatic.identification.residuals import Test, explained, lagged_features, tests_of
+from cfd_pneumatic.identification.residuals import Test, explained, tests_of
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.verdict import (
     Conclusion,
@@ -335,14 +336,13 @@ def force_residual_tests(
 
     """
     used = [index for index, mask in enumerate(masks) if np.any(mask)]
-    count = sum(int(mask.sum()) for mask in masks)
     residuals = [(experiments[index].force - simulated[index])[masks[index]] for index in used]
-    features = [_features(experiments[index], count)[masks[index]] for index in used]
-    return tests_of(residuals, features, force_noise(experiments, simulated))
+    influences = [_influences(experiments[index], masks[index]) for index in used]
+    return tests_of(residuals, influences, force_noise(experiments, simulated))
 
 
-def _features(experiment: ForceExperiment, count: int) -> Array:
-    """Return what the residual may depend on: motion, pressures and their products, at several lags."""
+def _influences(experiment: ForceExperiment, mask: Mask) -> Influences:
+    """Return what the residual may depend on: motion, pressures and their products."""
     at = experiment.samples
     x, rate, acceleration = experiment.displacement[at], experiment.rate[at], experiment.acceleration[at]
     # smoothed: the noise of the pressures, which the residual has in it, would pass for a dependence on them
@@ -366,7 +366,7 @@ def _features(experiment: ForceExperiment, count: int) -> Array:
         level * level,
     ]
     once += [rate * np.abs(rate), np.abs(acceleration), centred * direction]
-    return lagged_features(once, lagged, count)
+    return Influences(once, lagged, np.ones_like(x), int(np.argmax(mask)), int(np.count_nonzero(mask)))
 
 
 def _invisible(fitting: _Fitting, fit: ForceFit, noise: Noise, library: Mapping[str, Effect]) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from scipy.stats import beta, f
 
 from cfd_pneumatic.identification.colour import autocovariance, autoregression, whitened
 from cfd_pneumatic.identification.experiment import Experiment
+from cfd_pneumatic.identification.influences import Influences
 from cfd_pneumatic.identification.noise import SLOWEST, Noise, precision
 
 Array = NDArray[np.float64]
@@ -40,13 +41,13 @@ _MEMORY = 200  # samples
 _LAGS_WHITE = 25
 _LARGEST, _LARGEST_LONG, _LONG = 1.10, 1.05, 5000  # residual over noise; in records with so many samples
 _BESIDE_ROUNDING = 1.25  # over what rounding makes, and leaves at rest: the noise that is rounded comes on top
-_LAGS = (-2, -1, 0, 1, 2, 4, 8, 16, 32)  # [samples]
 _SMOOTHED = 25  # samples
 _SLOW = 4  # ordinates
+_MOST_ASKED = 60_000  # samples that a regression on the inputs is of
+_STRETCH = 2000  # samples, long beside all lags
 _SLOW_SAMPLES = 4096  # to which long records are averaged: slow parts need no more
 _NEIGHBOURS = 61  # ordinates
 _MEDIAN_SPREAD = 1.3
-_FEWEST_PER_FEATURE = 10  # samples
 
 
 @dataclass(frozen=True)
@@ -106,15 +107,15 @@ def residual_tests(
         ((one.pressure - pressure) * weight)[mask]
         for one, pressure, weight, mask in zip(experiments, simulated, precisions, masks)
     ]
-    count = sum(residual.size for residual in residuals)
-    features = [
-        (_features(one, pressure, count) * weight[:, None])[mask]
+    influences = [
+        _influences(one, pressure, weight, mask)
         for one, pressure, weight, mask in zip(experiments, simulated, precisions, masks)
+        if np.any(mask)
     ]
-    return tests_of(residuals, features, noise)
+    return tests_of([residual for residual in residuals if residual.size], influences, noise)
 
 
-def tests_of(residuals: Sequence[Array], features: Sequence[Array], noise: Noise) -> list[Test]:
+def tests_of(residuals: Sequence[Array], influences: Sequence[Influences], noise: Noise) -> list[Test]:
     """
     Return the tests of residuals, whatever they are of.
 
@@ -122,8 +123,8 @@ def tests_of(residuals: Sequence[Array], features: Sequence[Array], noise: Noise
     ----------
     residuals
         Of each experiment, at neighbouring samples, shape (n,).
-    features
-        What they may depend on, shape (n, k).
+    influences
+        What they may depend on.
     noise
         Of the residuals.
 
@@ -133,8 +134,8 @@ def tests_of(residuals: Sequence[Array], features: Sequence[Array], noise: Noise
     colour = autoregression(residuals)
     innovations = [whitened(residual, colour) for residual in residuals]
     tests = [
-        _inputs_test(innovations, features, colour),
-        _slow_inputs_test(residuals, features),
+        _inputs_test(innovations, influences, colour),
+        _slow_inputs_test(residuals, influences),
         _line_test(residuals),
         _level_test(residuals),
         _whiteness_test(residuals, noise),
@@ -145,8 +146,8 @@ def tests_of(residuals: Sequence[Array], features: Sequence[Array], noise: Noise
     return tests
 
 
-def _features(experiment: Experiment, simulated: Array, count: int) -> Array:
-    """Return what the residual may depend on: inputs, what the model makes of them, their products, at several lags."""
+def _influences(experiment: Experiment, simulated: Array, weight: Array, mask: NDArray[np.bool_]) -> Influences:
+    """Return what the residual may depend on: inputs, what the model makes of them, and their products."""
     at = experiment.samples
     times = experiment.sample_times
     x = experiment.displacement[at]
@@ -162,33 +163,13 @@ def _features(experiment: Experiment, simulated: Array, count: int) -> Array:
     lagged = [rate, change, error, np.abs(error), np.abs(rate), np.sign(rate) * (np.abs(rate) > 0.05 * np.std(rate))]
     once = [x, level, centred * rate, centred * error, level * error, progress * change, progress * rate, x * x]
     once += [level * level, np.abs(change), error * np.abs(error)]
-    return lagged_features(once, lagged, count)
+    return Influences(once, lagged, weight, int(np.argmax(mask)), int(np.count_nonzero(mask)))
 
 
-def lagged_features(once: Sequence[Array], lagged: Sequence[Array], count: int) -> Array:
-    """Return a constant, signals, and others at several lags, as many as so many samples bear, shape (n, k)."""
-    few = max(1, count // _FEWEST_PER_FEATURE)
-    columns = [np.ones_like(lagged[0]), *once]
-    for lag in sorted(_LAGS, key=abs):
-        columns += [_shifted(one, lag) for one in lagged]
-    return np.column_stack(columns[:few])
-
-
-def _shifted(values: Array, lag: int) -> Array:
-    """Return values `lag` samples later, the ends held."""
-    moved = np.roll(values, lag)
-    if lag > 0:
-        moved[:lag] = values[0]
-    elif lag < 0:
-        moved[lag:] = values[-1]
-    return moved
-
-
-def _inputs_test(innovations: Sequence[Array], features: Sequence[Array], colour: Array) -> Test:
+def _inputs_test(innovations: Sequence[Array], influences: Sequence[Influences], colour: Array) -> Test:
     """Ask how much of what is new in each sample a regression on the inputs explains: the quick part."""
-    new = np.concatenate(innovations)
-    columns = _scaled(np.concatenate([whitened(part, colour) for part in features]))
-    triangle: Array = np.linalg.qr(np.column_stack([columns, new]), mode='r')  # type: ignore[assignment]
+    new, columns = _in_stretches(innovations, influences, colour)
+    triangle: Array = np.linalg.qr(np.column_stack([_scaled(columns), new]), mode='r')  # type: ignore[assignment]
     directions, rank = _directions(triangle[:-1, :-1])
     share = float(np.sum((directions.T @ triangle[:-1, -1]) ** 2) / (new @ new))
     significant = float(beta.isf(SIGNIFICANCE, rank / 2.0, max(new.size - rank, 1) / 2.0))
@@ -196,17 +177,14 @@ def _inputs_test(innovations: Sequence[Array], features: Sequence[Array], colour
     return Test('inputs', share, threshold, 'share of the residual that a regression on the inputs explains')
 
 
-def _slow_inputs_test(residuals: Sequence[Array], features: Sequence[Array]) -> Test:
+def _slow_inputs_test(residuals: Sequence[Array], influences: Sequence[Influences]) -> Test:
     """
     Ask how much of the residual as it is a regression on the inputs explains, slow parts and all.
 
     What chance explains of noise with a memory is seen from the same residual against the inputs of other times: all
     circular shifts of it.
     """
-    residual, columns = np.concatenate(residuals), np.concatenate(features)
-    if residual.size > 2 * _SLOW_SAMPLES:
-        edges = np.arange(_SLOW_SAMPLES) * residual.size // _SLOW_SAMPLES
-        residual, columns = np.add.reduceat(residual, edges), np.add.reduceat(columns, edges, axis=0)
+    residual, columns = _slow_parts(residuals, influences)
     basis = _orthogonal(columns)
     spectra = np.fft.rfft(basis.T) * np.conj(np.fft.rfft(residual))
     shares = np.sum(np.fft.irfft(spectra, residual.size) ** 2, axis=0) / float(residual @ residual)
@@ -214,6 +192,36 @@ def _slow_inputs_test(residuals: Sequence[Array], features: Sequence[Array]) -> 
     return Test(
         'slow_inputs', float(shares[0]), threshold, 'share of the residual, slow parts too, that inputs explain'
     )
+
+
+def _in_stretches(innovations: Sequence[Array], influences: Sequence[Influences], colour: Array) -> tuple[Array, Array]:
+    """Return what is new in the samples, and the inputs whitened alike; of long recordings in stretches of them."""
+    count = sum(one.size for one in innovations)
+    every = max(1, count // _MOST_ASKED)
+    width = min(one.width(count) for one in influences)
+    parts, columns = [], []
+    for new, own in zip(innovations, influences):
+        for begin in range(0, new.size, every * _STRETCH):
+            end = min(begin + _STRETCH, new.size) if every > 1 else new.size
+            before = min(begin, colour.size)
+            parts.append(new[begin:end])
+            columns.append(whitened(own.values(begin - before, end, width), colour)[:, before:])
+            if every == 1:
+                break
+    return np.concatenate(parts), np.concatenate(columns, axis=1).T
+
+
+def _slow_parts(residuals: Sequence[Array], influences: Sequence[Influences]) -> tuple[Array, Array]:
+    """Return the residuals and the inputs, of long recordings the sums of neighbours of both."""
+    count = sum(one.size for one in residuals)
+    width = min(one.width(count) for one in influences)
+    together = count / _SLOW_SAMPLES if count > 2 * _SLOW_SAMPLES else 1.0
+    parts, columns = [], []
+    for residual, own in zip(residuals, influences):
+        edges = np.linspace(0, residual.size, max(1, round(residual.size / together)) + 1).astype(np.intp)
+        parts.append(np.add.reduceat(residual, edges[:-1]))
+        columns.append(own.sums(edges, width))
+    return np.concatenate(parts), np.concatenate(columns, axis=1).T
 
 
 def _orthogonal(columns: Array) -> Array:

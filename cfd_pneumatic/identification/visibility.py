@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ Mask = NDArray[np.bool_]
 
 _PLAIN = 10.0  # times what shows: no fit makes up for so much
 _MADE_UP = 2.0  # an effect that loses less than half of itself to the model's parameters keeps what is left
+_EXCERPT = 8000  # grid steps of each recording that are asked first
+_SURELY = 2.0  # times what shows: what shows in an excerpt shows in the whole
 _ROUGH = (1e-2, 10)  # tolerance and evaluations of a fit to what an effect makes
 
 
@@ -56,33 +59,74 @@ def invisible(
         'residual': STRENGTH * noise.std,
         'lag': 0.0,
     }
-    weights = [np.ones_like(one.pressure) for one in experiments]
-    jacobian = tangent(experiments, masks, ambient_pressure, fitted, weights).jacobian
-    size = np.linalg.norm(jacobian, axis=0)
-    basis = np.linalg.qr(jacobian[:, size > 0.0] / size[size > 0.0])[0]
-
     shown = SHOWN * noise.std
+    whole = _View(experiments, masks, ambient_pressure, fitted)
+    excerpt = whole.excerpt(_EXCERPT)
 
     def shows(name: str) -> bool:
-        beside = [replace(fitted, effects={**fitted.effects, name: start}) for start in library[name].starts(data)]
-        pressures = simulate_models(experiments, beside, ambient_pressure)
-        starts = [[of_all[:, rank] for of_all in pressures] for rank in range(len(beside))]
-        changes = [_masked(start, simulated, masks) for start in starts]
-        left = [_rms(change - basis @ (basis.T @ change)) for change in changes]
-        if any(
-            own > shown and (own > _PLAIN * shown or _rms(change) < _MADE_UP * own)
-            for own, change in zip(left, changes)
-        ):
-            return True
-        return any(own > shown and remains(start) for own, start in zip(left, starts))
-
-    def remains(pressures: Sequence[Array]) -> bool:
-        made = [replace(one, pressure=pressure) for one, pressure in zip(experiments, pressures)]
-        without = extend(made, masks, ambient_pressure, fitted, fitted.effects, weights, *_ROUGH)
-        return _rms(_masked(pressures, without.simulate(made, ambient_pressure), masks)) > shown
+        starts = library[name].starts(data)
+        seen_at_once = excerpt is not whole and excerpt.shows(name, starts, _SURELY * shown, asks_a_fit=False)
+        return seen_at_once or whole.shows(name, starts, shown)
 
     names = [name for name in library if name not in fitted.effects]
     return tuple(name for name, visible in zip(names, each(shows, names)) if not visible)
+
+
+class _View:
+    """Experiments in which effects may show beside a model."""
+
+    def __init__(
+        self, experiments: Sequence[Experiment], masks: Sequence[Mask], ambient_pressure: float, fitted: Extension
+    ) -> None:
+        self._experiments = experiments
+        self._masks = masks
+        self._ambient_pressure = ambient_pressure
+        self._fitted = fitted
+        self._weights = [np.ones_like(one.pressure) for one in experiments]
+
+    @cached_property
+    def _simulated(self) -> list[Array]:
+        return self._fitted.simulate(self._experiments, self._ambient_pressure)
+
+    @cached_property
+    def _basis(self) -> Array:
+        """What the model's parameters make up for by small changes."""
+        own = tangent(self._experiments, self._masks, self._ambient_pressure, self._fitted, self._weights).jacobian
+        size = np.linalg.norm(own, axis=0)
+        return np.asarray(np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0])
+
+    def excerpt(self, steps: int) -> _View:
+        """Return the liveliest part, itself where it has no more steps."""
+        if max(one.times.size for one in self._experiments) <= steps:
+            return self
+        cuts = [one.liveliest(steps) for one in self._experiments]
+        experiments = [one.between(first, last) for one, (first, last) in zip(self._experiments, cuts)]
+        masks = [
+            mask[slice(*np.searchsorted(one.samples, [first, last + 1]))]
+            for one, mask, (first, last) in zip(self._experiments, self._masks, cuts)
+        ]
+        return _View(experiments, masks, self._ambient_pressure, self._fitted) if any(map(np.any, masks)) else self
+
+    def shows(self, name: str, starts: Sequence[tuple[float, ...]], least: float, *, asks_a_fit: bool = True) -> bool:
+        """Return whether an effect leaves more than so much [Pa] of itself; a fit is asked where that isn't plain."""
+        beside = [replace(self._fitted, effects={**self._fitted.effects, name: start}) for start in starts]
+        together = simulate_models(self._experiments, beside, self._ambient_pressure)
+        pressures = [[one[:, rank] for one in together] for rank in range(len(beside))]
+        changes = [_masked(one, self._simulated, self._masks) for one in pressures]
+        left = [_rms(change - self._basis @ (self._basis.T @ change)) for change in changes]
+        if any(
+            own > least and (own > _PLAIN * least or _rms(change) < _MADE_UP * own)
+            for own, change in zip(left, changes)
+        ):
+            return True
+        return asks_a_fit and any(own > least and self._remains(one, least) for own, one in zip(left, pressures))
+
+    def _remains(self, pressures: Sequence[Array], least: float) -> bool:
+        """Return whether more than so much of what was simulated is left when the model is fitted to it."""
+        made = [replace(one, pressure=pressure) for one, pressure in zip(self._experiments, pressures)]
+        fitted = self._fitted
+        without = extend(made, self._masks, self._ambient_pressure, fitted, fitted.effects, self._weights, *_ROUGH)
+        return _rms(_masked(pressures, without.simulate(made, self._ambient_pressure), self._masks)) > least
 
 
 def _masked(ones: Sequence[Array], others: Sequence[Array], masks: Sequence[Mask]) -> Array:

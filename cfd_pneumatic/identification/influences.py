@@ -1,0 +1,73 @@
+"""What residuals may depend on: signals, some of them at several lags, looked at in pieces of a long recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_LAGS = (0, -1, 1, -2, 2, 4, 8, 16, 32)  # [samples], in the order in which they are left out last
+_FEWEST_PER_SIGNAL = 10  # samples
+_CHUNK = 16_384  # samples whose values are made together
+
+
+@dataclass(frozen=True)
+class Influences:
+    """
+    Signals that the residuals of one recording may depend on.
+
+    Attributes
+    ----------
+    once
+        Signals at no lag but zero, each of shape (n,).
+    lagged
+        Signals at several lags, each of shape (n,).
+    weight
+        Of each sample, shape (n,).
+    first, count
+        Which samples the residuals are of.
+
+    """
+
+    once: Sequence[Array]
+    lagged: Sequence[Array]
+    weight: Array
+    first: int
+    count: int
+
+    def width(self, samples: int) -> int:
+        """Return how many signals so many samples bear, a constant among them."""
+        return min(1 + len(self.once) + len(_LAGS) * len(self.lagged), max(1, samples // _FEWEST_PER_SIGNAL))
+
+    def values(self, begin: int, end: int, width: int) -> Array:
+        """Return a constant and the first signals, weighted, from one residual to before another, shape (width, n)."""
+        rows = self.first + np.arange(begin, end)
+        found = np.empty((width, end - begin))
+        weight = self.weight[rows]
+        for row, (signal, lag) in zip(found, self._signals()):
+            row[:] = weight if signal is None else weight * signal[np.clip(rows - lag, 0, signal.size - 1)]
+        return found
+
+    def sums(self, edges: NDArray[np.intp], width: int) -> Array:
+        """Return the sums of `values` from each edge to before the next, shape (width, edges - 1)."""
+        parts = []
+        begin = 0
+        while begin < len(edges) - 1:
+            end = max(begin + 1, int(np.searchsorted(edges, edges[begin] + _CHUNK, side='right')) - 1)
+            inner = edges[begin:end] - edges[begin]
+            parts.append(np.add.reduceat(self.values(edges[begin], edges[end], width), inner, axis=1))
+            begin = end
+        return np.concatenate(parts, axis=1)
+
+    def _signals(self) -> Iterator[tuple[Array | None, int]]:
+        """Yield each signal, None for the constant, and its lag."""
+        yield None, 0
+        for signal in self.once:
+            yield signal, 0
+        for lag in _LAGS:
+            for signal in self.lagged:
+                yield signal, lag
