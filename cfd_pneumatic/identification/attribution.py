@@ -7,7 +7,6 @@ How effects are judged stands in `judgement`; here is how a cylinder's pressure 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from cfd_pneumatic.identification.noise import precision, pressure_noise, sample
 from cfd_pneumatic.identification.residuals import Test, residual_tests
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.starts import starting_data
+from cfd_pneumatic.identification.threads import threads
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Data, Effect
 
 Array = NDArray[np.float64]
@@ -101,7 +101,7 @@ class Search(EffectSearch[_Model]):
         All are fitted roughly, from every start; the more promising half is fitted to the end.
         """
         data = starting_data(self.train, model.extension, model.simulated, self.ambient_pressure)
-        with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:  # simulations let other threads run
+        with ThreadPoolExecutor(max_workers=threads()) as pool:  # simulations let other threads run
             rough = dict(zip(names, pool.map(lambda name: self._rough(model, name, data), names)))
             promising = sorted(names, key=lambda name: rough[name][0].rss)[: max(_PROMISING, len(names) // 2)]
             fine = dict(zip(promising, pool.map(lambda name: self._fine(rough[name]), promising)))

@@ -1,0 +1,114 @@
+"""Jobs done by the workers of a Dask cluster, some of which may die over them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from queue import Empty, SimpleQueue
+from typing import TypeVar
+
+from distributed import Client, Future, KilledWorker, LocalCluster
+
+from cfd_pneumatic.errors import InputError
+
+Work = TypeVar('Work')
+Result = TypeVar('Result')
+
+_PATIENCE = '20s'
+_LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
+_LOST = ('cancelled', 'lost')
+
+
+@contextmanager
+def local_cluster(workers: int) -> Iterator[Client]:
+    """Yield a client of a cluster of our own: processes with one thread each, replaced where they die."""
+    with (
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def existing_cluster(address: str) -> Iterator[Client]:
+    """
+    Yield a client of a cluster that runs.
+
+    Raises
+    ------
+    InputError
+        If no scheduler answers at the address.
+
+    """
+    try:
+        client = Client(address, timeout=_PATIENCE)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f'no Dask scheduler answers at {address}: start one with `dask scheduler` and give the address it prints'
+        ) from error
+    with client:
+        yield client
+
+
+def results(
+    client: Client,
+    function: Callable[[Work], Result],
+    jobs: Sequence[Work],
+    no_workers: Callable[[], None] = lambda: None,
+) -> Iterator[tuple[Work, Result | Exception]]:
+    """
+    Yield each job with what the function returned or raised, in the order in which they end.
+
+    What a worker was doing when it died is done again by another. Jobs that several workers died over are done again
+    one by one, so that none is blamed for another's doing.
+
+    Parameters
+    ----------
+    client
+        Of the cluster.
+    function, jobs
+        What to do, and what with; both are sent to the workers.
+    no_workers
+        Called now and then while there are no workers: they may come.
+
+    Raises
+    ------
+    InputError
+        If the scheduler is lost.
+
+    """
+    suspects = []
+    for job, result in _done(client, function, jobs, no_workers):
+        if isinstance(result, KilledWorker):
+            suspects.append(job)
+        else:
+            yield job, result
+    for suspect in suspects:
+        yield from _done(client, function, [suspect], no_workers)
+
+
+def _done(
+    client: Client, function: Callable[[Work], Result], jobs: Sequence[Work], no_workers: Callable[[], None]
+) -> Iterator[tuple[Work, Result | Exception]]:
+    done: SimpleQueue[Future] = SimpleQueue()
+    waiting = dict(zip(client.map(function, jobs, pure=False), jobs))
+    for future in waiting:
+        future.add_done_callback(done.put)
+    while waiting:
+        try:
+            future = done.get(timeout=_LOOK)
+        except Empty:
+            if not client.nthreads():
+                no_workers()
+            continue
+        job = waiting.pop(future)
+        if future.status in _LOST:
+            raise InputError('the Dask scheduler was lost: give the same command again to go on')
+        yield job, future.exception() or future.result()
