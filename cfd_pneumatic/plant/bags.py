@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,8 @@ BAG_SUFFIXES = (*STORAGE_SUFFIXES, ROS1_SUFFIX, *(f'{suffix}.zstd' for suffix in
 
 TABLE_SUFFIXES = ('.csv', '.tsv', '.txt', '.dat')
 """Files that are tables, where a mapping says that tables are meant."""
+
+_LONGEST = 60  # characters of a name, so that there is room for more in what a file system takes
 
 
 @dataclass(frozen=True)
@@ -75,14 +77,14 @@ def find_bags(given: Sequence[Path], leave_out: Path, *, tables: bool = False) -
 
 
 def _below(
-    path: Path, leave_out: Path, suffixes: Collection[str], seen: frozenset[Path] = frozenset()
+    path: Path, leave_out: Path, suffixes: tuple[str, ...], above: frozenset[Path] = frozenset()
 ) -> Iterator[Path]:
-    """Yield the bag that a path is, or those below it; a folder that can't be read passes for a bag, which will fail."""
+    """Yield the bag that a path is, or those below it; a folder that can't be read is yielded too, and will fail."""
     resolved = path.resolve()
     if not path.is_dir() or _is_bag(path):
         yield path
         return
-    if resolved == leave_out or resolved in seen:  # a link may lead back up
+    if resolved == leave_out or resolved in above:  # a link may lead back up
         return
     try:
         inside = sorted(path.iterdir())
@@ -93,8 +95,8 @@ def _below(
         if entry.name.startswith('.') or _is_result(entry):
             continue
         if entry.is_dir():
-            yield from _below(entry, leave_out, suffixes, seen | {resolved})
-        elif entry.name.endswith(tuple(suffixes)):
+            yield from _below(entry, leave_out, suffixes, above | {resolved})
+        elif entry.name.endswith(suffixes):
             yield entry
 
 
@@ -142,7 +144,7 @@ def _stem(path: Path) -> str:
 
 def _safe(name: str) -> str:
     """Return a name with nothing in it that a file system or an address could trip over."""
-    return re.sub(r'[^\w.-]+', '-', name).lstrip('.') or '-'
+    return re.sub(r'[^\w.-]+', '-', name).lstrip('.')[:_LONGEST] or '-'
 
 
 def _digest(path: Path) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import pairwise
 
 WIDTH, HEIGHT = 600, 120
 """Size that charts are drawn in, in whole numbers; the page scales them."""
@@ -105,7 +106,7 @@ def _path(kind: str, key: str, runs: Sequence[Sequence[tuple[int, int]]]) -> str
         data += f'M{run[0][0]} {run[0][1]}'
         if len(run) == 1:
             data += 'h0'
-        for (x, y), (next_x, next_y) in zip(run, run[1:]):
+        for (x, y), (next_x, next_y) in pairwise(run):
             across, down = next_x - x, next_y - y
             data += f'l{across}{"" if down < 0 else " "}{down}'
     return f'<path class="{kind} {key}" d="{data}"/>'

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import signal
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from distributed import Client, Future, KilledWorker, LocalCluster
 
@@ -23,17 +25,27 @@ _LOST = ('cancelled', 'lost')
 @contextmanager
 def local_cluster(workers: int) -> Iterator[Client]:
     """Yield a client of a cluster of our own: processes with one thread each, replaced where they die."""
-    with (
-        LocalCluster(
+    with _without_interrupts():  # a terminal sends them to the workers, too, which would complain of them
+        cluster = LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
             dashboard_address=None,
             silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
+        )
+    with cluster, Client(cluster) as client:
         yield client
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Keep interrupts from all threads and processes that begin meanwhile, and from theirs."""
+    resource_tracker.ensure_running()  # or it begins among them and lets interrupts through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -97,7 +109,7 @@ def results(
 def _done(
     client: Client, function: Callable[[Work], Result], jobs: Sequence[Work], no_workers: Callable[[], None]
 ) -> Iterator[tuple[Work, Result | Exception]]:
-    done: SimpleQueue[Future] = SimpleQueue()
+    done: SimpleQueue[Future[Any]] = SimpleQueue()
     waiting = dict(zip(client.map(function, jobs, pure=False), jobs))
     for future in waiting:
         future.add_done_callback(done.put)

@@ -26,7 +26,7 @@ class Settings:
 
     """
 
-    options: Options = Options()
+    options: Options
     mapping: ChannelMapping | None = None
     namespace: str | None = None
 

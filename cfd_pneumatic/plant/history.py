@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 
 from cfd_pneumatic.plant.table import FAILED, Row
 
@@ -99,7 +99,7 @@ def _device(name: str, rows: Sequence[Row]) -> Device:
 
 def _changes(rows: Sequence[Row]) -> Iterator[Change]:
     told = [row for row in rows if row['verdict'] not in UNTOLD]
-    return (Change(before, after) for before, after in zip(told, told[1:]) if _differ(before, after))
+    return (Change(before, after) for before, after in pairwise(told) if _differ(before, after))
 
 
 def _differ(before: Row, after: Row) -> bool:

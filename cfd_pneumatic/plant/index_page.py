@@ -163,11 +163,9 @@ def _drifts(rows: Sequence[Row]) -> Iterator[Drift]:
         errors = [_track(rows, which, column_of('rmse', unit, which)) for which in ('before', 'after')]
         if any(errors):
             yield Drift('error', 'RMS of what the model leaves', unit, tuple(filter(None, errors)))
-    for name, unit, description in [(spec.name, spec.unit, spec.description) for spec in SPECS] + [_AREA]:
+    for name, unit, description in (*((spec.name, spec.unit, spec.description) for spec in SPECS), _AREA):
         tracks = [
-            _track(
-                rows, which or 'before', column_of(name, unit, which), column_of(name, unit, f'{which}_std'.lstrip('_'))
-            )
+            _track(rows, which or 'before', column_of(name, unit, which), column_of(name, unit, which, 'std'))
             for which in ('', 'after')
         ]
         if any(tracks):
@@ -209,7 +207,7 @@ def _chart(drift: Drift, places: Sequence[float], changed: Sequence[int]) -> dic
         'description': drift.description,
         'unit': drift.unit,
         'value': value,
-        'std': std,
+        'doubt': abs(std / value) if std and value else None,
         'range': told,
         'svg': drift_chart(places, drift.tracks, changed, label),
     }

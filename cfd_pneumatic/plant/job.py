@@ -107,6 +107,7 @@ def _replaced(folder: Path) -> Iterator[Path]:
 def _identified(job: Job, folder: Path) -> list[Row]:
     """Return the rows of a bag, which is one with the reason where there is no result."""
     settings = job.settings
+    time = None
     try:
         recording = read_recording(
             job.bag,
@@ -115,12 +116,9 @@ def _identified(job: Job, folder: Path) -> list[Row]:
             ambient_pressure=settings.options.ambient_pressure,
         )
         time = recording.epoch if recording.epoch >= _FIRST_DATE else None
-    except InputError as error:
-        return [failure(str(error).removeprefix(f'{job.bag}: '))]
-    try:
         identification = identify([recording], settings.options)
     except InputError as error:
-        return [failure(str(error)) | {'time': time}]
+        return [failure(str(error).removeprefix(f'{job.bag}: ')) | {'time': time}]
     write_report(identification, folder)
     report = json.loads((folder / REPORT_FILE).read_text(encoding='utf-8'))
     page = PAGE_FILE if (folder / PAGE_FILE).is_file() else REPORT_FILE
@@ -205,5 +203,5 @@ def _estimates(parameters: Mapping[str, Any], which: str) -> Row:
     row = {}
     for name, one in parameters.items():
         row[column_of(name, one['unit'], which)] = one['value']
-        row[column_of(name, one['unit'], f'{which}_std'.lstrip('_'))] = one['std']
+        row[column_of(name, one['unit'], which, 'std')] = one['std']
     return row

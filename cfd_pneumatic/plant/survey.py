@@ -91,7 +91,7 @@ def survey(
     Raises
     ------
     InputError
-        If the folder can't be written or the cluster is lost.
+        If the folder can't be written, or the cluster is not there, or lost.
 
     """
     jobs = {_job(bag, settings, folder): bag for bag in bags}

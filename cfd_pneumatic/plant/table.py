@@ -1,9 +1,9 @@
 """
 The table of all results: its columns, and its two forms, CSV and Parquet.
 
-One row for each cylinder of each bag, and one for the contact force where it was identified too: `verdict`, `k_x` and
-the rest mean the same in each row, so that ``table[table.part == 'cylinder_a'].groupby('device')`` is all it takes. A bag
-that failed is one row.
+One row for each cylinder of each bag, and one for the contact force where it was identified too: `verdict`, the
+parameters and the rest mean the same in each row, so that ``table[table.part == 'cylinder_a'].groupby('device')`` is
+all it takes to follow them. A bag that failed is one row.
 """
 
 from __future__ import annotations
@@ -61,19 +61,17 @@ class Column:
     unit: str = ''
 
 
-def column_of(parameter: str, unit: str, which: str = '') -> str:
-    """Return the name of the column of a parameter; `which` may be `std`, `after` or `after_std`."""
-    return '_'.join(filter(None, (parameter, which, _SUFFIXES[unit])))
+def column_of(name: str, unit: str, *which: str) -> str:
+    """Return the name of a column of numbers; `which` may be `before`, `after` and `std`, in this order."""
+    return '_'.join(filter(None, (name, *which, _SUFFIXES[unit])))
 
 
 def _gain_columns() -> Iterator[Column]:
     for which, of in (('', ''), ('after', ', fitted beside the effects')):
         for spec in SPECS:
-            std = f'{which}_std' if which else 'std'
-            yield Column(column_of(spec.name, spec.unit, which), 'number', spec.description + of, spec.unit)
-            yield Column(
-                column_of(spec.name, spec.unit, std), 'number', f'standard error of {spec.name}{of}', spec.unit
-            )
+            name, std = column_of(spec.name, spec.unit, which), column_of(spec.name, spec.unit, which, 'std')
+            yield Column(name, 'number', spec.description + of, spec.unit)
+            yield Column(std, 'number', f'standard error of {spec.name}{of}', spec.unit)
 
 
 def _error_columns() -> Iterator[Column]:
@@ -89,9 +87,7 @@ COLUMNS = (
     Column('time', 'time', 'when the recording begins; empty where its clock does not count from 1970'),
     Column('bag', 'text', 'path of the bag'),
     Column('part', 'text', 'cylinder_a, cylinder_b or force; empty where the bag failed'),
-    Column(
-        'verdict', 'text', f'of closing the loop; {FITTED} where it was not closed, {FAILED} where there is no result'
-    ),
+    Column('verdict', 'text', f'of closing the loop; {FITTED} where it stayed open, {FAILED} where there is no result'),
     Column('reason', 'text', 'why that is the verdict'),
     Column('effects', 'text', 'effects that the model lacks, by semicolons'),
     Column('alternatives', 'text', 'effects that the recording cannot tell from those, by semicolons'),
