@@ -17,9 +17,8 @@ from cfd_pneumatic.errors import InputError
 Work = TypeVar('Work')
 Result = TypeVar('Result')
 
-_PATIENCE = '20s'
+_PATIENCE = '10s'
 _LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
-_LOST = ('cancelled', 'lost')
 
 
 @contextmanager
@@ -59,6 +58,8 @@ def existing_cluster(address: str) -> Iterator[Client]:
         If no scheduler answers at the address.
 
     """
+    for name in ('distributed', 'distributed.client'):  # what went wrong is said by whoever uses the client
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=_PATIENCE)
     except (OSError, ValueError) as error:
@@ -120,7 +121,9 @@ def _done(
             if not client.nthreads():
                 no_workers()
             continue
-        job = waiting.pop(future)
-        if future.status in _LOST:
+        if future.status == 'lost':  # with a worker that had it; it comes again
+            future.add_done_callback(done.put)
+            continue
+        if future.cancelled():
             raise InputError('the Dask scheduler was lost: give the same command again to go on')
-        yield job, future.exception() or future.result()
+        yield waiting.pop(future), future.exception() or future.result()

@@ -23,9 +23,10 @@ PROGRAM = [sys.executable, '-m', 'cfd_pneumatic.commands.identify_bag']
 
 
 @cache
-def step(seed: int) -> Recording:
-    """Return a short recording of the virtual rig."""
-    return as_recording(record(paper_step(setpoint=34.5e3), seed=seed), 'step')
+def step(seed: int, *, alone: bool = False) -> Recording:
+    """Return a short recording of the virtual rig, or of its cylinder A alone."""
+    whole = as_recording(record(paper_step(setpoint=34.5e3), seed=seed), 'step')
+    return replace(whole, cylinders={'cylinder_a': whole.cylinders['cylinder_a']}, force=None) if alone else whole
 
 
 def still() -> Recording:
@@ -42,12 +43,12 @@ def write_shift(path: Path, recording: Recording, shift: int) -> Path:
     return path
 
 
-def write_plant(folder: Path, devices: int, shifts: int) -> Path:
-    """Write bags as FOLDER/cell_1/shift_1; neighbours differ."""
+def write_plant(folder: Path, devices: int, shifts: int, *, alone: bool = False) -> Path:
+    """Write bags as FOLDER/cell_1/shift_1; neighbours differ, and may hold cylinder A alone."""
     for device in range(devices):
         for shift in range(shifts):
             path = folder / f'cell_{device + 1}' / f'shift_{shift + 1}'
-            write_shift(path, step((device + shift) % 4), shift)
+            write_shift(path, step((device + shift) % 4, alone=alone), shift)
     return folder
 
 

@@ -73,10 +73,3 @@ def test_no_scheduler_at_the_address(monkeypatch):
     monkeypatch.setattr('cfd_pneumatic.plant.cluster._PATIENCE', '1s')
     with pytest.raises(InputError, match='dask scheduler'), existing_cluster(address):
         pass
-
-
-@pytest.mark.parametrize('address', ['nonsense', 'tcp://', 'ftp://localhost:1'])
-def test_an_address_that_is_none(address, monkeypatch):
-    monkeypatch.setattr('cfd_pneumatic.plant.cluster._PATIENCE', '1s')
-    with pytest.raises(InputError, match='dask scheduler'), existing_cluster(address):
-        pass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import shutil
 import signal
@@ -13,7 +14,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
 from generated import FIRST, PROGRAM, SHIFT, start, step, still, tables, wait_for, write_plant, write_shift
 from pyarrow import parquet
 
@@ -156,8 +156,6 @@ def dask(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
 
 def address_of(folder: Path) -> str:
     """Return the address of the scheduler once it is there."""
-    import json
-
     limit = time.monotonic() + _PATIENCE
     while time.monotonic() < limit:
         try:
@@ -168,7 +166,7 @@ def address_of(folder: Path) -> str:
 
 
 def test_on_a_dask_cluster_that_loses_a_worker_half_way_200_bags_give_the_same_table(tmp_path):
-    write_plant(tmp_path / 'plant', 20, 10)
+    write_plant(tmp_path / 'plant', 20, 10, alone=True)
     finish(start('plant', '--each', '--jobs', 2, '--output', tmp_path / 'alone', cwd=tmp_path))
     worker = ('worker', '--nthreads', '1', '--host', '127.0.0.1')
     with (
@@ -199,4 +197,12 @@ def test_a_cluster_without_workers_is_waited_for_and_one_that_is_lost_ends_the_r
             _, complaint = run.communicate(timeout=_PATIENCE)
     assert run.returncode == 2
     assert complaint.startswith('identify_bag: error: the Dask scheduler was lost')
+    assert complaint.count('\n') == 1
+
+
+def test_an_address_that_is_none(small, tmp_path):
+    run = start('plant', '--each', '--scheduler', 'ftp://localhost:1', '--output', tmp_path, cwd=small.parent)
+    _, complaint = run.communicate(timeout=_PATIENCE)
+    assert run.returncode == 2
+    assert complaint.startswith('identify_bag: error: no Dask scheduler answers at ftp://localhost:1')
     assert complaint.count('\n') == 1
