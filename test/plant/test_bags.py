@@ -92,7 +92,7 @@ def test_a_folder_without_bags(tmp_path):
         find_bags([tmp_path], RESULTS)
 
 
-NAMES = st.text(st.characters(exclude_characters='/\0', exclude_categories=['Cs']), min_size=1, max_size=8).filter(
+NAMES = st.text(st.characters(blacklist_characters='/\0', blacklist_categories=['Cs']), min_size=1, max_size=8).filter(
     lambda name: not name.startswith('.')
 )
 

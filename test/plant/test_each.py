@@ -17,6 +17,7 @@ from pathlib import Path
 from generated import FIRST, PROGRAM, SHIFT, start, step, still, tables, wait_for, write_plant, write_shift
 from pyarrow import parquet
 
+from cfd_pneumatic.files import claimed
 from cfd_pneumatic.plant.table import iso_time
 
 DASK = [sys.executable, '-m', 'dask']
@@ -128,13 +129,12 @@ def test_a_bag_mended_is_done_again(tmp_path):
 
 
 def test_two_runs_do_not_write_to_one_folder(small, tmp_path):
-    run = start('plant', '--each', '--jobs', 1, '--output', tmp_path, cwd=small.parent)
-    wait_for(run, 1)
-    other = start('plant', '--each', '--jobs', 1, '--output', tmp_path, cwd=small.parent)
-    _, complaint = other.communicate(timeout=_PATIENCE)
-    assert other.returncode == 2
+    with claimed(tmp_path):
+        run = start('plant', '--each', '--jobs', 1, '--output', tmp_path, cwd=small.parent)
+        _, complaint = run.communicate(timeout=_PATIENCE)
+    assert run.returncode == 2
     assert 'another run' in complaint
-    finish(run)
+    assert list(tmp_path.iterdir()) == []
 
 
 # on a cluster that runs already

@@ -13,7 +13,7 @@ from pyarrow import parquet
 from cfd_pneumatic.plant.table import COLUMNS, iso_time, write_table
 
 VALUES = {
-    'text': st.text(st.characters(exclude_categories=['Cs', 'Cc']), min_size=1),
+    'text': st.text(st.characters(blacklist_categories=['Cs', 'Cc']), min_size=1),
     'number': st.floats(allow_nan=False, allow_infinity=False),
     'time': st.integers(631_152_000, 2**31).map(lambda seconds: seconds * 10**9 + 123_456_789),
 }
