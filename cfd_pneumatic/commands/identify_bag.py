@@ -94,8 +94,9 @@ def _parser() -> argparse.ArgumentParser:
     plant.add_argument(
         '--scheduler',
         metavar='ADDRESS',
-        help='work on the Dask cluster of this scheduler, e.g. tcp://host:8786, instead of this computer; its workers '
-        '(dask worker ADDRESS --nworkers auto) need this program and must see the same files at the same paths',
+        help='work on the Dask cluster of this scheduler, e.g. tcp://host:8786, instead of this computer; all workers '
+        '(dask worker ADDRESS --nworkers=-1 --nthreads=1) must have this program and see the same files at the same '
+        'paths',
     )
     parser.add_argument(
         '--progress',

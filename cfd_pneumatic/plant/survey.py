@@ -107,6 +107,7 @@ def survey(
     if todo:
         progress('starting the workers', 0.0)
         with cluster as client:
+            tally.tell()
             for job, result in results(client, do, todo, tally.wait):
                 found = [failure(_reason(result))] if isinstance(result, Exception) else result
                 rows += _placed(found, jobs[job])
@@ -136,13 +137,17 @@ class _Tally:
         """Count a bag."""
         self.done += 1
         self.failed += any(row['verdict'] == FAILED for row in rows)
-        self._tell('' if not self.failed else f', {self.failed} failed')
+        self.tell()
+
+    def tell(self) -> None:
+        """Say how many are done."""
+        self._say(f', {self.failed} failed' if self.failed else '')
 
     def wait(self) -> None:
         """Say that there are no workers."""
-        self._tell(': no workers, waiting for `dask worker`')
+        self._say(': no workers, waiting for `dask worker`')
 
-    def _tell(self, more: str) -> None:
+    def _say(self, more: str) -> None:
         self.progress(f'{self.done} of {self.total} bags{more}', self.done / self.total)
 
 
