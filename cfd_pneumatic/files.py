@@ -2,39 +2,11 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from cfd_pneumatic.errors import InputError
-
-
-@contextmanager
-def claimed(folder: Path) -> Iterator[None]:
-    """
-    Keep other programs that claim a folder, too, from writing to it meanwhile, so far as its file system can.
-
-    Raises
-    ------
-    InputError
-        If another one has claimed it.
-
-    """
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(handle)
-        raise InputError(f'{folder} is being written to by another run: wait for its end') from error
-    except OSError:  # file systems of a network may have no locks
-        pass
-    try:
-        yield
-    finally:
-        os.close(handle)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -24,7 +24,6 @@ from rich.progress import (
 from cfd_pneumatic.commands.program import run
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import claimed
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.split import FRACTIONS
 from cfd_pneumatic.recording import ChannelMapping, read_mapping, read_recording
@@ -176,7 +175,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
     cluster = plant.local_cluster(jobs) if arguments.scheduler is None else plant.existing_cluster(arguments.scheduler)
     settings = plant.Settings(options, mapping, arguments.namespace)
     try:
-        with claimed(arguments.output), _progress(arguments.progress, TimeRemainingColumn()) as report:
+        with plant.claimed(arguments.output), _progress(arguments.progress, TimeRemainingColumn()) as report:
             found = plant.survey(bags, settings, arguments.output, cluster, report)
     except KeyboardInterrupt:
         print('identify_bag: interrupted: give the same command again to go on', file=sys.stderr)

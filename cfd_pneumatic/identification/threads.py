@@ -9,6 +9,6 @@ LIMIT = 'OMP_NUM_THREADS'
 
 
 def threads() -> int:
-    """Return the number of threads that the environment allows; where it says nothing, that of this process's cores."""
+    """Return the number of threads that the environment allows; where it says nothing, that of the cores."""
     limit = os.environ.get(LIMIT, '').partition(',')[0]  # further numbers are for nested loops
-    return int(limit) if limit.isdecimal() and int(limit) else len(os.sched_getaffinity(0))
+    return int(limit) if limit.isdecimal() and int(limit) else os.cpu_count() or 1

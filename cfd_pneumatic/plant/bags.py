@@ -101,16 +101,15 @@ def _below(
 
 
 def _is_bag(folder: Path) -> bool:
-    """Return whether a folder is one bag: it has metadata, or files that rosbag2 has named after it while splitting."""
+    """Return whether a folder is one bag: it has metadata, or the files that rosbag2 names after it, from 0 on."""
     try:
-        if (folder / METADATA).exists():
-            return True
-        names = [entry.name for entry in folder.iterdir()]
+        names = {entry.name for entry in folder.iterdir()}
     except OSError:
         return False
-    part = re.compile(rf'{re.escape(folder.resolve().name)}_\d+({"|".join(map(re.escape, STORAGE_SUFFIXES))})')
-    storages = [name for name in names if name.endswith(STORAGE_SUFFIXES)]
-    return bool(storages) and all(map(part.fullmatch, storages))
+    storages = {name for name in names if name.endswith(STORAGE_SUFFIXES)}
+    stem = folder.resolve().name
+    split = ({f'{stem}_{number}{suffix}' for number in range(len(storages))} for suffix in STORAGE_SUFFIXES)
+    return METADATA in names or (bool(storages) and storages in split)
 
 
 def _is_result(path: Path) -> bool:

@@ -18,6 +18,7 @@ Work = TypeVar('Work')
 Result = TypeVar('Result')
 
 _PATIENCE = '10s'
+_BATCH = 500  # jobs that are sent at once
 _LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
 
 
@@ -111,7 +112,7 @@ def _done(
     client: Client, function: Callable[[Work], Result], jobs: Sequence[Work], no_workers: Callable[[], None]
 ) -> Iterator[tuple[Work, Result | Exception]]:
     done: SimpleQueue[Future[Any]] = SimpleQueue()
-    waiting = dict(zip(client.map(function, jobs, pure=False), jobs))
+    waiting = dict(zip(client.map(function, jobs, pure=False, batch_size=_BATCH), jobs))
     for future in waiting:
         future.add_done_callback(done.put)
     while waiting:

@@ -16,7 +16,7 @@ from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.plant.chart import Track, drift_chart
 from cfd_pneumatic.plant.history import Change, Device, Part, devices, effects_of
-from cfd_pneumatic.plant.table import COLUMNS, CSV_FILE, PARQUET_FILE, Row, column_of
+from cfd_pneumatic.plant.table import CSV_FILE, PARQUET_FILE, Row, column_of
 from cfd_pneumatic.reporting import wording
 from cfd_pneumatic.reporting.template import rendered
 
@@ -60,7 +60,6 @@ def index_page(rows: Sequence[Row]) -> str:
         changed=sum(bool(device.changes) for device in plant),
         failures=[row for device in plant for row in device.failures],
         tally=_tally(plant),
-        columns=COLUMNS,
         files=(CSV_FILE, PARQUET_FILE),
     )
 
@@ -102,13 +101,11 @@ def _device(rank: int, device: Device) -> dict[str, Any]:
 def _part(part: Part) -> dict[str, Any]:
     changed = [part.rows.index(change.after) for change in part.changes]
     places = _places(part.rows)
-    drifts = list(_drifts(part.rows))
     return {
         'name': part.name,
         'now': part.now,
         'what': said(part.now),
-        'charts': [_chart(drift, places, changed) for drift in drifts],
-        'after': any(track.key == 'after' for drift in drifts for track in drift.tracks),
+        'charts': [_chart(drift, places, changed) for drift in _drifts(part.rows)],
         'span': [_date(part.rows[0].get('time')), _date(part.rows[-1].get('time'))],
     }
 

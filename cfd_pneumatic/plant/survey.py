@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import quote
 
 from distributed import Client, KilledWorker
 
@@ -163,7 +162,7 @@ def _reason(error: Exception) -> str:
 def _placed(rows: Sequence[Row], bag: PlantBag) -> Iterator[Row]:
     """Yield a bag's rows with what only the plant knows: whose they are, and where their report is."""
     for row in rows:
-        report = {'report': quote((bag.folder / row['report']).as_posix())} if 'report' in row else {}
+        report = {'report': (bag.folder / row['report']).as_posix()} if 'report' in row else {}
         yield {'device': bag.device, 'bag': str(bag.path), **row, **report}
 
 

@@ -44,9 +44,10 @@ def test_the_files_of_a_split_bag_are_one(tmp_path):
     assert found(tmp_path) == {'cell/lost': 'cell', 'cell/shift': 'cell'}
 
 
-def test_numbered_shifts_of_a_device_are_many(tmp_path):
-    touch(tmp_path, 'cell/shift_0.mcap', 'cell/shift_1.mcap', 'cell/shift_2.mcap')
-    assert list(found(tmp_path)) == ['cell/shift_0.mcap', 'cell/shift_1.mcap', 'cell/shift_2.mcap']
+@pytest.mark.parametrize('names', [['shift_0', 'shift_1'], ['cell_1', 'cell_2'], ['cell_0', 'cell_2'], ['cell']])
+def test_numbered_shifts_of_a_device_are_many(tmp_path, names):
+    touch(tmp_path, *(f'cell/{name}.mcap' for name in names))
+    assert list(found(tmp_path)) == [f'cell/{name}.mcap' for name in names]
 
 
 def test_a_folder_given_names_the_device_of_what_lies_in_it(tmp_path):

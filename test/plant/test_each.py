@@ -17,7 +17,7 @@ from pathlib import Path
 from generated import FIRST, PROGRAM, SHIFT, start, step, still, tables, wait_for, write_plant, write_shift
 from pyarrow import parquet
 
-from cfd_pneumatic.files import claimed
+from cfd_pneumatic.plant import claimed
 from cfd_pneumatic.plant.table import iso_time
 
 DASK = [sys.executable, '-m', 'dask']
@@ -126,6 +126,19 @@ def test_a_bag_mended_is_done_again(tmp_path):
         shutil.rmtree(bag)
         write_shift(bag, step(0), 0)
     assert verdicts == [{'failed'}, {'fitted'}]
+
+
+def test_what_is_unexpected_is_a_row_too_and_tried_again(small, small_results, tmp_path):
+    (tmp_path / 'cell_2').write_text('in the way')
+    arguments = ('plant', '--each', '--jobs', 1, '--output', tmp_path)
+    finish(start(*arguments, cwd=small.parent))
+    rows = parquet.read_table(tmp_path / 'results.parquet').to_pylist()
+    reasons = {row['bag']: row['reason'] for row in rows if row['verdict'] == 'failed'}
+    assert list(reasons) == [f'plant/cell_2/shift_{shift}' for shift in range(1, 9)]
+    assert all(reason.startswith('unexpected FileExistsError: ') for reason in reasons.values())
+    (tmp_path / 'cell_2').unlink()
+    finish(start(*arguments, cwd=small.parent))
+    assert tables(tmp_path) == tables(small_results)
 
 
 def test_two_runs_do_not_write_to_one_folder(small, tmp_path):
