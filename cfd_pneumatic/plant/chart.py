@@ -66,7 +66,9 @@ def drift_chart(places: Sequence[float], tracks: Sequence[Track], marks: Sequenc
         upper = [[(x[at], y(value + std)) for at, value, std in run] for run in runs]
         lower = [[(x[at], y(value - std)) for at, value, std in run] for run in runs]
         bands.append(_path('band', track.key, [[*above, *below[::-1]] for above, below in zip(upper, lower)]))
-        lines.append(_path('line', track.key, [[(x[at], y(value)) for at, value, _ in run] for run in runs]))
+        points = [[(x[at], y(value)) for at, value, _ in run] for run in runs]
+        lines.append(_path('line', track.key, [run for run in points if len(run) > 1]))
+        lines.append(_path('dot', track.key, [run for run in points if len(run) == 1]))
     upright = ''.join(f'M{x[mark]} 0v{HEIGHT}' for mark in marks)
     marked = f'<path class="mark" d="{upright}"/>' if upright else ''
     return (
@@ -100,7 +102,7 @@ def _runs(track: Track) -> Iterator[list[tuple[int, float, float]]]:
 
 
 def _path(kind: str, key: str, runs: Sequence[Sequence[tuple[int, int]]]) -> str:
-    """Return a path through runs of points; a point alone becomes a dot."""
+    """Return a path through runs of points; a point alone is a line of no length. None without runs."""
     data = ''
     for run in runs:
         data += f'M{run[0][0]} {run[0][1]}'
@@ -109,4 +111,4 @@ def _path(kind: str, key: str, runs: Sequence[Sequence[tuple[int, int]]]) -> str
         for (x, y), (next_x, next_y) in pairwise(run):
             across, down = next_x - x, next_y - y
             data += f'l{across}{"" if down < 0 else " "}{down}'
-    return f'<path class="{kind} {key}" d="{data}"/>'
+    return f'<path class="{kind} {key}" d="{data}"/>' if data else ''

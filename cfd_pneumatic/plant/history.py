@@ -103,9 +103,15 @@ def _changes(rows: Sequence[Row]) -> Iterator[Change]:
 
 
 def _differ(before: Row, after: Row) -> bool:
-    """Return whether two verdicts differ, or the effects they name by more than the recordings can tell apart."""
+    """
+    Return whether two verdicts differ, or the effects they name by more than the recordings can tell apart.
+
+    Where something stays unexplained, the effects found beside it are no verdict: another bag may name others.
+    """
     if before['verdict'] != after['verdict']:
         return True
+    if after['verdict'] == 'unexplained':
+        return False
     earlier, later = set(effects_of(before)), set(effects_of(after))
     alike = later <= earlier | _rivals(before) or earlier <= later | _rivals(after)
     return len(earlier) != len(later) or not alike

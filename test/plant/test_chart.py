@@ -18,9 +18,9 @@ POINTS = st.lists(st.tuples(VALUES, st.floats(0.0, 1e6, width=32)), min_size=1, 
 
 def path(svg, kind):
     """Return the points of a path, run by run."""
-    data = re.search(rf'class="{kind}[^"]*" d="([^"]*)"', svg)[1]
+    data = re.search(rf'class="{kind}[^"]*" d="([^"]*)"', svg)
     runs = []
-    for run in filter(None, data.split('M')):
+    for run in filter(None, data[1].split('M') if data else []):
         x, y, *steps = map(int, re.findall(r'-?\d+', run.replace('h0', '')))
         points = [(x, y)]
         for across, down in zip(steps[::2], steps[1::2]):
@@ -39,7 +39,7 @@ def chart(values, stds=None, marks=()):
 def test_it_stays_inside_and_has_every_value(points):
     values, stds = zip(*points)
     svg = chart(values, stds)
-    drawn = [point for run in path(svg, 'line') for point in run]
+    drawn = [point for run in [*path(svg, 'line'), *path(svg, 'dot')] for point in run]
     assert len(drawn) == sum(value is not None for value in values)
     for x, y in [*drawn, *(point for run in path(svg, 'band') for point in run)]:
         assert 0 <= x <= WIDTH
@@ -51,8 +51,10 @@ def test_more_is_higher():
     assert high < low
 
 
-def test_a_gap_parts_the_line():
-    assert [len(run) for run in path(chart([1.0, 2.0, None, 3.0]), 'line')] == [2, 1]
+def test_a_gap_parts_the_line_and_a_value_alone_is_a_dot():
+    svg = chart([1.0, 2.0, None, 3.0, None, 4.0, 5.0, 6.0])
+    assert [len(run) for run in path(svg, 'line')] == [2, 3]
+    assert [len(run) for run in path(svg, 'dot')] == [1]
 
 
 def test_what_hardly_varies_is_drawn_flat():

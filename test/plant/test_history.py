@@ -11,6 +11,8 @@ LEAK = ('effect_added', 'leakage', '')
 LEAK_OR_DROOP = ('effect_added', 'leakage', 'droop')
 DROOP = ('effect_added', 'droop', '')
 BOTH = ('effect_added', 'leakage;droop', '')
+UNKNOWN = ('unexplained', 'leakage', '')
+UNKNOWN_TOO = ('unexplained', 'droop', '')
 LITTLE = ('insufficient_data', '', '')
 FAILED = ('failed', '', '')
 
@@ -43,6 +45,7 @@ def device(*verdicts):
     ([FINE, FAILED, LITTLE, FINE], []),
     ([FINE, FAILED, LITTLE, LEAK], [3]),
     ([LITTLE, LEAK], []),
+    ([LEAK, UNKNOWN, UNKNOWN_TOO], [1]),
 ])  # fmt: skip
 def test_a_change_is_another_verdict_or_effect_that_can_be_told(verdicts, changed_at):
     assert [int(change.after['bag'].split('.')[0]) for change in device(*verdicts).changes] == changed_at
