@@ -172,7 +172,10 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         raise InputError(f'--jobs {jobs}: give a number from 1 on')
     bags = plant.find_bags(arguments.bags, arguments.output, tables=mapping is not None and mapping.table is not None)
     make_folder(arguments.output)
-    cluster = plant.local_cluster(jobs) if arguments.scheduler is None else plant.existing_cluster(arguments.scheduler)
+    if arguments.scheduler is None:
+        cluster = plant.local_cluster(min(jobs, len(bags)))
+    else:
+        cluster = plant.existing_cluster(arguments.scheduler)
     settings = plant.Settings(options, mapping, arguments.namespace)
     try:
         with plant.claimed(arguments.output), _progress(arguments.progress, TimeRemainingColumn()) as report:
