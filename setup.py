@@ -44,7 +44,7 @@ setup(
             'ros-jazzy-std-srvs',
         ],
         # For identify_bag --each.
-        'plant': ['distributed>=2023.1', 'pyarrow>=12'],
+        'plant': ['dask>=2023.1', 'distributed>=2023.1', 'pyarrow>=12'],
         'test': ['hypothesis', 'pytest'],  # colcon runs pytest because it stands here
         'benchmark': ['pytest-benchmark'],
         'lint': ['mypy', 'ruff', 'types-PyYAML'],

@@ -29,7 +29,7 @@ KEYS = {
 }
 """For each module that is not ROS's: its name on PyPI, and the rosdep key that brings it."""
 
-OPTIONAL = {'plant': {'distributed', 'pyarrow'}}
+OPTIONAL = {'plant': {'dask', 'distributed', 'pyarrow'}}
 """What only those need who want it: modules, named as on PyPI, by the extra that brings them."""
 
 

@@ -10,12 +10,18 @@ from multiprocessing import resource_tracker
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
+import dask
 from distributed import Client, Future, KilledWorker, LocalCluster
 
 from cfd_pneumatic.errors import InputError
 
 Work = TypeVar('Work')
 Result = TypeVar('Result')
+
+_ONE_THREAD = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'), 1)
+
+_LEAN = {'distributed.nanny.pre-spawn-environ': _ONE_THREAD, 'distributed.worker.profile.enabled': False}
+"""Settings of Dask; by default it has memory given back after each array, which takes a fifth of a worker's time."""
 
 _PATIENCE = '10s'
 _BATCH = 500  # jobs that are sent at once
@@ -25,7 +31,8 @@ _LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
 @contextmanager
 def local_cluster(workers: int) -> Iterator[Client]:
     """Yield a client of a cluster of our own: processes with one thread each, replaced where they die."""
-    with _without_interrupts():  # a terminal sends them to the workers, too, which would complain of them
+    # A terminal sends interrupts to the workers, too, which would complain of them.
+    with dask.config.set(_LEAN), _without_interrupts():
         cluster = LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
