@@ -31,6 +31,7 @@ _LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
 @contextmanager
 def local_cluster(workers: int) -> Iterator[Client]:
     """Yield a client of a cluster of our own: processes with one thread each, replaced where they die."""
+    _silence()
     # A terminal sends interrupts to the workers, too, which would complain of them.
     with dask.config.set(_LEAN), _without_interrupts():
         cluster = LocalCluster(
@@ -42,6 +43,12 @@ def local_cluster(workers: int) -> Iterator[Client]:
         )
     with cluster, Client(cluster) as client:
         yield client
+
+
+def _silence() -> None:
+    """Keep Dask's logs from the terminal: what went wrong is said by whoever uses the client."""
+    for name in ('distributed', 'distributed.client'):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 @contextmanager
@@ -66,8 +73,7 @@ def existing_cluster(address: str) -> Iterator[Client]:
         If no scheduler answers at the address.
 
     """
-    for name in ('distributed', 'distributed.client'):  # what went wrong is said by whoever uses the client
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+    _silence()
     try:
         client = Client(address, timeout=_PATIENCE)
     except (OSError, ValueError) as error:
