@@ -2,11 +2,11 @@
 # from PyPI; with a system's ROS 2 use colcon (see README).
 #
 #   make PYTHON=python3.12 ...   another Python for .venv (after make clean)
-#   make EXTRAS=test test        without ROS 2: what needs it is left out, and said so
+#   make EXTRAS=test test        without ROS 2 and Dask: what needs them is left out, and said so
 
 PYTHON ?= python3
 PYTHON310 ?= python3.10
-EXTRAS ?= jazzy,test
+EXTRAS ?= jazzy,plant,test
 VENV ?= .venv
 HUMBLE ?= .venv-humble
 PY := $(VENV)/bin/python

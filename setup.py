@@ -12,7 +12,7 @@ setup(
     maintainer_email='maintainers@cfd-pneumatic.example',
     license='Apache-2.0',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed'], f'{PACKAGE}.reporting': ['templates/*']},
+    package_data={PACKAGE: ['py.typed'], f'{PACKAGE}.plant': ['templates/*'], f'{PACKAGE}.reporting': ['templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -43,6 +43,8 @@ setup(
             'ros-jazzy-std-msgs',
             'ros-jazzy-std-srvs',
         ],
+        # For identify_bag --each.
+        'plant': ['dask>=2023.1', 'distributed>=2023.1', 'pyarrow>=12'],
         'test': ['hypothesis', 'mpmath', 'pytest'],  # colcon runs pytest because it stands here
         'benchmark': ['casadi', 'lmfit', 'mcap-ros2-support', 'pytest-benchmark'],
         'lint': ['mypy', 'ruff', 'types-PyYAML'],

@@ -19,13 +19,26 @@ def write_text(path: Path, text: str) -> None:
         If the folder can't be written.
 
     """
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """
+    Write a file aside and rename it into place.
+
+    Raises
+    ------
+    InputError
+        If the folder can't be written.
+
+    """
     try:
         handle, aside = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
     except OSError as error:
         raise InputError(f'cannot write {path}: {error.strerror}; choose a folder that you may write to') from error
     try:
-        with os.fdopen(handle, 'w', encoding='utf-8') as stream:
-            stream.write(text)
+        with os.fdopen(handle, 'wb') as stream:
+            stream.write(content)
         os.chmod(aside, 0o644)
         os.replace(aside, path)
     except BaseException:

@@ -7,18 +7,18 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-THREADS = 'CFD_PNEUMATIC_THREADS'
-"""Environment variable: how many threads work side by side; by default one for each core that may be used."""
+LIMIT = 'OMP_NUM_THREADS'
+"""Environment variable that NumPy's and SciPy's libraries keep to as well; Dask sets it to 1 on its workers."""
 
 Item = TypeVar('Item')
 Result = TypeVar('Result')
 
 
 def threads() -> int:
-    """Return how many threads work side by side."""
-    wanted = os.environ.get(THREADS, '')
-    if wanted.isdigit():
-        return max(1, int(wanted))
+    """Return how many threads work side by side: what the environment allows, or one for each core that may be used."""
+    limit = os.environ.get(LIMIT, '').partition(',')[0]  # further numbers are for nested loops
+    if limit.isdecimal() and int(limit):
+        return int(limit)
     return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
 
 

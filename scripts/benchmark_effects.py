@@ -41,7 +41,6 @@ from cfd_pneumatic.identification.loop import Closure, close_loop
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.starts import starting_data
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
-from cfd_pneumatic.parallel import THREADS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, NOISES, Draw, draw, draw_textbook, oracle_residual
 
@@ -366,7 +365,6 @@ def _measured(jobs: Sequence[Job], processes: int) -> Iterator[Row]:
         return
     for library in ('OMP', 'OPENBLAS', 'MKL', 'NUMBA'):
         os.environ[f'{library}_NUM_THREADS'] = '1'  # read by the new processes
-    os.environ[THREADS] = '1'
     with ProcessPoolExecutor(processes, multiprocessing.get_context('spawn')) as pool:
         try:
             for done in as_completed([pool.submit(measure, job) for job in jobs]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[1] / 'scripts'), str(Path(__file__).parent)]
@@ -11,15 +12,20 @@ from ros_environment import isolate  # noqa: E402
 
 isolate()
 
-try:
-    import rclpy  # noqa: F401
-except ImportError as error:
-    WITHOUT_ROS = f'test/nodes is left out: ROS 2 is not to be had here ({error})'
-    collect_ignore = ['nodes']
-else:
-    WITHOUT_ROS = ''
+NEEDS = {'nodes': ('ROS 2', ['rclpy']), 'plant': ('Dask', ['distributed', 'pyarrow'])}
+"""Folders of tests that need what not everybody has: its name, and its modules."""
+
+collect_ignore = []
+left_out = []
+for folder, (name, modules) in NEEDS.items():
+    try:
+        for module in modules:
+            import_module(module)
+    except ImportError as error:
+        collect_ignore.append(folder)
+        left_out.append(f'test/{folder} is left out: {name} is not to be had here ({error})')
 
 
 def pytest_terminal_summary(terminalreporter):
-    if WITHOUT_ROS:
-        terminalreporter.write_line(WITHOUT_ROS, yellow=True)
+    for line in left_out:
+        terminalreporter.write_line(line, yellow=True)

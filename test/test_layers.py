@@ -12,8 +12,9 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / 'cfd_pneumatic'
 
 BELOW = {
-    'nodes': {'commands', 'reporting', 'identification', 'recording', 'model', 'rig'},
-    'commands': {'reporting', 'identification', 'recording', 'model', 'rig'},
+    'nodes': {'commands', 'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
+    'commands': {'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
+    'plant': {'reporting', 'identification', 'recording', 'model'},
     'reporting': {'identification', 'recording', 'model'},
     'identification': {'recording', 'model'},
     'recording': set(),

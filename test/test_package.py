@@ -29,6 +29,9 @@ KEYS = {
 }
 """For each module that is not ROS's: its name on PyPI, and the rosdep key that brings it."""
 
+OPTIONAL = {'plant': {'dask', 'distributed', 'pyarrow'}}
+"""What only those need who want it: modules, named as on PyPI, by the extra that brings them."""
+
 
 def setup_arguments() -> dict:
     """Return those arguments of setup.py's `setup` that are literals; it is read and not run."""
@@ -93,10 +96,18 @@ def test_maintainer_is_reached_as_colcon_demands():
 def test_what_is_imported_is_required_and_nothing_else():
     required = {re.match(r'[\w.-]+', line).group() for line in SETUP['install_requires']}
     keys = {element.text for element in XML.findall('depend')}
-    used = imported('cfd_pneumatic')
+    used = imported('cfd_pneumatic') - set().union(*OPTIONAL.values())
     assert required == {KEYS[name][0] for name in used & set(KEYS)}
     # What is not in KEYS is ROS's, and has the same name as its package.
     assert keys == {KEYS[name][1] if name in KEYS else name for name in used}
+
+
+@pytest.mark.parametrize('extra', OPTIONAL)
+def test_an_extra_brings_what_its_layer_alone_imports(extra):
+    assert {re.match(r'[\w.-]+', line).group() for line in SETUP['extras_require'][extra]} == OPTIONAL[extra]
+    assert OPTIONAL[extra] <= imported(f'cfd_pneumatic/{extra}')
+    others = {path.name for path in (ROOT / 'cfd_pneumatic').iterdir() if path.is_dir()} - {extra}
+    assert [name for name in others if imported(f'cfd_pneumatic/{name}') & OPTIONAL[extra]] == []
 
 
 def test_what_launch_files_import_is_required():

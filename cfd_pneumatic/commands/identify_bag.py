@@ -4,24 +4,36 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from cfd_pneumatic.commands.program import run
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.split import FRACTIONS
-from cfd_pneumatic.recording import Recording, read_mapping, read_recording
+from cfd_pneumatic.recording import ChannelMapping, read_mapping, read_recording
 from cfd_pneumatic.reporting import make_folder, print_report, write_report
 
 PROGRESS_KEY = 'progress'
 """With `--progress lines` each line on standard output is JSON: {"progress": share, "what": text}."""
+
+_LONG = 3600.0
+"""Over which the time left is estimated [s]: a bag may take minutes."""
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -30,9 +42,16 @@ def _parser() -> argparse.ArgumentParser:
         description='Fit k_x [Pa/m], k_sv [1/s], k_v [1/s] and tau [s] to recordings of piston displacement and '
         'cylinder pressure, and find what the model lacks. Writes report.json, and parameters.yaml that sim_node runs '
         'with; with --close-loop also report.html for people, and compare.mcap for PlotJuggler and Foxglove.',
-        epilog='example: identify_bag cell_7.mcap --close-loop --output cell_7_identified',
+        epilog='examples: identify_bag cell_7.mcap --close-loop --output cell_7_identified; '
+        'identify_bag plant --each --close-loop --output plant_identified',
     )
-    parser.add_argument('bags', metavar='BAG', nargs='+', type=Path, help='ROS 1 or 2 bag, or a table with --mapping')
+    parser.add_argument(
+        'bags',
+        metavar='BAG',
+        nargs='+',
+        type=Path,
+        help='ROS 1 or 2 bag, or a table with --mapping; with --each also a folder of them',
+    )
     parser.add_argument('--output', metavar='DIR', type=Path, required=True, help='folder for the results')
     parser.add_argument(
         '--mapping', metavar='FILE', type=Path, help='YAML file that says what the topics or columns are'
@@ -61,6 +80,23 @@ def _parser() -> argparse.ArgumentParser:
         metavar='PA',
         help='absolute ambient pressure [Pa] (default: %(default)s)',
     )
+    plant = parser.add_argument_group(
+        'a plant',
+        'Needs Dask: pip install "cfd_pneumatic[plant]". Writes results.csv, results.parquet, index.html, and a folder '
+        'for each bag below that of its device, which is the folder that the bag lies in. A bag that fails is a row '
+        'with its reason. Given again, the command goes on where it was interrupted, and does what is new or changed.',
+    )
+    plant.add_argument(
+        '--each', action='store_true', help='identify each bag on its own, and those in folders, at any depth'
+    )
+    plant.add_argument('--jobs', type=int, metavar='N', help='bags at a time (default: the number of processor cores)')
+    plant.add_argument(
+        '--scheduler',
+        metavar='ADDRESS',
+        help='work on the Dask cluster of this scheduler, e.g. tcp://host:8786, instead of this computer; all workers '
+        '(dask worker ADDRESS --nworkers=-1 --nthreads=1) must have this program and see the same files at the same '
+        'paths',
+    )
     parser.add_argument(
         '--progress',
         choices=('bar', 'lines', 'none'),
@@ -88,15 +124,31 @@ def main(args: Sequence[str] | None = None) -> int:
 
 def _identify(args: Sequence[str] | None) -> None:
     arguments = _parser().parse_args(args)
-    make_folder(arguments.output)
     options = Options(
         per_setpoint=arguments.per_setpoint,
         fractions=arguments.split,
-        ambient_pressure=arguments.ambient_pressure,
+        ambient_pressure=_ambient_pressure(arguments),
         close_loop=arguments.close_loop,
     )
+    mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
+    if arguments.each:
+        _identify_each(arguments, options, mapping)
+    elif arguments.jobs is not None or arguments.scheduler is not None:
+        raise InputError('--jobs and --scheduler are for many bags: give --each, too')
+    else:
+        _identify_together(arguments, options, mapping)
+
+
+def _identify_together(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
+    """Identify all bags as one."""
+    make_folder(arguments.output)
     with _progress(arguments.progress) as report:
-        recordings = [_read(path, arguments) for path in arguments.bags]
+        recordings = [
+            read_recording(
+                path, mapping=mapping, namespace=arguments.namespace, ambient_pressure=options.ambient_pressure
+            )
+            for path in arguments.bags
+        ]
         report('read', 0.2)
         identification = identify(recordings, options, lambda what, share: report(what, 0.2 + 0.7 * share))
         report('writing the report', 0.9)
@@ -107,12 +159,42 @@ def _identify(args: Sequence[str] | None) -> None:
         print(f'written: {", ".join(map(str, written))}')
 
 
+def _identify_each(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
+    """Identify each bag on its own."""
+    try:
+        from cfd_pneumatic import plant  # with Dask and PyArrow, which not everybody has
+    except ModuleNotFoundError as error:
+        raise InputError(f"--each needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
+    if arguments.jobs is not None and arguments.scheduler is not None:
+        raise InputError('--jobs and --scheduler: a cluster has as many workers as it has; leave out --jobs')
+    jobs = len(os.sched_getaffinity(0)) if arguments.jobs is None else arguments.jobs
+    if jobs < 1:
+        raise InputError(f'--jobs {jobs}: give a number from 1 on')
+    bags = plant.find_bags(arguments.bags, arguments.output, tables=mapping is not None and mapping.table is not None)
+    make_folder(arguments.output)
+    if arguments.scheduler is None:
+        cluster = plant.local_cluster(min(jobs, len(bags)))
+    else:
+        cluster = plant.existing_cluster(arguments.scheduler)
+    settings = plant.Settings(options, mapping, arguments.namespace)
+    try:
+        with plant.claimed(arguments.output), _progress(arguments.progress, TimeRemainingColumn()) as report:
+            found = plant.survey(bags, settings, arguments.output, cluster, report)
+    except KeyboardInterrupt:
+        print('identify_bag: interrupted: give the same command again to go on', file=sys.stderr)
+        raise
+    if arguments.progress != 'lines':
+        print(found.summary)
+        print(f'written: {", ".join(map(str, found.files))}')
+
+
 @contextmanager
-def _progress(style: str) -> Iterator[Callable[[str, float], None]]:
-    """Yield a function that shows what is being done and which share of the whole is done."""
+def _progress(style: str, *more: ProgressColumn) -> Iterator[Callable[[str, float], None]]:
+    """Yield a function that shows what is being done and which share of the whole is done; the bar may show more."""
     if style == 'bar':
-        columns = (SpinnerColumn(), TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        columns = (SpinnerColumn(), TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn(), *more)
+        console = Console(stderr=True)
+        with Progress(*columns, console=console, transient=True, speed_estimate_period=_LONG) as bar:
             task = bar.add_task('reading', total=1.0)
             yield lambda what, share: bar.update(task, description=what, completed=share)
     elif style == 'lines':
@@ -121,13 +203,11 @@ def _progress(style: str) -> Iterator[Callable[[str, float], None]]:
         yield lambda what, share: None
 
 
-def _read(path: Path, arguments: argparse.Namespace) -> Recording:
-    mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
-    if not 1e4 <= arguments.ambient_pressure <= 2e5:
-        raise InputError(f'--ambient-pressure {arguments.ambient_pressure:g} Pa is outside 1e4 to 2e5 Pa')
-    return read_recording(
-        path, mapping=mapping, namespace=arguments.namespace, ambient_pressure=arguments.ambient_pressure
-    )
+def _ambient_pressure(arguments: argparse.Namespace) -> float:
+    pressure = float(arguments.ambient_pressure)
+    if not 1e4 <= pressure <= 2e5:
+        raise InputError(f'--ambient-pressure {pressure:g} Pa is outside 1e4 to 2e5 Pa')
+    return pressure
 
 
 if __name__ == '__main__':

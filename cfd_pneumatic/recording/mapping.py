@@ -231,7 +231,7 @@ def _mapping(path: Path, root: _Entry) -> ChannelMapping:
         raise root.error(f'{CYLINDERS[0]} is missing: give the pressure of a cylinder')
     if 'force' in root:
         channels.append(_channel(root.inner('force'), 'force', None, table))
-    types = path.parent / root.text('types') if 'types' in root else None
+    types = (path.parent / root.text('types')).absolute() if 'types' in root else None
     if types is not None and not types.is_dir():
         raise root.error(f'types: {types} is not a folder')
     return ChannelMapping(path, tuple(channels), table, types)

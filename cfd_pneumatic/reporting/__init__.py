@@ -7,6 +7,7 @@ from cfd_pneumatic.reporting.folder import (
     PARAMETER_FILE,
     REPORT_FILE,
     compare_files,
+    is_compare_file,
     make_folder,
     write_report,
 )
@@ -17,6 +18,7 @@ __all__ = [
     'PARAMETER_FILE',
     'REPORT_FILE',
     'compare_files',
+    'is_compare_file',
     'make_folder',
     'parameter_file',
     'print_report',

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 from cfd_pneumatic.errors import InputError
@@ -60,11 +61,16 @@ def compare_files(identification: Identification, folder: Path) -> list[Path]:
     return [folder / f'{base.stem}_{rank}{base.suffix}' for rank in range(1, count + 1)]
 
 
+def is_compare_file(path: Path) -> bool:
+    """Return whether a file has the name of such a bag."""
+    base = Path(COMPARE_FILE)
+    return re.fullmatch(rf'{base.stem}(_\d+)?', path.stem) is not None and path.suffix == base.suffix
+
+
 def _remove_outdated(folder: Path, written: set[Path]) -> None:
     """Remove earlier results of the kinds that not every identification writes."""
-    base = Path(COMPARE_FILE)
-    for path in (folder / PAGE_FILE, folder / COMPARE_FILE, *folder.glob(f'{base.stem}_[0-9]*{base.suffix}')):
-        if path not in written and path.is_file():
+    for path in folder.iterdir():
+        if (path.name == PAGE_FILE or is_compare_file(path)) and path not in written and path.is_file():
             path.unlink()
 
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from cfd_pneumatic import __version__
 from cfd_pneumatic.identification import Estimate, Identification, PartError
@@ -17,8 +14,8 @@ from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.reporting import figures, wording
 from cfd_pneumatic.reporting.outcome import Outcome, Round, rounds
+from cfd_pneumatic.reporting.template import rendered
 
-TEMPLATES = Path(__file__).parent / 'templates'
 TEMPLATE = 'report.html.jinja'
 
 _MOST_RECORDINGS = 6  # that are drawn whole
@@ -45,25 +42,10 @@ class Row:
 
 def report_page(identification: Identification, outcomes: Sequence[Outcome]) -> str:
     """Return the page on what closing the loop brought."""
-    templates = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        undefined=StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    templates.filters.update(
-        number=wording.number,
-        percent=wording.percent,
-        sentence=wording.sentence,
-        spoken=wording.spoken,
-        title_of_test=wording.title_of_test,
-        unit=wording.unit,
-        verdict=wording.verdict,
-    )
     with figures.style():
         sections = [_section(outcome) for outcome in outcomes]
-    page = templates.get_template(TEMPLATE).render(
+    return rendered(
+        TEMPLATE,
         version=__version__,
         recordings=identification.recordings,
         splits=identification.splits,
@@ -72,7 +54,6 @@ def report_page(identification: Identification, outcomes: Sequence[Outcome]) -> 
         parts=PARTS,
         effects=EFFECTS,
     )
-    return '\n'.join(line.rstrip() for line in page.splitlines() if line.strip()) + '\n'
 
 
 def _section(outcome: Outcome) -> dict[str, Any]:

@@ -203,6 +203,36 @@ def test_a_mapping_with_an_unknown_unit(bag, capsys, output, tmp_path):
     assert 'inch' in message
 
 
+@pytest.mark.parametrize(('option', 'value'), [('--jobs', '2'), ('--scheduler', 'tcp://localhost:8786')])
+def test_options_for_many_bags_without_each(bag, capsys, output, option, value):
+    assert '--each' in refusal(capsys, output, bag, option, value)
+
+
+@pytest.mark.parametrize('more', [['--jobs', '0'], ['--jobs', '2', '--scheduler', 'tcp://localhost:8786']])
+def test_jobs_that_are_none(bag, capsys, output, more):
+    pytest.importorskip('distributed')
+    assert '--jobs' in refusal(capsys, output, bag, '--each', *more)
+
+
+def test_a_folder_without_bags(capsys, output, tmp_path):
+    pytest.importorskip('distributed')
+    (tmp_path / 'empty').mkdir()
+    assert 'no bags in there' in refusal(capsys, output, tmp_path / 'empty', '--each')
+
+
+@pytest.mark.parametrize('module', ['distributed', 'pyarrow'])
+def test_each_without_what_it_needs(bag, output, module):
+    """The module is hidden from a program of its own."""
+    hide = f'import sys; sys.modules[{module!r}] = None; '
+    call = 'from cfd_pneumatic.commands.identify_bag import main; sys.exit(main())'
+    command = [sys.executable, '-c', hide + call, str(bag), '--each', '--output', str(output)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert run.stderr.startswith('identify_bag: error: --each needs Dask')
+    assert "pip install 'cfd_pneumatic[plant]'" in run.stderr
+    assert len(run.stderr.splitlines()) == 1
+
+
 def test_a_folder_that_cannot_be_made(bag, capsys, tmp_path):
     (tmp_path / 'file').write_text('in the way')
     assert main([str(bag), '--output', str(tmp_path / 'file' / 'out')]) == 2

@@ -1,0 +1,13 @@
+"""
+A plant: hundreds of devices, a bag each a shift, identified by many workers into one table and one page.
+
+Needs Dask and PyArrow, which the extra `plant` brings.
+"""
+
+from cfd_pneumatic.plant.bags import find_bags
+from cfd_pneumatic.plant.claim import claimed
+from cfd_pneumatic.plant.cluster import existing_cluster, local_cluster
+from cfd_pneumatic.plant.fingerprint import Settings
+from cfd_pneumatic.plant.survey import Survey, survey
+
+__all__ = ['Settings', 'Survey', 'claimed', 'existing_cluster', 'find_bags', 'local_cluster', 'survey']

@@ -1,0 +1,143 @@
+"""Jobs done by the workers of a Dask cluster, some of which may die over them."""
+
+from __future__ import annotations
+
+import logging
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from queue import Empty, SimpleQueue
+from typing import Any, TypeVar
+
+import dask
+from distributed import Client, Future, KilledWorker, LocalCluster
+
+from cfd_pneumatic.errors import InputError
+
+Work = TypeVar('Work')
+Result = TypeVar('Result')
+
+_ONE_THREAD = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'), 1)
+
+_LEAN = {'distributed.nanny.pre-spawn-environ': _ONE_THREAD, 'distributed.worker.profile.enabled': False}
+"""Settings of Dask; by default it has memory given back after each array, which takes a fifth of a worker's time."""
+
+_PATIENCE = '10s'
+_BATCH = 500  # jobs that are sent at once
+_LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
+
+
+@contextmanager
+def local_cluster(workers: int) -> Iterator[Client]:
+    """Yield a client of a cluster of our own: processes with one thread each, replaced where they die."""
+    _silence()
+    # A terminal sends interrupts to the workers, too, which would complain of them.
+    with dask.config.set(_LEAN), _without_interrupts():
+        cluster = LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+        )
+    with cluster, Client(cluster) as client:
+        yield client
+
+
+def _silence() -> None:
+    """Keep Dask's logs from the terminal: what went wrong is said by whoever uses the client."""
+    for name in ('distributed', 'distributed.client'):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Keep interrupts from all threads and processes that begin meanwhile, and from theirs."""
+    resource_tracker.ensure_running()  # or it begins among them and lets interrupts through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def existing_cluster(address: str) -> Iterator[Client]:
+    """
+    Yield a client of a cluster that runs.
+
+    Raises
+    ------
+    InputError
+        If no scheduler answers at the address.
+
+    """
+    _silence()
+    try:
+        client = Client(address, timeout=_PATIENCE)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f'no Dask scheduler answers at {address}: start one with `dask scheduler` and give the address it prints'
+        ) from error
+    with client:
+        yield client
+
+
+def results(
+    client: Client,
+    function: Callable[[Work], Result],
+    jobs: Sequence[Work],
+    no_workers: Callable[[], None] = lambda: None,
+) -> Iterator[tuple[Work, Result | Exception]]:
+    """
+    Yield each job with what the function returned or raised, in the order in which they end.
+
+    What a worker was doing when it died is done again by another. Jobs that several workers died over are done again
+    one by one, so that none is blamed for another's doing.
+
+    Parameters
+    ----------
+    client
+        Of the cluster.
+    function, jobs
+        What to do, and what with; both are sent to the workers.
+    no_workers
+        Called now and then while there are no workers: they may come.
+
+    Raises
+    ------
+    InputError
+        If the scheduler is lost.
+
+    """
+    suspects = []
+    for job, result in _done(client, function, jobs, no_workers):
+        if isinstance(result, KilledWorker):
+            suspects.append(job)
+        else:
+            yield job, result
+    for suspect in suspects:
+        yield from _done(client, function, [suspect], no_workers)
+
+
+def _done(
+    client: Client, function: Callable[[Work], Result], jobs: Sequence[Work], no_workers: Callable[[], None]
+) -> Iterator[tuple[Work, Result | Exception]]:
+    done: SimpleQueue[Future[Any]] = SimpleQueue()
+    waiting = dict(zip(client.map(function, jobs, pure=False, batch_size=_BATCH), jobs))
+    for future in waiting:
+        future.add_done_callback(done.put)
+    while waiting:
+        try:
+            future = done.get(timeout=_LOOK)
+        except Empty:
+            if not client.nthreads():
+                no_workers()
+            continue
+        if future.status == 'lost':  # with a worker that had it; it comes again
+            future.add_done_callback(done.put)
+            continue
+        if future.cancelled():
+            raise InputError('the Dask scheduler was lost: give the same command again to go on')
+        yield waiting.pop(future), future.exception() or future.result()

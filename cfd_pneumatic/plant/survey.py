@@ -1,0 +1,174 @@
+"""All bags of a plant, each identified once, and what they come to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+
+from distributed import Client, KilledWorker
+
+from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.files import write_text
+from cfd_pneumatic.plant.bags import PlantBag
+from cfd_pneumatic.plant.cluster import results
+from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
+from cfd_pneumatic.plant.history import devices
+from cfd_pneumatic.plant.index_page import index_page
+from cfd_pneumatic.plant.job import Job, do, earlier_rows, failure
+from cfd_pneumatic.plant.table import FAILED, Row, write_table
+from cfd_pneumatic.recording.wording import counted
+
+INDEX_FILE = 'index.html'
+
+_NAMED = 10  # devices in a summary
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and which share of the whole is done [0 to 1]."""
+
+
+@dataclass(frozen=True)
+class Survey:
+    """
+    What came of a plant.
+
+    Attributes
+    ----------
+    rows
+        Of the table, by device, time and bag.
+    taken_over
+        How many bags had been done before.
+    files
+        What was written, besides a folder for each bag.
+
+    """
+
+    rows: tuple[Row, ...]
+    taken_over: int
+    files: tuple[Path, ...]
+
+    @property
+    def summary(self) -> str:
+        """What came of it, in a line or two for people."""
+        plant = devices(self.rows)
+        bags, failed = sum(len(one.bags) for one in plant), sum(len(one.failures) for one in plant)
+        changed = [one.name for one in plant if one.changes]
+        told = f'{counted(bags, "bag")} of {counted(len(plant), "device")}, {failed} failed'
+        if self.taken_over:
+            told += f'; {self.taken_over} had been done before'
+        if changed:
+            more = f' and {len(changed) - _NAMED} more' if len(changed) > _NAMED else ''
+            told += f'\nanother verdict than before: {", ".join(changed[:_NAMED])}{more}'
+        return told
+
+
+def survey(
+    bags: Sequence[PlantBag],
+    settings: Settings,
+    folder: Path,
+    cluster: AbstractContextManager[Client],
+    progress: Progress,
+) -> Survey:
+    """
+    Identify each bag that was not done before, and write the table and the index of all.
+
+    Parameters
+    ----------
+    bags
+        Of the plant.
+    settings
+        How to read and identify them.
+    folder
+        For the results.
+    cluster
+        Where the work is done; not entered where there is none to do.
+    progress
+        Told of each bag that is done.
+
+    Raises
+    ------
+    InputError
+        If the folder can't be written, or the cluster is not there, or lost.
+
+    """
+    jobs = {_job(bag, settings, folder): bag for bag in bags}
+    rows: list[Row] = []
+    todo = []
+    for job, bag in jobs.items():
+        earlier = earlier_rows(job)
+        if earlier is None:
+            todo.append(job)
+        else:
+            rows += _placed(earlier, bag)
+    tally = _Tally(len(todo), progress)
+    if todo:
+        progress('starting the workers', 0.0)
+        with cluster as client:
+            tally.tell()
+            for job, result in results(client, do, todo, tally.wait):
+                found = [failure(_reason(result))] if isinstance(result, Exception) else result
+                rows += _placed(found, jobs[job])
+                tally.add(found)
+    rows.sort(key=_order)
+    progress('writing the table', 1.0)
+    files = write_table(rows, folder)
+    write_text(folder / INDEX_FILE, index_page(rows))
+    return Survey(tuple(rows), len(jobs) - len(todo), (*files, folder / INDEX_FILE))
+
+
+def _job(bag: PlantBag, settings: Settings, folder: Path) -> Job:
+    path = bag.path.absolute()
+    return Job(path, folder.absolute() / bag.folder, settings, fingerprint(path, settings))
+
+
+class _Tally:
+    """How many bags are done, told as it grows."""
+
+    def __init__(self, total: int, progress: Progress) -> None:
+        self.total = total
+        self.progress = progress
+        self.done = 0
+        self.failed = 0
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Count a bag."""
+        self.done += 1
+        self.failed += any(row['verdict'] == FAILED for row in rows)
+        self.tell()
+
+    def tell(self) -> None:
+        """Say how many are done."""
+        self._say(f', {self.failed} failed' if self.failed else '')
+
+    def wait(self) -> None:
+        """Say that there are no workers."""
+        self._say(': no workers, waiting for `dask worker`')
+
+    def _say(self, more: str) -> None:
+        self.progress(f'{self.done} of {self.total} bags{more}', self.done / self.total)
+
+
+def _reason(error: Exception) -> str:
+    """Return why a job was not done, which is another matter than a bag that can't be identified."""
+    if isinstance(error, InputError):
+        return str(error)
+    if isinstance(error, KilledWorker):
+        return 'every worker that took it died, for want of memory perhaps: identify it alone'
+    return f'unexpected {type(error).__name__}: {error}; identify it alone to see where'
+
+
+def _placed(rows: Sequence[Row], bag: PlantBag) -> Iterator[Row]:
+    """Yield a bag's rows with what only the plant knows: whose they are, and where their report is."""
+    for row in rows:
+        report = {'report': (bag.folder / row['report']).as_posix()} if 'report' in row else {}
+        yield {'device': bag.device, 'bag': str(bag.path), **row, **report}
+
+
+_PARTS = ('', *CYLINDERS, 'force')
+
+
+def _order(row: Row) -> tuple[str, bool, int, str, int]:
+    time = row.get('time')
+    return row['device'], time is None, time or 0, row['bag'], _PARTS.index(row['part'])

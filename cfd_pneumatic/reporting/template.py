@@ -1,0 +1,35 @@
+"""Pages from templates: HTML that stands alone, in one style."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from cfd_pneumatic.reporting import wording
+
+TEMPLATES = Path(__file__).parent / 'templates'
+
+
+def rendered(template: str, *folders: Path, **values: Any) -> str:
+    """Return the page that a template makes of some values; `folders` are searched for it before this package's own."""
+    templates = Environment(
+        loader=FileSystemLoader([*folders, TEMPLATES]),
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    templates.filters.update(
+        number=wording.number,
+        percent=wording.percent,
+        sentence=wording.sentence,
+        spoken=wording.spoken,
+        title=wording.title,
+        title_of_test=wording.title_of_test,
+        unit=wording.unit,
+        verdict=wording.verdict,
+    )
+    page = templates.get_template(template).render(**values)
+    return '\n'.join(line.rstrip() for line in page.splitlines() if line.strip()) + '\n'

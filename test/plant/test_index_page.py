@@ -1,0 +1,152 @@
+"""`index.html`: what it says, and what a real browser makes of it."""
+
+from __future__ import annotations
+
+import re
+from urllib.parse import unquote
+
+import pytest
+from chromium import PROGRAM, Chromium
+from generated import FIRST, SHIFT
+from identified import closed, with_force
+
+from cfd_pneumatic.plant.index_page import index_page
+from cfd_pneumatic.plant.job import failure, rows_of
+from cfd_pneumatic.reporting import report_data
+
+OVERFLOWING = """
+[...document.querySelectorAll('table, figure, summary, dl')].filter(one => one.scrollWidth > one.clientWidth + 1).length
+"""
+OPEN_ALL = "document.querySelectorAll('details').forEach(one => { one.open = true; })"
+
+
+def rows_for(devices, shifts):
+    """Return rows of a plant: droop in cylinder A of all, which appears half-way in cell_1; its last bag fails."""
+    report = report_data(with_force(closed()))
+    rows = []
+    for device in range(1, devices + 1):
+        for shift in range(shifts):
+            about = {'device': f'cell_{device}', 'bag': f'plant/cell_{device}/shift_{shift}.mcap'}
+            if device == 1 and shift == shifts - 1:
+                rows.append({**about, **failure('is damaged: <b>badly</b>')})
+                continue
+            for row in rows_of(report, FIRST + shift * SHIFT, f'cell_{device}/shift_{shift}/report.html'):
+                if device == 1 and shift < shifts // 2 and row['part'] == 'cylinder_a':
+                    gone = {'effects': '', 'alternatives': '', 'effect_parameters': None}
+                    row = {**row, **gone, 'verdict': 'no_missing_effect'}
+                rows.append({**row, **about})
+    return rows
+
+
+@pytest.fixture(scope='module')
+def page():
+    return index_page(rows_for(12, 6))
+
+
+def text_of(page):
+    body = re.sub(r'<style>.*?</style>|<svg.*?</svg>', '', page, flags=re.DOTALL)
+    return ' '.join(re.sub(r'<[^>]+>', ' ', body).split())
+
+
+def test_the_sums_come_first(page):
+    assert re.search(r'devices 12 bags 72 devices changed 1 bags failed 1', text_of(page))
+
+
+def test_a_changed_device_is_marked_in_words(page):
+    text = text_of(page)
+    changed = 'cell_1 Cylinder A 2023-11-15 22:13 Nothing missing Effect found: droop'
+    assert 0 < text.index(changed) < text.index('Open one to see')
+    assert text.count('▲ changed 2023-11-15 22:13') == 1
+    assert 'class="mark"' in page[page.index('id="device-1"') : page.index('id="device-2"')]
+    assert 'class="mark"' not in page[page.index('id="device-2"') :]
+
+
+def test_a_bag_that_failed_has_its_reason_escaped(page):
+    assert 'is damaged: &lt;b&gt;badly&lt;/b&gt;' in page
+    assert '<b>badly' not in page
+
+
+def test_every_parameter_has_its_drift(page):
+    device = page[page.index('id="device-2"') : page.index('id="device-3"')]
+    names = re.findall(r'<figcaption><code[^>]*>([^<]+)', device)
+    assert names[:6] == ['error', 'k_x', 'k_sv', 'k_v', 'tau', 'droop.slope']
+    assert 'area' in names
+    assert device.count('<svg') == len(names)
+
+
+def test_devices_come_in_the_order_of_their_numbers(page):
+    names = re.findall(r'<span class="name">([^<]+)', page)
+    assert names == [f'cell_{number}' for number in range(1, 13)]
+
+
+def test_it_stands_alone(page):
+    assert not re.search(r'<script|<link rel="stylesheet|@import|url\((?!#)', page)
+    targets = re.findall(r'(?:href|src)="([^"]*)', page)
+    assert not [target for target in targets if re.match(r'(?!data:)[a-z]+:', target)]
+    ids = re.findall(r' id="([^"]+)"', page)
+    assert len(ids) == len(set(ids))
+    assert {target[1:] for target in targets if target.startswith('#')} <= set(ids)
+
+
+def test_its_size_stays_in_bounds(page):
+    """Ten bytes more for a bag would be a hundred kilobytes for the 9,000 bags of a plant's month."""
+    assert len(index_page(rows_for(4, 30))) < 4 * 30 * 1000 + 60_000
+
+
+def test_the_same_rows_give_the_same_page(page):
+    assert index_page(rows_for(12, 6)) == page
+
+
+def test_a_plant_of_failures_alone():
+    page = index_page([{'device': 'cell', 'bag': 'a.mcap', **failure('does not exist')}])
+    assert 'devices 1 bags 1 devices changed 0 bags failed 1' in text_of(page)
+
+
+def test_bags_without_a_time_go_by_their_names():
+    rows = [{**row, 'time': None} for row in rows_for(1, 4)]
+    page = index_page(rows)
+    assert 'shift_0.mcap' in text_of(page)
+    assert 'UTC' not in text_of(page)
+
+
+def test_links_lead_to_the_reports(small_results):
+    targets = re.findall(r'href="([^"#:]+)"', (small_results / 'index.html').read_text(encoding='utf-8'))
+    assert len(targets) == 24 + 2
+    assert all((small_results / unquote(target)).is_file() for target in targets)
+
+
+# in a browser
+
+
+@pytest.fixture(scope='module')
+def browser():
+    if not PROGRAM:
+        pytest.skip('no Chromium here: apt-get install chromium')
+    with Chromium() as one:
+        yield one
+
+
+@pytest.fixture(scope='module')
+def file(page, tmp_path_factory):
+    path = tmp_path_factory.mktemp('page') / 'index.html'
+    path.write_text(page, encoding='utf-8')
+    return path
+
+
+@pytest.mark.parametrize(('width', 'height', 'dark'), [(1280, 800, False), (1280, 800, True), (390, 844, False)])
+def test_a_browser_shows_it(browser, file, width, height, dark):
+    browser.show(file, width, height, dark=dark)
+    browser.value(OPEN_ALL)
+    assert browser.heard('Runtime.consoleAPICalled', 'Runtime.exceptionThrown', 'Log.entryAdded') == []
+    requested = [event['request']['url'] for event in browser.heard('Network.requestWillBeSent')]
+    assert [url for url in requested if not url.startswith('data:')] == [file.as_uri()]
+    assert browser.value('document.documentElement.scrollWidth') <= width
+    assert browser.value(OVERFLOWING) == 0
+    assert browser.screenshot().startswith(b'\x89PNG')
+
+
+def test_a_link_to_a_device_opens_it(browser, file):
+    browser.show(file, 1280, 800)
+    assert browser.value("document.querySelectorAll('.device[open]').length") == 0
+    browser.value("document.querySelector('td a, th a').click()")
+    assert browser.value("document.querySelector('.device[open] .name').textContent") == 'cell_1'

@@ -1,0 +1,45 @@
+"""Work is shared among as many threads as are allowed."""
+
+from __future__ import annotations
+
+import os
+import threading
+
+import pytest
+
+from cfd_pneumatic.parallel import LIMIT, each, threads
+
+
+@pytest.mark.parametrize(('limit', 'count'), [('1', 1), ('3', 3), ('4,2', 4)])
+def test_as_many_as_the_environment_allows(monkeypatch, limit, count):
+    monkeypatch.setenv(LIMIT, limit)
+    assert threads() == count
+
+
+@pytest.mark.parametrize('limit', ['', '0', '-1', 'many', None])
+def test_as_many_as_there_are_cores_where_it_says_nothing(monkeypatch, limit):
+    monkeypatch.delenv(LIMIT, raising=False)
+    if limit is not None:
+        monkeypatch.setenv(LIMIT, limit)
+    assert threads() == len(os.sched_getaffinity(0))
+
+
+@pytest.mark.parametrize('limit', ['1', '3'])
+def test_results_come_in_the_order_of_the_items(monkeypatch, limit):
+    monkeypatch.setenv(LIMIT, limit)
+    meeting = threading.Barrier(int(limit), timeout=30.0)
+
+    def work(item):
+        meeting.wait()  # all of them work at once
+        return item, threading.get_ident()
+
+    results = each(work, range(3))
+    assert [item for item, _ in results] == [0, 1, 2]
+    assert len({thread for _, thread in results}) == int(limit)
+    assert each(work, []) == []
+
+
+def test_an_error_in_the_work_is_raised(monkeypatch):
+    monkeypatch.setenv(LIMIT, '2')
+    with pytest.raises(ZeroDivisionError):
+        each(lambda item: 1 / item, [1, 0, 2])
