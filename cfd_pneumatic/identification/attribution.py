@@ -29,14 +29,14 @@ Array = NDArray[np.float64]
 _REFINED = 2  # of an effect's starts
 _PROMISING = 4  # effects that are fitted to the end at least
 _LONG = 5000  # grid steps
-_EXCERPT = 8000  # grid steps of each recording that rough fits are of
+_EXCERPT = 5000  # grid steps of each recording that rough fits are of
 _FITTED_OF_LONG = 6  # effects
 _RIVALLING = 0.3  # of what the best one takes: what is fitted to the end of long recordings
-_ALIKE = 0.9  # of what its best start takes: starts whose rough fits may change places
+_ALIKE = 0.7  # of what its best start takes: starts whose rough fits may change places
 _STRONG = 5.0  # in sample noises: a residual that may have led the gains astray
 _QUICKER = 5.0
 _SLOWEST_RELIEF, _USUAL_RELIEF = 0.1, 0.25  # K_v over K_sv; the paper's tables have 0.15 to 0.3
-_ROUGH = (1e-2, 5)  # tolerance and evaluations from each start
+_ROUGH = (1e-2, 10)  # tolerance and evaluations from each start
 _FINE = (1e-5, 20)
 
 
