@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import Experiment
@@ -296,7 +296,7 @@ def _summary(problem: _Problem, unknowns: Array) -> Fit:
             f'its standard error would be {100.0 * std[worst]:.0f} % of its value: {_HINTS[name]}'
         )
     stds = dict(zip((int(index) for index in free), std))
-    quantile = float(student_t.ppf(0.5 + 0.5 * _CONFIDENCE, degrees))
+    quantile = float(stdtrit(degrees, 0.5 + 0.5 * _CONFIDENCE))
     values = problem.outward(unknowns)
     return Fit(
         gains=values[:GAINS],

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import on_clock
@@ -560,7 +560,7 @@ def _estimates(search: _Search, point: Array, jacobian: Array, residuals: Array)
         if worst is None or shares[worst] <= _LARGEST_RELATIVE_STD:
             break
         reasons[worst] = f'its standard error would be {100.0 * shares[worst]:.0f} % of its value'
-    quantile = float(student_t.ppf(0.5 + 0.5 * _CONFIDENCE, degrees))
+    quantile = float(stdtrit(degrees, 0.5 + 0.5 * _CONFIDENCE))
     return [
         search.unknowns[index].estimate(point[index], stds[index], quantile)
         if index not in reasons

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.model.kernel import kernel
+
 Array = NDArray[np.float64]
 
 _FIRST_DAMPING = 1e-3
@@ -104,6 +106,7 @@ def least_squares(
     return point, here.total
 
 
+@kernel
 def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array) -> Array:
     """
     Return the damped step within `down` and `up` that lowers the sum most, as far as it is foretold.
@@ -111,21 +114,23 @@ def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array
     By an active set: unknowns are held at bounds that they meet on the way, and let go where the sum falls inwards.
     Were the free step clipped instead, it might not lower the sum at all.
     """
+    size = gradient.size
     scale = np.diag(normal)
-    scale = np.maximum(scale, _LEAST_SCALE * max(float(scale.max()), 1e-300))
-    inner = normal + damping * np.diag(scale)
-    step = np.zeros_like(gradient)
+    inner = normal + damping * np.diag(np.maximum(scale, _LEAST_SCALE * max(np.max(scale), 1e-300)))
+    step = np.zeros(size)
     held = ((down >= 0.0) & (gradient > 0.0)) | ((up <= 0.0) & (gradient < 0.0))
-    for _ in range(_MOST_CHANGES * step.size):
+    for _ in range(_MOST_CHANGES * size):
         free = np.flatnonzero(~held)
-        move = -np.linalg.solve(inner[np.ix_(free, free)], (gradient + inner @ step)[free])
-        room = np.where(move > 0.0, up[free] - step[free], step[free] - down[free])
-        shares = room / np.maximum(np.abs(move), 1e-100)
-        share = min(1.0, float(np.min(shares, initial=1.0)))
+        slope = gradient + inner @ step
+        move = -np.linalg.solve(inner[free][:, free], slope[free])
+        share, first = 1.0, -1
+        for rank, index in enumerate(free):
+            room = up[index] - step[index] if move[rank] > 0.0 else step[index] - down[index]
+            if room < share * abs(move[rank]):
+                share, first = room / abs(move[rank]), rank
         step[free] += share * move
-        if share < 1.0:
-            first = np.argmin(shares)
-            step[free[first]] = (up if move[first] > 0.0 else down)[free[first]]
+        if first >= 0:
+            step[free[first]] = up[free[first]] if move[first] > 0.0 else down[free[first]]
             held[free[first]] = True
             continue
         slope = gradient + inner @ step
@@ -133,5 +138,5 @@ def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array
         if np.max(inwards) <= 0.0:
             break
         held[np.argmax(inwards)] = False
-    step *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step))), 1e-300))
-    return np.clip(step, down, up)
+    step *= min(1.0, _LONGEST_STEP / max(np.max(np.abs(step)), 1e-300))
+    return np.minimum(np.maximum(step, down), up)

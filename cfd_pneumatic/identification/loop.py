@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
+from scipy.special import stdtrit
 
 from cfd_pneumatic.identification.attribution import Search
 from cfd_pneumatic.identification.experiment import Experiment
@@ -153,7 +153,7 @@ def _estimates(
     lengths = [int(np.count_nonzero(mask)) for mask in masks]
     stds = np.sqrt(np.diag(covariance(at.jacobian, at.residuals, degrees, lengths)))
     stds[~np.any(at.jacobian, axis=0)] = np.inf  # nothing depends on them
-    quantile = float(student_t.ppf(0.975, degrees))
+    quantile = float(stdtrit(degrees, 0.975))
     known = {name: (float(std), bool(logarithm)) for name, std, logarithm in zip(at.names, stds, at.logarithmic)}
     told = {estimate.name: estimate for estimate in baseline.estimates}
     estimates = []

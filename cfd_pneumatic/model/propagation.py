@@ -33,6 +33,7 @@ CARRIED = 5
 """How many pairs of derivatives are carried: those by the set-point are zero in deviations from it."""
 
 _CLOSE = 1e-11  # share of a piece; the field is continuous at the switch, so that an error in its time acts squared
+_NEAR = 1e-6  # share of a piece that Newton's method moves by last: the next step would move by its square
 _FLAT = 1e-6  # slope at an extremum, against the distance from the switch that remains there
 _ITERATIONS = 60
 _SETTLED = 1e-9  # an oscillation smaller than this is over [Pa]
@@ -299,6 +300,21 @@ def stays(side, u, w, u_end, w_end):
     return side * w_end >= 0.0 and (side * (u - w) >= 0.0 or side * (u_end - w_end) <= 0.0)
 
 
+@inlined
+def likely_crossing(begin, end, begin_rate, end_rate, h):
+    """Return where in (0, h) the cubic through a piece's ends, with their rates, crosses zero, very nearly."""
+    share = begin / (begin - end)
+    for _ in range(2):  # of Newton's steps, from where the straight line crosses
+        rest = 1.0 - share
+        value = rest * rest * ((1.0 + 2.0 * share) * begin + share * h * begin_rate)
+        value += share * share * ((1.0 + 2.0 * rest) * end - rest * h * end_rate)
+        slope = 6.0 * share * rest * (end - begin) + rest * (rest - 2.0 * share) * h * begin_rate
+        slope += share * (share - 2.0 * rest) * h * end_rate
+        if slope != 0.0:
+            share = min(max(share - value / slope, 0.0), 1.0)
+    return share * h
+
+
 @fused
 def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
     """Return the time in (0, h] at which w first reaches zero, or h where it doesn't."""
@@ -329,7 +345,9 @@ def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
         if side * w_last >= 0.0:
             return h
     first = 0.0
-    time = 0.5 * last
+    time = (
+        likely_crossing(w, w_end, (u - w) * inverse_tau, (u_end - w_end) * inverse_tau, h) if last == h else 0.5 * last
+    )
     for _ in range(_ITERATIONS):  # Newton's method, kept inside its bracket
         u_now, w_now = relax(u, w, gain, inverse_tau, b1, time)
         if side * w_now >= 0.0:
@@ -342,7 +360,7 @@ def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
             following = 0.5 * (first + last)
         moved = abs(following - time)
         time = following
-        if moved <= _CLOSE * h:
+        if moved <= _NEAR * h:
             break
     return time
 
@@ -359,13 +377,13 @@ def first_piece(u, w, gain, inverse_tau, b1, remaining):
     rest = b1 * step.inverse_gain
     if step.z < -_LONGEST_TURN and abs(u - rest) + abs(w - rest) > _SETTLED:
         step = transition(gain, inverse_tau, remaining / math.ceil(math.sqrt(step.z / -_LONGEST_TURN)))
-    u_end, w_end = relax(u, w, gain, inverse_tau, b1, step.h)
+    u_end, w_end = moved(step, u, w, b1)
     if not abs(w_end) < math.inf:
         return transition(gain, inverse_tau, remaining), math.nan, math.nan
     time = first_crossing(u, w, gain, inverse_tau, b1, step.h, u_end, w_end)
     if time < step.h:
         step = transition(gain, inverse_tau, max(time, _CLOSE * step.h))
-        u_end, _ = relax(u, w, gain, inverse_tau, b1, step.h)
+        u_end, _ = moved(step, u, w, b1)
         w_end = 0.0
     return step, u_end, w_end
 
