@@ -119,8 +119,10 @@ class _Problem:
         self.offset_at = GAINS + np.arange(count)
         self.start_at = {index: GAINS + count + rank for rank, index in enumerate(moving)}
         self.units = np.ones(self.size)
-        for index, (experiment, mask) in enumerate(zip(experiments, masks)):
-            self.units[self._columns(index)[GAINS:]] = np.ptp(experiment.pressure[mask]) if np.any(mask) else 1.0
+        self.columns = [self._columns(index) for index in range(count)]
+        self.corners = [np.ix_(columns, columns) for columns in self.columns]
+        for columns, experiment, mask in zip(self.columns, experiments, masks):
+            self.units[columns[GAINS:]] = np.ptp(experiment.pressure[mask]) if np.any(mask) else 1.0
 
     def _columns(self, index: int) -> NDArray[np.intp]:
         """Return which unknowns concern an experiment: gains, offset and, unless it begins at rest, start."""
@@ -153,13 +155,16 @@ class _Problem:
         normal = np.zeros((self.size, self.size))
         scale = np.concatenate([np.exp(unknowns[:GAINS]), self.units[GAINS:]])
         for index, (experiment, mask, weight) in enumerate(zip(self.experiments, self.masks, self.weights)):
-            columns = self._columns(index)
+            columns, corner = self.columns[index], self.corners[index]
             for samples, pressure, jacobian in self._blocks(index, unknowns):
                 counts = mask[samples]
-                here = Quadratic.of((pressure - experiment.pressure[samples])[counts], jacobian[counts, : columns.size])
+                residuals, slopes = pressure - experiment.pressure[samples], jacobian[:, : columns.size]
+                if not counts.all():
+                    residuals, slopes = residuals[counts], slopes[counts]
+                here = Quadratic.of(residuals, slopes)
                 total += weight**2 * here.total
                 gradient[columns] += weight**2 * here.gradient
-                normal[np.ix_(columns, columns)] += weight**2 * here.normal
+                normal[corner] += weight**2 * here.normal
         return Quadratic(total, gradient * scale, normal * np.outer(scale, scale))
 
     def simulate(self, unknowns: Array) -> list[Array]:
@@ -180,7 +185,7 @@ class _Problem:
         """Yield the Jacobian of `residuals`, by log gains, offsets and starts [Pa], in blocks of rows."""
         gains = np.exp(unknowns[:GAINS])
         for index, (mask, weight) in enumerate(zip(self.masks, self.weights)):
-            columns = self._columns(index)
+            columns = self.columns[index]
             for samples, _, jacobian in self._blocks(index, unknowns):
                 rows = jacobian[mask[samples], : columns.size]
                 rows[:, :GAINS] *= gains
