@@ -1,13 +1,13 @@
 from __future__ import annotations
 
 import pytest
-from generated import start, write_plant
+from generated import SHIFTS, start, write_plant
 
 
 @pytest.fixture(scope='session')
 def small(tmp_path_factory):
-    """Three devices, eight shifts."""
-    return write_plant(tmp_path_factory.mktemp('small') / 'plant', 3, 8)
+    """Three devices, some shifts each."""
+    return write_plant(tmp_path_factory.mktemp('small') / 'plant', 3, SHIFTS)
 
 
 @pytest.fixture(scope='session')

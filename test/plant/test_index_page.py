@@ -7,7 +7,7 @@ from urllib.parse import unquote
 
 import pytest
 from chromium import PROGRAM, Chromium
-from generated import FIRST, SHIFT
+from generated import BAGS, FIRST, SHIFT
 from identified import closed, with_force
 
 from cfd_pneumatic.plant.index_page import index_page
@@ -111,7 +111,7 @@ def test_bags_without_a_time_go_by_their_names():
 
 def test_links_lead_to_the_reports(small_results):
     targets = re.findall(r'href="([^"#:]+)"', (small_results / 'index.html').read_text(encoding='utf-8'))
-    assert len(targets) == 24 + 2
+    assert len(targets) == BAGS + 2
     assert all((small_results / unquote(target)).is_file() for target in targets)
 
 
