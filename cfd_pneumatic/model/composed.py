@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. All numbers stand in one array of rows, a row being one number of each
 lane.
 
-Made by `make kernel` from the effects, fingerprint df4676d8cb3275f9; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint 41a76c060bd099a7; changes by hand are lost.
 """
 
 from __future__ import annotations

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.lanewise import tanh
 
 
 @kernel
 def chamber(rate, moment, conductance, position, width, speed, end, direction):
     """Return the outlet pressure's rate [Pa/s]."""
-    opening = 0.5 * (1.0 + math.tanh(end * (moment.x - position) / width))
-    if direction != 0.0:
-        opening *= 0.5 * (1.0 + math.tanh(direction * moment.rate / speed))
+    opening = 0.5 * (1.0 + tanh(end * (moment.x - position) / width))
+    opening *= 1.0 - 0.5 * abs(direction) * (1.0 - tanh(direction * moment.rate / speed))  # lanes know no branches
     return rate - conductance * opening * (moment.p - moment.ambient)
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.lanewise import wave
 
 
 @kernel
 def setpoint(p_d, moment, in_phase, quadrature, frequency):
     """Return the set-point that acts [Pa]."""
-    angle = 2.0 * math.pi * frequency * moment.time
-    return p_d + in_phase * math.sin(angle) + quadrature * math.cos(angle)
+    sine, cosine = wave(frequency * moment.time)
+    return p_d + in_phase * sine + quadrature * cosine
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
