@@ -1,11 +1,10 @@
-"""Messages made and read."""
+"""Parts of messages, and how reliably and deep topics are queued."""
 
 from __future__ import annotations
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import JointState
 
 OUTPUT_QOS = QoSProfile(depth=10)
 """Reliable, as a driver publishes."""
@@ -31,24 +30,6 @@ def stamp_message(stamp: int) -> Time:
     """Return a stamp [ns] as a message."""
     seconds, rest = divmod(stamp, 1_000_000_000)
     return Time(sec=seconds, nanosec=rest)
-
-
-def pressure_message(stamp: int, frame_id: str, pressure: float) -> FluidPressure:
-    """Return an absolute pressure [Pa] of unknown variance."""
-    message = FluidPressure()
-    message.header.stamp = stamp_message(stamp)
-    message.header.frame_id = frame_id
-    message.fluid_pressure = pressure
-    return message
-
-
-def force_message(stamp: int, frame_id: str, axis: str, force: float) -> WrenchStamped:
-    """Return a force [N] along one axis of a frame."""
-    message = WrenchStamped()
-    message.header.stamp = stamp_message(stamp)
-    message.header.frame_id = frame_id
-    setattr(message.wrench.force, axis, force)
-    return message
 
 
 def joint_position(message: JointState, joint: str) -> float | None:
