@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from cfd_pneumatic.model.cylinder import Cylinder
 from cfd_pneumatic.model.device import Device, DeviceState, ForceGeometry
@@ -25,8 +25,7 @@ class Arrival(enum.Enum):
     DIVERGED = 'diverged'
 
 
-@dataclass(frozen=True)
-class Committed:
+class Committed(NamedTuple):
     """
     The state as of the last sample.
 
