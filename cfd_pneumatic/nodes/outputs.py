@@ -2,51 +2,75 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterable, Sequence
 
-from geometry_msgs.msg import Vector3, WrenchStamped
+from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Header
 
 from cfd_pneumatic import convention
-from cfd_pneumatic.nodes.messages import stamp_message
 from cfd_pneumatic.nodes.topics import publish_on
+
+_BLANK = 2.0**-1000  # found again in the bytes of a message, where no other number is like it
+_NUMBER = struct.Struct('=d')
+_STAMP = struct.Struct('=iI')
+_STAMP_AT = 4  # a header comes first, behind four bytes that say how the message is encoded
+_SECOND = 1_000_000_000  # [ns]
+
+
+class _Form:
+    """
+    A serialised message with blanks for its stamp and one number.
+
+    To make a message and have it serialised takes longer than the model's step, and there are five to a sample.
+    """
+
+    def __init__(self, message: FluidPressure | WrenchStamped) -> None:
+        """Take a message with a header and one `_BLANK`."""
+        self._bytes = bytearray(serialize_message(message))
+        self._number_at = self._bytes.index(_NUMBER.pack(_BLANK))
+
+    def stamp(self, stamp: int) -> None:
+        """Write a stamp [ns]."""
+        _STAMP.pack_into(self._bytes, _STAMP_AT, *divmod(stamp, _SECOND))
+
+    def filled(self, number: float) -> bytes:
+        """Return the message with a number."""
+        _NUMBER.pack_into(self._bytes, self._number_at, number)
+        return bytes(self._bytes)
 
 
 class Outputs:
-    """
-    The topics on which every sample is answered.
-
-    Messages are made once and filled anew, with one header for all: making them would take longer than publishing.
-    """
+    """The topics on which every sample is answered."""
 
     def __init__(self, node: Node, cylinders: Sequence[str], force_topic: str, qos: QoSProfile) -> None:
         """Publish for some cylinders, the force on a topic of its own name."""
-        self._header = Header()
-        self._pressure, self._force = FluidPressure(), WrenchStamped()
-        self._pressure.header = self._force.header = self._header
-        self._axis = 'x'
         self._pressures_out, self._applied_out = (
             [publish_on(node, FluidPressure, topic(name), qos) for name in cylinders]
             for topic in (convention.pressure_topic, convention.setpoint_applied_topic)
         )
         self._force_out = publish_on(node, WrenchStamped, force_topic, qos)
+        self.orient('', 'x')
 
     def orient(self, frame_id: str, axis: str) -> None:
         """Let the force point along an axis of a frame from now on."""
-        self._header.frame_id = frame_id
-        self._force.wrench.force = Vector3()
-        self._axis = axis
+        header = Header(frame_id=frame_id)
+        force = WrenchStamped(header=header)
+        setattr(force.wrench.force, axis, _BLANK)
+        self._pressure = _Form(FluidPressure(header=header, fluid_pressure=_BLANK))
+        self._force = _Form(force)
 
     def publish(self, stamp: int, pressures: Iterable[float], force: float) -> None:
         """Publish absolute pressures [Pa] and the contact force [N] at a stamp [ns]."""
-        self._header.stamp = stamp_message(stamp)
+        self._pressure.stamp(stamp)
+        self._force.stamp(stamp)
         self._publish(self._pressures_out, pressures)
-        setattr(self._force.wrench.force, self._axis, force)
-        self._force_out.publish(self._force)
+        self._force_out.publish(self._force.filled(force))
 
     def publish_applied(self, setpoints: Iterable[float]) -> None:
         """Publish the absolute set-points [Pa] that acted up to the sample that was published last."""
@@ -54,5 +78,4 @@ class Outputs:
 
     def _publish(self, publishers: Sequence[Publisher], pressures: Iterable[float]) -> None:
         for publisher, pressure in zip(publishers, pressures):
-            self._pressure.fluid_pressure = pressure
-            publisher.publish(self._pressure)
+            publisher.publish(self._pressure.filled(pressure))
