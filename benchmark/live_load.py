@@ -43,18 +43,45 @@ STAMP_AT = 4  # behind the four bytes that say how a message is encoded
 
 @dataclass(frozen=True)
 class Service:
-    """How a simulator served: started [s], samples sent, lost, processor time of a sample [s], delays [s]."""
+    """
+    How a simulator served.
 
-    start: float
-    sent: int
-    lost: int
+    Attributes
+    ----------
+    answered
+        When its first answer was heard, after its start [s]; DDS may take up to 3 s of it to let the two meet.
+    ready
+        When it said that it was ready [s].
+    work
+        Its processor time for a sample, all threads [s].
+    delays
+        From sending a sample to hearing the last of its answers, of those that were answered [s].
+    sent
+        Samples.
+
+    """
+
+    answered: float
+    ready: float
     work: float
     delays: np.ndarray
+    sent: int
 
     @property
-    def share(self) -> float:
-        """Of a core."""
-        return self.work * RATE
+    def lost(self) -> int:
+        """Samples that were not answered on every topic."""
+        return self.sent - self.delays.size
+
+    def row(self, name: str) -> str:
+        """Return it as a row of a table."""
+        middle, late = np.percentile(self.delays, (50, 99)) * 1e3
+        return (
+            f'{name:<28} {self.lost:>5} of {self.sent:<7} {self.work * 1e6:>7.0f} us {self.work * RATE:>7.1%} '
+            f'{middle:>8.3f} ms {late:>8.3f} ms {self.ready:>7.2f} s {self.answered:>7.2f} s'
+        )
+
+
+HEADING = f'{"":<28} {"unanswered":>16} {"CPU":>10} {"core":>7} {"p50":>11} {"p99":>11} {"ready":>9} {"answers":>9}'
 
 
 class Load:
@@ -126,30 +153,54 @@ def delays(stamps: list[int], heard: dict[str, list[tuple[int, bytes]]]) -> np.n
     return np.array([max(times[stamp] for times in answered) - stamp for stamp in whole]) * 1e-9
 
 
-def processor_time(pid: int) -> float:
-    """Return the processor time that a process has used [s]."""
-    fields = Path(f'/proc/{pid}/stat').read_text(encoding='utf-8').rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+class Simulator:
+    """A simulator that runs."""
+
+    def __init__(self, command: list[str], namespace: str) -> None:
+        self._begin = time.monotonic()
+        self._process = subprocess.Popen(
+            [*command, '--ros-args', '-r', f'__ns:={namespace}'], stderr=subprocess.PIPE, text=True
+        )
+        self.ready = math.nan
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+
+    def _read(self) -> None:
+        for line in self._process.stderr:
+            if ']: ready for' in line:
+                self.ready = self.age
+
+    @property
+    def age(self) -> float:
+        """Time since its start [s]."""
+        return time.monotonic() - self._begin
+
+    @property
+    def processor_time(self) -> float:
+        """What all its threads have used [s]."""
+        fields = Path(f'/proc/{self._process.pid}/stat').read_text(encoding='utf-8').rpartition(')')[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+    def stop(self) -> None:
+        self._process.terminate()
+        self._process.wait()
+        self._reader.join()
 
 
 def serve(command: list[str], seconds: float) -> Service:
-    """Return how a simulator serves a piston; `command` starts it."""
+    """Return how a simulator serves a piston for a time; `command` starts it."""
     namespace = '/live'
     load = Load(namespace)
-    begin = time.monotonic()
-    simulator = subprocess.Popen([*command, '--ros-args', '-r', f'__ns:={namespace}'])
+    simulator = Simulator(command, namespace)
     try:
         load.until_answered()
-        start = time.monotonic() - begin
-        load.send(RATE)
-        time.sleep(LINGER)
-        before = processor_time(simulator.pid)
+        answered = simulator.age
+        load.send(RATE)  # both have settled then
+        before = simulator.processor_time
         stamps = load.send(round(seconds * RATE))
-        work = processor_time(simulator.pid) - before
         time.sleep(LINGER)
-        found = delays(stamps, load.heard)
+        work = (simulator.processor_time - before) / len(stamps)
+        return Service(answered, simulator.ready, work, delays(stamps, load.heard), len(stamps))
     finally:
-        simulator.terminate()
-        simulator.wait()
+        simulator.stop()
         load.close()
-    return Service(start, len(stamps), len(stamps) - found.size, work / len(stamps), found)

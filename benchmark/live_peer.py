@@ -33,6 +33,7 @@ class LivePeer(Node):
         self.create_subscription(Float64, 'cylinder_b/setpoint', lambda message: self._set(1, message), QUEUE)
         self.create_subscription(JointState, 'piston_state', lambda sample: self._samples.append(sample), QUEUE)
         self.create_timer(1e-3, self._step)
+        self.get_logger().info('ready for piston_state')
 
     def _set(self, index, message):
         self._setpoints[index] = message.data + AMBIENT_PRESSURE

@@ -6,14 +6,16 @@ from builtin_interfaces.msg import Time
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-OUTPUT_QOS = QoSProfile(depth=10)
-"""Reliable, as a driver publishes."""
+_DEPTH = 1000  # a second at 1 kHz: a process that has to wait for a core loses nothing
 
-COMMAND_QOS = QoSProfile(depth=200)
+SAMPLE_QOS = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Fits every publisher."""
+
+COMMAND_QOS = QoSProfile(depth=_DEPTH)
 """Reliable: no set-point may be lost; as deep as `SAMPLE_QOS`, or a burst would part set-points from their samples."""
 
-SAMPLE_QOS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Fits every publisher; deep enough that a burst at 1 kHz is not lost while a callback runs."""
+OUTPUT_QOS = QoSProfile(depth=_DEPTH)
+"""Reliable, as a driver publishes; as deep as what it answers, which may come in a burst."""
 
 AXES = ('x', 'y', 'z')
 

@@ -88,6 +88,7 @@ class SimNode(Node):
             warm_up()
         self._open_topics()
         self.add_on_set_parameters_callback(self._on_parameters)
+        self.get_logger().info(f'ready for {convention.PISTON_STATE}')
 
     # parameters
 
