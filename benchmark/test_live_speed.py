@@ -1,7 +1,7 @@
 """
 `sim_node` against the same model in a node with a timer and the default executor, in the same run.
 
-    CFD_PNEUMATIC_SECONDS=600 make benchmark ARGS=benchmark/test_live_speed.py
+    CFD_PNEUMATIC_SECONDS=600 make benchmark ARGS='-k live'
 
 Two cylinders, a piston at 1 kHz and a set-point ten times a second, answers heard in another process. CPU is the
 processor time for one sample, of all threads; latency is from sending a sample until its last answer is heard. By
