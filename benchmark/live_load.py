@@ -42,7 +42,7 @@ STAMP_AT = 4  # behind the four bytes that say how a message is encoded
 
 
 @dataclass(frozen=True)
-class Service:
+class Figures:
     """
     How a simulator served.
 
@@ -187,8 +187,8 @@ class Simulator:
         self._reader.join()
 
 
-def serve(command: list[str], seconds: float) -> Service:
-    """Return how a simulator serves a piston for a time; `command` starts it."""
+def serve(command: list[str], seconds: float) -> Figures:
+    """Return how a simulator serves a piston for a time [s]; `command` starts it."""
     namespace = '/live'
     load = Load(namespace)
     simulator = Simulator(command, namespace)
@@ -200,7 +200,7 @@ def serve(command: list[str], seconds: float) -> Service:
         stamps = load.send(round(seconds * RATE))
         time.sleep(LINGER)
         work = (simulator.processor_time - before) / len(stamps)
-        return Service(answered, simulator.ready, work, delays(stamps, load.heard), len(stamps))
+        return Figures(answered, simulator.ready, work, delays(stamps, load.heard), len(stamps))
     finally:
         simulator.stop()
         load.close()

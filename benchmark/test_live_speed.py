@@ -41,9 +41,9 @@ def report(table):
 
 
 def test_sim_node(report):
-    service = serve(SIM_NODE, SECONDS)
-    report(service.row('sim_node'))
-    assert service.lost == 0
+    figures = serve(SIM_NODE, SECONDS)
+    report(figures.row('sim_node'))
+    assert figures.lost == 0
 
 
 def test_timer_and_default_executor(report):

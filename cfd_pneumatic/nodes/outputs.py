@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterable, Sequence
 
@@ -16,7 +17,7 @@ from std_msgs.msg import Header
 from cfd_pneumatic import convention
 from cfd_pneumatic.nodes.topics import publish_on
 
-_BLANK = 2.0**-1000  # found again in the bytes of a message, where no other number is like it
+_BLANK = math.pi  # found again in a message's bytes: one of its own, 0xfb, stands in no text, and the rest are zeros
 _NUMBER = struct.Struct('=d')
 _STAMP = struct.Struct('=iI')
 _STAMP_AT = 4  # a header comes first, behind four bytes that say how the message is encoded

@@ -6,6 +6,7 @@ import math
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -562,6 +563,13 @@ def test_what_a_measured_run_at_7_bar_gave_runs_as_it_is(graph: Graph, tmp_path:
 
 
 # the program
+
+
+def test_nothing_is_imported_that_only_other_programs_need() -> None:
+    needless = ('matplotlib', 'rosbags', 'jinja2', 'rich', 'cfd_pneumatic.identification', 'cfd_pneumatic.recording')
+    code = f'import sys, cfd_pneumatic.nodes.sim_node; print([name for name in {needless} if name in sys.modules])'
+    run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == '[]'
 
 
 def test_cold_caches_say_that_they_compile_and_where_the_code_is_kept(graph: Graph, tmp_path: Path) -> None:
