@@ -6,7 +6,7 @@ from builtin_interfaces.msg import Time
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-_DEPTH = 1000  # a second at 1 kHz: a process that has to wait for a core loses nothing
+_DEPTH = 5000  # five seconds at 1 kHz: a process that has to wait for a core loses nothing
 
 SAMPLE_QOS = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Fits every publisher."""

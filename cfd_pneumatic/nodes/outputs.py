@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 from cfd_pneumatic import convention
 from cfd_pneumatic.nodes.topics import publish_on
 
-_BLANK = math.pi  # found again in a message's bytes: one of its own, 0xfb, stands in no text, and the rest are zeros
+_BLANK = math.pi  # found again in the bytes of a message, as no text contains its 0xfb
 _NUMBER = struct.Struct('=d')
 _STAMP = struct.Struct('=iI')
 _STAMP_AT = 4  # a header comes first, behind four bytes that say how the message is encoded

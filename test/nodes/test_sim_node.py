@@ -238,7 +238,7 @@ def test_topics_have_the_promised_types_and_qos_and_one_publisher_beside_a_devic
                 (publisher,) = find(f'{namespace}/{topic}')
                 assert publisher.topic_type == f'sensor_msgs/msg/{kind}'
                 assert publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-                assert publisher.qos_profile.depth in (0, 1000)  # 0: this middleware does not tell others
+                assert publisher.qos_profile.depth in (0, 5000)  # 0: this middleware does not tell others
         (publisher,) = graph.node.get_publishers_info_by_topic(f'{simulator}/{CONTACT_FORCE}')
         assert publisher.topic_type == 'geometry_msgs/msg/WrenchStamped'
         for topic in inputs:
