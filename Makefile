@@ -38,7 +38,7 @@ test: $(VENV)/.ready  ## run all tests; ARGS='-k name' goes to pytest
 demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify the recording
 	@$(PY) scripts/demo.py $(ARGS)
 
-benchmark: $(VENV)/.with-benchmark  ## time simulation, fit and reading against their peers
+benchmark: $(VENV)/.with-benchmark  ## time simulation, fit, reading and sim_node against their peers
 	$(PY) -m pytest benchmark $(ARGS)
 
 benchmark-effects: $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes

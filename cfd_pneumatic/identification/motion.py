@@ -19,13 +19,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PPoly
 from scipy.ndimage import maximum_filter1d
 from scipy.optimize import minimize_scalar
 
+from cfd_pneumatic.compiling import compiler
 from cfd_pneumatic.identification.stamps import regular_clock
 
 Array = NDArray[np.float64]
@@ -146,7 +146,7 @@ class Motion:
         )
 
 
-@njit(cache=True, error_model='numpy')
+@compiler(error_model='numpy')
 def _driven(order, h):
     """Return the covariance (xx, xv, xa, vv, va, aa) that white noise of density 1 adds to the state over a step h."""
     if order == 2:
@@ -155,7 +155,7 @@ def _driven(order, h):
     return cube * h * h / 20.0, cube * h / 8.0, cube / 6.0, cube / 3.0, h * h / 2.0, h
 
 
-@njit(cache=True, error_model='numpy')
+@compiler(error_model='numpy')
 def _carried(h, xx, xv, xa, vv, va, aa):
     """Return the covariance of a state (x, x', x'') after a step h of constant acceleration."""
     half = 0.5 * h * h
@@ -173,7 +173,7 @@ def _carried(h, xx, xv, xa, vv, va, aa):
     )
 
 
-@njit(cache=True, error_model='numpy')
+@compiler(error_model='numpy')
 def _filter(order, steps, measured, density, mean, covariance):
     """
     Kalman filter of white noise integrated `order` times; noise variance 1, `density` that of each step.
@@ -219,7 +219,7 @@ def _filter(order, steps, measured, density, mean, covariance):
     return log_sum, square_sum
 
 
-@njit(cache=True, error_model='numpy')
+@compiler(error_model='numpy')
 def _smooth(order, steps, measured, density, mean, covariance):
     """
     Turn filtered means, and the covariances' xx, into smoothed ones, in place, down to sample number `order`.

@@ -8,9 +8,9 @@ enough.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from cfd_pneumatic.compiling import compiler
 from cfd_pneumatic.identification.motion import Motion
 
 Array = NDArray[np.float64]
@@ -49,7 +49,8 @@ def travelled(motion: Motion, measured: Array, times: Array) -> Array:
     smooth = _is_smooth(motion)
     path = motion.at(times) if smooth else np.interp(times, motion.times, motion.displacement)
     slack = _wiggle(motion.displacement)
-    return _followed(path, slack if smooth else max(slack, _resolution(measured)))
+    followed: Array = _followed(path, slack if smooth else max(slack, _resolution(measured)))
+    return followed
 
 
 def _is_smooth(motion: Motion) -> bool:
@@ -68,7 +69,7 @@ def _resolution(measured: Array) -> float:
     return float(np.min(steps[steps > 0.0])) if np.any(steps) else 0.0
 
 
-@njit(cache=True)
+@compiler()
 def _followed(path: Array, slack: float) -> Array:
     """Return what follows a path with play, half of it `slack`."""
     followed = np.empty_like(path)

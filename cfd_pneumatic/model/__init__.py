@@ -9,7 +9,7 @@ from cfd_pneumatic.model.cylinder import (
 from cfd_pneumatic.model.device import DIRECTIONS, Device, DeviceState, ForceGeometry
 from cfd_pneumatic.model.extended import ExtendedCylinder, Movement
 from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
-from cfd_pneumatic.model.live import Arrival, Committed, LiveDevice
+from cfd_pneumatic.model.live import Arrival, Committed, LiveDevice, warm_up
 from cfd_pneumatic.model.parameters import NAMES, SPECS, TABLE_1, TABLE_2, OperatingPoints, ParameterSpec
 
 __all__ = [
@@ -35,4 +35,5 @@ __all__ = [
     'Regulator',
     'first_guess',
     'simulate_parameter_sets',
+    'warm_up',
 ]

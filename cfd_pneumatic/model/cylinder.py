@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -57,8 +57,7 @@ class Track(NamedTuple):
         return Track(self.times[first:], self.readings[first:])
 
 
-@dataclass(frozen=True)
-class CylinderState:
+class CylinderState(NamedTuple):
     """
     Where a cylinder is.
 
@@ -219,11 +218,11 @@ def _read_late(
     """
     if delay < 0.0:
         slope = (state.reading - before) / movement.duration
-        return replace(state, delayed=state.reading - delay * slope)
+        return state._replace(delayed=state.reading - delay * slope)
     past = track or Track((movement.time - movement.duration,), (before,))
     past = past.followed_by(movement.time, state.reading)
     wanted = movement.time - delay
-    return replace(state, track=past.since(wanted), delayed=past.at(wanted))
+    return state._replace(track=past.since(wanted), delayed=past.at(wanted))
 
 
 class Course:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -79,8 +80,7 @@ class ForceState:
     contact_force: float
 
 
-@dataclass(frozen=True)
-class DeviceState:
+class DeviceState(NamedTuple):
     """States of both cylinders and of the force; B is None in a single-cylinder device, the force without effects."""
 
     a: CylinderState
@@ -178,7 +178,7 @@ class Device:
             force_switches(self.force_effects),
         )
         own_state = ForceState(frozenset(self.force_effects), tuple(values.tolist()), movement, force)
-        return replace(state, force=own_state)
+        return state._replace(force=own_state)
 
     def contact_force(self, state: DeviceState) -> float:
         """Return the force on the workpiece [N]: the chambers' pressures make it, not the sensors' readings."""

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from numba import config, njit
 
+from cfd_pneumatic.compiling import compiler
+
 # a pass of LLVM that Numba leaves out by default; with it a processor takes the lanes of `composed` at once
 config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
 
-kernel = njit(cache=True, error_model='numpy', nogil=True)
+kernel = compiler(error_model='numpy', nogil=True)
 """
 Compile to machine code kept on disk, beside which other threads run.
 
 A division by zero gives inf, as NumPy's does, instead of a branch to raise.
 """
 
-fused = njit(cache=True, error_model='numpy', nogil=True, fastmath={'contract'})
+fused = compiler(error_model='numpy', nogil=True, fastmath={'contract'})
 """As `kernel`, with products and sums rounded once where the processor can; no other liberty is taken."""
 
 inlined = njit(error_model='numpy', nogil=True, fastmath={'contract'}, inline='always')

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from cfd_pneumatic.model.device import Device, DeviceState
+from cfd_pneumatic.model.cylinder import Cylinder
+from cfd_pneumatic.model.device import Device, DeviceState, ForceGeometry
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.model.extended import Movement
+from cfd_pneumatic.model.parameters import TABLE_1
 
 NANOSECOND = 1e-9
 
@@ -22,8 +25,7 @@ class Arrival(enum.Enum):
     DIVERGED = 'diverged'
 
 
-@dataclass(frozen=True)
-class Committed:
+class Committed(NamedTuple):
     """
     The state as of the last sample.
 
@@ -124,3 +126,18 @@ class LiveDevice:
             return None
         state = self.device.step(last.state, last.movement(elapsed, last.position), *setpoints)
         return state if state.is_finite else None
+
+
+def warm_up() -> None:
+    """
+    Compile what stepping a device takes, or load it compiled, so that no sample waits for it.
+
+    With the effects, too, so that switching one on later compiles nothing.
+    """
+    every, every_on_force = (
+        {name: effect.null for name, effect in among.items()} for among in (PRESSURE_EFFECTS, FORCE_EFFECTS)
+    )
+    for on_pressure, on_force in (({}, {}), (every, every_on_force)):
+        cylinder = Cylinder(TABLE_1, 1e5, on_pressure)
+        device = Device(cylinder, None, ForceGeometry(1e-3, 1.0, 1e5), on_force)
+        device.step(device.at_rest(2e5, 2e5), Movement(1e-3, 1e-3, 0.0, 1e-6), 2e5, 2e5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -123,9 +124,17 @@ class OperatingPoints:
 
     def covers(self, setpoint: float) -> bool:
         """Tell whether a gauge set pressure [Pa] lies within the schedule (a constant covers every one)."""
-        edge = 1e-3 * float(np.ptp(self.setpoints))  # a parameter file rounds
-        low, high = self.setpoints[0] - edge, self.setpoints[-1] + edge
-        return self.setpoints.size == 1 or bool(low <= setpoint <= high)
+        low, high = self._covered
+        return low <= setpoint <= high
+
+    @cached_property
+    def _covered(self) -> tuple[float, float]:
+        """The lowest and the highest gauge set pressure that are covered [Pa]."""
+        if self.setpoints.size == 1:
+            return -math.inf, math.inf
+        low, high = float(self.setpoints[0]), float(self.setpoints[-1])
+        edge = 1e-3 * (high - low)  # a parameter file rounds
+        return low - edge, high + edge
 
 
 def _rows(*rows: tuple[float, float, float, float, float]) -> OperatingPoints:

@@ -1,20 +1,21 @@
-"""Messages made and read."""
+"""Parts of messages, and how reliably and deep topics are queued."""
 
 from __future__ import annotations
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import JointState
 
-OUTPUT_QOS = QoSProfile(depth=10)
-"""Reliable, as a driver publishes."""
+_DEPTH = 5000  # five seconds at 1 kHz: a process that has to wait for a core loses nothing
 
-COMMAND_QOS = QoSProfile(depth=200)
+SAMPLE_QOS = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Fits every publisher."""
+
+COMMAND_QOS = QoSProfile(depth=_DEPTH)
 """Reliable: no set-point may be lost; as deep as `SAMPLE_QOS`, or a burst would part set-points from their samples."""
 
-SAMPLE_QOS = QoSProfile(depth=200, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Fits every publisher; deep enough that a burst at 1 kHz is not lost while a callback runs."""
+OUTPUT_QOS = QoSProfile(depth=_DEPTH)
+"""Reliable, as a driver publishes; as deep as what it answers, which may come in a burst."""
 
 AXES = ('x', 'y', 'z')
 
@@ -31,24 +32,6 @@ def stamp_message(stamp: int) -> Time:
     """Return a stamp [ns] as a message."""
     seconds, rest = divmod(stamp, 1_000_000_000)
     return Time(sec=seconds, nanosec=rest)
-
-
-def pressure_message(stamp: int, frame_id: str, pressure: float) -> FluidPressure:
-    """Return an absolute pressure [Pa] of unknown variance."""
-    message = FluidPressure()
-    message.header.stamp = stamp_message(stamp)
-    message.header.frame_id = frame_id
-    message.fluid_pressure = pressure
-    return message
-
-
-def force_message(stamp: int, frame_id: str, axis: str, force: float) -> WrenchStamped:
-    """Return a force [N] along one axis of a frame."""
-    message = WrenchStamped()
-    message.header.stamp = stamp_message(stamp)
-    message.header.frame_id = frame_id
-    setattr(message.wrench.force, axis, force)
-    return message
 
 
 def joint_position(message: JointState, joint: str) -> float | None:

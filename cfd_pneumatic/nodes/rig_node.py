@@ -8,18 +8,18 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, Protocol
 
-from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterType
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
-from cfd_pneumatic.nodes.messages import COMMAND_QOS, force_message, pressure_message, stamp_message
+from cfd_pneumatic.nodes.messages import COMMAND_QOS, stamp_message
+from cfd_pneumatic.nodes.outputs import Outputs
 from cfd_pneumatic.nodes.parameters import number, switch, text
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.topics import listen_to, publish_on
@@ -244,13 +244,8 @@ class RigNode(Node):
 
     def _open_outputs(self) -> None:
         self._piston_out = self._publisher(JointState, convention.PISTON_STATE)
-        self._pressures_out = [
-            self._publisher(FluidPressure, convention.pressure_topic(name)) for name in convention.CYLINDERS
-        ]
-        self._applied_out = [
-            self._publisher(FluidPressure, convention.setpoint_applied_topic(name)) for name in convention.CYLINDERS
-        ]
-        self._force_out = self._publisher(WrenchStamped, convention.MEASURED_FORCE)
+        self._outputs = Outputs(self, convention.CYLINDERS, convention.MEASURED_FORCE, _OUTPUT_QOS)
+        self._outputs.orient(self._frame, 'x')
 
     def _publish(self, sample: RigRecord) -> None:
         stamp = self._epoch + round(float(sample.times[0]) * 1e9)
@@ -261,11 +256,8 @@ class RigNode(Node):
         piston.header.stamp = stamp_message(stamp)
         piston.header.frame_id = self._frame
         self._piston_out.publish(piston)
-        for out, pressure in zip(self._pressures_out, sample.pressures[0].tolist()):
-            out.publish(pressure_message(stamp, self._frame, pressure))
-        for out, setpoint in zip(self._applied_out, sample.setpoints[0].tolist()):
-            out.publish(pressure_message(stamp, self._frame, setpoint))
-        self._force_out.publish(force_message(stamp, self._frame, 'x', float(sample.force[0])))
+        self._outputs.publish(stamp, sample.pressures[0].tolist(), float(sample.force[0]))
+        self._outputs.publish_applied(sample.setpoints[0].tolist())
         self._published += 1
 
     def _announce(self) -> None:

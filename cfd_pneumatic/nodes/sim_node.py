@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import FluidPressure, JointState
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
+from cfd_pneumatic.compiling import announced
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import (
     Arrival,
@@ -28,7 +27,7 @@ from cfd_pneumatic.model import (
     DeviceState,
     ForceGeometry,
     LiveDevice,
-    Movement,
+    warm_up,
 )
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.nodes.health import InputHealth, diagnostics
@@ -37,11 +36,10 @@ from cfd_pneumatic.nodes.messages import (
     COMMAND_QOS,
     OUTPUT_QOS,
     SAMPLE_QOS,
-    force_message,
     joint_position,
     nanoseconds,
-    pressure_message,
 )
+from cfd_pneumatic.nodes.outputs import Outputs
 from cfd_pneumatic.nodes.parameters import (
     declare_effects,
     declare_operating_points,
@@ -53,7 +51,7 @@ from cfd_pneumatic.nodes.parameters import (
     wrong_type,
 )
 from cfd_pneumatic.nodes.program import run
-from cfd_pneumatic.nodes.topics import listen_to, publish_on
+from cfd_pneumatic.nodes.topics import listen_to
 from cfd_pneumatic.units import PSI
 
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
@@ -86,9 +84,11 @@ class SimNode(Node):
             if refusal is not None:
                 raise InputError(f'{name}.initial_setpoint is {refusal}')
         self._health = InputHealth(self, convention.PISTON_STATE)
-        self._warm_up()
+        with announced(self._on_compiling):
+            warm_up()
         self._open_topics()
         self.add_on_set_parameters_callback(self._on_parameters)
+        self.get_logger().info(f'ready for {convention.PISTON_STATE}')
 
     # parameters
 
@@ -181,33 +181,20 @@ class SimNode(Node):
             return SetParametersResult(successful=False, reason=str(error))
         self._live.device = device
         self._live.max_gap = self._value('max_gap', changes)
+        self._outputs.orient(self._value('frame_id', changes), self._value('axis', changes))
         return SetParametersResult(successful=True)
 
-    def _warm_up(self) -> None:
-        """
-        Compile the model, or load it compiled, before the first sample has to be answered.
-
-        With the effects, too, so that switching one on later compiles nothing.
-        """
-        every, every_on_force = (
-            {name: effect.null for name, effect in among.items()} for among in (PRESSURE_EFFECTS, FORCE_EFFECTS)
-        )
-        device = self._live.device
-        for on_pressure, on_force in (({}, {}), (every, every_on_force)):
-            own = replace(device, a=replace(device.a, effects=on_pressure), force_effects=on_force)
-            own.step(own.at_rest(2e5, 2e5), Movement(1e-3, 1e-3, 0.0, 1e-6), 2e5, 2e5)
+    def _on_compiling(self, folder: str | None) -> None:
+        kept = f'once: it is kept in {folder}'
+        if folder is None:
+            kept = 'for this run only: no cache can be written, name a folder for it in NUMBA_CACHE_DIR'
+        self.get_logger().info(f'compiling the model, {kept}')
 
     # topics
 
     def _open_topics(self) -> None:
-        self._pressures_out = [
-            publish_on(self, FluidPressure, convention.pressure_topic(name), OUTPUT_QOS) for name in self._cylinders
-        ]
-        self._applied_out = [
-            publish_on(self, FluidPressure, convention.setpoint_applied_topic(name), OUTPUT_QOS)
-            for name in self._cylinders
-        ]
-        self._force_out = publish_on(self, WrenchStamped, convention.CONTACT_FORCE, OUTPUT_QOS)
+        self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS)
+        self._outputs.orient(self._value('frame_id'), self._value('axis'))
         self._diagnostics_out = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
         for index, name in enumerate(self._cylinders):
@@ -288,8 +275,7 @@ class SimNode(Node):
         committed = self._live.committed
         assert committed is not None
         self._publish(stamp, committed.state)
-        for publisher, setpoint in zip(self._applied_out, setpoints):
-            publisher.publish(pressure_message(stamp, self._value('frame_id'), setpoint))
+        self._outputs.publish_applied(setpoints)
 
     def _warn_of_reset(self, arrival: Arrival, moved: float) -> None:
         """Warn that the model started anew, `moved` seconds after the last sample."""
@@ -317,12 +303,8 @@ class SimNode(Node):
         return self._setpoints[0] + ambient, self._setpoints[1] + ambient
 
     def _publish(self, stamp: int, state: DeviceState) -> None:
-        frame = self._value('frame_id')
-        for publisher, cylinder in zip(self._pressures_out, (state.a, state.b)):
-            if cylinder is not None:
-                publisher.publish(pressure_message(stamp, frame, cylinder.reading))
-        force = self._live.device.contact_force(state)
-        self._force_out.publish(force_message(stamp, frame, self._value('axis'), force))
+        pressures = [cylinder.reading for cylinder in (state.a, state.b) if cylinder is not None]
+        self._outputs.publish(stamp, pressures, self._live.device.contact_force(state))
 
     def _preview(self) -> None:
         """

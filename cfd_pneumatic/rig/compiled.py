@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
-import numba
+from cfd_pneumatic.compiling import compiler
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 
 
 def compiled(function: Function) -> Function:
     """Compile a function on its first call and keep the machine code beside its module."""
-    return cast(Function, numba.njit(cache=True)(function))
+    return cast(Function, compiler()(function))

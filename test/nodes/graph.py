@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
@@ -46,7 +47,7 @@ try:
 except ImportError:
     Executor = SingleThreadedExecutor
 
-PATIENCE = 30.0
+PATIENCE = 60.0  # on a busy machine the model takes half of it to be compiled
 DISCOVERY = 0.5
 QUEUE = QoSProfile(depth=10_000)
 MILLISECOND = 1_000_000
@@ -61,8 +62,20 @@ def unique_namespace() -> str:
 class Process:
     """A node that runs."""
 
-    def __init__(self, module: str, arguments: Sequence[str], *, fallback: bool = False) -> None:
-        """Start it; `fallback` leaves it without EventsExecutor, as before Jazzy."""
+    def __init__(
+        self,
+        module: str,
+        arguments: Sequence[str],
+        *,
+        fallback: bool = False,
+        environment: Mapping[str, str] | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        """
+        Start it, perhaps in a folder and with environment variables of its own.
+
+        `fallback` leaves it without EventsExecutor, as before Jazzy.
+        """
         start = ['-m', f'cfd_pneumatic.nodes.{module}']
         if fallback:
             start = [
@@ -71,7 +84,10 @@ class Process:
                 f'from cfd_pneumatic.nodes.{module} import main; main()',
             ]
         self._stderr = TemporaryFile()  # noqa: SIM115
-        self._process = subprocess.Popen([sys.executable, *start, *arguments], stderr=self._stderr)
+        environment = os.environ | dict(environment or {})
+        self._process = subprocess.Popen(
+            [sys.executable, *start, *arguments], stderr=self._stderr, env=environment, cwd=folder
+        )
 
     @property
     def stderr(self) -> str:
@@ -121,7 +137,7 @@ def refusals(module: str, command_lines: Iterable[Sequence[str]]) -> list[str]:
         process = Process(module, arguments)
         try:
             assert process.wait() == 2, (arguments, process.stderr)
-            (line,) = process.stderr.splitlines()
+            (line,) = (line for line in process.stderr.splitlines() if not line.startswith('[INFO]'))
         finally:
             process.reap()
         assert line.startswith(f'{module}: error: ')
@@ -152,9 +168,9 @@ class Graph:
         rclpy.shutdown(context=self.context)
 
     @contextmanager
-    def run(self, module: str, arguments: Sequence[str], *, fallback: bool = False) -> Iterator[Process]:
-        """Run a node; it is ended cleanly, or there is an error."""
-        process = Process(module, arguments, fallback=fallback)
+    def run(self, module: str, arguments: Sequence[str], **options: Any) -> Iterator[Process]:
+        """Run a node, with the options of `Process`; it is ended cleanly, or there is an error."""
+        process = Process(module, arguments, **options)
         try:
             yield process
             process.stop()

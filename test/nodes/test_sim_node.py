@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
+import shutil
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +23,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
+import cfd_pneumatic
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.convention import (
     AMBIENT_PRESSURE,
@@ -138,6 +143,24 @@ def test_a_set_point_sent_just_before_a_sample_acts_on_it(sim: SimClient) -> Non
         assert pressures[stamp] == expected(live, stamp, 0.0, (target + AMBIENT_PRESSURE, REST))[0]
 
 
+def test_every_one_of_thousands_of_samples_at_1_khz_is_answered_with_the_set_points_before_it(sim: SimClient) -> None:
+    stamps = [START + index * MILLISECOND for index in range(4000)]
+    applied, setpoint = [], SET
+    begin = time.monotonic()
+    for index, stamp in enumerate(stamps):
+        time.sleep(max(0.0, begin + index * 1e-3 - time.monotonic()))
+        if index % 100 == 50:
+            setpoint = SET + index
+            sim.setpoint(0, setpoint)
+        sim.send(stamp, 1e-6 * (index % 1000))
+        applied.append((stamp, setpoint + AMBIENT_PRESSURE))
+    sim.graph.until(lambda: all(len(messages) >= len(stamps) for messages in sim.heard.values()))
+    sim.graph.until(lambda: sim.answer(stamps[-1]))
+    assert sim.series(APPLIED_A) == applied
+    for topic in (PRESSURE_A, PRESSURE_B, CONTACT_FORCE):  # and previews, where this process was held up
+        assert set(stamps) <= {stamp for stamp, _ in sim.series(topic)}
+
+
 def test_a_force_is_a_pair_about_the_bias_and_the_last_writer_wins(sim: SimClient) -> None:
     stamps = (START + index * MILLISECOND for index in range(1, 10_000))
 
@@ -215,7 +238,7 @@ def test_topics_have_the_promised_types_and_qos_and_one_publisher_beside_a_devic
                 (publisher,) = find(f'{namespace}/{topic}')
                 assert publisher.topic_type == f'sensor_msgs/msg/{kind}'
                 assert publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-                assert publisher.qos_profile.depth in (0, 10)  # 0: this middleware does not tell others
+                assert publisher.qos_profile.depth in (0, 5000)  # 0: this middleware does not tell others
         (publisher,) = graph.node.get_publishers_info_by_topic(f'{simulator}/{CONTACT_FORCE}')
         assert publisher.topic_type == 'geometry_msgs/msg/WrenchStamped'
         for topic in inputs:
@@ -540,6 +563,42 @@ def test_what_a_measured_run_at_7_bar_gave_runs_as_it_is(graph: Graph, tmp_path:
 
 
 # the program
+
+
+def test_nothing_is_imported_that_only_other_programs_need() -> None:
+    needless = ('matplotlib', 'rosbags', 'jinja2', 'rich', 'cfd_pneumatic.identification', 'cfd_pneumatic.recording')
+    code = f'import sys, cfd_pneumatic.nodes.sim_node; print([name for name in {needless} if name in sys.modules])'
+    run = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == '[]'
+
+
+def test_cold_caches_say_that_they_compile_and_where_the_code_is_kept(graph: Graph, tmp_path: Path) -> None:
+    namespace = unique_namespace()
+    cache = {'NUMBA_CACHE_DIR': str(tmp_path)}
+    for compiles in (True, False):
+        with graph.run('sim_node', ros_arguments(namespace), environment=cache) as process:
+            graph.until(lambda process=process: 'ready for piston_state' in process.stderr)
+            assert process.stderr.count(f'compiling the model, once: it is kept in {tmp_path}') == compiles
+
+
+def test_an_installation_where_nothing_can_be_written_runs(graph: Graph, tmp_path: Path) -> None:
+    package = shutil.copytree(
+        Path(cfd_pneumatic.__file__).parent, tmp_path / 'cfd_pneumatic', ignore=shutil.ignore_patterns('__pycache__')
+    )
+    for folder in {file.parent for file in package.rglob('*.py')}:
+        (folder / '__pycache__').touch()  # a file, which root can't write below either
+    nowhere = str(package / '__init__.py')
+    environment = {
+        'PYTHONPATH': os.pathsep.join([str(tmp_path), *sys.path]),
+        'NUMBA_CACHE_DIR': nowhere,
+        'XDG_CACHE_HOME': nowhere,
+        'HOME': nowhere,
+    }
+    namespace = unique_namespace()
+    with graph.run('sim_node', ros_arguments(namespace), environment=environment, folder=tmp_path) as process:
+        sim = SimClient(graph, namespace).meet()
+        assert sim.sample(START, 0.0)[PRESSURE_A] == REST
+        assert 'compiling the model, for this run only: no cache can be written' in process.stderr
 
 
 @pytest.mark.parametrize(('fallback', 'number'), [(False, signal.SIGTERM), (True, signal.SIGINT)],

@@ -1,0 +1,50 @@
+"""
+`sim_node` against the same model in a node with a timer and the default executor, in the same run.
+
+    CFD_PNEUMATIC_SECONDS=600 make benchmark ARGS='-k live'
+
+Two cylinders, a piston at 1 kHz and a set-point ten times a second, answers heard in another process. CPU is the
+processor time for one sample, of all threads; latency is from sending a sample until its last answer is heard. By
+default 10 seconds.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+from ros_environment import isolate
+
+pytest.importorskip('rclpy', reason='ROS 2 is not to be had here')
+isolate()
+
+import rclpy  # noqa: E402
+from live_load import HEADING, RATE, serve  # noqa: E402
+
+SECONDS = float(os.environ.get('CFD_PNEUMATIC_SECONDS', 10.0))
+SIM_NODE = [sys.executable, '-m', 'cfd_pneumatic.nodes.sim_node']
+PEER = [sys.executable, str(Path(__file__).with_name('live_peer.py'))]
+
+
+@pytest.fixture(scope='module')
+def report(table):
+    """Return what takes a row of the table."""
+    rclpy.init()
+    table += [
+        f'live at {RATE} Hz for {SECONDS:g} s; {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f} before',
+        HEADING,
+    ]
+    yield table.append
+    rclpy.shutdown()
+
+
+def test_sim_node(report):
+    figures = serve(SIM_NODE, SECONDS)
+    report(figures.row('sim_node'))
+    assert figures.lost == 0
+
+
+def test_timer_and_default_executor(report):
+    report(serve(PEER, SECONDS).row('timer, default executor'))

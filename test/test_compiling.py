@@ -1,0 +1,74 @@
+"""Where machine code is kept, as a process finds its folders; what can't be written here root can't write either."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+MODULE = """
+from cfd_pneumatic.compiling import announced, compiler
+
+@compiler()
+def twice(number):
+    return 2 * number
+
+@compiler()
+def squared(number):
+    return number * number
+
+with announced(print):
+    assert (twice(3), squared(3)) == (6, 9)
+"""
+
+
+@pytest.fixture
+def module(tmp_path: Path) -> Path:
+    file = tmp_path / 'package' / 'module.py'
+    file.parent.mkdir()
+    file.write_text(MODULE)
+    return file
+
+
+def told(module: Path, environment: Mapping[str, str] | None = None) -> list[str]:
+    """Return what a process that runs the module is told of."""
+    own = {name: value for name, value in os.environ.items() if not name.startswith('NUMBA')}
+    own['PYTHONPATH'] = os.pathsep.join(filter(None, sys.path))
+    run = subprocess.run([sys.executable, module], env=own | dict(environment or {}), capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    return run.stdout.splitlines()
+
+
+def protect(module: Path) -> None:
+    """Let nothing be written beside the module: a file stands where the folder would be."""
+    (module.parent / '__pycache__').touch()
+
+
+def test_only_the_first_run_compiles_and_it_says_where_the_code_is_kept(module: Path) -> None:
+    assert told(module) == [str(module.parent / '__pycache__')]
+    assert told(module) == []
+
+
+def test_a_folder_of_the_user_s_choice_is_taken(module: Path, tmp_path: Path) -> None:
+    (folder,) = told(module, {'NUMBA_CACHE_DIR': str(tmp_path / 'cache')})
+    assert Path(folder).parent == tmp_path / 'cache'
+
+
+def test_an_installation_that_cannot_be_written_has_its_code_kept_in_the_user_s_cache(
+    module: Path, tmp_path: Path
+) -> None:
+    protect(module)
+    cache = {'XDG_CACHE_HOME': str(tmp_path / 'cache')}
+    (folder,) = told(module, cache)
+    assert tmp_path / 'cache' in Path(folder).parents
+    assert told(module, cache) == []
+
+
+def test_where_nothing_can_be_written_every_run_compiles(module: Path) -> None:
+    protect(module)
+    nowhere = {'XDG_CACHE_HOME': str(module / 'below a file'), 'NUMBA_CACHE_DIR': str(module / 'too')}
+    assert [told(module, nowhere) for _ in range(2)] == [['None']] * 2
