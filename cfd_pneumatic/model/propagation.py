@@ -33,10 +33,10 @@ CARRIED = 5
 """How many pairs of derivatives are carried: those by the set-point are zero in deviations from it."""
 
 _CLOSE = 1e-11  # share of a piece; the field is continuous at the switch, so that an error in its time acts squared
-_NEAR = 1e-6  # share of a piece that Newton's method moves by last: the next step would move by its square
+_NEAR = 1e-5  # share of a piece that Newton's method moves by last: the next step would move by its square
 _FLAT = 1e-6  # slope at an extremum, against the distance from the switch that remains there
 _ITERATIONS = 60
-_SETTLED = 1e-9  # an oscillation smaller than this is over [Pa]
+_SETTLED = 1e-9  # what is smaller than this is at rest [Pa]
 _ROUNDED = 1e-7  # of the time constants: by so much periods may differ that are one but for rounding
 
 _SERIES_BELOW = 0.5  # |z| up to which the series in z are exact to rounding
@@ -296,15 +296,18 @@ def stays(side, u, w, u_end, w_end):
 
     On a piece of at most a third of an oscillation w has at most one extremum. It therefore crosses once if its ends
     lie on opposite sides, twice or never if they lie on one side and w turns back in between, and never otherwise.
+    Where it is all but zero it has no side: a smoothed displacement never quite stands still.
     """
-    return side * w_end >= 0.0 and (side * (u - w) >= 0.0 or side * (u_end - w_end) <= 0.0)
+    if side * w_end >= 0.0 and (side * (u - w) >= 0.0 or side * (u_end - w_end) <= 0.0):
+        return True
+    return abs(w) + abs(w_end) <= _SETTLED
 
 
 @inlined
 def likely_crossing(begin, end, begin_rate, end_rate, h):
     """Return where in (0, h) the cubic through a piece's ends, with their rates, crosses zero, very nearly."""
     share = begin / (begin - end)
-    for _ in range(2):  # of Newton's steps, from where the straight line crosses
+    for _ in range(4):  # of Newton's steps, from where the straight line crosses
         rest = 1.0 - share
         value = rest * rest * ((1.0 + 2.0 * share) * begin + share * h * begin_rate)
         value += share * share * ((1.0 + 2.0 * rest) * end - rest * h * end_rate)
