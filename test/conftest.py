@@ -8,6 +8,8 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[1] / 'scripts'), str(Path(__file__).parent)]
 
+import pytest  # noqa: E402
+from chromium import PROGRAM, Chromium  # noqa: E402
 from ros_environment import isolate  # noqa: E402
 
 isolate()
@@ -24,6 +26,15 @@ for folder, (name, modules) in NEEDS.items():
     except ImportError as error:
         collect_ignore.append(folder)
         left_out.append(f'test/{folder} is left out: {name} is not to be had here ({error})')
+
+
+@pytest.fixture(scope='module')
+def browser():
+    """Yield a headless Chromium."""
+    if not PROGRAM:
+        pytest.skip('no Chromium here: apt-get install chromium')
+    with Chromium() as one:
+        yield one
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -86,13 +86,9 @@ class _Data:
 
     def excerpt(self, steps: int) -> _Data:
         """Return the liveliest part of each experiment, or all of it where it has no more steps."""
-        cuts = [one.liveliest(steps) for one in self.experiments]
-        samples = [
-            slice(*np.searchsorted(one.samples, [first, last + 1]).tolist())
-            for one, (first, last) in zip(self.experiments, cuts)
-        ]
+        experiments, samples = zip(*(one.liveliest(steps, mask) for one, mask in zip(self.experiments, self.masks)))
         return _Data(
-            [one.between(first, last) for one, (first, last) in zip(self.experiments, cuts)],
+            list(experiments),
             [mask[part] for mask, part in zip(self.masks, samples)],
             [weight[part] for weight, part in zip(self.weights, samples)],
         )

@@ -110,10 +110,24 @@ class Experiment:
             part=self.part[: last + 1],
         )
 
-    def between(self, first: int, last: int) -> Experiment:
-        """Return what lies between two grid times, both included."""
-        begin, end = np.searchsorted(self.samples, [first, last + 1])
-        return replace(
+    def liveliest(self, steps: int, counts: NDArray[np.bool_]) -> tuple[Experiment, slice]:
+        """
+        Return the part of so many grid steps in which the piston moves farthest, and which samples are in it.
+
+        It is the whole where that has no more steps. Only motion counts at whose samples `counts` is true, shape (m,).
+        """
+        last = self.times.size - 1
+        if last <= steps:
+            return self, slice(0, self.samples.size)
+        x = self.displacement[self.samples]
+        travel = np.zeros(self.times.size)
+        travel[self.samples] = np.where(counts, np.abs(np.diff(x, prepend=x[0])), 0.0)
+        travelled = np.cumsum(travel)
+        firsts = np.arange(0, last - steps + 1, max(1, steps // 4))
+        first = int(firsts[np.argmax(travelled[firsts + steps] - travelled[firsts])])
+        last = first + steps
+        begin, end = np.searchsorted(self.samples, [first, last + 1]).tolist()
+        part = replace(
             self,
             times=self.times[first : last + 1],
             displacement=self.displacement[first : last + 1],
@@ -123,16 +137,7 @@ class Experiment:
             part=self.part[begin:end],
             starts_at_rest=self.starts_at_rest and first == 0,
         )
-
-    def liveliest(self, steps: int) -> tuple[int, int]:
-        """Return the first and last grid time of so many steps, or of all, in which the piston moves farthest."""
-        last = self.times.size - 1
-        if last <= steps:
-            return 0, last
-        travel = np.cumsum(np.abs(np.diff(self.displacement)))
-        firsts = np.arange(0, last - steps, max(1, steps // 4))
-        first = int(firsts[np.argmax(travel[firsts + steps - 1] - travel[firsts])])
-        return first, first + steps
+        return part, slice(begin, end)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the experiment up to its last sample, in pieces that are small against a long recording."""

@@ -202,12 +202,8 @@ class _Problem:
 
     def excerpt(self) -> _Problem:
         """Return the problem of what moves most in long experiments, to choose a start by."""
-        cut = [experiment.liveliest(_EXCERPT) for experiment in self.experiments]
-        experiments = [one.between(first, last) for one, (first, last) in zip(self.experiments, cut)]
-        masks = [
-            mask[slice(*np.searchsorted(one.samples, [first, last + 1]))]
-            for one, mask, (first, last) in zip(self.experiments, self.masks, cut)
-        ]
+        experiments, samples = zip(*(one.liveliest(_EXCERPT, mask) for one, mask in zip(self.experiments, self.masks)))
+        masks = [mask[part] for mask, part in zip(self.masks, samples)]
         return _Problem(experiments, masks, self.weights)
 
 

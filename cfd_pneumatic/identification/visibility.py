@@ -99,12 +99,8 @@ class _View:
         """Return the liveliest part, itself where it has no more steps."""
         if max(one.times.size for one in self._experiments) <= steps:
             return self
-        cuts = [one.liveliest(steps) for one in self._experiments]
-        experiments = [one.between(first, last) for one, (first, last) in zip(self._experiments, cuts)]
-        masks = [
-            mask[slice(*np.searchsorted(one.samples, [first, last + 1]))]
-            for one, mask, (first, last) in zip(self._experiments, self._masks, cuts)
-        ]
+        experiments, samples = zip(*(one.liveliest(steps, mask) for one, mask in zip(self._experiments, self._masks)))
+        masks = [mask[part] for mask, part in zip(self._masks, samples)]
         return _View(experiments, masks, self._ambient_pressure, self._fitted) if any(map(np.any, masks)) else self
 
     def shows(self, name: str, starts: Sequence[tuple[float, ...]], least: float, *, asks_a_fit: bool = True) -> bool:

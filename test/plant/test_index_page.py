@@ -6,7 +6,6 @@ import re
 from urllib.parse import unquote
 
 import pytest
-from chromium import PROGRAM, Chromium
 from generated import BAGS, FIRST, SHIFT
 from identified import closed, with_force
 
@@ -116,14 +115,6 @@ def test_links_lead_to_the_reports(small_results):
 
 
 # in a browser
-
-
-@pytest.fixture(scope='module')
-def browser():
-    if not PROGRAM:
-        pytest.skip('no Chromium here: apt-get install chromium')
-    with Chromium() as one:
-        yield one
 
 
 @pytest.fixture(scope='module')

@@ -6,7 +6,6 @@ import re
 from dataclasses import replace
 
 import pytest
-from chromium import PROGRAM, Chromium
 from identified import closed, closed_on_two, judged, recording, with_force
 
 from cfd_pneumatic.identification import Options, identify
@@ -114,14 +113,6 @@ def test_several_recordings_are_drawn_each():
 
 
 # in a browser
-
-
-@pytest.fixture(scope='module')
-def browser():
-    if not PROGRAM:
-        pytest.skip('no Chromium here: apt-get install chromium')
-    with Chromium() as one:
-        yield one
 
 
 @pytest.fixture(scope='module')

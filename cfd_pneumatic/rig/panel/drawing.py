@@ -141,7 +141,7 @@ def at_times(times: NDArray[np.float64], truth: Truth) -> NDArray[np.float64]:
     return np.column_stack([np.interp(times, truth.times, pressure) for pressure in truth.pressures.T])
 
 
-def draw(effect: str | tuple[str, ...] | None, schedule: str, seed: int, noise: str = 'white') -> Draw:
+def draw(effect: str | tuple[str, ...] | None, schedule: str | Schedule, seed: int, noise: str = 'white') -> Draw:
     """
     Return a recording of a device with one effect, several or none.
 
@@ -150,9 +150,9 @@ def draw(effect: str | tuple[str, ...] | None, schedule: str, seed: int, noise: 
     effect
         Names from `EFFECTS`.
     schedule
-        'paper_step', 'out_and_back' or 'surface_following'.
+        'paper_step', 'out_and_back' or 'surface_following', or one that is laid out already.
     seed
-        Picks the device, the schedule's set-points and amplitudes, the strengths, and the noise.
+        Picks the device, a named schedule's set-points and amplitudes, the strengths, and the noise.
     noise
         A name from `NOISES`.
 
@@ -165,7 +165,7 @@ def draw(effect: str | tuple[str, ...] | None, schedule: str, seed: int, noise: 
     names = (effect,) if isinstance(effect, str) else effect or ()
     for_device, for_schedule, for_noise = _generators(seed)
     healthy, gains = draw_specimen(for_device)
-    planned = draw_schedule(schedule, for_schedule)
+    planned = draw_schedule(schedule, for_schedule) if isinstance(schedule, str) else schedule
     strengths: dict[str, float] = {}
     changes: dict[str, float] = {}
     for name in names:

@@ -1,0 +1,43 @@
+"""
+Closing the loop on a minute and on a quarter of an hour at 500 Hz, with all cores.
+
+Cylinder A alone, a device of the panel with one effect (seeds of development); the paper's model is fitted beforehand.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+from benchmark_effects import CYLINDER, recording_of
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.identification import CylinderResult, Options, identify
+from cfd_pneumatic.identification.loop import close_loop
+from cfd_pneumatic.rig import surface_following
+from cfd_pneumatic.rig.panel import draw
+
+MINUTE, QUARTER = 60.0, 900.0
+CASES = [
+    ('leakage', 60, MINUTE),
+    ('valve_dead_band', 12, MINUTE),
+    ('sensor_lag', 3, MINUTE),
+    ('heat_transfer', 7, MINUTE),
+    ('leakage', 60, QUARTER),
+]
+
+
+@cache
+def fitted(effect: str, seed: int, duration: float) -> CylinderResult:
+    schedule = 'surface_following' if duration == MINUTE else surface_following(duration=duration, seed=seed)
+    return identify([recording_of(draw(effect, schedule, seed))], Options()).cylinders[CYLINDER]
+
+
+@pytest.mark.parametrize(('effect', 'seed', 'duration'), CASES)
+def test_close_loop(benchmark, effect, seed, duration):
+    benchmark.group = f'close the loop, {duration:.0f} s at 500 Hz'
+    known = fitted(effect, seed, duration)
+    closure = benchmark.pedantic(
+        close_loop, (known.experiments, known.fit, AMBIENT_PRESSURE), warmup_rounds=1, rounds=3 if duration < 100 else 1
+    )
+    assert closure.effects == (effect,)

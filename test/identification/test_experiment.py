@@ -1,0 +1,81 @@
+"""An experiment in pieces, and the part of it that is worth a first look."""
+
+from itertools import pairwise
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cfd_pneumatic.identification import experiment as module
+from cfd_pneumatic.identification.experiment import Experiment
+from cfd_pneumatic.identification.fit import fit
+from cfd_pneumatic.model import Cylinder, OperatingPoints
+
+AMBIENT = 101_325.0
+GAINS = np.array([4.33e6, 104.0, 19.4, 0.0105])
+
+
+def made(times, displacement, samples, pressure=None):
+    size = len(samples)
+    return Experiment(
+        recording='made',
+        cylinder='cylinder_a',
+        times=times,
+        displacement=displacement,
+        setpoint=np.full(times.size, AMBIENT + 34e3),
+        setpoint_recorded=True,
+        samples=np.asarray(samples),
+        pressure=np.arange(size, dtype=float) if pressure is None else pressure[samples],
+        part=np.zeros(size, dtype=np.int8),
+        starts_at_rest=True,
+        motion=None,
+    )
+
+
+@given(st.lists(st.integers(0, 60), min_size=1, max_size=40, unique=True).map(sorted), st.integers(1, 7))
+def test_blocks_hold_each_sample_once_and_every_step_up_to_the_last(samples, size):
+    times = np.arange(61.0)
+    one = made(times, 0.0 * times, samples)
+    before, module._BLOCK = module._BLOCK, size
+    try:
+        blocks = list(one.blocks())
+    finally:
+        module._BLOCK = before
+    at = np.concatenate([times[block.grid][block.at] for block in blocks])
+    np.testing.assert_array_equal(at, times[samples])
+    np.testing.assert_array_equal(np.concatenate([one.pressure[block.samples] for block in blocks]), one.pressure)
+    assert blocks[0].grid.start == 0
+    for block, following in pairwise(blocks):
+        assert following.grid.start == block.grid.stop - 1, 'a block begins with the last grid time of the one before'
+    assert blocks[-1].grid.stop == samples[-1] + 1
+
+
+def strokes(times, lively):
+    """Return strokes of a tenth of a millimetre, so many times longer where they are `lively`."""
+    return 1e-4 * (1.0 + 9.0 * lively) * np.sin(3.0 * times)
+
+
+def test_the_liveliest_part_is_one_that_counts():
+    times = 0.01 * np.arange(10_001)
+    one = made(
+        times, strokes(times, 1.0 * ((times > 30.0) & (times < 40.0)) + 2.0 * (times > 80.0)), np.arange(0, 10_001, 2)
+    )
+    counts = one.sample_times < 60.0
+    part, samples = one.liveliest(1000, counts)
+    assert part.times.size == 1001
+    np.testing.assert_array_equal(part.pressure, one.pressure[samples])
+    np.testing.assert_array_equal(part.sample_times, one.sample_times[samples])
+    assert 27.0 <= part.times[0] <= 33.0
+    assert one.liveliest(1000, counts | True)[0].times[0] > 79.0
+    assert one.liveliest(20_000, counts)[0] is one
+
+
+def test_a_long_recording_that_is_lively_only_where_nothing_counts_is_fitted():
+    times = 0.002 * np.arange(150_001)
+    displacement = strokes(times, times > 200.0)
+    pressure = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT).simulate(
+        times, displacement, np.full(times.size, AMBIENT + 34e3)
+    )
+    one = made(times, displacement, np.arange(times.size), pressure + np.random.default_rng(0).normal(size=times.size))
+    found = fit([one], [times < 180.0])
+    np.testing.assert_allclose(found.gains[:3], GAINS[:3], rtol=0.02)
