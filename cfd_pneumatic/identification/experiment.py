@@ -14,11 +14,14 @@ from cfd_pneumatic.identification.split import MOTION, PARTS, Split, stroke_time
 from cfd_pneumatic.identification.stamps import regular_clock
 from cfd_pneumatic.model import DIRECTIONS
 from cfd_pneumatic.recording import Recording, Signal
+from cfd_pneumatic.recording.spool import PART, Growing, extent, give_back, parts, thinned
 
 Array = NDArray[np.float64]
 
 _BEYOND = 0.5  # longest time by which a pressure may be read early [s]
 _BLOCK = 4096  # samples: what is simulated of them stays in a processor's cache
+_STRETCH = 65_536  # samples
+_STRETCHES = 16  # that tell what the noise of a long recording is like
 _FEWEST_SAMPLES = 20  # four gains, a set-point, and something left to judge them by
 
 
@@ -119,13 +122,22 @@ class Experiment:
         last = self.times.size - 1
         if last <= steps:
             return self, slice(0, self.samples.size)
-        x = self.displacement[self.samples]
-        travel = np.zeros(self.times.size)
-        travel[self.samples] = np.where(counts, np.abs(np.diff(x, prepend=x[0])), 0.0)
-        travelled = np.cumsum(travel)
         firsts = np.arange(0, last - steps + 1, max(1, steps // 4))
-        first = int(firsts[np.argmax(travelled[firsts + steps] - travelled[firsts])])
-        last = first + steps
+        travelled = self._travelled(np.concatenate([firsts, firsts + steps]), counts)
+        first = int(firsts[np.argmax(travelled[firsts.size :] - travelled[: firsts.size])])
+        return self._between(first, first + steps)
+
+    def stretches(self) -> Iterator[tuple[Experiment, slice]]:
+        """Yield the whole, or of a long experiment stretches all over it, and which samples are in each."""
+        count = self.samples.size
+        if count <= _STRETCHES * _STRETCH:
+            yield self, slice(0, count)
+            return
+        for begin in np.linspace(0, count - _STRETCH, _STRETCHES).astype(int):
+            yield self._between(int(self.samples[begin]), int(self.samples[begin + _STRETCH - 1]))
+
+    def _between(self, first: int, last: int) -> tuple[Experiment, slice]:
+        """Return the part from one grid time to another, and which samples are in it."""
         begin, end = np.searchsorted(self.samples, [first, last + 1]).tolist()
         part = replace(
             self,
@@ -139,6 +151,19 @@ class Experiment:
         )
         return part, slice(begin, end)
 
+    def _travelled(self, grid: NDArray[np.intp], counts: NDArray[np.bool_]) -> Array:
+        """Return how far the piston has moved, where it counts, by some of the grid times."""
+        ends, place = np.unique(grid, return_inverse=True)
+        travel = np.zeros(ends.size + 1)
+        x = self.displacement[self.samples[0]]
+        for part in parts(self.samples, self.displacement):
+            at = self.samples[part]
+            moved = np.abs(np.diff(self.displacement[at], prepend=x))
+            travel += np.bincount(np.searchsorted(ends, at), moved * counts[part], travel.size)
+            x = self.displacement[at[-1]]
+        travelled: Array = np.cumsum(travel)[place]
+        return travelled
+
     def blocks(self) -> Iterator[Block]:
         """Yield the experiment up to its last sample, in pieces that are small against a long recording."""
         first = 0
@@ -149,11 +174,17 @@ class Experiment:
             evenly = at[-1] - at[0] == at.size - 1 and at.size > 1 and bool(np.all(np.diff(at) == 1))
             yield Block(slice(first, last + 1), samples, slice(int(at[0]), int(at[-1]) + 1) if evenly else at)
             first = last
+            if samples.stop % PART == 0:
+                self.give_back()
+
+    def give_back(self) -> None:
+        """Give back the memory of what is kept in files."""
+        give_back(self.times, self.displacement, self.setpoint, self.samples, self.pressure, self.part)
 
     @property
     def span(self) -> float:
         """The measured pressure's span p99 - p1 over the whole recording [Pa]."""
-        low, high = np.percentile(self.pressure, [1.0, 99.0])
+        low, high = np.percentile(thinned(self.pressure), [1.0, 99.0])
         return float(high - low)
 
 
@@ -175,9 +206,10 @@ def observed_motion(recording: Recording) -> tuple[Motion, Array]:
         )
     motion = smooth_motion(signal.times, signal.values)
     strokes = stroke_times(motion.times, motion.displacement, motion.noise)
-    if strokes.size == 0 or np.ptp(signal.values) <= MOTION * motion.noise:
+    low, high = extent(signal.values)
+    if strokes.size == 0 or high - low <= MOTION * motion.noise:
         raise InputError(
-            f'{recording.name}: the piston does not move (range {np.ptp(signal.values) * 1e3:.3g} mm, '
+            f'{recording.name}: the piston does not move (range {(high - low) * 1e3:.3g} mm, '
             f'noise {motion.noise * 1e3:.3g} mm): record strokes of the piston'
         )
     return motion, strokes
@@ -194,40 +226,49 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
 
     """
     signals = recording.cylinders[cylinder]
-    first, last = motion.times[0], motion.times[-1]
-    all_times = on_clock(signals.pressure.times, motion)
-    within = (all_times >= first) & (all_times <= last)
-    pressure_times = all_times[within]
-    pressure = signals.pressure.values[within]
-    if pressure.size < _FEWEST_SAMPLES:
+    pressure = _during(motion, Signal(on_clock(signals.pressure.times, motion), signals.pressure.values))
+    if len(pressure) < _FEWEST_SAMPLES:
         raise InputError(
-            f'{recording.name}: only {pressure.size} samples of {cylinder}/pressure lie between the first and the last '
+            f'{recording.name}: only {len(pressure)} samples of {cylinder}/pressure lie between the first and the last '
             'displacement sample: check the time offsets of the two topics'
         )
-    if np.ptp(pressure) == 0.0:
-        raise InputError(
-            f'{recording.name}: {cylinder}/pressure never changes ({pressure[0]:g} Pa): is its sensor connected?'
-        )
-    grid = [motion.knots(), pressure_times]
+    low, high = extent(pressure.values)
+    if low == high:
+        raise InputError(f'{recording.name}: {cylinder}/pressure never changes ({low:g} Pa): is its sensor connected?')
     setpoint = signals.setpoint
     if setpoint is not None:
         setpoint = Signal(motion.on_clock(setpoint.times), setpoint.values)
-        changes = setpoint.times
-        grid.append(changes[(changes > first) & (changes < last)])
-    times = np.unique(np.concatenate(grid))
-    times = times[times <= pressure_times[-1]]
-    part = split.part_of(pressure_times)
-    seen = pressure[part < PARTS.index('test')]
+    else:
+        seen = pressure.values[: np.searchsorted(pressure.times, split.bounds[1])]
+        level = float(np.median(thinned(seen if seen.size else pressure.values)))
+        setpoint = Signal(motion.times[:1], np.array([level]))
+    times, displacement, acting = Growing(), Growing(), Growing()
+    samples, part = Growing(np.intp), Growing(np.int8)
+    begin = float(np.nextafter(motion.times[0], -np.inf))
+    for piece in motion.pieces():
+        if begin >= pressure.times[-1]:
+            break
+        end = min(piece.times[-1], pressure.times[-1])
+        sampled = _after(begin, end, pressure.times)
+        grid = np.unique(np.concatenate([piece.knots(), sampled, _after(begin, end, setpoint.times)]))
+        grid = _after(begin, end, grid)
+        samples.append(len(times) + np.searchsorted(grid, sampled))
+        part.append(split.part_of(sampled))
+        times.append(grid)
+        displacement.append(DIRECTIONS[cylinder] * piece.at(grid))
+        acting.append(_held(setpoint, np.maximum(np.append(begin, grid[:-1]), motion.times[0])))
+        begin = end
+        give_back(pressure.times, setpoint.times, setpoint.values)
     return Experiment(
         recording=recording.name,
         cylinder=cylinder,
-        times=times,
-        displacement=DIRECTIONS[cylinder] * motion.at(times),
-        setpoint=_setpoint_on(times, setpoint, float(np.median(seen if seen.size else pressure))),
+        times=times.array(),
+        displacement=displacement.array(),
+        setpoint=acting.array(),
         setpoint_recorded=signals.setpoint is not None,
-        samples=np.searchsorted(times, pressure_times),
-        pressure=pressure,
-        part=part,
+        samples=samples.array(),
+        pressure=pressure.values,
+        part=part.array(),
         starts_at_rest=_rests_at_start(motion),
         motion=motion,
     )
@@ -237,21 +278,39 @@ def on_clock(stamps: Array, motion: Motion) -> Array:
     """Return when a pressure's samples were taken [s]: with the displacement's, or by a clock of their own."""
     if motion.stamps is motion.times:
         return stamps
-    if np.all(np.isin(stamps, motion.stamps)):
+    if _all_among(stamps, motion.stamps):
         return motion.on_clock(stamps)
     clock = regular_clock(stamps)
     return stamps if clock is None else clock
 
 
-def _setpoint_on(times: Array, setpoint: Signal | None, otherwise: float) -> Array:
-    """Return the set-point that acts on the step ending at each grid time: the one held when the step began."""
-    if setpoint is None:
-        return np.full(times.size, otherwise)
-    begins = np.concatenate([times[:1], times[:-1]])
+def _all_among(stamps: Array, others: Array) -> bool:
+    return all(
+        np.array_equal(others[np.minimum(np.searchsorted(others, stamps[part]), others.size - 1)], stamps[part])
+        for part in parts(stamps, others)
+    )
+
+
+def _during(motion: Motion, signal: Signal) -> Signal:
+    """Return the samples from the first of the displacement to its last."""
+    first = int(np.searchsorted(signal.times, motion.times[0]))
+    last = int(np.searchsorted(signal.times, motion.times[-1], side='right'))
+    return Signal(signal.times[first:last], signal.values[first:last])
+
+
+def _after(begin: float, end: float, times: Array) -> Array:
+    """Return those of increasing times that lie after one and up to another [s]."""
+    first, last = np.searchsorted(times, [begin, end], side='right')
+    return times[first:last]
+
+
+def _held(setpoint: Signal, begins: Array) -> Array:
+    """Return the set-points held when steps begin: they act until their ends."""
     held = np.searchsorted(setpoint.times, begins, side='right') - 1
-    return setpoint.values[np.maximum(held, 0)]
+    values: Array = setpoint.values[np.maximum(held, 0)]
+    return values
 
 
 def _rests_at_start(motion: Motion) -> bool:
     opening = motion.displacement[:10]
-    return bool(np.ptp(opening) <= max(MOTION * motion.noise, 2e-3 * np.ptp(motion.displacement)))
+    return bool(np.ptp(opening) <= max(MOTION * motion.noise, 2e-3 * motion.reach))

@@ -19,8 +19,9 @@ from scipy.special import stdtrit
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
-from cfd_pneumatic.identification.uncertainty import information
+from cfd_pneumatic.identification.uncertainty import Information, information
 from cfd_pneumatic.model import NAMES, SPECS, Course
+from cfd_pneumatic.recording.spool import Growing, dot, extent, parts
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -118,11 +119,13 @@ class _Problem:
         self.size = GAINS + count + len(moving)
         self.offset_at = GAINS + np.arange(count)
         self.start_at = {index: GAINS + count + rank for rank, index in enumerate(moving)}
+        self.ends = [mask.size - int(np.argmax(mask[::-1])) for mask in masks]  # of the samples that count
         self.units = np.ones(self.size)
         self.columns = [self._columns(index) for index in range(count)]
         self.corners = [np.ix_(columns, columns) for columns in self.columns]
         for columns, experiment, mask in zip(self.columns, experiments, masks):
-            self.units[columns[GAINS:]] = np.ptp(experiment.pressure[mask]) if np.any(mask) else 1.0
+            low, high = extent(experiment.pressure, mask)
+            self.units[columns[GAINS:]] = high - low if high >= low else 1.0
 
     def _columns(self, index: int) -> NDArray[np.intp]:
         """Return which unknowns concern an experiment: gains, offset and, unless it begins at rest, start."""
@@ -134,12 +137,18 @@ class _Problem:
         return np.concatenate([np.exp(unknowns[:GAINS]), (unknowns * self.units)[GAINS:]])
 
     def _blocks(self, index: int, unknowns: Array, *, slopes: bool = True) -> Iterator[tuple[slice, Array, Array]]:
-        """Yield pressure and, by the gains, set-point and start, its derivatives at the samples of each block."""
+        """
+        Yield pressure and, by the gains, set-point and start, its derivatives at the samples of each block.
+
+        With derivatives, only up to the last sample that counts.
+        """
         experiment, values = self.experiments[index], self.outward(unknowns)
         offset = values[self.offset_at[index]]
         start = values[self.start_at[index]] if index in self.start_at else 0.0
         course = Course(values[:GAINS], experiment.setpoint[0] + offset + start)
         for block in experiment.blocks():
+            if slopes and block.samples.start >= self.ends[index]:
+                return
             pressure, jacobian = course.follow(
                 experiment.times[block.grid],
                 experiment.displacement[block.grid],
@@ -169,17 +178,23 @@ class _Problem:
 
     def simulate(self, unknowns: Array) -> list[Array]:
         """Return the pressure at the samples of each experiment [Pa]."""
-        return [
-            np.concatenate([pressure for _, pressure, _ in self._blocks(index, unknowns, slopes=False)])
-            for index in range(len(self.experiments))
-        ]
+        return [self._simulated(index, unknowns) for index in range(len(self.experiments))]
 
-    def residuals(self, simulated: Sequence[Array]) -> Array:
-        """Return weighted simulated less measured pressure of all experiments, masked."""
-        parts = zip(self.experiments, self.masks, self.weights, simulated)
-        return np.concatenate(
-            [weight * (pressure - experiment.pressure)[mask] for experiment, mask, weight, pressure in parts]
-        )
+    def _simulated(self, index: int, unknowns: Array) -> Array:
+        simulated = Growing()
+        for _, pressure, _ in self._blocks(index, unknowns, slopes=False):
+            simulated.append(pressure)
+        return simulated.array()
+
+    def residuals(self, simulated: Sequence[Array]) -> list[Array]:
+        """Return weighted simulated less measured pressure of each experiment, masked."""
+        found = []
+        for experiment, mask, weight, pressure in zip(self.experiments, self.masks, self.weights, simulated):
+            own = Growing()
+            for part in parts(pressure, experiment.pressure):
+                own.append(weight * (pressure[part] - experiment.pressure[part])[mask[part]])
+            found.append(own.array())
+        return found
 
     def jacobians(self, unknowns: Array) -> Iterator[Array]:
         """Yield the Jacobian of `residuals`, by log gains, offsets and starts [Pa], in blocks of rows."""
@@ -236,10 +251,7 @@ def fit(
     gains = _best_guess(problem, initial)
     best, _ = problem.search(_unknowns_at(problem, gains), *_FINE)
     if len(experiments) > 1:
-        rmse = [
-            math.sqrt(np.mean((pressure - experiment.pressure)[mask] ** 2))
-            for experiment, mask, pressure in zip(experiments, masks, problem.simulate(best))
-        ]
+        rmse = [math.sqrt(dot(run, run) / max(run.size, 1)) for run in problem.residuals(problem.simulate(best))]
         problem = _Problem(experiments, masks, float(np.mean(rmse)) / np.maximum(rmse, 1e-9))
         best, _ = problem.search(best, *_FINE)
     return _summary(problem, best)
@@ -277,12 +289,12 @@ def _unknowns_at(problem: _Problem, gains: Sequence[float]) -> Array:
 def _summary(problem: _Problem, unknowns: Array) -> Fit:
     simulated = problem.simulate(unknowns)
     residuals = problem.residuals(simulated)
-    _check_that_pressure_follows(problem, residuals)
-    told = information(problem.jacobians(unknowns), residuals, [int(np.count_nonzero(mask)) for mask in problem.masks])
+    told = information(problem.jacobians(unknowns), residuals)
+    _check_that_pressure_follows(problem, told)
     reasons = {index: reason for index, reason in enumerate(_unmoved(unknowns, told.normal)) if reason is not None}
-    degrees = residuals.size - problem.size
+    degrees = told.size - problem.size
     if degrees < 1:
-        raise InputError(f'{residuals.size} pressure samples are too few for {problem.size} unknowns: record longer')
+        raise InputError(f'{told.size} pressure samples are too few for {problem.size} unknowns: record longer')
     while True:
         free = np.array([index for index in range(problem.size) if index not in reasons])
         std = np.sqrt(np.diag(told.covariance(degrees, free)))
@@ -315,20 +327,24 @@ def _summary(problem: _Problem, unknowns: Array) -> Fit:
     )
 
 
-def _check_that_pressure_follows(problem: _Problem, residuals: Array) -> None:
+def _check_that_pressure_follows(problem: _Problem, told: Information) -> None:
     """Raise InputError where the pressure is explained as well by one that does not follow the piston at all."""
-    if any(np.ptp(experiment.setpoint) > 0.0 for experiment in problem.experiments):
+    if any(len(set(extent(experiment.setpoint))) > 1 for experiment in problem.experiments):
         return
-    rested = np.concatenate(
-        [
-            weight * (experiment.pressure[mask] - np.mean(experiment.pressure[mask]))
-            for experiment, mask, weight in zip(problem.experiments, problem.masks, problem.weights)
-            if np.any(mask)
-        ]
+    rested = sum(
+        weight**2 * _squares_about_mean(experiment.pressure, mask)
+        for experiment, mask, weight in zip(problem.experiments, problem.masks, problem.weights)
     )
-    evidence = residuals.size * math.log(float(rested @ rested) / max(float(residuals @ residuals), 1e-300))
-    if evidence < _LEAST_EVIDENCE:
+    if told.size * math.log(rested / max(told.power, 1e-300)) < _LEAST_EVIDENCE:
         raise InputError(_NOTHING_TOLD)
+
+
+def _squares_about_mean(values: Array, counts: Mask) -> float:
+    size, total, squares = 0, 0.0, 0.0
+    for part in parts(values):
+        here = values[part][counts[part]] - values[0]
+        size, total, squares = size + here.size, total + float(np.sum(here)), squares + float(here @ here)
+    return squares - total**2 / max(size, 1)
 
 
 _NOTHING_TOLD = (

@@ -20,6 +20,7 @@ from cfd_pneumatic.identification.noise import pressure_noise
 from cfd_pneumatic.identification.split import FRACTIONS, PARTS, Split, split_recordings
 from cfd_pneumatic.identification.verdict import PartError, part_errors
 from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.recording.spool import parts
 
 Array = NDArray[np.float64]
 Masks = list[NDArray[np.bool_]]
@@ -197,17 +198,13 @@ def _close_on_force(
 def _identify_cylinder(experiments: Sequence[Experiment], options: Options) -> CylinderResult:
     fitted_to = [experiment.part < PARTS.index('test') for experiment in experiments]
     joint = fit(experiments, fitted_to)
-    levels = [
-        experiment.setpoint[experiment.samples] + offset for experiment, offset in zip(experiments, joint.offsets)
-    ]
-    mean_level = float(np.mean(np.concatenate(levels)))
-    schedule = [OperatingPoint(mean_level - options.ambient_pressure, joint)]
+    schedule = [OperatingPoint(_mean_level(experiments, joint) - options.ambient_pressure, joint)]
     simulated = list(joint.simulated)
     notes: list[str] = []
     if options.per_setpoint:
-        schedule, simulated, notes = _fit_each_setpoint(experiments, fitted_to, levels, joint, options)
+        schedule, simulated, notes = _fit_each_setpoint(experiments, fitted_to, joint, options)
     span = float(np.mean([experiment.span for experiment in experiments]))
-    measured, parts = [one.pressure for one in experiments], [one.part for one in experiments]
+    measured, part = [one.pressure for one in experiments], [one.part for one in experiments]
     closure = close_loop(experiments, joint, options.ambient_pressure) if options.close_loop else None
     return CylinderResult(
         experiments=tuple(experiments),
@@ -215,21 +212,34 @@ def _identify_cylinder(experiments: Sequence[Experiment], options: Options) -> C
         schedule=tuple(schedule),
         span=span,
         noise_floor=pressure_noise(experiments, joint.simulated, joint.gains[0]).std,
-        before=part_errors(measured, simulated, parts),
+        before=part_errors(measured, simulated, part),
         notes=tuple(notes),
         closure=closure,
-        after=part_errors(measured, closure.simulated, parts) if closure is not None else {},
+        after=part_errors(measured, closure.simulated, part) if closure is not None else {},
     )
 
 
+def _mean_level(experiments: Sequence[Experiment], joint: Fit) -> float:
+    """Return the mean set-point [Pa]."""
+    total = sum(
+        float(np.sum(experiment.setpoint[experiment.samples[part]] + offset))
+        for experiment, offset in zip(experiments, joint.offsets)
+        for part in parts(experiment.samples, experiment.setpoint)
+    )
+    return total / sum(experiment.samples.size for experiment in experiments)
+
+
 def _fit_each_setpoint(
-    experiments: Sequence[Experiment], fitted_to: Masks, levels: Sequence[Array], joint: Fit, options: Options
+    experiments: Sequence[Experiment], fitted_to: Masks, joint: Fit, options: Options
 ) -> tuple[list[OperatingPoint], list[Array], list[str]]:
     """
     Fit each set-point on its own; return the schedule, the pressures that it simulates, and what was left out.
 
     A recording that holds several set-points is simulated whole for each of them, and compared where it applies.
     """
+    levels = [
+        experiment.setpoint[experiment.samples] + offset for experiment, offset in zip(experiments, joint.offsets)
+    ]
     simulated = [pressure.copy() for pressure in joint.simulated]
     schedule = []
     notes = []

@@ -15,8 +15,9 @@ that makes the samples likelier by more than the numbers spent on it (Schwarz, 1
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -27,6 +28,8 @@ from scipy.optimize import minimize_scalar
 
 from cfd_pneumatic.compiling import compiler
 from cfd_pneumatic.identification.stamps import regular_clock
+from cfd_pneumatic.parallel import each, threads
+from cfd_pneumatic.recording.spool import Growing, dot, extent, give_back, overlapping, parts
 
 Array = NDArray[np.float64]
 
@@ -42,6 +45,10 @@ _OTHERWISE = 0.8  # share of the steps, the least driven ones, that tell what dr
 _OTHERWISE_POWER = 0.44  # mean square of that share of a normal distribution
 _STRAY = 4.0  # times what its neighbours are off a line is a reading off it that is no motion; a sharp corner is 3
 _LARGEST_BOOST = 1e18
+_LONG = 200_000  # samples, more than which are smoothed in windows
+_WINDOW = 131_072  # samples that are smoothed together
+_MARGIN = 4_096  # samples on either side of them, more than a smoother remembers
+_COARSELY = 64  # samples, between which a piston travels farther than its sensor's noise
 _ROUNDS = 5  # of finding sudden steps: with each the others are smoother and show more of them
 
 
@@ -59,12 +66,15 @@ class Motion:
         before.
     std
         Standard error of the displacement, shape (n,) [m].
+    reach
+        Largest displacement less the smallest [m].
     noise
         Standard deviation of the measured displacement's noise [m].
     order
         2 where the motion is likelier one of white acceleration, 3 where one of white jerk.
     deviance
-        Minus twice the logarithm of the likelihood, up to a constant; smaller where the times suit the samples better.
+        Minus twice the logarithm of the likelihood of the samples, or of the liveliest window of many, up to a
+        constant; smaller where the times suit the samples better.
     stamps
         The samples' stamps as recorded, shape (n,) [s]; `times` are when they were taken.
 
@@ -75,16 +85,46 @@ class Motion:
     rate: Array
     acceleration: Array
     std: Array
+    reach: float
     noise: float
     order: int
     deviance: float
     stamps: Array
 
+    @cached_property
+    def uncertainty(self) -> float:
+        """Root mean square of the displacement's standard errors [m]."""
+        return math.sqrt(dot(self.std, self.std) / self.std.size)
+
     def on_clock(self, stamps: Array) -> Array:
         """Return when something was that is stamped as the samples are, shape (n,) [s]."""
         if self.stamps is self.times:
             return stamps
-        return stamps + np.interp(stamps, self.stamps, self.times - self.stamps)
+        taken = Growing()
+        for part in parts(stamps):
+            here = stamps[part]
+            first, last = np.searchsorted(self.stamps, [here[0], here[-1]]).tolist()
+            near = slice(max(first - 1, 0), last + 2)
+            taken.append(here + np.interp(here, self.stamps[near], self.times[near] - self.stamps[near]))
+        return taken.array()
+
+    def pieces(self) -> Iterator[Motion]:
+        """Yield the motion in pieces that are small against a long recording; each begins where the last one ended."""
+        for part in parts(self.times[:-1], self.displacement[:-1], self.rate[:-1], self.acceleration[:-1]):
+            yield self.part(slice(part.start, part.stop + 1))
+
+    def part(self, samples: slice) -> Motion:
+        """Return the motion at some neighbouring samples."""
+        times = self.times[samples]
+        return replace(
+            self,
+            times=times,
+            displacement=self.displacement[samples],
+            rate=self.rate[samples],
+            acceleration=self.acceleration[samples],
+            std=self.std[samples],
+            stamps=times if self.stamps is self.times else self.stamps[samples],
+        )
 
     def knots(self) -> Array:
         """
@@ -99,7 +139,7 @@ class Motion:
         acceleration = self._spline().derivative(2).c  # coefficients on each step, the highest power's first
         sharpest = np.maximum(np.abs(acceleration[-1]), np.abs(np.polyval(acceleration, steps)))
         bend = sharpest * steps**2 / 8.0
-        tolerance = max(self.noise, _FINEST_BEND * float(np.ptp(self.displacement)))
+        tolerance = max(self.noise, _FINEST_BEND * self.reach)
         pieces = np.ones(steps.size, dtype=np.intp)
         if tolerance > 0.0:
             pieces = np.clip(np.ceil(np.sqrt(bend / tolerance)), 1, _MOST_PIECES).astype(np.intp)
@@ -173,7 +213,7 @@ def _carried(h, xx, xv, xa, vv, va, aa):
     )
 
 
-@compiler(error_model='numpy')
+@compiler(error_model='numpy', nogil=True)
 def _filter(order, steps, measured, density, mean, covariance):
     """
     Kalman filter of white noise integrated `order` times; noise variance 1, `density` that of each step.
@@ -219,7 +259,7 @@ def _filter(order, steps, measured, density, mean, covariance):
     return log_sum, square_sum
 
 
-@compiler(error_model='numpy')
+@compiler(error_model='numpy', nogil=True)
 def _smooth(order, steps, measured, density, mean, covariance):
     """
     Turn filtered means, and the covariances' xx, into smoothed ones, in place, down to sample number `order`.
@@ -275,28 +315,76 @@ def smooth_motion(stamps: Array, measured: Array) -> Motion:
         Measured displacement, shape (n,) [m].
 
     """
-    as_stamped = _smoothed(stamps, measured)
     clock = regular_clock(stamps)
+    if stamps.size <= _LONG:
+        return _likeliest_motion(stamps, clock, measured)
+    windows = list(overlapping(stamps.size, _WINDOW, _MARGIN))
+    _, liveliest = max(windows, key=lambda window: _travel(measured[window[1]]))
+    known = _likeliest_motion(stamps[liveliest], None if clock is None else clock[liveliest], measured[liveliest])
+    times = stamps if clock is None or known.stamps is known.times else clock
+    return _joined(times, stamps, measured, windows, known)
+
+
+def _likeliest_motion(stamps: Array, clock: Array | None, measured: Array) -> Motion:
+    """Return the smoothed displacement by the stamps or by a clock, if there is one."""
+    as_stamped = _smoothed(stamps, measured)
     if clock is None:
         return as_stamped
     by_clock = replace(_smoothed(clock, measured), stamps=stamps)
     return by_clock if by_clock.deviance <= as_stamped.deviance else as_stamped
 
 
-def _smoothed(times: Array, measured: Array) -> Motion:
+def _travel(measured: Array) -> float:
+    return float(np.sum(np.abs(np.diff(measured[::_COARSELY]))))
+
+
+def _joined(
+    times: Array, stamps: Array, measured: Array, windows: Sequence[tuple[slice, slice]], known: Motion
+) -> Motion:
+    """Return what is smoothed in windows, of which one is known."""
+
+    def smoothed(place: tuple[slice, slice]) -> Motion:
+        own, window = place
+        motion = _smoothed(times[window], measured[window], (known.order,))
+        return motion.part(slice(own.start - window.start, own.stop - window.start))
+
+    displacement, rate, acceleration, std = Growing(), Growing(), Growing(), Growing()
+    for first in range(0, len(windows), threads()):
+        for motion in each(smoothed, windows[first : first + threads()]):
+            displacement.append(motion.displacement)
+            rate.append(motion.rate)
+            acceleration.append(motion.acceleration)
+            std.append(motion.std)
+        give_back(times, stamps, measured)
+    low, high = extent(displacement.array())
+    return replace(
+        known,
+        times=times,
+        displacement=displacement.array(),
+        rate=rate.array(),
+        acceleration=acceleration.array(),
+        std=std.array(),
+        reach=high - low,
+        stamps=stamps,
+    )
+
+
+def _smoothed(times: Array, measured: Array, orders: Sequence[int] = _ORDERS) -> Motion:
     # in units of the mean step and of the displacement's spread, so that the search sees numbers about one
     unit = float(np.mean(np.diff(times)))
     scale = float(np.std(measured)) or 1.0
     samples = _Samples.of(np.diff(times) / unit, (measured - measured[0]) / scale)
-    best = min((_likeliest(order, samples) for order in _ORDERS), key=lambda smoother: smoother.deviance)
+    best = min((_likeliest(order, samples) for order in orders), key=lambda smoother: smoother.deviance)
     mean, variance = best.smooth()
     noise = scale * best.noise
+    displacement = measured[0] + scale * mean[:, 0]
     return Motion(
         times=times,
-        displacement=measured[0] + scale * mean[:, 0],
+        displacement=displacement,
         rate=scale / unit * mean[:, 1],
         acceleration=scale / unit**2 * mean[:, 2],
         std=noise * np.sqrt(np.clip(variance, 0.0, 1.0)),
+        reach=float(np.ptp(displacement)),
         noise=noise,
         order=best.order,
         deviance=best.deviance,

@@ -13,6 +13,7 @@ from scipy.stats import norm
 
 from cfd_pneumatic.identification.colour import autoregression, independent_share
 from cfd_pneumatic.identification.experiment import Experiment
+from cfd_pneumatic.recording.spool import give_back
 
 Array = NDArray[np.float64]
 
@@ -97,10 +98,18 @@ def pressure_noise(experiments: Sequence[Experiment], simulated: Sequence[Array]
         By which the uncertainty of the displacement reaches the pressure [Pa/m].
 
     """
-    rounding = math.sqrt(float(np.mean([rounding_step(one.pressure) ** 2 for one in experiments])) / 12.0)
-    residuals = [one.pressure - pressure for one, pressure in zip(experiments, simulated)]
-    rests = [rest - np.mean(rest) for one, residual in zip(experiments, residuals) for rest in _at_rest(one, residual)]
-    return noise_of(rests, _white(experiments, residuals, k_x), sum(one.size for one in residuals), rounding)
+    stretches = [
+        (part, part.pressure - pressure[samples])
+        for one, pressure in zip(experiments, simulated)
+        for part, samples in one.stretches()
+    ]
+    rounding = math.sqrt(float(np.mean([rounding_step(one.pressure) ** 2 for one, _ in stretches])) / 12.0)
+    rests = [rest - np.mean(rest) for one, residual in stretches for rest in _at_rest(one, residual)]
+    white = _white(stretches, k_x)
+    for one, pressure in zip(experiments, simulated):
+        one.give_back()
+        give_back(pressure)
+    return noise_of(rests, white, sum(residual.size for _, residual in stretches), rounding)
 
 
 def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) -> Noise:
@@ -129,13 +138,13 @@ def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) 
     return Noise(max(std, rounding), colour, uncertainty, known, rounding > _MOSTLY_ROUNDING * std)
 
 
-def _white(experiments: Sequence[Experiment], residuals: Sequence[Array], k_x: float) -> float:
+def _white(stretches: Sequence[tuple[Experiment, Array]], k_x: float) -> float:
     """Return the standard deviation of white noise, with what the displacement's uncertainty adds [Pa]."""
     variances = [
-        sample_noise(one.sample_times, residual) ** 2 + k_x**2 * float(np.mean(one.motion.std**2))
-        for one, residual in zip(experiments, residuals)
+        sample_noise(one.sample_times, residual) ** 2 + (k_x * one.motion.uncertainty) ** 2
+        for one, residual in stretches
     ]
-    return math.sqrt(float(np.average(variances, weights=[residual.size for residual in residuals])))
+    return math.sqrt(float(np.average(variances, weights=[residual.size for _, residual in stretches])))
 
 
 def rounding_step(values: Array) -> float:

@@ -6,11 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from cfd_pneumatic.recording.spool import PART, Growing, give_back, overlapping
+
 Array = NDArray[np.float64]
 
 _FEWEST = 100  # of fewer, steps drawn anew are anticorrelated by chance
 _WINDOW = 101  # samples over which the clock may drift
 _LARGEST_JITTER = 0.2  # of a period
+_RESOLUTION = 1e-9  # of ROS's stamps [s]; finer jitter is rounding
 _ANTICORRELATED = -0.3  # of neighbouring steps; jitter about a clock makes -0.5, steps drawn anew make 0
 
 
@@ -22,6 +25,17 @@ def regular_clock(stamps: Array) -> Array | None:
     """
     if stamps.size < _FEWEST:
         return None
+    taken = Growing()
+    for own, window in overlapping(stamps.size, PART, _WINDOW):
+        clock = _clock(stamps[window])
+        if clock is None:
+            return None
+        taken.append(clock[own.start - window.start : own.stop - window.start])
+        give_back(stamps)
+    return taken.array()
+
+
+def _clock(stamps: Array) -> Array | None:
     steps = np.diff(stamps)
     period = float(np.median(steps))
     ticks = np.concatenate([[0.0], np.cumsum(np.round(steps / period))])
@@ -33,7 +47,7 @@ def regular_clock(stamps: Array) -> Array | None:
     jitter = late - drift
     changes = np.diff(jitter)
     power = float(changes @ changes)
-    if power == 0.0 or np.std(jitter) > _LARGEST_JITTER * period:
+    if not _RESOLUTION < np.std(jitter) <= _LARGEST_JITTER * period:
         return None
     if float(changes[1:] @ changes[:-1]) > _ANTICORRELATED * power:
         return None

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.recording.spool import dot, give_back
+
 Array = NDArray[np.float64]
 
 _FINEST_LAGS = 64  # up to which a window is taken sample by sample
@@ -28,7 +30,8 @@ def covariance(jacobian: Array, residuals: Array, degrees: int, lengths: Sequenc
         Of the runs of neighbouring samples that the residuals are made of.
 
     """
-    return information(np.split(jacobian, np.cumsum(lengths)[:-1]), residuals, lengths).covariance(degrees)
+    ends = np.cumsum(lengths)[:-1]
+    return information(np.split(jacobian, ends), np.split(residuals, ends)).covariance(degrees)
 
 
 @dataclass(frozen=True)
@@ -73,31 +76,41 @@ class Information:
         return np.asarray(inverse @ self.scores[at] @ inverse * (self.size / degrees))
 
 
-def information(jacobians: Iterable[Array], residuals: Array, lengths: Sequence[int]) -> Information:
+def information(jacobians: Iterable[Array], residuals: Sequence[Array]) -> Information:
     """
     Return what residuals tell about unknowns, in one walk over their Jacobian.
 
     Parameters
     ----------
     jacobians
-        The Jacobian in blocks of rows; none reaches over the end of a run.
-    residuals, lengths
-        As in `covariance`.
+        The Jacobian in blocks of rows, in order; none reaches over the end of a run.
+    residuals
+        Runs of neighbouring residuals, each of shape (n,).
 
     """
-    lags = _correlation_length(residuals, lengths)
-    ends = set(np.cumsum(lengths).tolist())
+    lags = _correlation_length(residuals)
+    runs = iter(residuals)
+    run, at = np.empty(0), 0
     normal: Array | float = 0.0
     scores: Array | float = 0.0
     window = _Window(lags)
-    at = 0
     for jacobian in jacobians:
+        if not len(jacobian):
+            continue
+        while at == run.size:
+            run, at = next(runs), 0
         rows = slice(at, at + len(jacobian))
         at = rows.stop
         normal = normal + jacobian.T @ jacobian
         if lags:
-            scores = scores + window.products(jacobian * residuals[rows, None], at in ends)
-    return Information(np.asarray(normal), np.asarray(scores) if lags else None, float(residuals @ residuals), at)
+            scores = scores + window.products(jacobian * run[rows, None], at == run.size)
+            give_back(run)
+    return Information(
+        np.asarray(normal),
+        np.asarray(scores) if lags else None,
+        sum(dot(run, run) for run in residuals),
+        sum(run.size for run in residuals),
+    )
 
 
 class _Window:
@@ -125,15 +138,14 @@ class _Window:
         return np.asarray(windows.T @ windows / (self.lags + 1.0))
 
 
-def _correlation_length(residuals: Array, lengths: Sequence[int]) -> int:
+def _correlation_length(runs: Sequence[Array]) -> int:
     """Return over how many samples residuals are correlated, 0 where the first lag's correlation is noise."""
-    series = np.split(residuals, np.cumsum(lengths)[:-1])
-    power = float(residuals @ residuals)
-    significance = 3.0 / math.sqrt(residuals.size)
-    longest = max(1, min(length for length in lengths) // 4)
+    power = sum(dot(run, run) for run in runs)
+    significance = 3.0 / math.sqrt(sum(run.size for run in runs))
+    longest = max(1, min(run.size for run in runs) // 4)
 
     def correlation(lag: int) -> float:
-        return sum(float(part[lag:] @ part[:-lag]) for part in series) / power
+        return sum(dot(run[lag:], run[:-lag]) for run in runs) / power
 
     if power == 0.0 or abs(correlation(1)) < significance:
         return 0

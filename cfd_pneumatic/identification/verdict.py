@@ -14,6 +14,7 @@ from cfd_pneumatic.identification.judgement import Trial
 from cfd_pneumatic.identification.residuals import Test, explained
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.model.effects import Effect
+from cfd_pneumatic.recording import spool
 
 Array = NDArray[np.float64]
 Parts = NDArray[np.int8]
@@ -82,14 +83,17 @@ class PartError:
 
 def part_errors(measured: Sequence[Array], simulated: Sequence[Array], parts: Sequence[Parts]) -> dict[str, PartError]:
     """Return the error on each part that has samples, by its name, of all experiments together."""
-    span = float(np.mean([np.ptp(np.percentile(one, [1.0, 99.0])) for one in measured]))
-    residuals, part = np.concatenate(measured) - np.concatenate(simulated), np.concatenate(parts)
-    errors = {}
-    for index, name in enumerate(PARTS):
-        if np.any(part == index):
-            rmse = math.sqrt(float(np.mean(residuals[part == index] ** 2)))
-            errors[name] = PartError(rmse, 100.0 * rmse / span)
-    return errors
+    span = float(np.mean([np.ptp(np.percentile(spool.thinned(one), [1.0, 99.0])) for one in measured]))
+    squares, counts = np.zeros(len(PARTS)), np.zeros(len(PARTS))
+    for one, other, part in zip(measured, simulated, parts):
+        for here in spool.parts(one, other, part):
+            squares += np.bincount(part[here], (one[here] - other[here]) ** 2, len(PARTS))
+            counts += np.bincount(part[here], minlength=len(PARTS))
+    return {
+        name: PartError(rmse, 100.0 * rmse / span)
+        for name, rmse in zip(PARTS, np.sqrt(squares / np.maximum(counts, 1.0)).tolist())
+        if counts[PARTS.index(name)]
+    }
 
 
 def compared(

@@ -10,6 +10,7 @@ from scipy.special import factorial
 from cfd_pneumatic.identification import motion as module
 from cfd_pneumatic.identification.motion import smooth_motion
 from cfd_pneumatic.identification.noise import sample_noise
+from cfd_pneumatic.recording import spool
 
 
 def slow_strokes(seed, noise=4e-5):
@@ -186,6 +187,39 @@ def test_a_jittered_clock_is_seen_through(missed):
     assert np.std(motion.times - clock) < 1e-5
     assert np.std(motion.displacement - truth) < 0.65e-6
     np.testing.assert_allclose(motion.on_clock(stamps), motion.times, atol=1e-12)
+
+
+@pytest.mark.parametrize('jitter', [0.0, 5e-5])
+def test_in_windows_a_motion_is_as_smooth_as_whole(monkeypatch, jitter):
+    rng = np.random.default_rng(5)
+    clock = np.arange(12_000) * 0.002
+    truth = surface(clock)[0]
+    measured = truth + 1e-6 * rng.normal(size=clock.size)
+    stamps = clock + jitter * rng.normal(size=clock.size)
+    whole = smooth_motion(stamps, measured)
+    monkeypatch.setattr(module, '_LONG', 4000)
+    monkeypatch.setattr(module, '_WINDOW', 4000)
+    monkeypatch.setattr(module, '_MARGIN', 500)
+    windows = smooth_motion(stamps, measured)
+    assert windows.order == whole.order
+    assert (windows.stamps is windows.times) == (jitter == 0.0)
+    assert windows.noise == pytest.approx(1e-6, rel=0.05)
+    assert windows.reach == pytest.approx(whole.reach, rel=1e-3)
+    assert windows.uncertainty == pytest.approx(whole.uncertainty, rel=0.2)
+    assert np.std(windows.displacement - whole.displacement) < 0.5 * whole.uncertainty
+    assert np.std(windows.displacement - truth) < 1.1 * np.std(whole.displacement - truth)
+
+
+def test_pieces_of_a_motion_make_the_whole(monkeypatch):
+    times, _, measured = slow_strokes(1)
+    motion = smooth_motion(times, measured)
+    monkeypatch.setattr(spool, 'PART', 700)
+    pieces = list(motion.pieces())
+    assert [piece.times.size for piece in pieces] == [701, 701, 701, 701, 200]
+    np.testing.assert_array_equal(np.unique(np.concatenate([piece.knots() for piece in pieces])), motion.knots())
+    for piece in pieces:
+        between = np.linspace(piece.times[0], piece.times[-1], 99)
+        np.testing.assert_allclose(piece.at(between), motion.at(between), rtol=0.0, atol=1e-15)
 
 
 def test_stamps_are_believed_where_the_motion_bears_them_out():
