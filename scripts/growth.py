@@ -18,8 +18,9 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -36,6 +37,7 @@ from strokes import GAINS, SETPOINT, spooled_experiment
 
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.fit import fit
@@ -306,26 +308,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Measure; return the exit code."""
     options = _parsed(arguments)
     rows = Rows(options.output)
-    for name, size in _wanted(options.works, options.most):
-        if rows.has(name, size):
-            continue
+    missing = [pair for pair in _wanted(options.works, options.most) if not rows.has(*pair)]
+    failed = False
+    for name, size in missing:
         load = os.getloadavg()[0]
-        found = cost(name, size)
+        what = f'{WORKS[name].title:<34} {size:>11,} {WORKS[name].unit:<9}'
+        try:
+            found = cost(name, size)
+        except KeyboardInterrupt:
+            print('stopped; the same command goes on from here', file=sys.stderr)
+            return 130
+        except (InputError, BrokenProcessPool) as error:  # there is no room for it
+            print(f'{what} not measured: {error}', file=sys.stderr)
+            failed = True
+            continue
         rows.add(name, size, load, found)
-        work = WORKS[name]
-        print(
-            f'{work.title:<34} {size:>11,} {work.unit:<9} {found.seconds:>10.4g} s '
-            f'{1e9 * found.seconds / size:>8.0f} ns each {found.peak / 1e6:>8.1f} MB',
-            flush=True,
-        )
+        each = 1e9 * found.seconds / size
+        print(f'{what} {found.seconds:>10.4g} s {each:>8.0f} ns each {found.peak / 2**20:>8.1f} MiB', flush=True)
     print(f'The figures are in {options.output}')
-    return 0
+    return 1 if failed else 0
 
 
-def _wanted(works: Sequence[str], most: float) -> Iterator[tuple[str, int]]:
-    """Yield works and sizes, the small ones first."""
+def _wanted(works: Sequence[str], most: float) -> list[tuple[str, int]]:
+    """Return works and sizes, the small ones first."""
     pairs = [(name, size) for name in works for size in WORKS[name].sizes if size <= most]
-    yield from sorted(pairs, key=lambda pair: pair[1])
+    return sorted(pairs, key=lambda pair: pair[1])
 
 
 def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
