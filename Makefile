@@ -42,7 +42,7 @@ benchmark: $(VENV)/.with-benchmark  ## time simulation, fit, reading and sim_nod
 	@mkdir -p build
 	$(PY) -m pytest benchmark --benchmark-json=build/benchmark.json $(ARGS)
 
-growth: $(VENV)/.with-benchmark  ## cost against samples: an hour or two; ARGS='--most 1e6' minutes
+growth: $(VENV)/.with-benchmark  ## cost against samples, to 1e8: about an hour; ARGS='--most 1e6' minutes
 	$(PY) scripts/growth.py $(ARGS)
 
 speed-document: $(VENV)/.with-benchmark  ## write docs/speed.md of what benchmark and growth have measured

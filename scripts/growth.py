@@ -1,13 +1,14 @@
 """
 What work costs as recordings grow: time and peak memory against samples.
 
-    make growth                                             all, to 1e8 samples and a bag of four hours: an hour or two
-    make growth ARGS='--most 1e6 --works read_mcap fit'     less
+    make growth                                            all, to 1e8 samples and a bag of four hours: about an hour
+    make growth ARGS='--most 1e6 --works read_mcap fit'    less
 
 Each size is measured in a process of its own, after a small one of the same, by which everything is compiled. Time is
 the fastest round's; memory is what comes on top of the interpreter with its libraries, told by Linux. Arrays of more
 than 8 million samples are kept in files, as a reader keeps them. Every figure is written when it is known; the same
-command goes on where it was stopped, and measures anew what another version of the program gave.
+command goes on where it was stopped, and measures anew what another version of the program gave. The largest need 10 GB
+in the temporary folder (TMPDIR).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import redirect_stdout
@@ -28,7 +29,7 @@ from io import StringIO
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from benchmark_effects import CYLINDER, ROOT, code_version, commit, machine, recording_of
@@ -282,7 +283,7 @@ class Rows:
         self._about = {'machine': machine(), 'commit': commit(), 'code': code_version()}
         self._rows: dict[tuple[str, int], Row] = {}
         if path.exists():
-            rows = read_rows(path)
+            rows = rows_in(json.loads(path.read_text(encoding='utf-8')))
             self._rows = {(row.work, row.size): row for row in rows if row.code == self._about['code']}
 
     def has(self, name: str, size: int) -> bool:
@@ -295,10 +296,9 @@ class Rows:
         write_text(self._path, json.dumps({**self._about, 'rows': rows}, indent=1) + '\n')
 
 
-def read_rows(path: Path) -> list[Row]:
-    """Return the figures of a file."""
-    rows = json.loads(path.read_text(encoding='utf-8'))['rows']
-    return [Row(**{**row, 'cost': Cost(**row['cost'])}) for row in rows]
+def rows_in(told: Mapping[str, Any]) -> list[Row]:
+    """Return the figures of what a file tells."""
+    return [Row(**{**row, 'cost': Cost(**row['cost'])}) for row in told['rows']]
 
 
 # the program
@@ -318,7 +318,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except KeyboardInterrupt:
             print('stopped; the same command goes on from here', file=sys.stderr)
             return 130
-        except (InputError, BrokenProcessPool) as error:  # there is no room for it
+        except (InputError, OSError, BrokenProcessPool) as error:  # there is no room for it, in files or in memory
             print(f'{what} not measured: {error}', file=sys.stderr)
             failed = True
             continue
