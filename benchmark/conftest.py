@@ -1,13 +1,29 @@
+"""What all benchmarks share: where their helpers are, lines shown at the end, and what is told of the run."""
+
 from __future__ import annotations
 
+import os
 import sys
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / 'scripts'))
+sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ('scripts', 'test')]
 
 TABLE = []
+LOAD = os.getloadavg()
+LIBRARIES = (
+    'numpy',
+    'numba',
+    'scipy',
+    'rosbags',
+    'casadi',
+    'lmfit',
+    'mcap-ros2-support',
+    'ros-jazzy-rclpy',
+    'distributed',
+)
 
 
 @pytest.fixture(scope='session')
@@ -19,3 +35,21 @@ def table():
 def pytest_terminal_summary(terminalreporter):
     for line in TABLE:
         terminalreporter.write_line(line)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_benchmark_update_json(output_json):
+    from benchmark_effects import commit, machine
+
+    output_json['machine'] = machine()
+    output_json['commit'] = commit()
+    output_json['libraries'] = dict(_versions())
+    output_json['load'] = {'before': LOAD[0], 'after': os.getloadavg()[0]}
+
+
+def _versions():
+    for name in LIBRARIES:
+        try:
+            yield name, version(name)
+        except PackageNotFoundError:
+            continue

@@ -13,6 +13,8 @@ import struct
 import subprocess
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,12 +74,28 @@ class Figures:
         """Samples that were not answered on every topic."""
         return self.sent - self.delays.size
 
+    @property
+    def numbers(self) -> dict[str, float]:
+        """What there is to tell, in SI units; `core` is the share of a core."""
+        middle, late = np.percentile(self.delays, (50, 99))
+        return {
+            'seconds': self.sent / RATE,
+            'sent': self.sent,
+            'lost': self.lost,
+            'core': self.work * RATE,
+            'latency_p50': float(middle),
+            'latency_p99': float(late),
+            'ready': self.ready,
+            'answered': self.answered,
+        }
+
     def row(self, name: str) -> str:
         """Return it as a row of a table."""
-        middle, late = np.percentile(self.delays, (50, 99)) * 1e3
+        told = self.numbers
         return (
-            f'{name:<28} {self.lost:>5} of {self.sent:<7} {self.work * 1e6:>7.0f} us {self.work * RATE:>7.1%} '
-            f'{middle:>8.3f} ms {late:>8.3f} ms {self.ready:>7.2f} s {self.answered:>7.2f} s'
+            f'{name:<28} {self.lost:>5} of {self.sent:<7} {self.work * 1e6:>7.0f} us {told["core"]:>7.1%} '
+            f'{told["latency_p50"] * 1e3:>8.3f} ms {told["latency_p99"] * 1e3:>8.3f} ms '
+            f'{self.ready:>7.2f} s {self.answered:>7.2f} s'
         )
 
 
@@ -187,13 +205,29 @@ class Simulator:
         self._reader.join()
 
 
-def serve(command: list[str], seconds: float) -> Figures:
-    """Return how a simulator serves a piston for a time [s]; `command` starts it."""
+@contextmanager
+def running(command: list[str]) -> Iterator[tuple[Load, Simulator]]:
+    """Yield a piston and a simulator that has answered it; `command` starts it."""
     namespace = '/live'
     load = Load(namespace)
     simulator = Simulator(command, namespace)
     try:
         load.until_answered()
+        yield load, simulator
+    finally:
+        simulator.stop()
+        load.close()
+
+
+def start(command: list[str]) -> tuple[float, float]:
+    """Return when a simulator said that it was ready, and when its first answers were heard, after its start [s]."""
+    with running(command) as (_, simulator):
+        return simulator.ready, simulator.age
+
+
+def serve(command: list[str], seconds: float) -> Figures:
+    """Return how a simulator serves a piston for a time [s]; `command` starts it."""
+    with running(command) as (load, simulator):
         answered = simulator.age
         load.send(RATE)  # both have settled then
         before = simulator.processor_time
@@ -201,6 +235,3 @@ def serve(command: list[str], seconds: float) -> Figures:
         time.sleep(LINGER)
         work = (simulator.processor_time - before) / len(stamps)
         return Figures(answered, simulator.ready, work, delays(stamps, load.heard), len(stamps))
-    finally:
-        simulator.stop()
-        load.close()

@@ -14,6 +14,7 @@ import os
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from ros_environment import isolate
 
@@ -21,9 +22,10 @@ pytest.importorskip('rclpy', reason='ROS 2 is not to be had here')
 isolate()
 
 import rclpy  # noqa: E402
-from live_load import HEADING, RATE, serve  # noqa: E402
+from live_load import HEADING, RATE, serve, start  # noqa: E402
 
 SECONDS = float(os.environ.get('CFD_PNEUMATIC_SECONDS', 10.0))
+STARTS = 5
 SIM_NODE = [sys.executable, '-m', 'cfd_pneumatic.nodes.sim_node']
 PEER = [sys.executable, str(Path(__file__).with_name('live_peer.py'))]
 
@@ -40,11 +42,29 @@ def report(table):
     rclpy.shutdown()
 
 
-def test_sim_node(report):
-    figures = serve(SIM_NODE, SECONDS)
+def timed(benchmark, command):
+    """Return how a simulator served; the time of the round itself tells nothing."""
+    benchmark.group = f'live at {RATE} Hz for {SECONDS:g} s'
+    figures = benchmark.pedantic(serve, (command, SECONDS), rounds=1)
+    benchmark.extra_info.update(figures.numbers)
+    return figures
+
+
+def test_sim_node(benchmark, report):
+    figures = timed(benchmark, SIM_NODE)
     report(figures.row('sim_node'))
     assert figures.lost == 0
 
 
-def test_timer_and_default_executor(report):
-    report(serve(PEER, SECONDS).row('timer, default executor'))
+def test_timer_and_default_executor(benchmark, report):
+    report(timed(benchmark, PEER).row('timer, default executor'))
+
+
+def test_start(benchmark, report):
+    benchmark.group = 'start of sim_node'
+    starts = []
+    benchmark.pedantic(lambda: starts.append(start(SIM_NODE)), rounds=STARTS, warmup_rounds=1)
+    ready, answered = np.transpose(starts[1:])
+    benchmark.extra_info.update(ready=ready.tolist(), answered=answered.tolist())
+    for what, seconds in (('ready', ready), ('answers', answered)):
+        report(f'{STARTS} starts of sim_node, {what}: {np.median(seconds):.2f} s, at most {np.max(seconds):.2f} s')

@@ -48,6 +48,7 @@ def bag(request, tmp_path_factory):
 
 def timed(benchmark, bag, read):
     name, file = bag
+    benchmark.extra_info['messages'] = MESSAGES
     benchmark.group = f'read {SAMPLES * len(topics()):,} messages, {name}'
     return benchmark.pedantic(read, args=(file,), rounds=ROUNDS, warmup_rounds=1 if read is read_recording else 0)
 

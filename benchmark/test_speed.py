@@ -3,7 +3,7 @@ Simulation and fit against what a user would write otherwise, in the same run.
 
 Peers: SciPy's `solve_ivp` (LSODA at 1e-8) for simulation; for the four-parameter fit CasADi's Runge-Kutta with an exact
 Jacobian under SciPy's `least_squares`, and lmfit around `solve_ivp`. Everything compiled is warmed up first, as in a
-running program.
+running program. What the simulations are off by is told by thirty digits, with the same straight lines between samples.
 """
 
 from __future__ import annotations
@@ -14,46 +14,22 @@ import casadi
 import lmfit
 import numpy as np
 import pytest
+from reference import pressure_to_thirty_digits
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
+from strokes import AMBIENT, CYLINDER, GAINS, SETPOINT, experiment, record
 
-from cfd_pneumatic.identification.experiment import Experiment, make_experiment, observed_motion
 from cfd_pneumatic.identification.fit import fit
-from cfd_pneumatic.identification.split import split_recordings
 from cfd_pneumatic.model import Course, Cylinder, OperatingPoints, simulate_parameter_sets
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.units import PSI
 
-AMBIENT = 101_325.0
-SETPOINT = AMBIENT + 34_474.0
-GAINS = np.array([4.33e6, 104.0, 19.4, 0.0105])
 NAMES = ('k_x', 'k_sv', 'k_v', 'tau')
 START = np.array([2.0, 0.5, 2.0, 0.5])  # times the gains: where all fits begin
 BOUNDS = np.log(GAINS / 10.0), np.log(GAINS * 10.0)  # without them the peers run away
-NOISE = 52.0  # of the pressure [Pa]
+
+DIFFERENCE = 1e-4  # of a log gain, as lmfit takes it
 
 LENGTHS = (350, 3_600, 3_600_000)
-CYLINDER = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT)
-
-
-@cache
-def record(samples: int, jitter: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return times, strokes of 1.5 mm every 0.35 s and a set-point; an hour has 1 kHz, the others 500 Hz."""
-    period = 1e-3 if samples > 1e6 else 2e-3
-    times = period * (np.arange(samples) + jitter * np.random.default_rng(1).uniform(-0.3, 0.3, samples))
-    phase = np.clip(np.abs((times + 0.25) % 0.7 - 0.35) / 0.006 - 29.0, 0.0, 1.0)
-    return times, 0.5 * 1.524e-3 * (1.0 - np.cos(np.pi * phase)), np.full(samples, SETPOINT)
-
-
-@cache
-def experiment(samples: int) -> Experiment:
-    """Return such a record with the pressure of the model and noise, made ready for a fit."""
-    times, displacement, setpoint = record(samples)
-    measured = CYLINDER.simulate(times, displacement, setpoint) + NOISE * np.random.default_rng(0).normal(size=samples)
-    cylinders = {'cylinder_a': CylinderSignals(Signal(times, measured), Signal(times[:1], setpoint[:1]))}
-    recording = Recording('strokes', 0, Signal(times, displacement), cylinders, None, ())
-    motion, strokes = observed_motion(recording)
-    (split,), _ = split_recordings([strokes])
-    return make_experiment(recording, 'cylinder_a', motion, split)
 
 
 def fitted_here(samples: int) -> np.ndarray:
@@ -84,7 +60,8 @@ def fitted_by_lmfit(samples: int) -> np.ndarray:
     def residuals(now):
         return simulated_by_scipy(samples, np.exp([now[name].value for name in NAMES])) - measured
 
-    found = lmfit.minimize(residuals, parameters, method='least_squares').params
+    # a finer difference would be one of the solver's errors, which jump with the steps that it chooses
+    found = lmfit.minimize(residuals, parameters, method='least_squares', diff_step=DIFFERENCE).params
     return np.exp([found[name].value for name in NAMES])
 
 
@@ -130,6 +107,13 @@ def groups(benchmark, work: str, samples: int) -> None:
     benchmark.group = f'{work}, {samples:,} samples'
 
 
+def agree(benchmark, gains: np.ndarray, samples: int, tolerance: float) -> None:
+    """Tell how far a peer's gains are from ours, and see to it that it is no more than a tolerance."""
+    apart = float(np.max(np.abs(gains / fitted_here(samples) - 1.0)))
+    benchmark.extra_info['apart'] = apart
+    assert apart < tolerance
+
+
 @pytest.mark.parametrize('samples', LENGTHS)
 def test_simulation(benchmark, samples):
     groups(benchmark, 'simulate', samples)
@@ -151,8 +135,23 @@ def test_simulation_with_sensitivities(benchmark, samples):
 @pytest.mark.parametrize('samples', LENGTHS[:2])
 def test_simulation_by_solve_ivp(benchmark, samples):
     groups(benchmark, 'simulate', samples)
-    pressure = benchmark.pedantic(simulated_by_scipy, (samples,), rounds=3)
-    np.testing.assert_allclose(pressure, CYLINDER.simulate(*record(samples)), atol=1.0)  # Pa; the error is the peer's
+    benchmark.pedantic(simulated_by_scipy, (samples,), rounds=3)
+
+
+@pytest.mark.parametrize('samples', LENGTHS[:2])
+def test_simulation_to_thirty_digits(benchmark, samples):
+    groups(benchmark, 'simulate', samples)
+    true = benchmark.pedantic(pressure_to_thirty_digits, (GAINS, *record(samples)), rounds=1)
+    irregular = pressure_to_thirty_digits(GAINS, *record(samples, 1.0))
+    errors = {
+        'exact': CYLINDER.simulate(*record(samples)) - true,
+        'irregular': CYLINDER.simulate(*record(samples, 1.0)) - irregular,
+        'solve_ivp': simulated_by_scipy(samples) - true,
+    }
+    worst = {name: float(np.max(np.abs(error))) / PSI for name, error in errors.items()}
+    benchmark.extra_info['errors_psi'] = worst
+    assert max(worst['exact'], worst['irregular']) < 1e-9
+    assert worst['solve_ivp'] < 1e-4
 
 
 def test_ten_thousand_parameter_sets(benchmark):
@@ -176,11 +175,11 @@ def test_fit_by_casadi(benchmark, samples):
     groups(benchmark, 'fit 4 parameters', samples)
     casadi_residuals(samples)
     gains = benchmark.pedantic(fitted_by_casadi, (samples,), warmup_rounds=1, rounds=3)
-    np.testing.assert_allclose(gains, fitted_here(samples), rtol=2e-3)  # the same optimum, but for a step's error
+    agree(benchmark, gains, samples, 2e-3)  # the same optimum, but for a step's error
 
 
-@pytest.mark.parametrize('samples', LENGTHS[:1])
+@pytest.mark.parametrize('samples', LENGTHS[:2])
 def test_fit_by_lmfit(benchmark, samples):
     groups(benchmark, 'fit 4 parameters', samples)
     gains = benchmark.pedantic(fitted_by_lmfit, (samples,), rounds=1)
-    np.testing.assert_allclose(gains, fitted_here(samples), rtol=0.1)  # it is told the set-point
+    agree(benchmark, gains, samples, 0.02)  # it is told the set-point

@@ -880,7 +880,11 @@ def machine() -> str:
     if info.exists():
         names = [line.partition(':')[2].strip() for line in info.read_text().splitlines() if 'model name' in line]
         model = names[0] if names else model
-    return f'{model}, {os.cpu_count()} cores; Python {platform.python_version()}, NumPy {np.__version__}'
+    memory = os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 2**30
+    return (
+        f'{model}, {os.cpu_count()} cores, {memory:.0f} GiB of memory; '
+        f'Python {platform.python_version()}, NumPy {np.__version__}'
+    )
 
 
 # the program
