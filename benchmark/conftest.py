@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+import cfd_pneumatic.commands  # noqa: F401 - before NumPy, for the threads that programs run with
+
 sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ('scripts', 'test')]
 
 TABLE = []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -43,3 +45,14 @@ def test_an_error_in_the_work_is_raised(monkeypatch):
     monkeypatch.setenv(LIMIT, '2')
     with pytest.raises(ZeroDivisionError):
         each(lambda item: 1 / item, [1, 0, 2])
+
+
+ASKED = 'import os, sys, cfd_pneumatic.commands; print(os.environ["OPENBLAS_NUM_THREADS"], "numpy" in sys.modules)'
+
+
+@pytest.mark.parametrize(('wanted', 'told'), [(None, '1 False\n'), ('2', '2 False\n')])
+def test_programs_leave_the_cores_to_their_own_threads_unless_told_otherwise(monkeypatch, wanted, told):
+    monkeypatch.delenv('OPENBLAS_NUM_THREADS', raising=False)
+    if wanted is not None:
+        monkeypatch.setenv('OPENBLAS_NUM_THREADS', wanted)
+    assert subprocess.run([sys.executable, '-c', ASKED], capture_output=True, text=True, check=True).stdout == told
