@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,7 @@ _STRETCHES = 16  # that tell what the noise of a long recording is like
 _FEWEST_SAMPLES = 20  # four gains, a set-point, and something left to judge them by
 
 
-@dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """
     A piece of an experiment.
 
@@ -171,8 +171,8 @@ class Experiment:
             samples = slice(begin, min(begin + _BLOCK, self.samples.size))
             at = self.samples[samples] - first
             last = first + int(at[-1])
-            evenly = at[-1] - at[0] == at.size - 1 and at.size > 1 and bool(np.all(np.diff(at) == 1))
-            yield Block(slice(first, last + 1), samples, slice(int(at[0]), int(at[-1]) + 1) if evenly else at)
+            at_each = at[-1] - at[0] == at.size - 1
+            yield Block(slice(first, last + 1), samples, slice(int(at[0]), int(at[-1]) + 1) if at_each else at)
             first = last
             if samples.stop % PART == 0:
                 self.give_back()

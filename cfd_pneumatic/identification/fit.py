@@ -21,12 +21,15 @@ from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
 from cfd_pneumatic.identification.uncertainty import Information, information
 from cfd_pneumatic.model import NAMES, SPECS, Course
+from cfd_pneumatic.model.kernel import fused
+from cfd_pneumatic.model.propagation import SENSITIVITIES
 from cfd_pneumatic.recording.spool import Growing, dot, extent, parts
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 GAINS = len(SPECS)
+_SLOPES = len(SENSITIVITIES)
 _LOWER = np.log([spec.lower for spec in SPECS])
 _UPPER = np.log([spec.upper for spec in SPECS])
 _STARTING_K = (3.0, 30.0, 150.0)  # charging gains that the search starts from [1/s]
@@ -122,7 +125,6 @@ class _Problem:
         self.ends = [mask.size - int(np.argmax(mask[::-1])) for mask in masks]  # of the samples that count
         self.units = np.ones(self.size)
         self.columns = [self._columns(index) for index in range(count)]
-        self.corners = [np.ix_(columns, columns) for columns in self.columns]
         for columns, experiment, mask in zip(self.columns, experiments, masks):
             low, high = extent(experiment.pressure, mask)
             self.units[columns[GAINS:]] = high - low if high >= low else 1.0
@@ -134,15 +136,17 @@ class _Problem:
 
     def outward(self, unknowns: Array) -> Array:
         """Return the gains themselves, then offsets and starts [Pa]."""
-        return np.concatenate([np.exp(unknowns[:GAINS]), (unknowns * self.units)[GAINS:]])
+        values: Array = unknowns * self.units
+        values[:GAINS] = np.exp(unknowns[:GAINS])
+        return values
 
-    def _blocks(self, index: int, unknowns: Array, *, slopes: bool = True) -> Iterator[tuple[slice, Array, Array]]:
+    def _blocks(self, index: int, values: Array, *, slopes: bool = True) -> Iterator[tuple[slice, Array, Array]]:
         """
         Yield pressure and, by the gains, set-point and start, its derivatives at the samples of each block.
 
         With derivatives, only up to the last sample that counts.
         """
-        experiment, values = self.experiments[index], self.outward(unknowns)
+        experiment = self.experiments[index]
         offset = values[self.offset_at[index]]
         start = values[self.start_at[index]] if index in self.start_at else 0.0
         course = Course(values[:GAINS], experiment.setpoint[0] + offset + start)
@@ -159,30 +163,31 @@ class _Problem:
 
     def evaluate(self, unknowns: Array) -> Quadratic:
         """Return what the sum of squared weighted residuals is like."""
-        total = 0.0
-        gradient = np.zeros(self.size)
-        normal = np.zeros((self.size, self.size))
-        scale = np.concatenate([np.exp(unknowns[:GAINS]), self.units[GAINS:]])
+        values = self.outward(unknowns)
+        total, gradient, normal = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
         for index, (experiment, mask, weight) in enumerate(zip(self.experiments, self.masks, self.weights)):
-            columns, corner = self.columns[index], self.corners[index]
-            for samples, pressure, jacobian in self._blocks(index, unknowns):
-                counts = mask[samples]
-                residuals, slopes = pressure - experiment.pressure[samples], jacobian[:, : columns.size]
-                if not counts.all():
-                    residuals, slopes = residuals[counts], slopes[counts]
-                here = Quadratic.of(residuals, slopes)
-                total += weight**2 * here.total
-                gradient[columns] += weight**2 * here.gradient
-                normal[corner] += weight**2 * here.normal
-        return Quadratic(total, gradient * scale, normal * np.outer(scale, scale))
+            for samples, pressure, jacobian in self._blocks(index, values):
+                total += weight**2 * _summed_up(
+                    pressure - experiment.pressure[samples],
+                    jacobian,
+                    mask[samples],
+                    weight**2,
+                    self.columns[index],
+                    gradient,
+                    normal,
+                )
+        scale = self.units.copy()
+        scale[:GAINS] = values[:GAINS]
+        return Quadratic(total, gradient * scale, normal * scale * scale[:, None])
 
     def simulate(self, unknowns: Array) -> list[Array]:
         """Return the pressure at the samples of each experiment [Pa]."""
-        return [self._simulated(index, unknowns) for index in range(len(self.experiments))]
+        values = self.outward(unknowns)
+        return [self._simulated(index, values) for index in range(len(self.experiments))]
 
-    def _simulated(self, index: int, unknowns: Array) -> Array:
+    def _simulated(self, index: int, values: Array) -> Array:
         simulated = Growing()
-        for _, pressure, _ in self._blocks(index, unknowns, slopes=False):
+        for _, pressure, _ in self._blocks(index, values, slopes=False):
             simulated.append(pressure)
         return simulated.array()
 
@@ -198,12 +203,12 @@ class _Problem:
 
     def jacobians(self, unknowns: Array) -> Iterator[Array]:
         """Yield the Jacobian of `residuals`, by log gains, offsets and starts [Pa], in blocks of rows."""
-        gains = np.exp(unknowns[:GAINS])
+        values = self.outward(unknowns)
         for index, (mask, weight) in enumerate(zip(self.masks, self.weights)):
             columns = self.columns[index]
-            for samples, _, jacobian in self._blocks(index, unknowns):
+            for samples, _, jacobian in self._blocks(index, values):
                 rows = jacobian[mask[samples], : columns.size]
-                rows[:, :GAINS] *= gains
+                rows[:, :GAINS] *= values[:GAINS]
                 own = np.zeros((len(rows), self.size))
                 own[:, columns] = weight * rows
                 yield own
@@ -220,6 +225,33 @@ class _Problem:
         experiments, samples = zip(*(one.liveliest(_EXCERPT, mask) for one, mask in zip(self.experiments, self.masks)))
         masks = [mask[part] for mask, part in zip(self.masks, samples)]
         return _Problem(experiments, masks, self.weights)
+
+
+@fused
+def _summed_up(
+    residuals: Array,
+    jacobian: Array,
+    counts: Mask,
+    weight: float,
+    columns: NDArray[np.intp],
+    gradient: Array,
+    normal: Array,
+) -> float:
+    """Add what residuals that count make of J'r and J'J, by the unknowns of some columns; return their r'r."""
+    total, slope, square = 0.0, np.zeros(_SLOPES), np.zeros((_SLOPES, _SLOPES))
+    for row in range(residuals.size):
+        if counts[row]:
+            residual = residuals[row]
+            total += residual * residual
+            for i in range(_SLOPES):
+                slope[i] += jacobian[row, i] * residual
+                for j in range(i + 1):
+                    square[i, j] += jacobian[row, i] * jacobian[row, j]
+    for i, column in enumerate(columns):
+        gradient[column] += weight * slope[i]
+        for j, other in enumerate(columns):
+            normal[column, other] += weight * square[max(i, j), min(i, j)]
+    return total
 
 
 def fit(

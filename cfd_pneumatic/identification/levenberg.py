@@ -7,6 +7,7 @@ blocks of residuals: memory and time go into the simulations.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -53,7 +54,7 @@ class Quadratic:
     @property
     def is_finite(self) -> bool:
         """Whether the model has not run away."""
-        return bool(np.isfinite(self.total) and np.all(np.isfinite(self.normal)))
+        return math.isfinite(self.total + float(np.sum(self.normal)))
 
 
 Evaluate = Callable[[Array], Quadratic]
@@ -87,8 +88,7 @@ def least_squares(
         return point, np.inf
     damping, growth = _FIRST_DAMPING, 2.0
     for _ in range(evaluations - 1):
-        step = _step(here.normal, here.gradient, damping, lower - point, upper - point)
-        foretold = -float(step @ (2.0 * here.gradient + here.normal @ step))
+        step, foretold = _step(here.normal, here.gradient, damping, lower - point, upper - point)
         if foretold <= tolerance * here.total:
             break
         trial = np.clip(point + step, lower, upper)  # exactly, where rounding takes it past a bound
@@ -107,9 +107,9 @@ def least_squares(
 
 
 @kernel
-def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array) -> Array:
+def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array) -> tuple[Array, float]:
     """
-    Return the damped step within `down` and `up` that lowers the sum most, as far as it is foretold.
+    Return the damped step within `down` and `up` that lowers the sum most, as far as it is foretold, and by how much.
 
     By an active set: unknowns are held at bounds that they meet on the way, and let go where the sum falls inwards.
     Were the free step clipped instead, it might not lower the sum at all.
@@ -139,4 +139,5 @@ def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array
             break
         held[np.argmax(inwards)] = False
     step *= min(1.0, _LONGEST_STEP / max(np.max(np.abs(step)), 1e-300))
-    return np.minimum(np.maximum(step, down), up)
+    step = np.minimum(np.maximum(step, down), up)
+    return step, -float(step @ (2.0 * gradient + normal @ step))

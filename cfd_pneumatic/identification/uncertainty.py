@@ -13,6 +13,7 @@ from cfd_pneumatic.recording.spool import dot, give_back
 
 Array = NDArray[np.float64]
 
+_LEAST_TOLD = 1e-14  # of what is told best, to be told at all
 _FINEST_LAGS = 64  # up to which a window is taken sample by sample
 
 
@@ -65,12 +66,15 @@ class Information:
         by the displacement's smoothed noise or by an effect that the model lacks, each of them tells less: the sandwich
         of Newey and West (1987) with a Bartlett window.
         """
-        at = np.ix_(*[np.arange(len(self.normal)) if free is None else free] * 2)
+        kept = np.arange(len(self.normal)) if free is None else free
+        at = kept[:, None], kept
         normal = self.normal[at]
         size = np.sqrt(np.diag(normal))
         size[size == 0.0] = 1.0  # metres and hertz side by side would pass for a matrix without full rank
         units = np.outer(size, size)
-        inverse = np.linalg.pinv(normal / units, rcond=1e-14, hermitian=True) / units
+        values, vectors = np.linalg.eigh(normal / units)
+        told = values > _LEAST_TOLD * values[-1]
+        inverse = (vectors[:, told] / values[told]) @ vectors[:, told].T / units
         if self.scores is None:
             return np.asarray(inverse * self.power / degrees)
         return np.asarray(inverse @ self.scores[at] @ inverse * (self.size / degrees))
@@ -88,7 +92,8 @@ def information(jacobians: Iterable[Array], residuals: Sequence[Array]) -> Infor
         Runs of neighbouring residuals, each of shape (n,).
 
     """
-    lags = _correlation_length(residuals)
+    power = sum(dot(run, run) for run in residuals)
+    lags = _correlation_length(residuals, power)
     runs = iter(residuals)
     run, at = np.empty(0), 0
     normal: Array | float = 0.0
@@ -108,7 +113,7 @@ def information(jacobians: Iterable[Array], residuals: Sequence[Array]) -> Infor
     return Information(
         np.asarray(normal),
         np.asarray(scores) if lags else None,
-        sum(dot(run, run) for run in residuals),
+        power,
         sum(run.size for run in residuals),
     )
 
@@ -138,9 +143,8 @@ class _Window:
         return np.asarray(windows.T @ windows / (self.lags + 1.0))
 
 
-def _correlation_length(runs: Sequence[Array]) -> int:
+def _correlation_length(runs: Sequence[Array], power: float) -> int:
     """Return over how many samples residuals are correlated, 0 where the first lag's correlation is noise."""
-    power = sum(dot(run, run) for run in runs)
     significance = 3.0 / math.sqrt(sum(run.size for run in runs))
     longest = max(1, min(run.size for run in runs) // 4)
 

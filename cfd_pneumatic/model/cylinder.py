@@ -239,8 +239,9 @@ class Course:
     """
 
     def __init__(self, gains: Array, pressure: float) -> None:
-        self._table = np.array([[0.0, *gains]])
-        self._state = np.full(2, pressure)
+        self._table = np.zeros((1, 1 + len(gains)))
+        self._table[0, 1:] = gains
+        self._state = np.array([pressure, pressure])
         self._carried = np.zeros((2, CARRIED))
         self._carried[:, -1] = 1.0
 
