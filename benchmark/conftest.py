@@ -41,7 +41,7 @@ def pytest_terminal_summary(terminalreporter):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_benchmark_update_json(output_json):
-    from benchmark_effects import commit, machine
+    from provenance import commit, machine
 
     output_json['machine'] = machine()
     output_json['commit'] = commit()

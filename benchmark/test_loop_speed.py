@@ -10,7 +10,7 @@ import time
 from functools import cache
 
 import pytest
-from benchmark_effects import CYLINDER, recording_of
+from panel_rows import CYLINDER, recording_of
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.identification import CylinderResult, Options, identify

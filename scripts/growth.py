@@ -32,8 +32,9 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmark_effects import CYLINDER, ROOT, code_version, commit, machine, recording_of
 from long_bag import topics, write_long_bag
+from panel_rows import CYLINDER, recording_of
+from provenance import ROOT, code_version, commit, machine
 from strokes import GAINS, SETPOINT, spooled_experiment
 
 from cfd_pneumatic.commands.identify_bag import main as identify_bag

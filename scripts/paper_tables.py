@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from benchmark_effects import NOTES, commit, machine, notes_in, table
+from documents import NOTES, notes_in, table
+from provenance import commit, machine
 from scipy.optimize import least_squares
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE

@@ -20,8 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmark_effects import ROOT, notes_in, table
+from documents import notes_in, table
 from growth import WORKS, Row, rows_in
+from provenance import ROOT
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text

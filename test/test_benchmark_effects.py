@@ -6,9 +6,16 @@ import json
 import math
 from dataclasses import asdict, replace
 
-import benchmark_effects as benchmark
+import benchmark_effects
+import panel_document
+import panel_rows
+import panel_scores
+import provenance
 import pytest
-from benchmark_effects import Job, Row, Share
+from panel_rows import Job, Row
+from panel_scores import Share
+
+from cfd_pneumatic.rig.panel import LIBRARY
 
 LEAK = Row(
     'effects',
@@ -57,15 +64,15 @@ def alternative(true: str, first: str) -> Row:
     ],
 )
 def test_the_first_name_answers(row, answer):
-    assert benchmark.answer(row) == answer
+    assert panel_scores.answer(row) == answer
 
 
 def test_pairs_are_listed_both_ways_and_only_within_a_family():
-    assert benchmark.listed('droop', 'leakage')
-    assert benchmark.listed('droop', 'sensor_lag')
-    assert benchmark.listed('sensor_lag', 'droop')
-    assert not benchmark.listed('leakage', 'sensor_lag')
-    assert {name for _, names in benchmark.GROUPS for name in names} <= benchmark.LIBRARY.keys()
+    assert panel_scores.listed('droop', 'leakage')
+    assert panel_scores.listed('droop', 'sensor_lag')
+    assert panel_scores.listed('sensor_lag', 'droop')
+    assert not panel_scores.listed('leakage', 'sensor_lag')
+    assert {name for _, names in panel_scores.GROUPS for name in names} <= LIBRARY.keys()
 
 
 def test_what_nobody_could_see_does_not_count():
@@ -75,7 +82,7 @@ def test_what_nobody_could_see_does_not_count():
     assert replace(LEAK, before=math.nan, verdict='refused').visible, 'a refusal is held against the loop'
     assert PAIR.both_visible
     assert not replace(PAIR, beside={'leakage': 1.01, 'sensor_lag': 2.0}).both_visible
-    (goal, *_) = benchmark.goals([LEAK, LEAK, hidden])
+    (goal, *_) = panel_scores.goals([LEAK, LEAK, hidden])
     assert (goal.recordings, goal.met) == (2, True)
 
 
@@ -92,8 +99,8 @@ def test_what_nobody_could_see_does_not_count():
 )
 def test_both_effects_of_a_pair_are_found(named, alternatives, strictly, with_alternatives):
     row = replace(PAIR, named=named, alternatives=alternatives)
-    assert benchmark.found_both(row) is strictly
-    assert benchmark.found_both(row, alternatives=True) is with_alternatives
+    assert panel_scores.found_both(row) is strictly
+    assert panel_scores.found_both(row, alternatives=True) is with_alternatives
 
 
 def test_shares_have_wilsons_interval():
@@ -114,7 +121,7 @@ def test_the_goals_stand_beside_what_was_measured():
         PAIR,
         replace(PAIR, named=('sensor_lag', 'leakage', 'droop')),
     ]
-    found = {goal.what: goal for goal in benchmark.goals(rows)}
+    found = {goal.what: goal for goal in panel_scores.goals(rows)}
 
     def met(start: str) -> bool:
         return next(goal.met for what, goal in found.items() if what.startswith(start))
@@ -137,7 +144,7 @@ def test_the_document_has_a_line_for_each_effect():
     rows += [replace(LEAK, kind=kind, effects=('mains_hum',)) for kind in ('foreign',)]
     rows += [replace(LEAK, kind='clean', effects=('coloured',)), replace(LEAK, kind='leave_one_out', named=('droop',))]
     how = {'command': 'make benchmark-effects', 'machine': 'a machine'}
-    text = benchmark.document(rows, how, 'picture.svg', '## Notes\n\nBy hand.')
+    text = panel_document.document(rows, how, 'picture.svg', '## Notes\n\nBy hand.')
     assert '| `leakage` | 2 | 1 (droop 1) | 1 | 1 | 0 | 0 | 0 / 0 / 0 |' in text
     assert '| `sensor_lag` | 1 | 0 | 1 | 0 | 1 | 0 | 0 / 0 / 0 |' in text
     assert '| `heat_transfer` | 1 | 0 | 1 | 0 | 0 | 0 | 0 / 0 / 1 |' in text
@@ -155,20 +162,20 @@ def test_the_document_has_a_line_for_each_effect():
 def test_the_picture_is_svg_and_the_same_again():
     pytest.importorskip('matplotlib')
     rows = [LEAK, replace(LEAK, effects=('droop',), named=(), verdict='unexplained', schedule='paper_step')]
-    drawn = benchmark.picture_of(rows)
+    drawn = panel_document.picture_of(rows)
     assert drawn is not None
     assert '<svg' in drawn
-    assert drawn == benchmark.picture_of(rows)
-    assert benchmark.picture_of([PAIR]) is None
+    assert drawn == panel_document.picture_of(rows)
+    assert panel_document.picture_of([PAIR]) is None
 
 
 def test_rows_come_back_from_disk(tmp_path):
     path = tmp_path / 'rows.jsonl'
     lines = [json.dumps(asdict(row)) for row in (LEAK, PAIR, replace(LEAK, seed=2, code='other'))]
     path.write_text('\n'.join([*lines, '{"kind": "effects"}', lines[0][:40]]))
-    assert benchmark.read_rows(path, 'abc') == {LEAK.job: LEAK, PAIR.job: PAIR}
-    assert len(benchmark.read_rows(path, None)) == 3
-    assert benchmark.read_rows(tmp_path / 'none.jsonl', 'abc') == {}
+    assert panel_rows.read_rows(path, 'abc') == {LEAK.job: LEAK, PAIR.job: PAIR}
+    assert len(panel_rows.read_rows(path, None)) == 3
+    assert panel_rows.read_rows(tmp_path / 'none.jsonl', 'abc') == {}
 
 
 def test_a_run_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys):
@@ -181,45 +188,45 @@ def test_a_run_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys):
         measured.append(job)
         return replace(LEAK, **job._asdict(), verdict='no_missing_effect', named=(), before=1.0)
 
-    monkeypatch.setattr(benchmark, 'measure', measure)
+    monkeypatch.setattr(panel_rows, 'measure', measure)
     output, rows = tmp_path / 'panel.md', tmp_path / 'build' / 'rows.jsonl'
     output.write_text('# Old\n\n## Notes\n\nBy hand.\n')
     arguments = ['--kinds', 'clean', '--seeds', '1000:1002', '--schedules', 'paper_step', '--jobs', '0']
     arguments += ['--output', str(output), '--rows', str(rows)]
-    assert benchmark.main(arguments) == 130
+    assert benchmark_effects.main(arguments) == 130
     assert len(rows.read_text().splitlines()) == 4
     first, measured[:] = list(measured), []
-    assert benchmark.main(arguments) == 0
+    assert benchmark_effects.main(arguments) == 0
     assert len({*first, *measured}) == len(first) + len(measured) == 6
     assert '6 recordings, 2 of them still to be measured' in capsys.readouterr().out
     text = output.read_text()
     assert '| quantised | `paper_step` | 2 | 0 |' in text
     assert text.endswith('## Notes\n\nBy hand.\n')
-    assert benchmark.main([*arguments, '--only-document']) == 0
+    assert benchmark_effects.main([*arguments, '--only-document']) == 0
 
 
 def test_the_recordings_of_a_run():
-    jobs = benchmark.jobs_of(['effects', 'clean', 'pairs'], ['paper_step'], lambda kind, schedule: range(1000, 1002))
-    assert len(jobs) == len(set(jobs)) == 2 * (len(benchmark.LIBRARY) + 3 + 1)
+    jobs = panel_rows.jobs_of(['effects', 'clean', 'pairs'], ['paper_step'], lambda kind, schedule: range(1000, 1002))
+    assert len(jobs) == len(set(jobs)) == 2 * (len(LIBRARY) + 3 + 1)
     assert [job.seed for job in jobs] == sorted(job.seed for job in jobs)
-    some = benchmark.jobs_of(['effects', 'foreign'], ['paper_step'], lambda kind, schedule: range(1), ['droop'])
+    some = panel_rows.jobs_of(['effects', 'foreign'], ['paper_step'], lambda kind, schedule: range(1), ['droop'])
     assert some == [Job('effects', ('droop',), 'paper_step', 0)]
-    assert len({frozenset(pair) for pair in benchmark.PAIRS}) == len(benchmark.PAIRS) == 153
+    assert len({frozenset(pair) for pair in panel_rows.PAIRS}) == len(panel_rows.PAIRS) == 153
 
 
 def test_the_program_text_alone_makes_a_version(tmp_path, monkeypatch):
-    monkeypatch.setattr(benchmark, 'ROOT', tmp_path)
+    monkeypatch.setattr(provenance, 'ROOT', tmp_path)
     module = tmp_path / 'cfd_pneumatic' / 'rig' / 'module.py'
     module.parent.mkdir(parents=True)
     versions = []
     for text in ('A = 1', '"""Text."""\nA = 1  # one', 'A = 2'):
         module.write_text(text)
-        versions.append(benchmark.code_version())
+        versions.append(provenance.code_version())
     assert versions[0] == versions[1] != versions[2]
 
 
 @pytest.mark.parametrize('wrong', [['--seeds', '7'], ['--kinds', 'effect'], ['--effects', 'leak']])
 def test_what_is_no_choice_is_refused(wrong, capsys):
     with pytest.raises(SystemExit):
-        benchmark.main(wrong)
+        benchmark_effects.main(wrong)
     assert wrong[0] in capsys.readouterr().err
