@@ -6,7 +6,7 @@ from numba import config, njit
 
 from cfd_pneumatic.compiling import compiler
 
-# a pass of LLVM that Numba leaves out by default; with it a processor takes the lanes of `composed` at once
+# a pass of LLVM that Numba leaves out by default; with it `propagation` carries several sensitivities forward at once
 config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
 
 kernel = compiler(error_model='numpy', nogil=True)
