@@ -12,9 +12,8 @@ import operator
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from llvmlite import ir
 from numba import types
-from numba.core import cgutils
+from numba.core.cgutils import get_or_insert_function, ir  # type: ignore[attr-defined]  # as Numba has it
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 Build = Callable[..., Any]
@@ -180,7 +179,7 @@ def _of_two(function: Callable[..., Any], build: Build, result: types.Type = LAN
 def _of_library(name: str) -> Build:
     def build(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
         kind = ir.FunctionType(_FLOATS, [_FLOATS])
-        return builder.call(cgutils.get_or_insert_function(builder.module, kind, f'llvm.{name}.v{COUNT}f64'), [value])
+        return builder.call(get_or_insert_function(builder.module, kind, f'llvm.{name}.v{COUNT}f64'), [value])
 
     return build
 
