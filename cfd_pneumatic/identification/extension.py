@@ -13,6 +13,7 @@ from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
+from cfd_pneumatic.model.kernel import kernel
 from cfd_pneumatic.model.places import GAINS, PARAMETERS, PLACES, all_parameters
 
 Array = NDArray[np.float64]
@@ -113,10 +114,11 @@ def _simulate_blocks(
         for delay, group in zip(delays, groups)
     ]
     for parts in zip(*walks):
-        samples, _ = parts[0]
-        pressures = np.empty((samples.stop - samples.start, len(lanes.delays)))
-        for group, (_, readings) in zip(groups, parts):
-            pressures[:, group] = readings
+        samples, pressures = parts[0]
+        if len(groups) > 1:
+            pressures = np.empty((len(pressures), len(lanes.delays)))
+            for group, (_, readings) in zip(groups, parts):
+                pressures[:, group] = readings
         yield samples, pressures
 
 
@@ -254,6 +256,21 @@ class Tangent:
     logarithmic: Mask
 
 
+@kernel
+def _weighted(simulated: Array, measured: Array, weight: Array, counts: Mask, differences: Array) -> Array:
+    """Return the weighted residuals of the samples that count, their derivatives beside them, shape (n, 1 + k)."""
+    rows = np.empty(simulated.shape)
+    kept = 0
+    for sample in range(measured.size):
+        if counts[sample]:
+            base, scale = simulated[sample, 0], weight[sample]
+            rows[kept, 0] = (base - measured[sample]) * scale
+            for rank in range(differences.size):
+                rows[kept, 1 + rank] = (simulated[sample, 1 + rank] - base) * (scale / differences[rank])
+            kept += 1
+    return rows[:kept]
+
+
 class _Search:
     """Residuals and their Jacobian, from simulations side by side."""
 
@@ -278,8 +295,8 @@ class _Search:
         """Return what the sum of squares is like."""
         total = 0.0
         gradient, normal = np.zeros(point.size), np.zeros((point.size, point.size))
-        for residuals, jacobian, own in self._blocks(point):
-            here = Quadratic.of(residuals, jacobian)
+        for rows, own in self._blocks(point):
+            here = Quadratic.of_rows(rows)
             total += here.total
             gradient[own] += here.gradient
             normal[np.ix_(own, own)] += here.normal
@@ -288,15 +305,15 @@ class _Search:
     def tangent(self, point: Array) -> tuple[Array, Array]:
         """Return weighted simulated less measured pressure of all experiments, and its Jacobian."""
         parts = list(self._blocks(point))
-        jacobian = np.zeros((sum(len(residuals) for residuals, _, _ in parts), point.size))
-        row = 0
-        for residuals, block, own in parts:
-            jacobian[row : row + len(residuals), own] = block
-            row += len(residuals)
-        return np.concatenate([residuals for residuals, _, _ in parts]), jacobian
+        jacobian = np.zeros((sum(len(rows) for rows, _ in parts), point.size))
+        first = 0
+        for rows, own in parts:
+            jacobian[first : first + len(rows), own] = rows[:, 1:]
+            first += len(rows)
+        return np.concatenate([rows[:, 0] for rows, _ in parts]), jacobian
 
-    def _blocks(self, point: Array) -> Iterator[tuple[Array, Array, NDArray[np.intp]]]:
-        """Yield the weighted residuals of each block, their Jacobian, and which unknowns it is by."""
+    def _blocks(self, point: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+        """Yield the weighted residuals of each block with their derivatives, and which unknowns these are by."""
         beside, differences = self.unknowns.beside(point)
         rows = self.unknowns.rows(np.vstack([point[None], beside]))
         base = self.unknowns.model(rows[0])
@@ -313,11 +330,8 @@ class _Search:
             )
             mask, weight = self.masks[index], self.weights[index]
             for samples, simulated in _simulate_blocks(experiment, cylinder, lanes, base.settles(experiment)):
-                counts = mask[samples]
-                kept, scale = simulated[counts], weight[samples][counts]
-                with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
-                    jacobian = (kept[:, 1:] - kept[:, :1]) * (scale[:, None] / differences[own])
-                    yield (kept[:, 0] - experiment.pressure[samples][counts]) * scale, jacobian, own
+                measured = experiment.pressure[samples]
+                yield _weighted(simulated, measured, weight[samples], mask[samples], differences[own]), own
 
     def _concerns(self, index: int) -> Mask:
         """Return which unknowns concern an experiment, shape (k,)."""

@@ -50,6 +50,13 @@ class Quadratic:
         with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
             return cls(float(residuals @ residuals), jacobian.T @ residuals, jacobian.T @ jacobian)
 
+    @classmethod
+    def of_rows(cls, rows: Array) -> Quadratic:
+        """Return it for residuals with their derivatives beside them, shape (n, 1 + k)."""
+        with np.errstate(over='ignore', invalid='ignore'):
+            products = rows.T @ rows
+        return cls(float(products[0, 0]), products[0, 1:], products[1:, 1:])
+
     @property
     def is_finite(self) -> bool:
         """Whether the model has not run away."""
