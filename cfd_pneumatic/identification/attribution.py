@@ -132,6 +132,7 @@ class Search(EffectSearch[_Model]):
         self.excerpt = self.train.excerpt(_EXCERPT)
         self.noise = math.sqrt(sum(sample_noise(one.sample_times, one.pressure) ** 2 for one in train) / len(train))
         self._known_shares: dict[_Model, dict[str, float]] = {}
+        self._known_tests: dict[_Model, list[Test]] = {}
         self.is_long = sum(one.times.size for one in train) > _LONG
         self.baseline = self._finished(self._fit(self.train, baseline, {}, *_FINE), baseline)
 
@@ -273,7 +274,9 @@ class Search(EffectSearch[_Model]):
         return self.search(self.baseline)
 
     def residual_tests(self, model: _Model) -> list[Test]:
-        """Return the tests of what a model leaves of train and validation."""
-        noise = pressure_noise(self.learn, model.simulated, model.extension.gains[0])
-        masks = [np.ones(one.pressure.size, dtype=np.bool_) for one in self.learn]
-        return residual_tests(self.learn, model.simulated, masks, noise)
+        """Return the tests of what a model leaves of train and validation; no model is tested twice."""
+        if model not in self._known_tests:
+            noise = pressure_noise(self.learn, model.simulated, model.extension.gains[0])
+            masks = [np.ones(one.pressure.size, dtype=np.bool_) for one in self.learn]
+            self._known_tests[model] = residual_tests(self.learn, model.simulated, masks, noise)
+        return self._known_tests[model]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +83,9 @@ def simulate_models(
             delays,
             max(one.stiffness_over(experiment.displacement, experiment.setpoint) for one in cylinders),
         )
-        blocks = _simulate_blocks(experiment, cylinders[0], lanes, models[0].settles(experiment))
+        blocks = _simulate_blocks(
+            experiment, cylinders[0], lanes, models[0].settles(experiment), experiment.pressure.size
+        )
         pressures.append(np.concatenate([block for _, block in blocks]))
     return pressures
 
@@ -99,9 +102,9 @@ class _Lanes:
 
 
 def _simulate_blocks(
-    experiment: Experiment, cylinder: ExtendedCylinder, lanes: _Lanes, settles: bool
+    experiment: Experiment, cylinder: ExtendedCylinder, lanes: _Lanes, settles: bool, count: int
 ) -> Iterator[tuple[slice, Array]]:
-    """Yield the pressures by models side by side at the samples of each block, shape (m, models) [Pa]."""
+    """Yield the pressures by models side by side in each block with some of the first samples, (m, models) [Pa]."""
     delays = np.unique(lanes.delays).tolist()
     groups = [np.flatnonzero(lanes.delays == delay) for delay in delays]
     walks = [
@@ -110,6 +113,7 @@ def _simulate_blocks(
             SideBySide(
                 cylinder, lanes.parameters[group], lanes.offsets[group], lanes.starts[group], lanes.stiffness, settles
             ),
+            count,
         )
         for delay, group in zip(delays, groups)
     ]
@@ -122,8 +126,8 @@ def _simulate_blocks(
         yield samples, pressures
 
 
-def _walk(experiment: Experiment, side_by_side: SideBySide) -> Iterator[tuple[slice, Array]]:
-    for block in experiment.blocks():
+def _walk(experiment: Experiment, side_by_side: SideBySide, count: int) -> Iterator[tuple[slice, Array]]:
+    for block in takewhile(lambda block: block.samples.start < count, experiment.blocks()):
         grid = block.grid
         readings = side_by_side.follow(experiment.times[grid], experiment.displacement[grid], experiment.setpoint[grid])
         yield block.samples, readings[block.at]
@@ -329,7 +333,8 @@ class _Search:
                 cylinder.stiffness_over(experiment.displacement, experiment.setpoint),
             )
             mask, weight = self.masks[index], self.weights[index]
-            for samples, simulated in _simulate_blocks(experiment, cylinder, lanes, base.settles(experiment)):
+            counted = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
+            for samples, simulated in _simulate_blocks(experiment, cylinder, lanes, base.settles(experiment), counted):
                 measured = experiment.pressure[samples]
                 yield _weighted(simulated, measured, weight[samples], mask[samples], differences[own]), own
 
@@ -382,12 +387,18 @@ def extend_with_cost(
     weights: Sequence[Array] | None,
     tolerance: float,
     evaluations: int,
+    enough: float = 0.0,
 ) -> tuple[Extension, float]:
-    """Do as `extend` does; return the sum of squares too, which is infinite where the model runs away."""
+    """
+    Do as `extend` does; return the sum of squares too, which is infinite where the model runs away.
+
+    The search ends too when the sum is `enough`.
+    """
     unknowns = _Unknowns(experiments, begin, effects)
     all_alike = [np.ones_like(one.pressure) for one in experiments]
     search = _Search(experiments, masks, ambient_pressure, unknowns, weights or all_alike)
-    point, cost = least_squares(search.evaluate, unknowns.start, unknowns.lower, unknowns.upper, tolerance, evaluations)
+    bounds = unknowns.lower, unknowns.upper
+    point, cost = least_squares(search.evaluate, unknowns.start, *bounds, tolerance, evaluations, enough)
     return unknowns.model(unknowns.rows(point[None])[0]), cost
 
 

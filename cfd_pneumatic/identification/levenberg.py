@@ -68,7 +68,13 @@ Evaluate = Callable[[Array], Quadratic]
 
 
 def least_squares(
-    evaluate: Evaluate, start: Array, lower: Array, upper: Array, tolerance: float, evaluations: int
+    evaluate: Evaluate,
+    start: Array,
+    lower: Array,
+    upper: Array,
+    tolerance: float,
+    evaluations: int,
+    enough: float = 0.0,
 ) -> tuple[Array, float]:
     """
     Return the point with the least sum of squared residuals that is found from a start, and that sum.
@@ -86,6 +92,8 @@ def least_squares(
         The search ends when a step, taken or foretold, lowers the sum by less than this share.
     evaluations
         Most calls of `evaluate`.
+    enough
+        A sum that is not to be lowered any more.
 
     """
     point = np.clip(start, lower, upper)
@@ -94,6 +102,8 @@ def least_squares(
         return point, np.inf
     damping, growth = _FIRST_DAMPING, 2.0
     for _ in range(evaluations - 1):
+        if here.total <= enough:
+            break
         step = _step(here.normal, here.gradient, damping, lower - point, upper - point)
         foretold = -float(step @ (2.0 * here.gradient + here.normal @ step))
         if foretold <= tolerance * here.total:
