@@ -262,17 +262,17 @@ class Tangent:
 
 @kernel
 def _weighted(simulated: Array, measured: Array, weight: Array, counts: Mask, differences: Array) -> Array:
-    """Return the weighted residuals of the samples that count, their derivatives beside them, shape (n, 1 + k)."""
-    rows = np.empty(simulated.shape)
+    """Return the weighted residuals of the samples that count, and below them their derivatives, shape (1 + k, n)."""
+    rows = np.empty((1 + differences.size, np.count_nonzero(counts)))
     kept = 0
     for sample in range(measured.size):
         if counts[sample]:
             base, scale = simulated[sample, 0], weight[sample]
-            rows[kept, 0] = (base - measured[sample]) * scale
+            rows[0, kept] = (base - measured[sample]) * scale
             for rank in range(differences.size):
-                rows[kept, 1 + rank] = (simulated[sample, 1 + rank] - base) * (scale / differences[rank])
+                rows[1 + rank, kept] = (simulated[sample, 1 + rank] - base) * (scale / differences[rank])
             kept += 1
-    return rows[:kept]
+    return rows
 
 
 class _Search:
@@ -309,12 +309,13 @@ class _Search:
     def tangent(self, point: Array) -> tuple[Array, Array]:
         """Return weighted simulated less measured pressure of all experiments, and its Jacobian."""
         parts = list(self._blocks(point))
-        jacobian = np.zeros((sum(len(rows) for rows, _ in parts), point.size))
+        residuals = np.concatenate([rows[0] for rows, _ in parts])
+        jacobian = np.zeros((residuals.size, point.size))
         first = 0
         for rows, own in parts:
-            jacobian[first : first + len(rows), own] = rows[:, 1:]
-            first += len(rows)
-        return np.concatenate([rows[:, 0] for rows, _ in parts]), jacobian
+            jacobian[first : first + rows.shape[1], own] = rows[1:].T
+            first += rows.shape[1]
+        return residuals, jacobian
 
     def _blocks(self, point: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
         """Yield the weighted residuals of each block with their derivatives, and which unknowns these are by."""

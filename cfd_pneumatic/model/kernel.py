@@ -19,5 +19,8 @@ A division by zero gives inf, as NumPy's does, instead of a branch to raise.
 fused = compiler(error_model='numpy', nogil=True, fastmath={'contract'})
 """As `kernel`, with products and sums rounded once where the processor can; no other liberty is taken."""
 
+summed = compiler(error_model='numpy', nogil=True, fastmath={'contract', 'reassoc'})
+"""As `fused`, with sums taken in any order: for those of many numbers."""
+
 inlined = njit(error_model='numpy', nogil=True, fastmath={'contract'}, inline='always')
 """Compile into what calls it: for a few operations in the innermost loop."""
