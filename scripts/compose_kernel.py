@@ -20,6 +20,7 @@ if 'cfd_pneumatic.model' not in sys.modules:  # its face imports the kernel, whi
     bare.__path__ = [str(KERNEL.parent)]
     sys.modules['cfd_pneumatic.model'] = bare
 
+from cfd_pneumatic.model import flow_function, lanes, lanewise  # noqa: E402
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, MODULES, PRESSURE_EFFECTS  # noqa: E402
 from cfd_pneumatic.model.places import (  # noqa: E402
     FORCE_PLACES,
@@ -101,8 +102,8 @@ def _resting(effects: Sequence[Mapping[str, Any]]) -> dict[int, str]:
 
 
 def _fingerprint() -> str:
-    """Return what changes with any effect: Numba's files on disk are made anew when the kernel's text changes."""
-    text = ''.join(inspect.getsource(module) for module in MODULES.values())
+    """Return what changes with all that is compiled in: Numba's files are made anew when the kernel's text changes."""
+    text = ''.join(inspect.getsource(module) for module in (*MODULES.values(), flow_function, lanes, lanewise))
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

@@ -30,6 +30,7 @@ _REFINED = 2  # of an effect's starts
 _PROMISING = 4  # effects that are fitted to the end at least
 _LONG = 5000  # grid steps
 _EXCERPT = 5000  # grid steps of each recording that rough fits are of
+_LONGER_EXCERPT = 40_000  # that fits are brought close on where everything is more than twice as much
 _FITTED_OF_LONG = 6  # effects
 _RIVALLING = 0.3  # of what the best one takes: what is fitted to the end of long recordings
 _ALIKE = 0.7  # of what its best start takes: starts whose rough fits may change places
@@ -84,6 +85,11 @@ class _Data:
     masks: list[NDArray[np.bool_]]
     weights: list[Array]
 
+    @property
+    def steps(self) -> int:
+        """How many grid steps there are."""
+        return sum(one.times.size for one in self.experiments)
+
     def excerpt(self, steps: int) -> _Data:
         """Return the liveliest part of each experiment, or all of it where it has no more steps."""
         experiments, samples = zip(*(one.liveliest(steps, mask) for one, mask in zip(self.experiments, self.masks)))
@@ -130,9 +136,12 @@ class Search(EffectSearch[_Model]):
         weights = [precision(one, pressure) for one, pressure in zip(train, simulated)]
         self.train = _Data(train, masks, weights)
         self.excerpt = self.train.excerpt(_EXCERPT)
+        longer = self.train.excerpt(_LONGER_EXCERPT)
+        self.longer_excerpt = longer if 2 * longer.steps < self.train.steps else None
         self.noise = math.sqrt(sum(sample_noise(one.sample_times, one.pressure) ** 2 for one in train) / len(train))
         self._known_shares: dict[_Model, dict[str, float]] = {}
-        self.is_long = sum(one.times.size for one in train) > _LONG
+        self._known_tests: dict[_Model, list[Test]] = {}
+        self.is_long = self.train.steps > _LONG
         self.baseline = self._finished(self._fit(self.train, baseline, {}, *_FINE), baseline)
 
     def _fit(self, data: _Data, begin: Extension, effects: Effects, tolerance: float, evaluations: int) -> _Rough:
@@ -240,8 +249,17 @@ class Search(EffectSearch[_Model]):
         best, *others = rough[:_REFINED]
         if self.is_long:
             others = [one for one in others if before - one.cost > _ALIKE * (before - best.cost)]
-        fits = [self._fit(self.train, one.extension, one.extension.effects, *_FINE) for one in (best, *others)]
+        close = [self._closer(one.extension) for one in (best, *others)]
+        fits = [self._fit(self.train, one, one.effects, *_FINE) for one in close]
         return min(fits, key=lambda one: one.cost)
+
+    def _closer(self, rough: Extension) -> Extension:
+        """Return a model that needs few steps to the end; those of a long way are taken where they are cheap."""
+        data = self.longer_excerpt
+        if data is None:
+            return rough
+        fitted = self._fit(data, data.beginning(rough), rough.effects, *_FINE)
+        return replace(fitted.extension, starts=rough.starts)
 
     def _beginnings(self, model: _Model) -> list[Extension]:
         """Return where the gains may start from: an effect that is not in the model may have led them astray."""
@@ -273,7 +291,9 @@ class Search(EffectSearch[_Model]):
         return self.search(self.baseline)
 
     def residual_tests(self, model: _Model) -> list[Test]:
-        """Return the tests of what a model leaves of train and validation."""
-        noise = pressure_noise(self.learn, model.simulated, model.extension.gains[0])
-        masks = [np.ones(one.pressure.size, dtype=np.bool_) for one in self.learn]
-        return residual_tests(self.learn, model.simulated, masks, noise)
+        """Return the tests of what a model leaves of train and validation; no model is tested twice."""
+        if model not in self._known_tests:
+            noise = pressure_noise(self.learn, model.simulated, model.extension.gains[0])
+            masks = [np.ones(one.pressure.size, dtype=np.bool_) for one in self.learn]
+            self._known_tests[model] = residual_tests(self.learn, model.simulated, masks, noise)
+        return self._known_tests[model]

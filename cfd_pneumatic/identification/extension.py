@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
+from cfd_pneumatic.model.kernel import kernel
 from cfd_pneumatic.model.places import GAINS, PARAMETERS, PLACES, all_parameters
 
 Array = NDArray[np.float64]
@@ -81,7 +83,9 @@ def simulate_models(
             delays,
             max(one.stiffness_over(experiment.displacement, experiment.setpoint) for one in cylinders),
         )
-        blocks = _simulate_blocks(experiment, cylinders[0], lanes, models[0].settles(experiment))
+        blocks = _simulate_blocks(
+            experiment, cylinders[0], lanes, models[0].settles(experiment), experiment.pressure.size
+        )
         pressures.append(np.concatenate([block for _, block in blocks]))
     return pressures
 
@@ -98,9 +102,9 @@ class _Lanes:
 
 
 def _simulate_blocks(
-    experiment: Experiment, cylinder: ExtendedCylinder, lanes: _Lanes, settles: bool
+    experiment: Experiment, cylinder: ExtendedCylinder, lanes: _Lanes, settles: bool, count: int
 ) -> Iterator[tuple[slice, Array]]:
-    """Yield the pressures by models side by side at the samples of each block, shape (m, models) [Pa]."""
+    """Yield the pressures by models side by side in each block with some of the first samples, (m, models) [Pa]."""
     delays = np.unique(lanes.delays).tolist()
     groups = [np.flatnonzero(lanes.delays == delay) for delay in delays]
     walks = [
@@ -109,19 +113,21 @@ def _simulate_blocks(
             SideBySide(
                 cylinder, lanes.parameters[group], lanes.offsets[group], lanes.starts[group], lanes.stiffness, settles
             ),
+            count,
         )
         for delay, group in zip(delays, groups)
     ]
     for parts in zip(*walks):
-        samples, _ = parts[0]
-        pressures = np.empty((samples.stop - samples.start, len(lanes.delays)))
-        for group, (_, readings) in zip(groups, parts):
-            pressures[:, group] = readings
+        samples, pressures = parts[0]
+        if len(groups) > 1:
+            pressures = np.empty((len(pressures), len(lanes.delays)))
+            for group, (_, readings) in zip(groups, parts):
+                pressures[:, group] = readings
         yield samples, pressures
 
 
-def _walk(experiment: Experiment, side_by_side: SideBySide) -> Iterator[tuple[slice, Array]]:
-    for block in experiment.blocks():
+def _walk(experiment: Experiment, side_by_side: SideBySide, count: int) -> Iterator[tuple[slice, Array]]:
+    for block in takewhile(lambda block: block.samples.start < count, experiment.blocks()):
         grid = block.grid
         readings = side_by_side.follow(experiment.times[grid], experiment.displacement[grid], experiment.setpoint[grid])
         yield block.samples, readings[block.at]
@@ -254,6 +260,21 @@ class Tangent:
     logarithmic: Mask
 
 
+@kernel
+def _weighted(simulated: Array, measured: Array, weight: Array, counts: Mask, differences: Array) -> Array:
+    """Return the weighted residuals of the samples that count, and below them their derivatives, shape (1 + k, n)."""
+    rows = np.empty((1 + differences.size, np.count_nonzero(counts)))
+    kept = 0
+    for sample in range(measured.size):
+        if counts[sample]:
+            base, scale = simulated[sample, 0], weight[sample]
+            rows[0, kept] = (base - measured[sample]) * scale
+            for rank in range(differences.size):
+                rows[1 + rank, kept] = (simulated[sample, 1 + rank] - base) * (scale / differences[rank])
+            kept += 1
+    return rows
+
+
 class _Search:
     """Residuals and their Jacobian, from simulations side by side."""
 
@@ -278,8 +299,8 @@ class _Search:
         """Return what the sum of squares is like."""
         total = 0.0
         gradient, normal = np.zeros(point.size), np.zeros((point.size, point.size))
-        for residuals, jacobian, own in self._blocks(point):
-            here = Quadratic.of(residuals, jacobian)
+        for rows, own in self._blocks(point):
+            here = Quadratic.of_rows(rows)
             total += here.total
             gradient[own] += here.gradient
             normal[np.ix_(own, own)] += here.normal
@@ -288,15 +309,16 @@ class _Search:
     def tangent(self, point: Array) -> tuple[Array, Array]:
         """Return weighted simulated less measured pressure of all experiments, and its Jacobian."""
         parts = list(self._blocks(point))
-        jacobian = np.zeros((sum(len(residuals) for residuals, _, _ in parts), point.size))
-        row = 0
-        for residuals, block, own in parts:
-            jacobian[row : row + len(residuals), own] = block
-            row += len(residuals)
-        return np.concatenate([residuals for residuals, _, _ in parts]), jacobian
+        residuals = np.concatenate([rows[0] for rows, _ in parts])
+        jacobian = np.zeros((residuals.size, point.size))
+        first = 0
+        for rows, own in parts:
+            jacobian[first : first + rows.shape[1], own] = rows[1:].T
+            first += rows.shape[1]
+        return residuals, jacobian
 
-    def _blocks(self, point: Array) -> Iterator[tuple[Array, Array, NDArray[np.intp]]]:
-        """Yield the weighted residuals of each block, their Jacobian, and which unknowns it is by."""
+    def _blocks(self, point: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+        """Yield the weighted residuals of each block with their derivatives, and which unknowns these are by."""
         beside, differences = self.unknowns.beside(point)
         rows = self.unknowns.rows(np.vstack([point[None], beside]))
         base = self.unknowns.model(rows[0])
@@ -312,12 +334,10 @@ class _Search:
                 cylinder.stiffness_over(experiment.displacement, experiment.setpoint),
             )
             mask, weight = self.masks[index], self.weights[index]
-            for samples, simulated in _simulate_blocks(experiment, cylinder, lanes, base.settles(experiment)):
-                counts = mask[samples]
-                kept, scale = simulated[counts], weight[samples][counts]
-                with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
-                    jacobian = (kept[:, 1:] - kept[:, :1]) * (scale[:, None] / differences[own])
-                    yield (kept[:, 0] - experiment.pressure[samples][counts]) * scale, jacobian, own
+            counted = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
+            for samples, simulated in _simulate_blocks(experiment, cylinder, lanes, base.settles(experiment), counted):
+                measured = experiment.pressure[samples]
+                yield _weighted(simulated, measured, weight[samples], mask[samples], differences[own]), own
 
     def _concerns(self, index: int) -> Mask:
         """Return which unknowns concern an experiment, shape (k,)."""
@@ -368,12 +388,18 @@ def extend_with_cost(
     weights: Sequence[Array] | None,
     tolerance: float,
     evaluations: int,
+    enough: float = 0.0,
 ) -> tuple[Extension, float]:
-    """Do as `extend` does; return the sum of squares too, which is infinite where the model runs away."""
+    """
+    Do as `extend` does; return the sum of squares too, which is infinite where the model runs away.
+
+    The search ends too when the sum is `enough`.
+    """
     unknowns = _Unknowns(experiments, begin, effects)
     all_alike = [np.ones_like(one.pressure) for one in experiments]
     search = _Search(experiments, masks, ambient_pressure, unknowns, weights or all_alike)
-    point, cost = least_squares(search.evaluate, unknowns.start, unknowns.lower, unknowns.upper, tolerance, evaluations)
+    bounds = unknowns.lower, unknowns.upper
+    point, cost = least_squares(search.evaluate, unknowns.start, *bounds, tolerance, evaluations, enough)
     return unknowns.model(unknowns.rows(point[None])[0]), cost
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import kernel, summed
 
 Array = NDArray[np.float64]
 
@@ -51,6 +51,12 @@ class Quadratic:
         with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
             return cls(float(residuals @ residuals), jacobian.T @ residuals, jacobian.T @ jacobian)
 
+    @classmethod
+    def of_rows(cls, rows: Array) -> Quadratic:
+        """Return it for residuals with their derivatives below them, shape (1 + k, n)."""
+        products = _products(rows)
+        return cls(float(products[0, 0]), products[0, 1:], products[1:, 1:])
+
     @property
     def is_finite(self) -> bool:
         """Whether the model has not run away."""
@@ -62,7 +68,13 @@ Evaluate = Callable[[Array], Quadratic]
 
 
 def least_squares(
-    evaluate: Evaluate, start: Array, lower: Array, upper: Array, tolerance: float, evaluations: int
+    evaluate: Evaluate,
+    start: Array,
+    lower: Array,
+    upper: Array,
+    tolerance: float,
+    evaluations: int,
+    enough: float = 0.0,
 ) -> tuple[Array, float]:
     """
     Return the point with the least sum of squared residuals that is found from a start, and that sum.
@@ -80,6 +92,8 @@ def least_squares(
         The search ends when a step, taken or foretold, lowers the sum by less than this share.
     evaluations
         Most calls of `evaluate`.
+    enough
+        A sum that is not to be lowered any more.
 
     """
     point = np.clip(start, lower, upper)
@@ -88,6 +102,8 @@ def least_squares(
         return point, np.inf
     damping, growth = _FIRST_DAMPING, 2.0
     for _ in range(evaluations - 1):
+        if here.total <= enough:
+            break
         step, foretold = _step(here.normal, here.gradient, damping, lower - point, upper - point)
         if foretold <= tolerance * here.total:
             break
@@ -104,6 +120,19 @@ def least_squares(
         if fell <= tolerance * here.total:
             break
     return point, here.total
+
+
+@summed
+def _products(rows: Array) -> Array:
+    """Return the products of rows with each other; a library would wake its threads for so few."""
+    products = np.empty((len(rows), len(rows)))
+    for one in range(len(rows)):
+        for other in range(one + 1):
+            total = 0.0
+            for sample in range(rows.shape[1]):
+                total += rows[one, sample] * rows[other, sample]
+            products[one, other] = products[other, one] = total
+    return products
 
 
 @kernel

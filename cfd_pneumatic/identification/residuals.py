@@ -41,6 +41,7 @@ _MEMORY = 200  # samples
 _LAGS_WHITE = 25
 _LARGEST, _LARGEST_LONG, _LONG = 1.10, 1.05, 5000  # residual over noise; in records with so many samples
 _BESIDE_ROUNDING = 1.25  # over what rounding makes, and leaves at rest: the noise that is rounded comes on top
+_APART = 1e-6  # singular values of columns beside the largest, below which they are not told apart
 _SMOOTHED = 25  # samples
 _SLOW = 4  # ordinates
 _MOST_ASKED = 60_000  # samples that a regression on the inputs is of
@@ -133,11 +134,12 @@ def tests_of(residuals: Sequence[Array], influences: Sequence[Influences], noise
         return [_size_test(residuals, noise)]
     colour = autoregression(residuals)
     innovations = [whitened(residual, colour) for residual in residuals]
+    spectra = [list(map(_periodogram, series)) for series in (residuals, _forgotten(residuals))]
     tests = [
         _inputs_test(innovations, influences, colour),
         _slow_inputs_test(residuals, influences),
-        _line_test(residuals),
-        _level_test(residuals),
+        _line_test(spectra),
+        _level_test(spectra, sum(residual.size for residual in residuals)),
         _whiteness_test(residuals, noise),
         _size_test(residuals, noise),
     ]
@@ -168,12 +170,16 @@ def _influences(experiment: Experiment, simulated: Array, weight: Array, mask: N
 
 def _inputs_test(innovations: Sequence[Array], influences: Sequence[Influences], colour: Array) -> Test:
     """Ask how much of what is new in each sample a regression on the inputs explains: the quick part."""
-    new, columns = _in_stretches(innovations, influences, colour)
-    triangle: Array = np.linalg.qr(np.column_stack([_scaled(columns), new]), mode='r')  # type: ignore[assignment]
-    directions, rank = _directions(triangle[:-1, :-1])
-    share = float(np.sum((directions.T @ triangle[:-1, -1]) ** 2) / (new @ new))
-    significant = float(beta.isf(SIGNIFICANCE, rank / 2.0, max(new.size - rank, 1) / 2.0))
-    threshold = max(significant, rank / new.size + _MATERIAL)
+    products, count = _products(innovations, influences, colour)
+    size = np.sqrt(np.diag(products))
+    told = np.flatnonzero(size[:-1])
+    alike, common = (products[told][:, rest] / np.outer(size[told], size[rest]) for rest in (told, [-1]))
+    powers, directions = np.linalg.eigh(alike)
+    apart = powers > _APART**2 * powers[-1]
+    share = float(np.sum((directions[:, apart].T @ common[:, 0]) ** 2 / powers[apart]))
+    rank = int(np.count_nonzero(apart))
+    significant = float(beta.isf(SIGNIFICANCE, rank / 2.0, max(count - rank, 1) / 2.0))
+    threshold = max(significant, rank / count + _MATERIAL)
     return Test('inputs', share, threshold, 'share of the residual that a regression on the inputs explains')
 
 
@@ -194,21 +200,25 @@ def _slow_inputs_test(residuals: Sequence[Array], influences: Sequence[Influence
     )
 
 
-def _in_stretches(innovations: Sequence[Array], influences: Sequence[Influences], colour: Array) -> tuple[Array, Array]:
-    """Return what is new in the samples, and the inputs whitened alike; of long recordings in stretches of them."""
+def _products(innovations: Sequence[Array], influences: Sequence[Influences], colour: Array) -> tuple[Array, int]:
+    """
+    Return the products of the whitened inputs with each other and with what is new, and of how many samples they are.
+
+    The last row and column, shape (width + 1, width + 1), are what is new. Of long recordings they are of stretches.
+    """
     count = sum(one.size for one in innovations)
     every = max(1, count // _MOST_ASKED)
     width = min(one.width(count) for one in influences)
-    parts, columns = [], []
+    products, asked = np.zeros((width + 1, width + 1)), 0
     for new, own in zip(innovations, influences):
         for begin in range(0, new.size, every * _STRETCH):
-            end = min(begin + _STRETCH, new.size) if every > 1 else new.size
+            end = min(begin + _STRETCH, new.size)
             before = min(begin, colour.size)
-            parts.append(new[begin:end])
-            columns.append(whitened(own.values(begin - before, end, width), colour)[:, before:])
-            if every == 1:
-                break
-    return np.concatenate(parts), np.concatenate(columns, axis=1).T
+            columns = whitened(own.values(begin - before, end, width), colour)[:, before:]
+            both = np.vstack([columns, new[begin:end]])
+            products += both @ both.T
+            asked += end - begin
+    return products, asked
 
 
 def _slow_parts(residuals: Sequence[Array], influences: Sequence[Influences]) -> tuple[Array, Array]:
@@ -240,23 +250,22 @@ def _scaled(columns: Array) -> Array:
 def _directions(triangle: Array) -> tuple[Array, int]:
     """Return the directions in which columns differ, of which this is the triangular factor, and how many they are."""
     directions, values, _ = np.linalg.svd(triangle)
-    rank = int(np.count_nonzero(values > 1e-6 * values[0]))
+    rank = int(np.count_nonzero(values > _APART * values[0]))
     return directions[:, :rank], rank
 
 
-def _line_test(residuals: Sequence[Array]) -> Test:
+def _line_test(spectra: Sequence[Sequence[Array]]) -> Test:
     """Ask whether one line stands out of the spectrum beside it, which is smooth in noise of any colour."""
-    worst, count = min(_line_ratio(residuals), _line_ratio(_forgotten(residuals)))
+    worst, count = min(map(_line_ratio, spectra))
     # an ordinate is exponential, and its neighbours' median spreads it a little
     threshold = _MEDIAN_SPREAD * math.log(max(count, 1) / SIGNIFICANCE)
     return Test('line', worst, threshold, 'largest line of the spectrum over its neighbours')
 
 
-def _line_ratio(residuals: Sequence[Array]) -> tuple[float, int]:
+def _line_ratio(spectra: Sequence[Array]) -> tuple[float, int]:
     """Return the largest ordinate over those beside it, and how many there are."""
     worst, count = 0.0, 0
-    for residual in residuals:
-        power = _periodogram(residual)
+    for power in spectra:
         if power.size > 2 * _SLOW:
             window = min(_NEIGHBOURS, power.size // 2 * 2 - 1)
             beside = median_filter(power, size=window, mode='reflect') / math.log(2.0)
@@ -277,25 +286,24 @@ def _forgotten(residuals: Sequence[Array]) -> list[Array]:
     return [whitened(residual, memory) for residual in residuals]
 
 
-def _level_test(residuals: Sequence[Array]) -> Test:
-    """Ask whether the mean moves slowly: the slowest ordinates of the spectrum against those beside them."""
-    ratio, threshold = min(_slow_ratio(residuals), _slow_ratio(_forgotten(residuals)))
+def _level_test(spectra: Sequence[Sequence[Array]], count: int) -> Test:
+    """Ask whether the mean of so many samples moves slowly: the slowest ordinates against those beside them."""
+    ratio, threshold = min(_slow_ratio(one, count) for one in spectra)
     return Test('level', ratio, threshold, 'slowest ordinates of the spectrum over those beside them')
 
 
-def _slow_ratio(residuals: Sequence[Array]) -> tuple[float, float]:
+def _slow_ratio(spectra: Sequence[Array], count: int) -> tuple[float, float]:
     """Return the mean slow ordinate over the mean of those beside, and its threshold."""
     slow: list[float] = []
     beside: list[float] = []
-    for residual in residuals:
-        power = _periodogram(residual)
+    for power in spectra:
         if power.size > 4 * _SLOW:
             slow.extend(power[:_SLOW])
             beside.extend(power[_SLOW : 12 * _SLOW])
     if not slow:
         return 0.0, 1.0
     ratio = float(np.mean(slow) / np.mean(beside))
-    material = _MATERIAL_LEVEL * sum(residual.size for residual in residuals) / (2.0 * len(slow))
+    material = _MATERIAL_LEVEL * count / (2.0 * len(slow))
     return ratio, max(float(f.isf(SIGNIFICANCE, 2 * len(slow), 2 * len(beside))), material)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Extension, extend, simulate_models, tangent
+from cfd_pneumatic.identification.extension import Extension, extend_with_cost, simulate_models, tangent
 from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH
 from cfd_pneumatic.identification.noise import Noise
 from cfd_pneumatic.identification.starts import starting_data
@@ -120,9 +120,12 @@ class _View:
     def _remains(self, pressures: Sequence[Array], least: float) -> bool:
         """Return whether more than so much of what was simulated is left when the model is fitted to it."""
         made = [replace(one, pressure=pressure) for one, pressure in zip(self._experiments, pressures)]
-        fitted = self._fitted
-        without = extend(made, self._masks, self._ambient_pressure, fitted, fitted.effects, self._weights, *_ROUGH)
-        return _rms(_masked(pressures, without.simulate(made, self._ambient_pressure), self._masks)) > least
+        model = self._fitted
+        little = least**2 * sum(np.count_nonzero(mask) for mask in self._masks)
+        _, left = extend_with_cost(
+            made, self._masks, self._ambient_pressure, model, model.effects, self._weights, *_ROUGH, enough=little
+        )
+        return left > little
 
 
 def _masked(ones: Sequence[Array], others: Sequence[Array], masks: Sequence[Mask]) -> Array:

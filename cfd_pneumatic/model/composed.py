@@ -2,10 +2,10 @@
 The paper's equations and every physical effect, each behind a switch, for Runge-Kutta of fourth order.
 
 Eight cylinders that differ in their parameters alone are simulated side by side, in lanes that a processor takes at
-once: that is how a fit gets its derivatives. All numbers stand in one array of rows, a row being one number of each
-lane.
+once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
+number of each lane.
 
-Made by `make kernel` from the effects, fingerprint 41a76c060bd099a7; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint cd56552b83636263; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -37,109 +37,99 @@ from cfd_pneumatic.model.effects import (
 )
 from cfd_pneumatic.model.effects.effect import ForceMoment, Moment
 from cfd_pneumatic.model.kernel import kernel
-
-LANES = 8
-"""Cylinders side by side."""
+from cfd_pneumatic.model.lanes import COUNT, load, store, where
 
 # states: pressures p and p_f, then the effects' own
-Y0 = 0 * LANES
-Y1 = 1 * LANES
-Y2 = 2 * LANES
-Y3 = 3 * LANES
-Y4 = 4 * LANES
-Y5 = 5 * LANES
-Y6 = 6 * LANES
-Y7 = 7 * LANES
-Y8 = 8 * LANES
-Y9 = 9 * LANES
+Y0 = 0 * COUNT
+Y1 = 1 * COUNT
+Y2 = 2 * COUNT
+Y3 = 3 * COUNT
+Y4 = 4 * COUNT
+Y5 = 5 * COUNT
+Y6 = 6 * COUNT
+Y7 = 7 * COUNT
+Y8 = 8 * COUNT
+Y9 = 9 * COUNT
 # displacements that the chamber followed last and that was measured last [m]
-FOLLOWED = 10 * LANES
-MEASURED = 11 * LANES
+FOLLOWED = 10 * COUNT
+MEASURED = 11 * COUNT
 # parameters: gains, then the effects' own
-A0 = 12 * LANES
-A1 = 13 * LANES
-A2 = 14 * LANES
-A3 = 15 * LANES
-A4 = 16 * LANES
-A5 = 17 * LANES
-A6 = 18 * LANES
-A7 = 19 * LANES
-A8 = 20 * LANES
-A9 = 21 * LANES
-A10 = 22 * LANES
-A11 = 23 * LANES
-A12 = 24 * LANES
-A13 = 25 * LANES
-A14 = 26 * LANES
-A15 = 27 * LANES
-A16 = 28 * LANES
-A17 = 29 * LANES
-A18 = 30 * LANES
-A19 = 31 * LANES
-A20 = 32 * LANES
-A21 = 33 * LANES
-A22 = 34 * LANES
-A23 = 35 * LANES
-A24 = 36 * LANES
-A25 = 37 * LANES
-A26 = 38 * LANES
-A27 = 39 * LANES
-A28 = 40 * LANES
-A29 = 41 * LANES
-A30 = 42 * LANES
-A31 = 43 * LANES
-A32 = 44 * LANES
-A33 = 45 * LANES
-A34 = 46 * LANES
-A35 = 47 * LANES
+A0 = 12 * COUNT
+A1 = 13 * COUNT
+A2 = 14 * COUNT
+A3 = 15 * COUNT
+A4 = 16 * COUNT
+A5 = 17 * COUNT
+A6 = 18 * COUNT
+A7 = 19 * COUNT
+A8 = 20 * COUNT
+A9 = 21 * COUNT
+A10 = 22 * COUNT
+A11 = 23 * COUNT
+A12 = 24 * COUNT
+A13 = 25 * COUNT
+A14 = 26 * COUNT
+A15 = 27 * COUNT
+A16 = 28 * COUNT
+A17 = 29 * COUNT
+A18 = 30 * COUNT
+A19 = 31 * COUNT
+A20 = 32 * COUNT
+A21 = 33 * COUNT
+A22 = 34 * COUNT
+A23 = 35 * COUNT
+A24 = 36 * COUNT
+A25 = 37 * COUNT
+A26 = 38 * COUNT
+A27 = 39 * COUNT
+A28 = 40 * COUNT
+A29 = 41 * COUNT
+A30 = 42 * COUNT
+A31 = 43 * COUNT
+A32 = 44 * COUNT
+A33 = 45 * COUNT
+A34 = 46 * COUNT
+A35 = 47 * COUNT
 # what each lane's set-point lies above the common one [Pa]
-OFFSET = 48 * LANES
+OFFSET = 48 * COUNT
 # states and rates of a stage of Runge and Kutta, and the rates' weighted sum
-S0 = 49 * LANES
-S1 = 50 * LANES
-S2 = 51 * LANES
-S3 = 52 * LANES
-S4 = 53 * LANES
-S5 = 54 * LANES
-S6 = 55 * LANES
-S7 = 56 * LANES
-S8 = 57 * LANES
-S9 = 58 * LANES
-K0 = 59 * LANES
-K1 = 60 * LANES
-K2 = 61 * LANES
-K3 = 62 * LANES
-K4 = 63 * LANES
-K5 = 64 * LANES
-K6 = 65 * LANES
-K7 = 66 * LANES
-K8 = 67 * LANES
-K9 = 68 * LANES
-SUM0 = 69 * LANES
-SUM1 = 70 * LANES
-SUM2 = 71 * LANES
-SUM3 = 72 * LANES
-SUM4 = 73 * LANES
-SUM5 = 74 * LANES
-SUM6 = 75 * LANES
-SUM7 = 76 * LANES
-SUM8 = 77 * LANES
-SUM9 = 78 * LANES
-# what a stage computes
-X = 79 * LANES
-RATE = 80 * LANES
-SETPOINT = 81 * LANES
-TARGET = 82 * LANES
-ERROR = 83 * LANES
-FLOW = 84 * LANES
-GAIN = 85 * LANES
-SWEPT = 86 * LANES
-CHAMBER = 87 * LANES
-OUTLET = 88 * LANES
-TAU = 89 * LANES
-SIGNAL = 90 * LANES
+S0 = 49 * COUNT
+S1 = 50 * COUNT
+S2 = 51 * COUNT
+S3 = 52 * COUNT
+S4 = 53 * COUNT
+S5 = 54 * COUNT
+S6 = 55 * COUNT
+S7 = 56 * COUNT
+S8 = 57 * COUNT
+S9 = 58 * COUNT
+K0 = 59 * COUNT
+K1 = 60 * COUNT
+K2 = 61 * COUNT
+K3 = 62 * COUNT
+K4 = 63 * COUNT
+K5 = 64 * COUNT
+K6 = 65 * COUNT
+K7 = 66 * COUNT
+K8 = 67 * COUNT
+K9 = 68 * COUNT
+SUM0 = 69 * COUNT
+SUM1 = 70 * COUNT
+SUM2 = 71 * COUNT
+SUM3 = 72 * COUNT
+SUM4 = 73 * COUNT
+SUM5 = 74 * COUNT
+SUM6 = 75 * COUNT
+SUM7 = 76 * COUNT
+SUM8 = 77 * COUNT
+SUM9 = 78 * COUNT
+# the piston's displacement [m] and speed [m/s], the set-point [Pa], and what the pressure sensor reads [Pa]
+X = 79 * COUNT
+RATE = 80 * COUNT
+SETPOINT = 81 * COUNT
+SIGNAL = 82 * COUNT
 
-SIZE = 91 * LANES
+SIZE = 83 * COUNT
 """Length of the array of rows."""
 
 STATE_ROWS = slice(0, 12)
@@ -151,7 +141,7 @@ PARAMETER_ROWS = slice(12, 48)
 OFFSET_ROW = 48
 """Row of what each lane's set-point lies above the common one [Pa]."""
 
-SIGNAL_ROW = SIGNAL // LANES
+SIGNAL_ROW = SIGNAL // COUNT
 """Row of what the pressure sensor reads [Pa]."""
 
 FORCE_STATES = 1
@@ -162,356 +152,169 @@ SLID = 1
 
 
 @kernel
-def valve_error(time, ambient, w, on):
-    """Compute the set-point that acts and the valves' error."""
-    for j in range(LANES):
-        w[TARGET + j] = w[SETPOINT + j]
+def valve_error(moment, w, on):
+    """Return the valves' error, from the set-point that acts [Pa]."""
+    target = moment.setpoint
     if on[2]:
-        for j in range(LANES):
-            w[TARGET + j] = set_point_drift.setpoint(
-                w[TARGET + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A8 + j],
-            )
+        target = set_point_drift.setpoint(target, moment, load(w, A8))
     if on[4]:
-        for j in range(LANES):
-            w[TARGET + j] = supply_variation.setpoint(
-                w[TARGET + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A10 + j],
-                w[A11 + j],
-                w[A12 + j],
-            )
+        target = supply_variation.setpoint(target, moment, load(w, A10), load(w, A11), load(w, A12))
     if on[6]:
-        for j in range(LANES):
-            w[TARGET + j] = droop.setpoint(
-                w[TARGET + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[S3 + j],
-                w[A14 + j],
-                w[A15 + j],
-            )
-    for j in range(LANES):
-        w[ERROR + j] = w[TARGET + j] - w[S1 + j]
+        target = droop.setpoint(target, moment, load(w, S3), load(w, A14), load(w, A15))
+    return target - load(w, S1)
 
 
 @kernel
 def slopes(time, ambient, w, on):
     """Compute the rates of all states."""
-    for j in range(LANES):
-        w[GAIN + j] = w[A0 + j]
+    x, rate, p, setpoint = load(w, X), load(w, RATE), load(w, S0), load(w, SETPOINT)
+    moment = Moment(time, x, rate, p, setpoint, ambient, 0.0)
+    gain = load(w, A0)
     if on[0]:
-        for j in range(LANES):
-            w[GAIN + j] = volume_variation.velocity_gain(
-                w[GAIN + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A4 + j],
-            )
+        gain = volume_variation.velocity_gain(gain, moment, load(w, A4))
     if on[1]:
-        for j in range(LANES):
-            w[GAIN + j] = operating_point.velocity_gain(
-                w[GAIN + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A5 + j],
-                w[A6 + j],
-                w[A7 + j],
-            )
-    for j in range(LANES):
-        w[SWEPT + j] = w[GAIN + j] * w[RATE + j]
-    valve_error(time, ambient, w, on)
+        gain = operating_point.velocity_gain(gain, moment, load(w, A5), load(w, A6), load(w, A7))
+    swept = gain * rate
+    moment = Moment(time, x, rate, p, setpoint, ambient, swept)
+    error = valve_error(moment, w, on)
     if on[5]:
-        for j in range(LANES):
-            w[ERROR + j] = valve_hysteresis.error(
-                w[ERROR + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[S2 + j],
-                w[A13 + j],
-            )
+        error = valve_hysteresis.error(error, moment, load(w, S2), load(w, A13))
     if on[13]:
-        for j in range(LANES):
-            w[ERROR + j] = valve_dead_band.error(
-                w[ERROR + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A29 + j],
-            )
+        error = valve_dead_band.error(error, moment, load(w, A29))
     if on[15]:
-        for j in range(LANES):
-            w[ERROR + j] = nonlinear_valve.error(
-                w[ERROR + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A32 + j],
-            )
-    for j in range(LANES):
-        w[FLOW + j] = (w[A1 + j] if w[ERROR + j] > 0.0 else w[A2 + j]) * w[ERROR + j]
+        error = nonlinear_valve.error(error, moment, load(w, A32))
+    flow = where(error > 0.0, load(w, A1), load(w, A2)) * error
     if on[0]:
-        for j in range(LANES):
-            w[FLOW + j] = volume_variation.flow(
-                w[FLOW + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A4 + j],
-            )
+        flow = volume_variation.flow(flow, moment, load(w, A4))
     if on[1]:
-        for j in range(LANES):
-            w[FLOW + j] = operating_point.flow(
-                w[FLOW + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A5 + j],
-                w[A6 + j],
-                w[A7 + j],
-            )
+        flow = operating_point.flow(flow, moment, load(w, A5), load(w, A6), load(w, A7))
     if on[10]:
-        for j in range(LANES):
-            w[FLOW + j] = flow_saturation.flow(
-                w[FLOW + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A25 + j],
-                w[A26 + j],
-            )
+        flow = flow_saturation.flow(flow, moment, load(w, A25), load(w, A26))
     if on[16]:
-        for j in range(LANES):
-            (w[K8 + j],) = line_restriction.evolve(
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[FLOW + j],
-                w[S8 + j],
-                w[A33 + j],
-                w[A34 + j],
-            )
-        for j in range(LANES):
-            w[FLOW + j] = line_restriction.flow(
-                w[FLOW + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[S8 + j],
-                w[A33 + j],
-                w[A34 + j],
-            )
+        (rate8,) = line_restriction.evolve(moment, flow, load(w, S8), load(w, A33), load(w, A34))
+        store(w, K8, rate8)
+        flow = line_restriction.flow(flow, moment, load(w, S8), load(w, A33), load(w, A34))
     if on[17]:
-        for j in range(LANES):
-            w[FLOW + j] = heat_transfer.flow(
-                w[FLOW + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[S9 + j],
-                w[A35 + j],
-            )
+        flow = heat_transfer.flow(flow, moment, load(w, S9), load(w, A35))
     if on[6]:
-        for j in range(LANES):
-            (w[K3 + j],) = droop.evolve(
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[FLOW + j],
-                w[S3 + j],
-                w[A14 + j],
-                w[A15 + j],
-            )
-    for j in range(LANES):
-        w[CHAMBER + j] = w[FLOW + j] - w[SWEPT + j]
+        (rate3,) = droop.evolve(moment, flow, load(w, S3), load(w, A14), load(w, A15))
+        store(w, K3, rate3)
+    chamber = flow - swept
     if on[7]:
-        for j in range(LANES):
-            w[CHAMBER + j] = leakage.chamber(
-                w[CHAMBER + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A16 + j],
-                w[A17 + j],
-            )
+        chamber = leakage.chamber(chamber, moment, load(w, A16), load(w, A17))
     if on[8]:
-        for j in range(LANES):
-            w[CHAMBER + j] = positional_leakage.chamber(
-                w[CHAMBER + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A18 + j],
-                w[A19 + j],
-                w[A20 + j],
-                w[A21 + j],
-                w[A22 + j],
-                w[A23 + j],
-            )
+        chamber = positional_leakage.chamber(
+            chamber, moment, load(w, A18), load(w, A19), load(w, A20), load(w, A21), load(w, A22), load(w, A23)
+        )
     if on[17]:
-        for j in range(LANES):
-            (w[K9 + j],) = heat_transfer.evolve(
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[CHAMBER + j],
-                w[S9 + j],
-                w[A35 + j],
-            )
-        for j in range(LANES):
-            w[CHAMBER + j] = heat_transfer.chamber(
-                w[CHAMBER + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[S9 + j],
-                w[A35 + j],
-            )
-    for j in range(LANES):
-        w[OUTLET + j] = w[S0 + j]
+        (rate9,) = heat_transfer.evolve(moment, chamber, load(w, S9), load(w, A35))
+        store(w, K9, rate9)
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S9), load(w, A35))
+    outlet = p
     if on[16]:
-        for j in range(LANES):
-            w[OUTLET + j] = line_restriction.outlet(
-                w[OUTLET + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[FLOW + j],
-                w[S8 + j],
-                w[A33 + j],
-                w[A34 + j],
-            )
-    for j in range(LANES):
-        w[TAU + j] = w[A3 + j]
+        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S8), load(w, A33), load(w, A34))
+    tau = load(w, A3)
     if on[1]:
-        for j in range(LANES):
-            w[TAU + j] = operating_point.time_constant(
-                w[TAU + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A5 + j],
-                w[A6 + j],
-                w[A7 + j],
-            )
-    for j in range(LANES):
-        w[SIGNAL + j] = w[S0 + j]
+        tau = operating_point.time_constant(tau, moment, load(w, A5), load(w, A6), load(w, A7))
+    signal = p
     if on[12]:
-        for j in range(LANES):
-            (w[K5 + j],) = sensor_lag.evolve(
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[SIGNAL + j],
-                w[S5 + j],
-                w[A28 + j],
-            )
-        for j in range(LANES):
-            w[SIGNAL + j] = sensor_lag.signal(
-                w[SIGNAL + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[S5 + j],
-                w[A28 + j],
-            )
+        (rate5,) = sensor_lag.evolve(moment, signal, load(w, S5), load(w, A28))
+        store(w, K5, rate5)
+        signal = sensor_lag.signal(signal, moment, load(w, S5), load(w, A28))
     if on[14]:
-        for j in range(LANES):
-            (
-                w[K6 + j],
-                w[K7 + j],
-            ) = line_resonance.evolve(
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[SIGNAL + j],
-                w[S6 + j],
-                w[S7 + j],
-                w[A30 + j],
-                w[A31 + j],
-            )
-        for j in range(LANES):
-            w[SIGNAL + j] = line_resonance.signal(
-                w[SIGNAL + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[S6 + j],
-                w[S7 + j],
-                w[A30 + j],
-                w[A31 + j],
-            )
-    for j in range(LANES):
-        w[K0 + j] = w[CHAMBER + j]
-        w[K1 + j] = (w[OUTLET + j] - w[S1 + j]) / w[TAU + j]
+        (
+            rate6,
+            rate7,
+        ) = line_resonance.evolve(moment, signal, load(w, S6), load(w, S7), load(w, A30), load(w, A31))
+        store(w, K6, rate6)
+        store(w, K7, rate7)
+        signal = line_resonance.signal(signal, moment, load(w, S6), load(w, S7), load(w, A30), load(w, A31))
+    store(w, K0, chamber)
+    store(w, K1, (outlet - load(w, S1)) / tau)
 
 
 @kernel
 def begin_stages(w, on):
     """Begin a step of Runge and Kutta where the states are."""
-    for j in range(LANES):
-        w[S0 + j] = w[Y0 + j]
-        w[SUM0 + j] = 0.0
-    for j in range(LANES):
-        w[S1 + j] = w[Y1 + j]
-        w[SUM1 + j] = 0.0
+    store(w, S0, load(w, Y0))
+    store(w, SUM0, 0.0)
+    store(w, S1, load(w, Y1))
+    store(w, SUM1, 0.0)
     if on[6]:
-        for j in range(LANES):
-            w[S3 + j] = w[Y3 + j]
-            w[SUM3 + j] = 0.0
+        store(w, S3, load(w, Y3))
+        store(w, SUM3, 0.0)
     if on[12]:
-        for j in range(LANES):
-            w[S5 + j] = w[Y5 + j]
-            w[SUM5 + j] = 0.0
+        store(w, S5, load(w, Y5))
+        store(w, SUM5, 0.0)
     if on[14]:
-        for j in range(LANES):
-            w[S6 + j] = w[Y6 + j]
-            w[SUM6 + j] = 0.0
-        for j in range(LANES):
-            w[S7 + j] = w[Y7 + j]
-            w[SUM7 + j] = 0.0
+        store(w, S6, load(w, Y6))
+        store(w, SUM6, 0.0)
+        store(w, S7, load(w, Y7))
+        store(w, SUM7, 0.0)
     if on[16]:
-        for j in range(LANES):
-            w[S8 + j] = w[Y8 + j]
-            w[SUM8 + j] = 0.0
+        store(w, S8, load(w, Y8))
+        store(w, SUM8, 0.0)
     if on[17]:
-        for j in range(LANES):
-            w[S9 + j] = w[Y9 + j]
-            w[SUM9 + j] = 0.0
+        store(w, S9, load(w, Y9))
+        store(w, SUM9, 0.0)
 
 
 @kernel
 def next_stage(weight, ahead, w, on):
     """Add the rates of a stage to their sum, and go ahead of the states by some seconds at these rates."""
-    for j in range(LANES):
-        w[SUM0 + j] += weight * w[K0 + j]
-        w[S0 + j] = w[Y0 + j] + ahead * w[K0 + j]
-    for j in range(LANES):
-        w[SUM1 + j] += weight * w[K1 + j]
-        w[S1 + j] = w[Y1 + j] + ahead * w[K1 + j]
+    store(w, SUM0, load(w, SUM0) + weight * load(w, K0))
+    store(w, S0, load(w, Y0) + ahead * load(w, K0))
+    store(w, SUM1, load(w, SUM1) + weight * load(w, K1))
+    store(w, S1, load(w, Y1) + ahead * load(w, K1))
     if on[6]:
-        for j in range(LANES):
-            w[SUM3 + j] += weight * w[K3 + j]
-            w[S3 + j] = w[Y3 + j] + ahead * w[K3 + j]
+        store(w, SUM3, load(w, SUM3) + weight * load(w, K3))
+        store(w, S3, load(w, Y3) + ahead * load(w, K3))
     if on[12]:
-        for j in range(LANES):
-            w[SUM5 + j] += weight * w[K5 + j]
-            w[S5 + j] = w[Y5 + j] + ahead * w[K5 + j]
+        store(w, SUM5, load(w, SUM5) + weight * load(w, K5))
+        store(w, S5, load(w, Y5) + ahead * load(w, K5))
     if on[14]:
-        for j in range(LANES):
-            w[SUM6 + j] += weight * w[K6 + j]
-            w[S6 + j] = w[Y6 + j] + ahead * w[K6 + j]
-        for j in range(LANES):
-            w[SUM7 + j] += weight * w[K7 + j]
-            w[S7 + j] = w[Y7 + j] + ahead * w[K7 + j]
+        store(w, SUM6, load(w, SUM6) + weight * load(w, K6))
+        store(w, S6, load(w, Y6) + ahead * load(w, K6))
+        store(w, SUM7, load(w, SUM7) + weight * load(w, K7))
+        store(w, S7, load(w, Y7) + ahead * load(w, K7))
     if on[16]:
-        for j in range(LANES):
-            w[SUM8 + j] += weight * w[K8 + j]
-            w[S8 + j] = w[Y8 + j] + ahead * w[K8 + j]
+        store(w, SUM8, load(w, SUM8) + weight * load(w, K8))
+        store(w, S8, load(w, Y8) + ahead * load(w, K8))
     if on[17]:
-        for j in range(LANES):
-            w[SUM9 + j] += weight * w[K9 + j]
-            w[S9 + j] = w[Y9 + j] + ahead * w[K9 + j]
+        store(w, SUM9, load(w, SUM9) + weight * load(w, K9))
+        store(w, S9, load(w, Y9) + ahead * load(w, K9))
 
 
 @kernel
 def end_stages(sixth, w, on):
     """Advance the states by the sum of the rates times a sixth of the step [s]."""
-    for j in range(LANES):
-        w[Y0 + j] += sixth * (w[SUM0 + j] + w[K0 + j])
-        w[S0 + j] = w[Y0 + j]
-    for j in range(LANES):
-        w[Y1 + j] += sixth * (w[SUM1 + j] + w[K1 + j])
-        w[S1 + j] = w[Y1 + j]
+    store(w, Y0, load(w, Y0) + sixth * (load(w, SUM0) + load(w, K0)))
+    store(w, S0, load(w, Y0))
+    store(w, Y1, load(w, Y1) + sixth * (load(w, SUM1) + load(w, K1)))
+    store(w, S1, load(w, Y1))
     if on[6]:
-        for j in range(LANES):
-            w[Y3 + j] += sixth * (w[SUM3 + j] + w[K3 + j])
-            w[S3 + j] = w[Y3 + j]
+        store(w, Y3, load(w, Y3) + sixth * (load(w, SUM3) + load(w, K3)))
+        store(w, S3, load(w, Y3))
     if on[12]:
-        for j in range(LANES):
-            w[Y5 + j] += sixth * (w[SUM5 + j] + w[K5 + j])
-            w[S5 + j] = w[Y5 + j]
+        store(w, Y5, load(w, Y5) + sixth * (load(w, SUM5) + load(w, K5)))
+        store(w, S5, load(w, Y5))
     if on[14]:
-        for j in range(LANES):
-            w[Y6 + j] += sixth * (w[SUM6 + j] + w[K6 + j])
-            w[S6 + j] = w[Y6 + j]
-        for j in range(LANES):
-            w[Y7 + j] += sixth * (w[SUM7 + j] + w[K7 + j])
-            w[S7 + j] = w[Y7 + j]
+        store(w, Y6, load(w, Y6) + sixth * (load(w, SUM6) + load(w, K6)))
+        store(w, S6, load(w, Y6))
+        store(w, Y7, load(w, Y7) + sixth * (load(w, SUM7) + load(w, K7)))
+        store(w, S7, load(w, Y7))
     if on[16]:
-        for j in range(LANES):
-            w[Y8 + j] += sixth * (w[SUM8 + j] + w[K8 + j])
-            w[S8 + j] = w[Y8 + j]
+        store(w, Y8, load(w, Y8) + sixth * (load(w, SUM8) + load(w, K8)))
+        store(w, S8, load(w, Y8))
     if on[17]:
-        for j in range(LANES):
-            w[Y9 + j] += sixth * (w[SUM9 + j] + w[K9 + j])
-            w[S9 + j] = w[Y9 + j]
+        store(w, Y9, load(w, Y9) + sixth * (load(w, SUM9) + load(w, K9)))
+        store(w, S9, load(w, Y9))
 
 
 @kernel
 def move(h, w):
     """Move the piston on by h seconds."""
-    for j in range(LANES):
-        w[X + j] += h * w[RATE + j]
+    store(w, X, load(w, X) + h * load(w, RATE))
 
 
 @kernel
@@ -539,113 +342,81 @@ def advance(time, h, steps, ambient, w, on):
 @kernel
 def leave_behind_valve_hysteresis(time, ambient, w, on):
     """Compute the error at which this play stands."""
-    valve_error(time, ambient, w, on)
-    for j in range(LANES):
-        w[Y2 + j] = valve_hysteresis.error(
-            w[ERROR + j],
-            Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-            w[S2 + j],
-            w[A13 + j],
-        )
-        w[S2 + j] = w[Y2 + j]
+    moment = Moment(time, load(w, X), load(w, RATE), load(w, S0), load(w, SETPOINT), ambient, 0.0)
+    error = valve_error(moment, w, on)
+    error = valve_hysteresis.error(error, moment, load(w, S2), load(w, A13))
+    store(w, Y2, error)
+    store(w, S2, error)
 
 
 @kernel
 def follow(time, x, h, ambient, w, on):
     """Set the piston in motion to where the chamber follows a displacement measured h seconds after the last."""
-    for j in range(LANES):
-        w[S0 + j] = w[Y0 + j]
-        w[RATE + j] = (x - w[MEASURED + j]) / h
-        w[MEASURED + j] = x
-        w[X + j] = x
+    last = load(w, FOLLOWED)
+    rate = (x - load(w, MEASURED)) / h
+    store(w, MEASURED, x)
+    store(w, X, x)
+    x_followed = load(w, X)
+    moment = Moment(time, x_followed, rate, load(w, Y0), load(w, SETPOINT), ambient, 0.0)
     if on[3]:
-        for j in range(LANES):
-            w[X + j] = displacement_lag.displacement(
-                w[X + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[A9 + j],
-            )
+        x_followed = displacement_lag.displacement(x_followed, moment, load(w, A9))
     if on[11]:
-        for j in range(LANES):
-            w[X + j] = lost_motion.displacement(
-                w[X + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[Y4 + j],
-                w[A27 + j],
-            )
-            w[Y4 + j] = w[X + j]
-    for j in range(LANES):
-        followed = w[X + j]
-        w[RATE + j] = (followed - w[FOLLOWED + j]) / h
-        w[X + j] = w[FOLLOWED + j]
-        w[FOLLOWED + j] = followed
+        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y4), load(w, A27))
+        store(w, Y4, x_followed)
+    store(w, RATE, (x_followed - last) / h)
+    store(w, X, last)
+    store(w, FOLLOWED, x_followed)
 
 
 @kernel
 def read(time, ambient, w, on):
     """Compute what the pressure sensor reads [Pa]."""
-    for j in range(LANES):
-        w[SIGNAL + j] = w[Y0 + j]
+    moment = Moment(time, load(w, X), load(w, RATE), load(w, Y0), load(w, SETPOINT), ambient, 0.0)
+    signal = load(w, Y0)
     if on[12]:
-        for j in range(LANES):
-            w[SIGNAL + j] = sensor_lag.signal(
-                w[SIGNAL + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[S5 + j],
-                w[A28 + j],
-            )
+        signal = sensor_lag.signal(signal, moment, load(w, S5), load(w, A28))
     if on[14]:
-        for j in range(LANES):
-            w[SIGNAL + j] = line_resonance.signal(
-                w[SIGNAL + j],
-                Moment(time, w[X + j], w[RATE + j], w[S0 + j], w[SETPOINT + j], ambient, w[SWEPT + j]),
-                w[S6 + j],
-                w[S7 + j],
-                w[A30 + j],
-                w[A31 + j],
-            )
+        signal = line_resonance.signal(signal, moment, load(w, S6), load(w, S7), load(w, A30), load(w, A31))
+    store(w, SIGNAL, signal)
 
 
 @kernel
 def rest(x, setpoint, w):
     """Set the states to rest at a displacement [m] and a pressure [Pa], each lane's at its own."""
-    for j in range(LANES):
-        pressure = setpoint + w[OFFSET + j]
-        w[Y0 + j] = pressure
-        w[Y1 + j] = pressure
-        w[Y2 + j] = 0.0
-        w[Y3 + j] = 0.0
-        w[Y4 + j] = x
-        w[Y5 + j] = pressure
-        w[Y6 + j] = pressure
-        w[Y7 + j] = 0.0
-        w[Y8 + j] = 0.0
-        w[Y9 + j] = 0.0
-        w[FOLLOWED + j] = x
-        w[MEASURED + j] = x
-        w[X + j] = x
-        w[RATE + j] = 0.0
-        w[SWEPT + j] = 0.0
-        w[SETPOINT + j] = pressure
-        w[S0 + j] = w[Y0 + j]
-        w[S1 + j] = w[Y1 + j]
-        w[S2 + j] = w[Y2 + j]
-        w[S3 + j] = w[Y3 + j]
-        w[S4 + j] = w[Y4 + j]
-        w[S5 + j] = w[Y5 + j]
-        w[S6 + j] = w[Y6 + j]
-        w[S7 + j] = w[Y7 + j]
-        w[S8 + j] = w[Y8 + j]
-        w[S9 + j] = w[Y9 + j]
+    pressure = setpoint + load(w, OFFSET)
+    store(w, Y0, pressure)
+    store(w, S0, pressure)
+    store(w, Y1, pressure)
+    store(w, S1, pressure)
+    store(w, Y2, 0.0)
+    store(w, S2, 0.0)
+    store(w, Y3, 0.0)
+    store(w, S3, 0.0)
+    store(w, Y4, x)
+    store(w, S4, x)
+    store(w, Y5, pressure)
+    store(w, S5, pressure)
+    store(w, Y6, pressure)
+    store(w, S6, pressure)
+    store(w, Y7, 0.0)
+    store(w, S7, 0.0)
+    store(w, Y8, 0.0)
+    store(w, S8, 0.0)
+    store(w, Y9, 0.0)
+    store(w, S9, 0.0)
+    store(w, FOLLOWED, x)
+    store(w, MEASURED, x)
+    store(w, X, x)
+    store(w, RATE, 0.0)
+    store(w, SETPOINT, pressure)
 
 
 @kernel
 def settle(setpoint, duration, ambient, stiffness, w, on):
     """Let the cylinders stand still at a set-point for some seconds, before time begins."""
-    for j in range(LANES):
-        w[SETPOINT + j] = setpoint + w[OFFSET + j]
-        w[RATE + j] = 0.0
-        w[X + j] = w[FOLLOWED + j]
+    store(w, SETPOINT, setpoint + load(w, OFFSET))
+    store(w, RATE, 0.0)
+    store(w, X, load(w, FOLLOWED))
     steps = max(1, math.ceil(duration * stiffness))
     for _ in range(steps):
         advance(0.0, duration / steps, 1, ambient, w, on)
@@ -659,8 +430,7 @@ def step(time, x, h, setpoint, ambient, stiffness, w, on):
     The time and x are those of the new sample. Steps are short against 1/stiffness, the fastest time constant [s].
     """
     follow(time, x, h, ambient, w, on)
-    for j in range(LANES):
-        w[SETPOINT + j] = setpoint + w[OFFSET + j]
+    store(w, SETPOINT, setpoint + load(w, OFFSET))
     steps = max(1, math.ceil(h * stiffness))
     advance(time - h, h, steps, ambient, w, on)
     read(time, ambient, w, on)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.model.composed import (
-    LANES,
     OFFSET_ROW,
     PARAMETER_ROWS,
     S0,
@@ -25,11 +24,12 @@ from cfd_pneumatic.model.composed import (
     step,
 )
 from cfd_pneumatic.model.effects import MODULES, PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.model.places import FOLLOWED, MEASURED, PLACES, STATES, all_parameters, switches
 
 Array = NDArray[np.float64]
 
-STAGE_ROWS = slice(S0 // LANES, S0 // LANES + STATES)
+STAGE_ROWS = slice(S0 // COUNT, S0 // COUNT + STATES)
 """Rows of the states as effects see them; those that no rate moves have to stand there from the beginning."""
 
 _SETTLED = 8.0  # time constants: to a third of a thousandth
@@ -253,7 +253,7 @@ class ExtendedCylinder:
 
 
 def _rows(numbers: Array) -> Array:
-    return numbers.reshape(-1, LANES)
+    return numbers.reshape(-1, COUNT)
 
 
 class SideBySide:
@@ -307,18 +307,18 @@ class SideBySide:
         if not self._groups:
             self._begin = float(times[0])
             self._groups = [
-                self._resting(first, displacement[0], setpoint[0]) for first in range(0, len(self._parameters), LANES)
+                self._resting(first, displacement[0], setpoint[0]) for first in range(0, len(self._parameters), COUNT)
             ]
         readings = np.empty((times.size, len(self._parameters)))
         for rank, numbers in enumerate(self._groups):
-            own = readings[:, rank * LANES : (rank + 1) * LANES]
+            own = readings[:, rank * COUNT : (rank + 1) * COUNT]
             ambient = self._cylinder.ambient_pressure
             propagate(times, displacement, setpoint, self._begin, ambient, self._stiffness, numbers, self._on, own)
         return readings
 
     def _resting(self, first: int, displacement: float, setpoint: float) -> Array:
         """Return the kernel's numbers with cylinders from one on in its lanes, before the first sample."""
-        lanes = np.minimum(first + np.arange(LANES), len(self._parameters) - 1)  # the last one fills what is left
+        lanes = np.minimum(first + np.arange(COUNT), len(self._parameters) - 1)  # the last one fills what is left
         numbers = np.zeros(SIZE)
         rows = _rows(numbers)
         rows[PARAMETER_ROWS] = self._parameters[lanes].T

@@ -13,7 +13,5 @@ CRITICAL = 0.528
 @kernel
 def passed(ratio):
     """Return the flow at a pressure ratio, downstream over upstream, against the choked flow [-]."""
-    if ratio <= CRITICAL:
-        return 1.0
-    share = min((ratio - CRITICAL) / (1.0 - CRITICAL), 1.0)
+    share = min(max((ratio - CRITICAL) / (1.0 - CRITICAL), 0.0), 1.0)
     return math.sqrt(1.0 - share * share)

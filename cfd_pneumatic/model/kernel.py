@@ -6,7 +6,7 @@ from numba import config, njit
 
 from cfd_pneumatic.compiling import compiler
 
-# a pass of LLVM that Numba leaves out by default; with it a processor takes the lanes of `composed` at once
+# a pass of LLVM that Numba leaves out by default; with it `propagation` carries several sensitivities forward at once
 config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
 
 kernel = compiler(error_model='numpy', nogil=True)
@@ -18,6 +18,9 @@ A division by zero gives inf, as NumPy's does, instead of a branch to raise.
 
 fused = compiler(error_model='numpy', nogil=True, fastmath={'contract'})
 """As `kernel`, with products and sums rounded once where the processor can; no other liberty is taken."""
+
+summed = compiler(error_model='numpy', nogil=True, fastmath={'contract', 'reassoc'})
+"""As `fused`, with sums taken in any order: for those of many numbers."""
 
 inlined = njit(error_model='numpy', nogil=True, fastmath={'contract'}, inline='always')
 """Compile into what calls it: for a few operations in the innermost loop."""

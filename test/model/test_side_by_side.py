@@ -8,9 +8,9 @@ from effect_cases import CASES, DATA, GAINS
 from reference import AMBIENT, PSI
 
 from cfd_pneumatic.model import ExtendedCylinder
-from cfd_pneumatic.model.composed import LANES
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.model.extended import SideBySide
+from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.model.places import PARAMETERS, PLACES, all_parameters
 
 TIMES = np.arange(250) * 0.002
@@ -30,7 +30,7 @@ def strewn(effects, count, rng):
     return rows
 
 
-@pytest.mark.parametrize('count', [LANES, LANES + 3])
+@pytest.mark.parametrize('count', [COUNT, COUNT + 3])
 @pytest.mark.parametrize('effects', [*({case.values[0]: case.values[1]} for case in CASES), ALL], ids=str)
 def test_side_by_side_each_is_as_it_is_alone(effects, count):
     rng = np.random.default_rng(11)

@@ -23,9 +23,13 @@ An effect with states says what they follow (`EFFECT.follows`): the flow, the ra
 gives their rates, ``evolve(moment, value, *states, *parameters)``. One that follows the error or the displacement is a
 play: its single state becomes what its function returns, at the end of a step.
 
-An effect on the contact force has the function ``force`` and none of the above. It takes the force that the tool would
-feel without it [N], along +x, then the `ForceMoment`, states and parameters. Its states follow the `motion`: they
-become what ``slide(travel, *states, *parameters)`` returns after `travel` metres straight on, however many these are.
+The functions are compiled for lanes (`model.lanes`), eight cylinders at once: they calculate with them as with numbers,
+but do not branch on them. `where` chooses instead, and `model.lanewise` has powers and other functions of lanes.
+
+An effect on the contact force has the function ``force`` and none of the above, and is compiled for numbers. It takes
+the force that the tool would feel without it [N], along +x, then the `ForceMoment`, states and parameters. Its states
+follow the `motion`: they become what ``slide(travel, *states, *parameters)`` returns after `travel` metres straight on,
+however many these are.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.lanes import where
 
 ADIABATIC = 1.4
 """Ratio of the specific heats of air [-]."""
@@ -15,7 +16,8 @@ SHARE = 1.0 - 1.0 / ADIABATIC
 @kernel
 def flow(value, moment, heat, loss):
     """Return the pressure rate that the flow makes [Pa/s]: warm air that leaves takes more pressure with it."""
-    return value if value > 0.0 or loss == 0.0 else value / (1.0 - heat / moment.p)
+    warm = where(value > 0.0, 0.0, where(loss > 0.0, heat, 0.0))
+    return value / (1.0 - warm / moment.p)
 
 
 @kernel

@@ -5,14 +5,15 @@ from __future__ import annotations
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.flow_function import passed
 from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.lanes import where
 
 
 @kernel
 def chamber(rate, moment, conductance, orifice):
     """Return the outlet pressure's rate [Pa/s]."""
-    if orifice > 0.0:
-        return rate - conductance * moment.p * passed(moment.ambient / moment.p)
-    return rate - conductance * (moment.p - moment.ambient)
+    through_hole = moment.p * passed(moment.ambient / moment.p)
+    through_gap = moment.p - moment.ambient
+    return rate - conductance * where(orifice > 0.0, through_hole, through_gap)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:

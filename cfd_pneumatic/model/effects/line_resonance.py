@@ -6,21 +6,21 @@ import math
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.lanes import where
 
 
 @kernel
 def signal(p, moment, reading, slope, frequency, damping):
     """Return what the sensor reads [Pa]."""
-    return p if frequency >= HIGHEST else reading
+    return where(frequency >= HIGHEST, p, reading)
 
 
 @kernel
 def evolve(moment, p, reading, slope, frequency, damping):
     """Return the rates of the reading [Pa/s] and of its slope [Pa/s^2]."""
-    if frequency >= HIGHEST:
-        return 0.0, 0.0
-    omega = 2.0 * math.pi * frequency
-    return slope, omega * omega * (p - reading) - 2.0 * damping * omega * slope
+    omega = where(frequency >= HIGHEST, 0.0, 2.0 * math.pi * frequency)
+    bending = omega * omega * (p - reading) - 2.0 * damping * omega * slope
+    return where(frequency >= HIGHEST, 0.0, slope), bending
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:

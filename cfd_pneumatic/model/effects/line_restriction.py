@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.lanes import where
 
 NONE = 1e-5
 """Resistance below which there is none [s]."""
@@ -19,20 +20,18 @@ A quicker one is taken to be as slow as that; what it settles to, and the mass o
 @kernel
 def evolve(moment, valves, drop, resistance, volume):
     """Return the rate of the pressure drop along the line [Pa/s]."""
-    if resistance < NONE:
-        return (0.0,)
     both = 1.0 + volume
     settled = resistance * (valves + volume * moment.swept) / both
-    return ((settled - drop) / max(volume * resistance / both, QUICKEST),)
+    rate = (settled - drop) / max(volume * resistance / both, QUICKEST)
+    return (where(resistance < NONE, 0.0, rate),)
 
 
 @kernel
 def flow(valves, moment, drop, resistance, volume):
     """Return the pressure rate that the flow through the line makes [Pa/s]: what the outlet does not keep."""
-    if resistance < NONE:
-        return valves
     (rate,) = evolve(moment, valves, drop, resistance, volume)
-    return (valves + volume * (moment.swept - rate)) / (1.0 + volume)
+    through = (valves + volume * (moment.swept - rate)) / (1.0 + volume)
+    return where(resistance < NONE, valves, through)
 
 
 @kernel

@@ -6,6 +6,7 @@ import math
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.lanewise import power
 
 REFERENCE = 1e3
 """Error at which the flow is the linear valve's [Pa]."""
@@ -18,7 +19,7 @@ ROUNDING = 50.0
 def error(value, moment, exponent):
     """Return the error [Pa] at which a linear valve would pass the same flow."""
     size = math.sqrt(value * value + ROUNDING * ROUNDING) / REFERENCE
-    return value * size ** (exponent - 1.0)
+    return value * power(size, exponent - 1.0)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.flow_function import passed
 from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.lanes import where
+from cfd_pneumatic.model.lanewise import power
 
 REFERENCE = 2e5
 """Absolute pressure at which the gains are the model's own [Pa]."""
@@ -16,22 +18,23 @@ SMALLEST = 0.1
 @kernel
 def velocity_gain(k_x, moment, strength, supply, exponent):
     """Return K_x [Pa/m], proportional to absolute pressure."""
-    return k_x * (moment.p / REFERENCE) ** strength
+    return k_x * power(moment.p / REFERENCE, strength)
 
 
 @kernel
 def flow(value, moment, strength, supply, exponent):
     """Return the pressure rate that the flow makes [Pa/s]."""
-    if value < 0.0:
-        return value * (moment.p / REFERENCE) ** (strength * exponent)
     reference = passed(REFERENCE / supply)
-    return value * (max(passed(moment.p / supply), SMALLEST) / max(reference, SMALLEST)) ** strength
+    charging = max(passed(moment.p / supply), SMALLEST) / max(reference, SMALLEST)
+    exhausts = value < 0.0
+    relative = where(exhausts, moment.p / REFERENCE, charging)
+    return value * power(relative, where(exhausts, strength * exponent, strength))
 
 
 @kernel
 def time_constant(tau, moment, strength, supply, exponent):
     """Return tau [s], inverse to absolute pressure."""
-    return tau * (REFERENCE / moment.p) ** strength
+    return tau * power(REFERENCE / moment.p, strength)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:

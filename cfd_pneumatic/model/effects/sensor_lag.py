@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.lanes import where
 
 
 @kernel
 def signal(p, moment, reading, lag):
     """Return what the sensor reads [Pa]."""
-    return p if lag <= SHORTEST else reading
+    return where(lag <= SHORTEST, p, reading)
 
 
 @kernel
 def evolve(moment, p, reading, lag):
     """Return the rate of the reading [Pa/s]."""
-    return (0.0 if lag <= SHORTEST else (p - reading) / lag,)
+    return (where(lag <= SHORTEST, 0.0, (p - reading) / lag),)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:

@@ -9,11 +9,7 @@ from cfd_pneumatic.model.kernel import kernel
 @kernel
 def error(value, moment, band):
     """Return the error [Pa] that opens a valve."""
-    if value > band:
-        return value - band
-    if value < -band:
-        return value + band
-    return 0.0
+    return value - min(max(value, -band), band)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
