@@ -104,12 +104,24 @@ class Channel:
         self._recent: deque[Block] = deque(maxlen=_KEPT)
         self._samples = 0.0
         self.charts: tuple[Chart, ...] = ()
+        self.rings = 0
         self.restart()
 
     @property
     def learned(self) -> float:
         """Share of what it learns from that it has seen [0 to 1]."""
         return 1.0 if self.baseline is not None else len(self._learned) / self._learning
+
+    @property
+    def usual(self) -> float:
+        """Usual root mean square of the residual [signal's unit]."""
+        assert self.baseline is not None
+        return self.baseline.weighing.root_mean_square(self.baseline.energy.mean)
+
+    @property
+    def nearness(self) -> float:
+        """How near to an alarm it is: the largest sum of a chart over its threshold [0 to 1]."""
+        return max((chart.nearness for chart in self.charts), default=0.0)
 
     @property
     def agitation(self) -> float:
@@ -159,6 +171,7 @@ class Channel:
         rung = [chart for chart, values in zip(self.charts, features) if chart.take(values) >= 0]
         if not rung:
             return None
+        self.rings += 1
         departure = self.describe(self._begin_of(rung[0].run), level=rung[0] is self.charts[0])
         for chart in rung:
             chart.again()
@@ -182,7 +195,7 @@ class Channel:
             shift=float(np.mean(together)) - usual,
             at_rest=float(np.mean([block.mean for block in resting])) - usual if resting else None,
             root_mean_square=float(np.sqrt(np.mean(together**2))),
-            usual=weighing.root_mean_square(self.baseline.energy.mean),
+            usual=self.usual,
         )
 
     def _learn(self) -> None:

@@ -132,6 +132,11 @@ class Chart:
         )
 
     @property
+    def nearness(self) -> float:
+        """The larger sum over the threshold [-]."""
+        return float(np.max(self._sums)) / self.threshold
+
+    @property
     def run(self) -> int:
         """For how many values the larger sum has been above zero: since the change, as far as can be told."""
         return int(self._runs[np.argmax(self._sums)])

@@ -173,7 +173,6 @@ class Watch:
     def __init__(self, device: Device, settings: Settings, ask: Ask) -> None:
         self.settings = settings
         self.alarms: dict[str, Alarm] = {}
-        self.rings = 0
         self._ask = ask
         self._live = LiveDevice(device, settings.max_gap)
         self._cylinders = convention.CYLINDERS[: 1 if device.b is None else 2]
@@ -400,7 +399,6 @@ class Watch:
     # alarms
 
     def _ring(self, departure: Departure, stamp: int) -> None:
-        self.rings += 1
         alarm = self.alarms.get(departure.channel)
         if alarm is None:
             self.alarms[departure.channel] = Alarm(departure.since, departure.level, (stamp, stamp))

@@ -62,7 +62,8 @@ class Track:
         """Return the values from a stamp to another [ns], in seconds since an epoch [ns]."""
         stamps = np.array(self._stamps, dtype=np.int64)
         chosen = (stamps >= begin) & (stamps <= end)
-        return Signal((stamps[chosen] - epoch) * _NANOSECOND, np.array(self._values, dtype=np.float64)[chosen])
+        times = (stamps[chosen] - epoch).astype(np.float64) * _NANOSECOND
+        return Signal(times, np.array(self._values, dtype=np.float64)[chosen])
 
     def held_from(self, begin: int, epoch: int) -> Signal | None:
         """Return values that hold until the next, from a stamp on [ns]; None where none is known there."""

@@ -29,12 +29,14 @@ def departed(departure: Departure) -> str:
     return f'{name} {"loses" if shift < 0.0 else "holds"} {amount} more than its model {where}'
 
 
-def diagnosed(alarm: Alarm) -> str:
-    """Return what is known of the cause of an alarm."""
+def diagnosed(alarm: Alarm, follows: bool = False) -> str:
+    """Return what is known of the cause of an alarm; one on the force `follows` where pressures have parted, too."""
     if alarm.failure is not None:
         return f'which effect it is cannot be told ({alarm.failure})'
     if alarm.news is None:
         return 'is being diagnosed'
+    if follows and not alarm.news.effects:
+        return 'follows from the pressures'
     return _looks_like(alarm.news)
 
 
