@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 _FAST = 0.1  # share of the samples, those where the signal changes fastest, that tell what its timing is worth
 _SLOW = 25  # blocks over which a mean is slow
 _CHANCE = 3.0  # standard deviations that such a mean may stray by chance
-_LONGEST_SERIES = 20_000  # samples: enough for the colour of a sensor's noise
+_LEAST_PERSISTENCE = 0.02
+_LONGEST_SERIES = 100_000  # samples: enough for the colour of a sensor's noise
 FEWEST_BLOCKS = 100
 
 
@@ -31,34 +32,52 @@ class Weighing:
         Standard deviation while the signal rests [signal's unit].
     timing
         How much a residual grows with the signal's rate [s]: jitter of the stamps, and what the model is late by.
+    colour
+        Memory of the weighed residuals from sample to sample, as in `colour.autoregression`.
+    innovation
+        Standard deviation of what is new in a weighed residual [signal's unit].
 
     """
 
     noise: float
     timing: float
+    colour: Array = field(default_factory=lambda: np.empty(0))
+    innovation: float = 1.0
+
+    @property
+    def persistence(self) -> float:
+        """What is new in each residual of a lasting shift, over the shift [-]."""
+        return max(1.0 - float(np.sum(self.colour)), _LEAST_PERSISTENCE)
 
     def weighed(self, residuals: Array, rates: Array) -> Array:
-        """Return residuals that spread alike at any rate of the signal, of the given shape, in its unit."""
+        """Return residuals that spread alike at any rate of the signal [signal's unit], shape (n,)."""
         weighed: Array = residuals / np.sqrt(1.0 + (self.timing * rates / self.noise) ** 2)
         return weighed
 
-    def features(self, residuals: Array, rates: Array) -> tuple[Array, Array]:
+    def innovations(self, weighed: Array, before: Array) -> Array:
+        """Return what is new in each weighed residual, shape (n,); those `before` it are zero where there are none."""
+        order = self.colour.size
+        behind = np.concatenate([np.zeros(order), before])[before.size :]
+        return whitened(np.concatenate([behind, weighed]), self.colour)[order:]
+
+    def features(self, innovations: Array) -> tuple[Array, Array]:
         """
         Return mean and energy of blocks, each of shape (blocks,).
 
-        The energy is the cube root of the mean square over the noise's: nearly normal (Wilson and Hilferty, 1931).
+        The mean is that of the residuals, but for their memory. The energy is the cube root of the innovations' mean
+        square over the usual one: nearly normal (Wilson and Hilferty, 1931).
 
         Parameters
         ----------
-        residuals, rates
-            Residuals [signal's unit] and rates of the signal [unit/s], shape (blocks, samples).
+        innovations
+            Shape (blocks, samples) [signal's unit].
 
         """
-        weighed = self.weighed(residuals, rates)
-        return np.mean(weighed, axis=1), np.cbrt(np.mean(weighed**2, axis=1) / self.noise**2)
+        squares = np.mean(innovations**2, axis=1) / self.innovation**2
+        return np.mean(innovations, axis=1) / self.persistence, np.cbrt(squares)
 
     def root_mean_square(self, energy: float) -> float:
-        """Return the root mean square that an energy stands for [signal's unit]."""
+        """Return the root mean square of residuals that an energy stands for [signal's unit]."""
         return self.noise * math.sqrt(max(energy, 0.0) ** 3)
 
 
@@ -93,31 +112,30 @@ def learn(residuals: list[Array], rates: list[Array], tolerance: float | None = 
         How far the mean may stray for a lasting time [signal's unit]; None: as far as it did here, beyond chance.
 
     """
-    weighing = _weighing(np.concatenate(residuals), np.abs(np.concatenate(rates)))
-    blocks = [weighing.features(one[None], rate[None]) for one, rate in zip(residuals, rates)]
+    weighing, innovations = _weighing(np.concatenate(residuals), np.concatenate(rates))
+    ends = np.cumsum([one.size for one in residuals])[:-1]
+    blocks = [weighing.features(block[None]) for block in np.split(innovations, ends)]
     means, energies = (np.array([float(block[index][0]) for block in blocks]) for index in (0, 1))
     if tolerance is None:
-        weighed = weighing.weighed(np.concatenate(residuals), np.concatenate(rates))
-        tolerance = _wandering(means, _long_run_std(weighed) / math.sqrt(weighed.size / means.size))
+        by_chance = weighing.innovation / weighing.persistence / math.sqrt(innovations.size / means.size)
+        tolerance = _wandering(means, by_chance)
     return Baseline(weighing, usual(means, tolerance), usual(energies))
 
 
-def _weighing(residuals: Array, rates: Array) -> Weighing:
-    """Return noise at rest and timing from samples of different rates."""
-    order = np.argsort(rates, kind='stable')
-    squares, rates = (residuals[order] - np.median(residuals)) ** 2, rates[order]
+def _weighing(residuals: Array, rates: Array) -> tuple[Weighing, Array]:
+    """Return what residuals are worth, from samples of different rates, and what is new in each of them."""
+    order = np.argsort(np.abs(rates), kind='stable')
+    squares, ascending = (residuals[order] - np.median(residuals)) ** 2, rates[order]
     noise = max(float(np.mean(squares[: squares.size // 2])), np.finfo(float).tiny)
     fast = slice(squares.size - max(int(_FAST * squares.size), 1), None)
-    moved = float(np.sum(rates[fast] ** 2))
-    excess = float(np.sum(squares[fast] - noise))
-    return Weighing(math.sqrt(noise), math.sqrt(max(excess, 0.0) / moved) if moved > 0.0 else 0.0)
-
-
-def _long_run_std(residuals: Array) -> float:
-    """Return the standard deviation of a mean of residuals times the root of their number, by their quick part."""
-    series = residuals[:_LONGEST_SERIES] - np.mean(residuals[:_LONGEST_SERIES])
-    colour = autoregression([series])
-    return float(np.std(whitened(series, colour)[colour.size :])) / max(1.0 - float(np.sum(colour)), 0.05)
+    moved = float(np.sum(ascending[fast] ** 2))
+    excess = max(float(np.sum(squares[fast] - noise)), 0.0)
+    plain = Weighing(math.sqrt(noise), math.sqrt(excess / moved) if moved > 0.0 else 0.0)
+    weighed = plain.weighed(residuals, rates)
+    colour = autoregression([weighed[:_LONGEST_SERIES] - np.mean(weighed[:_LONGEST_SERIES])])
+    coloured = replace(plain, colour=colour)
+    innovations = coloured.innovations(weighed, np.empty(0))
+    return replace(coloured, innovation=max(float(np.std(innovations)), np.finfo(float).tiny)), innovations
 
 
 def _wandering(means: Array, by_chance: float) -> float:

@@ -137,6 +137,7 @@ class Channel:
         self._residuals: list[float] = []
         self._rates: list[float] = []
         self._recent.clear()
+        self._before = np.empty(0)
         for chart in self.charts:
             chart.restart()
 
@@ -167,7 +168,10 @@ class Channel:
         if block.residuals.size < _FULL * self._samples:
             return None
         self._recent.append(block)
-        features = self.baseline.weighing.features(block.residuals[None], block.rates[None])
+        weighing = self.baseline.weighing
+        weighed = weighing.weighed(block.residuals, block.rates)
+        features = weighing.features(weighing.innovations(weighed, self._before)[None])
+        self._before = weighed
         rung = [chart for chart, values in zip(self.charts, features) if chart.take(values) >= 0]
         if not rung:
             return None

@@ -17,7 +17,7 @@ from cfd_pneumatic.monitoring.window import Window
 from cfd_pneumatic.recording import Recording
 
 _NANOSECONDS = 1e9  # in a second
-_SETTLING = 1.0  # after which the model has forgotten where it started [s]
+_SETTLING = 1.0  # after which a model has forgotten where it started, and a device that it was another [s]
 _LINGER = {'silent': 5.0, 'clock': 5.0, 'stuck': 1.0}  # how long a fault is told of after it was seen last [s]
 _PENDING = 5000  # measured values that wait for the displacement, at most
 _AGITATED = 3.0  # standard deviation of pressures that move while the displacement does not, over the noise
@@ -446,7 +446,8 @@ class Watch:
             self._close_loop(0, reference=True)
 
     def _is_due(self, alarm: Alarm) -> bool:
-        return self._is_long_enough(max(alarm.since, alarm.diagnosed), self.stamp)
+        settled = alarm.since + round(_SETTLING * _NANOSECONDS)
+        return self._is_long_enough(max(settled, alarm.diagnosed), self.stamp)
 
     def _is_long_enough(self, begin: int, end: int) -> bool:
         return end - begin >= _SHARE_TO_DIAGNOSE * self._window.length
@@ -454,7 +455,8 @@ class Watch:
     def _close_loop(self, since: int, reference: bool) -> None:
         """Have the loop closed on what was heard since a stamp [ns], as far as the window reaches back."""
         end = self.stamp
-        begin = max(since, self._window.begin, end - self._window.length)
+        settled = since + round(_SETTLING * _NANOSECONDS)
+        begin = max(settled, self._window.begin, end - self._window.length)
         if self._is_long_enough(begin, end):
             answer = self._ask(self._window.recording(begin, end))
             self._pending = _Asked(answer, end, self._breaks, reference)
