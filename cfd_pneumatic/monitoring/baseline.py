@@ -17,7 +17,8 @@ _FAST = 0.1  # share of the samples, those where the signal changes fastest, tha
 _SLOW = 25  # blocks over which a mean is slow
 _CHANCE = 3.0  # standard deviations that such a mean may stray by chance
 _LEAST_PERSISTENCE = 0.02
-_LONGEST_SERIES = 100_000  # samples: enough for the colour of a sensor's noise
+_FEW = 5  # blocks: longer than the memory of a sensor
+_CUBE_ROOT = math.sqrt(2.0 / 9.0)  # standard deviation of a mean square's cube root, times the root of the samples
 FEWEST_BLOCKS = 100
 
 
@@ -112,18 +113,23 @@ def learn(residuals: list[Array], rates: list[Array], tolerance: float | None = 
         How far the mean may stray for a lasting time [signal's unit]; None: as far as it did here, beyond chance.
 
     """
-    weighing, innovations = _weighing(np.concatenate(residuals), np.concatenate(rates))
     ends = np.cumsum([one.size for one in residuals])[:-1]
+    weighing, innovations = _weighing(np.concatenate(residuals), np.concatenate(rates), ends[_FEW - 1 :: _FEW])
     blocks = [weighing.features(block[None]) for block in np.split(innovations, ends)]
     means, energies = (np.array([float(block[index][0]) for block in blocks]) for index in (0, 1))
+    samples = innovations.size / means.size
     if tolerance is None:
-        by_chance = weighing.innovation / weighing.persistence / math.sqrt(innovations.size / means.size)
-        tolerance = _wandering(means, by_chance)
-    return Baseline(weighing, usual(means, tolerance), usual(energies))
+        tolerance = _wandering(means, weighing.innovation / weighing.persistence / math.sqrt(samples))
+    return Baseline(weighing, usual(means, tolerance), usual(energies, _wandering(energies, _CUBE_ROOT / samples**0.5)))
 
 
-def _weighing(residuals: Array, rates: Array) -> tuple[Weighing, Array]:
-    """Return what residuals are worth, from samples of different rates, and what is new in each of them."""
+def _weighing(residuals: Array, rates: Array, ends: NDArray[np.intp]) -> tuple[Weighing, Array]:
+    """
+    Return what residuals are worth, from samples of different rates, and what is new in each of them.
+
+    Their memory is that of a sensor: what lasts from one of the stretches that end at `ends` to the next is left to
+    the charts.
+    """
     order = np.argsort(np.abs(rates), kind='stable')
     squares, ascending = (residuals[order] - np.median(residuals)) ** 2, rates[order]
     noise = max(float(np.mean(squares[: squares.size // 2])), np.finfo(float).tiny)
@@ -132,7 +138,7 @@ def _weighing(residuals: Array, rates: Array) -> tuple[Weighing, Array]:
     excess = max(float(np.sum(squares[fast] - noise)), 0.0)
     plain = Weighing(math.sqrt(noise), math.sqrt(excess / moved) if moved > 0.0 else 0.0)
     weighed = plain.weighed(residuals, rates)
-    colour = autoregression([weighed[:_LONGEST_SERIES] - np.mean(weighed[:_LONGEST_SERIES])])
+    colour = autoregression([stretch - np.mean(stretch) for stretch in np.split(weighed, ends)])
     coloured = replace(plain, colour=colour)
     innovations = coloured.innovations(weighed, np.empty(0))
     return replace(coloured, innovation=max(float(np.std(innovations)), np.finfo(float).tiny)), innovations

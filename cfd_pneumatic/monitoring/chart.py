@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from cfd_pneumatic.compiling import compiler
 from cfd_pneumatic.identification.colour import autoregression, whitened
@@ -15,6 +17,7 @@ Array = NDArray[np.float64]
 
 _CLIP = 4.0  # standard deviations that a single value counts for at most
 _OUTLYING = 5.0  # robust standard deviations
+_LEAST_LIGHTNESS = 0.2
 _NORMAL_PER_MEDIAN = 1.4826  # standard deviation over median absolute deviation
 
 
@@ -30,7 +33,8 @@ class Series:
     colour
         As in `colour.autoregression`.
     std
-        Standard deviation of what is new in a value, in the series' unit.
+        Standard deviation of what is new in a value, more where large ones are more frequent than in a normal
+        distribution, in the series' unit.
     tolerance
         How far the mean may stray, in the series' unit.
     learned_from
@@ -58,8 +62,35 @@ def usual(values: Array, tolerance: float = 0.0) -> Series:
     mean = float(np.mean(near))
     colour = autoregression([near - mean])
     new = whitened(near - mean, colour)[colour.size :]
-    std = float(np.sqrt(np.sum(new**2) / max(new.size - 1 - colour.size, 1)))
-    return Series(mean, colour, max(std, np.finfo(float).tiny), tolerance, values.size)
+    std = max(float(np.sqrt(np.sum(new**2) / max(new.size - 1 - colour.size, 1))), np.finfo(float).tiny)
+    unclipped = whitened(values - mean, colour)[colour.size :] / std
+    return Series(mean, colour, std / _lightness(np.clip(unclipped, -_CLIP, _CLIP)), tolerance, values.size)
+
+
+def _lightness(scores: Array) -> float:
+    """
+    Return the scale on which scores would make false alarms as rare as normal ones do, one at most.
+
+    With each step of its threshold a chart's false alarms become rarer by a factor, whose logarithm solves
+    E exp(exponent * (score - slack)) = 1 (Siegmund, 1985). It is twice the slack for normal scores, and less where
+    there are more large ones; by less than its standard error counts as chance.
+    """
+    normal = 2.0 * SLACK
+    smallest = min(_exponent(side, normal) / normal for side in (scores, -scores))
+    chance = math.sqrt(math.expm1(normal**2)) / (SLACK * math.sqrt(scores.size))
+    return min(max(smallest + chance, _LEAST_LIGHTNESS), 1.0)
+
+
+def _exponent(scores: Array, highest: float) -> float:
+    """Return the exponent, up to a highest one, at which E exp(exponent * (score - slack)) = 1."""
+
+    def excess(exponent: float) -> float:
+        return float(np.mean(np.expm1(exponent * (scores - SLACK))))
+
+    lowest = _LEAST_LIGHTNESS * highest
+    if excess(highest) <= 0.0:
+        return highest
+    return float(brentq(excess, lowest, highest)) if excess(lowest) < 0.0 else lowest
 
 
 @compiler()

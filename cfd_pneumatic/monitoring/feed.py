@@ -167,8 +167,11 @@ class Sensor:
                 self._differences.append(value - expected)
             return None
         if self.standing and (self._habits.dithered or self._should_have_moved):
-            return Fault(self._topic, 'stuck', f'{self._topic} is stuck at {value:.6g} {self._unit}')
+            return self._stuck()
         return None
+
+    def _stuck(self) -> Fault:
+        return Fault(self._topic, 'stuck', f'{self._topic} is stuck at {self._value:.6g} {self._unit}')
 
     @property
     def _should_have_moved(self) -> bool:
@@ -184,5 +187,7 @@ class Sensor:
         if self._learning:
             self._habits.least_noise = min(self._habits.least_noise, noise)
         elif self._habits.dithered and noise < _NOISELESS * self._habits.least_noise:
+            if self._run >= len(values):
+                return self._stuck()
             return Fault(self._topic, 'stuck', f'{self._topic} has lost its usual noise: is its sensor stuck?')
         return None

@@ -52,7 +52,7 @@ class Settings:
     """
 
     mean_time: float = 86_400.0
-    learning: float = 120.0
+    learning: float = 300.0
     window: float = 60.0
     block: float = 0.2
     timeout: float = 0.5
