@@ -62,7 +62,7 @@ class MonitorNode(ModelNode):
             _DAY,
             number('s', 60.0, 1e9, 'mean time between false alarms, of all that is watched together'),
         )
-        declare('learning', 300.0, number('s', 20.0, 1e5, 'how long is learned what the model usually leaves'))
+        declare('learning', 300.0, number('s', 2.0, 1e5, 'how long is learned what the model usually leaves'))
         declare('diagnosis_window', 60.0, number('s', 10.0, 600.0, 'how long a diagnosis of an alarm looks back'))
         declare('block', 0.2, number('s', 0.02, 10.0, 'over which residuals are averaged before they are tested'))
         declare(
