@@ -6,11 +6,12 @@ closed on an alarm in a process of its own (`Worker`), and tells faults of the f
 """
 
 from cfd_pneumatic.monitoring.channel import Channel, Departure
+from cfd_pneumatic.monitoring.chart import warm_up
 from cfd_pneumatic.monitoring.feed import Fault
 from cfd_pneumatic.monitoring.finding import Finding, Found, News, diagnose, news
 from cfd_pneumatic.monitoring.run_length import mean_run, threshold_for
 from cfd_pneumatic.monitoring.watch import Alarm, Prediction, Residual, Settings, Watch
-from cfd_pneumatic.monitoring.wording import departed, diagnosed
+from cfd_pneumatic.monitoring.wording import agreed, departed, diagnosed
 from cfd_pneumatic.monitoring.worker import Worker
 
 __all__ = [
@@ -26,10 +27,12 @@ __all__ = [
     'Settings',
     'Watch',
     'Worker',
+    'agreed',
     'departed',
     'diagnose',
     'diagnosed',
     'mean_run',
     'news',
     'threshold_for',
+    'warm_up',
 ]

@@ -14,6 +14,7 @@ from cfd_pneumatic.monitoring.chart import Chart
 
 Array = NDArray[np.float64]
 
+_MISFIT = 20.0  # learned mean over the noise from which on the model can't be this device's
 _KEPT = 600  # blocks that a departure is described by
 _MOMENT = 5e-3  # in which a signal at rest moves by less than its noise [s]
 _FULL = 0.5  # share of the usual number of samples from which on a block counts
@@ -117,6 +118,13 @@ class Channel:
         """Usual root mean square of the residual [signal's unit]."""
         assert self.baseline is not None
         return self.baseline.weighing.root_mean_square(self.baseline.energy.mean)
+
+    @property
+    def misfit(self) -> float | None:
+        """Mean residual that was learned [signal's unit], where it is so large that something was wrong; else None."""
+        if self.baseline is None or abs(self.baseline.mean.mean) < _MISFIT * self.baseline.weighing.noise:
+            return None
+        return self.baseline.mean.mean
 
     @property
     def nearness(self) -> float:

@@ -181,3 +181,8 @@ class Chart:
         """Begin anew at zero behind an alarm, the series going on."""
         self._sums[:] = 0.0
         self._runs[:] = 0
+
+
+def warm_up() -> None:
+    """Compile what a chart takes, or load it compiled, so that no sample waits for it."""
+    Chart(Series(0.0, np.zeros(1), 1.0, 0.0, 1000), 1000.0, two_sided=True).take(np.zeros(1))

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from cfd_pneumatic.convention import CONTACT_FORCE
 from cfd_pneumatic.identification import Estimate
-from cfd_pneumatic.monitoring.channel import Departure
+from cfd_pneumatic.monitoring.channel import Channel, Departure
 from cfd_pneumatic.monitoring.finding import News
 from cfd_pneumatic.monitoring.watch import Alarm
 from cfd_pneumatic.reporting.wording import number, spoken, title
@@ -27,6 +27,16 @@ def departed(departure: Departure) -> str:
     if departure.channel == CONTACT_FORCE:
         return f'{name} is {amount} {"below" if shift < 0.0 else "above"} its model {where}'
     return f'{name} {"loses" if shift < 0.0 else "holds"} {amount} more than its model {where}'
+
+
+def agreed(channel: Channel) -> str:
+    """Return what there is to say where there is no alarm."""
+    misfit = channel.misfit
+    if misfit is None:
+        return 'agrees with its model'
+    amount = _amount(abs(misfit), channel.name)
+    side = 'above' if misfit > 0.0 else 'below'
+    return f'is as it was while learning, {amount} {side} its model: check parameters and set-points, then learn anew'
 
 
 def diagnosed(alarm: Alarm, follows: bool = False) -> str:

@@ -20,32 +20,26 @@ _NICE = 10  # callbacks come first
 
 
 class Worker:
-    """
-    The process.
+    """The process; it starts at once, and waits."""
 
-    Parameters
-    ----------
-    options
-        How to identify.
-
-    """
-
-    def __init__(self, options: Options) -> None:
+    def __init__(self) -> None:
         context = get_context('spawn')  # a fork would take over the middleware's threads and locks, half of them
         self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, options), name='diagnosis', daemon=True)
+        self._process = context.Process(target=_serve, args=(theirs,), name='diagnosis', daemon=True)
         with _interrupts_kept_off():
             self._process.start()
         theirs.close()
+        self._asking = threading.Lock()
 
-    def diagnose(self, recording: Recording) -> Future[Finding]:
-        """Have the loop closed on a recording; one at a time."""
+    def diagnose(self, recording: Recording, options: Options) -> Future[Finding]:
+        """Have the loop closed on a recording; one after the other."""
         answer: Future[Finding] = Future()
 
         def ask() -> None:
             try:
-                self._connection.send(recording)
-                answer.set_result(self._connection.recv())
+                with self._asking:
+                    self._connection.send((recording, options))
+                    answer.set_result(self._connection.recv())
             except (EOFError, OSError) as error:
                 answer.set_result(Finding({}, f'the diagnosis ended early ({error or "its process is gone"})'))
 
@@ -74,14 +68,14 @@ def _interrupts_kept_off() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _serve(requests: Connection, options: Options) -> None:
+def _serve(requests: Connection) -> None:
     """Answer requests until there is nobody any more who could ask."""
     os.nice(_NICE)
     os.environ[LIMIT] = '1'
     threading.Thread(target=_end_with_parent, daemon=True).start()
     while True:
         try:
-            requests.send(_diagnose(requests.recv(), options))
+            requests.send(_diagnose(*requests.recv()))
         except (EOFError, OSError):
             return
 

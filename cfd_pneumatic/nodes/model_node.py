@@ -57,7 +57,11 @@ class ModelNode(Node):
                 raise InputError(f'{cylinder}.initial_setpoint is {refusal}')
         self._health = InputHealth(self, convention.PISTON_STATE)
         with announced(self._on_compiling):
-            warm_up()
+            self._warm_up()
+
+    def _warm_up(self) -> None:
+        """Compile what a sample takes."""
+        warm_up()
 
     # parameters
 

@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.identification import Options
-from cfd_pneumatic.monitoring import Settings, Watch, Worker, departed, diagnosed
+from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
 from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode
@@ -46,11 +46,15 @@ class MonitorNode(ModelNode):
     def __init__(self, **kwargs: Any) -> None:
         """Declare parameters, compile the model, start the process for diagnoses, and listen."""
         super().__init__('monitor_node', **kwargs)
-        self._worker = Worker(Options(ambient_pressure=self._value('ambient_pressure'), close_loop=True))
+        self._worker = Worker()
         self._watch = self._make_watch({})
         self._open_topics()
         self.add_on_set_parameters_callback(self._on_parameters)
         self.get_logger().info(f'ready for {convention.PISTON_STATE}')
+
+    def _warm_up(self) -> None:
+        super()._warm_up()
+        warm_up()
 
     # parameters
 
@@ -88,7 +92,8 @@ class MonitorNode(ModelNode):
             pressure_tolerance=None if pressure < 0.0 else pressure,
             force_tolerance=None if force < 0.0 else force,
         )
-        return Watch(self._device, settings, self._worker.diagnose)
+        options = Options(ambient_pressure=self._value('ambient_pressure', changes), close_loop=True)
+        return Watch(self._device, settings, partial(self._worker.diagnose, options=options))
 
     def _adopt(self, changes: Mapping[str, Any]) -> None:
         """Learn anew: what is usual for one model says nothing of another."""
@@ -169,7 +174,7 @@ class MonitorNode(ModelNode):
         feed = {key: str(count) for key, count in sorted(self._health.counts.items())}
         self._say('feed', self._verdict_on_feed(), feed)
         for name, channel in self._watch.channels().items():
-            values = {'false and true alarms rung': str(channel.rings)}
+            values = {'times that a chart has rung': str(channel.rings)}
             if channel.baseline is not None:
                 unit = 'N' if name == convention.CONTACT_FORCE else 'Pa'
                 values[f'usual residual, root mean square [{unit}]'] = f'{channel.usual:.4g}'
@@ -196,12 +201,12 @@ class MonitorNode(ModelNode):
     def _verdict_on(self, name: str) -> tuple[bytes, str]:
         """Return level and words on a cylinder or the contact force."""
         watch = self._watch
-        learned = watch.channels()[name].learned
-        if learned < 1.0:
-            return DiagnosticStatus.OK, f'learning what its model usually leaves: {100.0 * learned:.0f} %'
+        channel = watch.channels()[name]
+        if channel.learned < 1.0:
+            return DiagnosticStatus.OK, f'learning what its model usually leaves: {100.0 * channel.learned:.0f} %'
         alarm = watch.alarms.get(name)
         if alarm is None:
-            return DiagnosticStatus.OK, 'agrees with its model'
+            return DiagnosticStatus.OK if channel.misfit is None else DiagnosticStatus.WARN, agreed(channel)
         follows = name == convention.CONTACT_FORCE and len(watch.alarms) > 1
         level = DiagnosticStatus.ERROR if watch.stands(alarm) else DiagnosticStatus.WARN
         return level, f'{departed(watch.departure(name))}: {diagnosed(alarm, follows)}'
