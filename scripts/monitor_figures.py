@@ -454,7 +454,7 @@ def picture(results: dict) -> str:
             right.loglog(sizes, delays, 'o', ms=3, label=f'{trouble.title}; 1 is {trouble.sizes[0]:g} {trouble.unit}')
         right.set(xlabel='size over the smallest', ylabel='delay [s]')
         right.set_title('Delays at one false alarm a day')
-        right.legend()
+        right.legend(loc='lower left')
         stream = io.StringIO()
         figure.savefig(stream, format='svg', metadata={'Date': None})
     return stream.getvalue()

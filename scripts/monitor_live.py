@@ -100,7 +100,9 @@ def latencies(seconds: float) -> dict[str, dict[str, float]]:
         rclpy.init()
         ear = Ear()
         nodes = [
-            subprocess.Popen([sys.executable, '-m', f'cfd_pneumatic.nodes.{module}', *arguments])
+            subprocess.Popen(
+                [sys.executable, '-m', f'cfd_pneumatic.nodes.{module}', *arguments], stderr=subprocess.DEVNULL
+            )
             for module, *arguments in (monitor, rig)
         ]
         try:
