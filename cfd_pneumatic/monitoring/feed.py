@@ -146,9 +146,13 @@ class Sensor:
         self._values, self._differences = [], []
 
     @property
-    def standing(self) -> bool:
+    def paused(self) -> bool:
         """Whether the value has stood still for longer than it ever did while the sensor was sound."""
-        return not self._learning and self._run > max(_LONGER * self._habits.longest_run, _SHORTEST_RUN)
+        return self._stands(1)
+
+    def _stands(self, times: int) -> bool:
+        """Return whether the value has stood still for so many times as long as it ever did."""
+        return not self._learning and self._run > max(times * self._habits.longest_run, _SHORTEST_RUN)
 
     def take(self, value: float, expected: float | None = None) -> Fault | None:
         """Take a value, and the one that was expected where there is one; return what is wrong with it."""
@@ -166,7 +170,7 @@ class Sensor:
                 self._values.append(value)
                 self._differences.append(value - expected)
             return None
-        if self.standing and (self._habits.dithered or self._should_have_moved):
+        if self._stands(_LONGER) and (self._habits.dithered or self._should_have_moved):
             return self._stuck()
         return None
 

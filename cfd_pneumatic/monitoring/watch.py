@@ -266,7 +266,7 @@ class Watch:
         return prediction
 
     def _is_stuck_while_pressures_move(self, stamp: int) -> bool:
-        if not self._piston_sensor.standing or stamp - self._setpoints_changed < _SETTLING * _NANOSECONDS:
+        if not self._piston_sensor.paused or stamp - self._setpoints_changed < _SETTLING * _NANOSECONDS:
             return False
         return all(self._lines[name].channel.agitation > _AGITATED for name in self._cylinders)
 

@@ -88,6 +88,6 @@ def test_a_displacement_of_which_nothing_is_expected_is_never_stuck_by_itself() 
     sensor = Sensor('piston_state', 'm')
     assert faults_of(sensor, np.sin(np.arange(1000) / 50.0)) == []
     sensor.learned()
-    assert not sensor.standing
+    assert not sensor.paused
     assert faults_of(sensor, np.zeros(1000)) == []
-    assert sensor.standing
+    assert sensor.paused

@@ -155,3 +155,22 @@ def test_where_the_loop_knows_nothing_the_words_say_so() -> None:
     assert diagnosed(patrol.watch.alarms['cylinder_a']) == (
         'which effect it is cannot be told (the piston does not move)'
     )
+
+
+def test_a_displacement_that_rests_and_one_that_is_stuck_are_told_apart_also_after_rests() -> None:
+    patrol = Patrol()
+    held: list[Sample] = []
+
+    def resting(sample: Sample) -> Sample:
+        held.append(sample)
+        noise = 52.0 * np.random.default_rng(sample.stamp % 2**32).standard_normal(2)
+        pressures = tuple((noise + sample.setpoints).tolist())
+        return held[0]._replace(stamp=sample.stamp, setpoints=sample.setpoints, pressures=pressures, force=sample.force)
+
+    patrol.go_on(4.0).go_on(2.0, resting).go_on(LEARNED)
+    held.clear()
+    patrol.go_on(8.0, resting)
+    assert patrol.kinds == set()
+    patrol.go_on(8.0, stuck_piston)
+    assert patrol.kinds == {'stuck'}
+    assert any('piston_state is stuck' in why for why in patrol.faults)
