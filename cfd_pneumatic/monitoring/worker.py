@@ -16,7 +16,7 @@ from cfd_pneumatic.monitoring.finding import Finding, diagnose
 from cfd_pneumatic.parallel import LIMIT
 from cfd_pneumatic.recording import Recording
 
-_NICE = 10  # callbacks come first
+_NICE = 5  # callbacks come first, and yet it is not to starve on a busy machine
 
 
 class Worker:
