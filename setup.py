@@ -57,6 +57,7 @@ setup(
             'identifier_node = cfd_pneumatic.nodes.identifier_node:main',
             'identify_bag = cfd_pneumatic.commands.identify_bag:main',
             'record_rig = cfd_pneumatic.commands.record_rig:main',
+            'monitor_node = cfd_pneumatic.nodes.monitor_node:main',
             'recorder_node = cfd_pneumatic.nodes.recorder_node:main',
             'rig_node = cfd_pneumatic.nodes.rig_node:main',
             'sim_node = cfd_pneumatic.nodes.sim_node:main',

@@ -22,6 +22,9 @@ CONTACT_FORCE = 'contact_force'
 MEASURED_FORCE = 'measured_force'
 """geometry_msgs/WrenchStamped: contact force measured by a load cell [N]."""
 
+PREDICTED = 'predicted/'
+"""What the monitor's model predicts is published below this name, under the names that it is measured by."""
+
 PISTON_COMMAND = 'piston_command'
 """std_msgs/Float64: displacement that the rig's piston is moved to [m]."""
 
@@ -46,3 +49,12 @@ def setpoint_topic(cylinder: str) -> str:
 def setpoint_applied_topic(cylinder: str) -> str:
     """Return the topic of the set-point that acted up to a sample: sensor_msgs/FluidPressure, absolute [Pa]."""
     return f'{cylinder}/setpoint_applied'
+
+
+def residual_topic(name: str) -> str:
+    """
+    Return the topic of what is measured less what the model predicts, of a cylinder or of `CONTACT_FORCE`.
+
+    sensor_msgs/FluidPressure, a difference [Pa]; geometry_msgs/WrenchStamped [N].
+    """
+    return f'{name}/residual'

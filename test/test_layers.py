@@ -12,9 +12,10 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / 'cfd_pneumatic'
 
 BELOW = {
-    'nodes': {'commands', 'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
+    'nodes': {'commands', 'monitoring', 'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
     'commands': {'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
     'plant': {'reporting', 'identification', 'recording', 'model'},
+    'monitoring': {'reporting', 'identification', 'recording', 'model'},
     'reporting': {'identification', 'recording', 'model'},
     'identification': {'recording', 'model'},
     'recording': set(),

@@ -49,22 +49,20 @@ class _Form:
 class Outputs:
     """The topics on which every sample is answered."""
 
-    def __init__(self, node: Node, cylinders: Sequence[str], force_topic: str, qos: QoSProfile) -> None:
-        """Publish for some cylinders, the force on a topic of its own name."""
+    def __init__(
+        self, node: Node, cylinders: Sequence[str], force_topic: str, qos: QoSProfile, below: str = ''
+    ) -> None:
+        """Publish for some cylinders, the force on a topic of its own name; below a name, where `below` gives one."""
         self._pressures_out, self._applied_out = (
-            [publish_on(node, FluidPressure, topic(name), qos) for name in cylinders]
+            [publish_on(node, FluidPressure, below + topic(name), qos) for name in cylinders]
             for topic in (convention.pressure_topic, convention.setpoint_applied_topic)
         )
-        self._force_out = publish_on(node, WrenchStamped, force_topic, qos)
+        self._force_out = publish_on(node, WrenchStamped, below + force_topic, qos)
         self.orient('', 'x')
 
     def orient(self, frame_id: str, axis: str) -> None:
         """Let the force point along an axis of a frame from now on."""
-        header = Header(frame_id=frame_id)
-        force = WrenchStamped(header=header)
-        setattr(force.wrench.force, axis, _BLANK)
-        self._pressure = _Form(FluidPressure(header=header, fluid_pressure=_BLANK))
-        self._force = _Form(force)
+        self._pressure, self._force = _pressure_form(frame_id), _force_form(frame_id, axis)
 
     def publish(self, stamp: int, pressures: Iterable[float], force: float) -> None:
         """Publish absolute pressures [Pa] and the contact force [N] at a stamp [ns]."""
@@ -80,3 +78,35 @@ class Outputs:
     def _publish(self, publishers: Sequence[Publisher], pressures: Iterable[float]) -> None:
         for publisher, pressure in zip(publishers, pressures):
             publisher.publish(self._pressure.filled(pressure))
+
+
+class ResidualOutputs:
+    """The topics on which measured less predicted is published: a difference, also where the type is a pressure's."""
+
+    def __init__(self, node: Node, cylinders: Sequence[str], qos: QoSProfile) -> None:
+        """Publish for some cylinders and for the contact force."""
+        self._out = {name: publish_on(node, FluidPressure, convention.residual_topic(name), qos) for name in cylinders}
+        force = convention.CONTACT_FORCE
+        self._out[force] = publish_on(node, WrenchStamped, convention.residual_topic(force), qos)
+        self.orient('', 'x')
+
+    def orient(self, frame_id: str, axis: str) -> None:
+        """Let the force point along an axis of a frame from now on."""
+        self._forms = {name: _pressure_form(frame_id) for name in self._out}
+        self._forms[convention.CONTACT_FORCE] = _force_form(frame_id, axis)
+
+    def publish(self, name: str, stamp: int, residual: float) -> None:
+        """Publish the residual [Pa or N] of a cylinder or of the contact force, at a stamp [ns]."""
+        form = self._forms[name]
+        form.stamp(stamp)
+        self._out[name].publish(form.filled(residual))
+
+
+def _pressure_form(frame_id: str) -> _Form:
+    return _Form(FluidPressure(header=Header(frame_id=frame_id), fluid_pressure=_BLANK))
+
+
+def _force_form(frame_id: str, axis: str) -> _Form:
+    force = WrenchStamped(header=Header(frame_id=frame_id))
+    setattr(force.wrench.force, axis, _BLANK)
+    return _Form(force)

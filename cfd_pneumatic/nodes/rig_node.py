@@ -8,16 +8,19 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, Protocol
 
-from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterType
+import yaml
+from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterType, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
+from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, stamp_message
 from cfd_pneumatic.nodes.outputs import Outputs
 from cfd_pneumatic.nodes.parameters import number, switch, text
@@ -35,6 +38,7 @@ from cfd_pneumatic.rig import (
     paper_step,
     record,
     schedule_named,
+    with_changes,
 )
 from cfd_pneumatic.units import PSI
 
@@ -43,6 +47,7 @@ _BURST = 20  # samples at most that one tick catches up on, so that callbacks an
 _OUTPUT_QOS = QoSProfile(depth=10 * _BURST)  # reliable, some bursts deep
 _WAITING_PERIOD = 0.05  # [s]
 _THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
+_LIVE = ('effects_a', 'effects_b', 'pickup')  # parts of the rig that change while it runs
 _DELIVERY = 4.0  # how long the last messages may take to arrive before the node ends; DDS asks every 3 s [s]
 
 
@@ -56,6 +61,9 @@ class Play(Protocol):
     @property
     def setpoints(self) -> tuple[float, float]:
         """Set pressures on the way to the next sample, gauge [Pa]."""
+
+    def change(self, parameters: RigParameters) -> None:
+        """Let effects appear, grow or go before the next sample."""
 
     def take(self) -> RigRecord:
         """Return the next sample."""
@@ -78,6 +86,10 @@ class Scheduled:
         """Set pressures on the way to the next sample, gauge [Pa]."""
         return self._performance.setpoints
 
+    def change(self, parameters: RigParameters) -> None:
+        """Let effects appear, grow or go before the next sample."""
+        self._performance.change(parameters)
+
     def take(self) -> RigRecord:
         """Return the next sample."""
         sample = self._performance.take(1)
@@ -96,6 +108,10 @@ class Commanded:
         self.piston = piston
         self.setpoints = setpoints
 
+    def change(self, parameters: RigParameters) -> None:
+        """Let effects appear, grow or go before the next sample."""
+        self._bench.change(parameters)
+
     def take(self) -> RigRecord:
         """Return the next sample."""
         positions, velocities = self.piston.move(_KNOTS, self._bench.sampling_period / _KNOTS)
@@ -107,7 +123,8 @@ class RigNode(Node):
     The device's stand-in.
 
     Publishes `piston_state`, `cylinder_*/pressure`, `cylinder_*/setpoint_applied` and `measured_force`. With a schedule
-    it publishes `cylinder_*/setpoint` too; without one it subscribes to it, and to `piston_command`.
+    it publishes `cylinder_*/setpoint` too; without one it subscribes to it, and to `piston_command`. Setting `faults`
+    lets something go wrong while it runs.
 
     Parameters
     ----------
@@ -128,7 +145,8 @@ class RigNode(Node):
         self._declare_parameters()
         self._period = 1.0 / self._value('sample_rate')
         self._joint, self._frame = self._value('joint'), self._value('frame_id')
-        self._device, self._sensors = parameters, sensors
+        self._healthy, self._sensors = parameters, sensors
+        self._device = self._with_faults(self._value('faults'))
         record(paper_step(), parameters)  # compiles the physics, or loads it compiled, before a sample is due
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._published = 0
@@ -147,6 +165,7 @@ class RigNode(Node):
             self._commands_out = []
             self._play = self._obeying()
             self._begin()
+        self.add_on_set_parameters_callback(self._on_parameters)
 
     # parameters
 
@@ -154,6 +173,15 @@ class RigNode(Node):
         return self.get_parameter(name).value
 
     def _declare_parameters(self) -> None:
+        self.declare_parameter(
+            'faults',
+            '',
+            text(
+                "what goes wrong with the device, live: '{effects_a.leak_conductance: 1e-10}'; empty: nothing",
+                'YAML: effects_a, effects_b or pickup, a dot, a field of rig/effects.py, and its value in SI units',
+            ),
+        )
+
         def declare(name: str, default: Any, descriptor: ParameterDescriptor) -> None:
             descriptor.read_only = True
             self.declare_parameter(name, default, descriptor)
@@ -184,6 +212,30 @@ class RigNode(Node):
                 10.0 * PSI,
                 number('Pa', -1e5, 2e6, 'gauge set-point until one arrives, without a schedule'),
             )
+
+    def _with_faults(self, faults: str) -> RigParameters:
+        """Return the device with something wrong with it, or raise InputError."""
+        try:
+            changes = yaml.safe_load(faults) or {}
+        except yaml.YAMLError as error:
+            raise InputError(f"parameter 'faults' is not YAML: {error}") from error
+        if not isinstance(changes, dict):
+            raise InputError(f"parameter 'faults' is {faults!r}: write {{effects_a.leak_conductance: 1e-10}}")
+        changes = {str(name): _as_number(value) for name, value in changes.items()}
+        fixed = [name for name in changes if name.partition('.')[0] not in _LIVE]
+        if fixed:
+            raise InputError(f"parameter 'faults': {fixed[0]} cannot change; {', '.join(_LIVE)} can")
+        return with_changes(self._healthy, changes)
+
+    def _on_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        """Let something go wrong, or right again, from the next sample on."""
+        for parameter in parameters:
+            if parameter.name == 'faults':
+                try:
+                    self._play.change(self._with_faults(parameter.value))
+                except InputError as error:
+                    return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
 
     def _scheduled(self) -> Scheduled:
         name = self._value('schedule')
@@ -320,6 +372,14 @@ class RigNode(Node):
         for out in self.publishers:
             if not out.wait_for_all_acked(Duration(seconds=max(limit - self._seconds(), 0.0))):
                 self.get_logger().warning(f'{out.topic_name}: the last samples have not reached every subscriber')
+
+
+def _as_number(value: Any) -> Any:
+    """Return what YAML 1.1 takes for text, as 1e-10 without a point, as the number that it is."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def _whole(lower: int, upper: int, description: str) -> ParameterDescriptor:

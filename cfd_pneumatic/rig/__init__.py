@@ -15,7 +15,7 @@ A device with something wrong with it has `Effects`; `cfd_pneumatic.rig.panel` d
 from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record
 from cfd_pneumatic.rig.device import Rig, Truth
 from cfd_pneumatic.rig.effects import Effects, Pickup
-from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal
+from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
 from cfd_pneumatic.rig.piston import CommandedPiston
 from cfd_pneumatic.rig.schedule import (
     SCHEDULES,
@@ -55,4 +55,5 @@ __all__ = [
     'record',
     'schedule_named',
     'surface_following',
+    'with_changes',
 ]

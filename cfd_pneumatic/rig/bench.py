@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cfd_pneumatic.rig.device import Rig, Truth
-from cfd_pneumatic.rig.parameters import RigParameters
+from cfd_pneumatic.rig.parameters import RigParameters, checked
 from cfd_pneumatic.rig.schedule import Schedule
 from cfd_pneumatic.rig.sensors import Instruments, Sensors
 from cfd_pneumatic.rig.transmission import Transmission
@@ -62,6 +62,16 @@ class Bench:
         self._transmission = Transmission(rig.parameters, rig.pressures, rig.position)
         self._instruments = Instruments(sensors, sampling_period, seed)
         self._taken = 0
+
+    def change(self, parameters: RigParameters) -> None:
+        """
+        Let effects appear, grow or go between two samples.
+
+        Only effects and what the sensors do may differ from the rig as it was built. A line or sensor that becomes
+        another begins at rest at the present pressure.
+        """
+        self.rig.parameters = checked(parameters)
+        self._transmission.change(parameters, self.rig.pressures, self.rig.position)
 
     def take(self, positions: ArrayLike, velocities: ArrayLike, setpoints: ArrayLike) -> RigRecord:
         """
@@ -117,6 +127,10 @@ class Performance:
         """Set pressures of A and B on the way to the next sample, or of the end [Pa], gauge."""
         first, second = self._schedule.setpoints[min(self._played, self._schedule.samples - 1)]
         return float(first), float(second)
+
+    def change(self, parameters: RigParameters) -> None:
+        """Let effects appear, grow or go before the next sample, as `Bench.change` does."""
+        self._bench.change(parameters)
 
     def rewind(self) -> None:
         """Begin again on the same rig; the schedule has led it back to where it began (`Schedule.with_return`)."""

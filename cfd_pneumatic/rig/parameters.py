@@ -14,6 +14,7 @@ and Srinivasan. An effect that a healthy device lacks is a field with a strength
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
@@ -144,6 +145,27 @@ class RigParameters(NamedTuple):
     effects_a: Effects = Effects()
     effects_b: Effects = Effects()
     pickup: Pickup = Pickup()
+
+
+def with_changes(parameters: RigParameters, changes: Mapping[str, float]) -> RigParameters:
+    """
+    Return a rig with values changed that are named like `effects_a.leak_conductance`.
+
+    Raises
+    ------
+    InputError
+        If there is no such value, or it makes no device.
+
+    """
+    for name, value in changes.items():
+        part, _, field = name.partition('.')
+        values = getattr(parameters, part, None) if part in RigParameters._fields else None
+        if values is None or field not in values._fields:
+            raise InputError(f'rig parameter {name} is not known: name one as effects_a.leak_conductance is named')
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise InputError(f'rig parameter {name} = {value!r}: give a number')
+        parameters = parameters._replace(**{part: values._replace(**{field: float(value)})})
+    return checked(parameters)
 
 
 MAY_BE_NEGATIVE = frozenset(

@@ -13,6 +13,9 @@ from cfd_pneumatic.rig.device import Truth
 from cfd_pneumatic.rig.effects import Effects
 from cfd_pneumatic.rig.parameters import RigParameters
 
+_OF_A_LINE = ('resonance_frequency', 'resonance_damping', 'sensor_lag')
+"""Effects that a line has a state for."""
+
 
 @compiled
 def respond(
@@ -105,11 +108,23 @@ class Transmission:
     """
 
     def __init__(self, parameters: RigParameters, pressures: NDArray[np.float64], position: float) -> None:
-        self._effects = (parameters.effects_a, parameters.effects_b)
-        self._lines = [_line(effects, float(rest)) for effects, rest in zip(self._effects, pressures)]
+        self._effects = (Effects(), Effects())
+        self._lines: list[list[Response]] = [[], []]
+        self._lag = 0.0
+        self._pickup: Response | None = None
+        self.change(parameters, pressures, position)
+
+    def change(self, parameters: RigParameters, pressures: NDArray[np.float64], position: float) -> None:
+        """Become what other parameters make; what differs from before begins at rest where the rig is."""
+        changed = (parameters.effects_a, parameters.effects_b)
+        for cylinder, (before, effects) in enumerate(zip(self._effects, changed)):
+            if any(getattr(before, name) != getattr(effects, name) for name in _OF_A_LINE):
+                self._lines[cylinder] = _line(effects, float(pressures[cylinder]))
+        self._effects = changed
         self._force_offset = parameters.pickup.force_offset
-        lag = parameters.pickup.displacement_lag
-        self._pickup = Response.lag(lag, position) if lag else None
+        if parameters.pickup.displacement_lag != self._lag:
+            self._lag = parameters.pickup.displacement_lag
+            self._pickup = Response.lag(self._lag, position) if self._lag else None
 
     def carry(self, truth: Truth, period: float) -> Truth:
         """Return what arrives at the sensors, at the next times, which are one period [s] apart."""

@@ -268,6 +268,12 @@ def test_every_parameter_is_described() -> None:
         ({'schedule': 'paper_step', 'schedule_duration': 3.0}, InputError, "no option 'duration'"),
         ({'cylinder_a.initial_setpoint': 1e6}, InputError, 'between vacuum and the supply'),
         ({'sample_rate': 0.0}, InvalidParameterValueException, 'sample_rate'),
+        ({'faults': '{effects_a.leak: 1e-10}'}, InputError, 'effects_a.leak is not known'),
+        ({'faults': '{seal.coulomb: 1.0}'}, InputError, 'seal.coulomb cannot change'),
+        ({'faults': '{effects_a.dead_band: many}'}, InputError, "effects_a.dead_band = 'many': give a number"),
+        ({'faults': '{effects_a.dead_band: -5.0}'}, InputError, 'give a positive number'),
+        ({'faults': 'a leak'}, InputError, "'faults' is 'a leak'"),
+        ({'faults': '{'}, InputError, "'faults' is not YAML"),
     ],
 )
 def test_what_the_rig_cannot_be_is_named(values: dict[str, object], error: type[Exception], message: str) -> None:

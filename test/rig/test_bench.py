@@ -7,15 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig import (
     CommandedPiston,
     Performance,
+    RigParameters,
     RigRecord,
     Sensors,
     out_and_back,
     paper_step,
     record,
     surface_following,
+    with_changes,
 )
 from cfd_pneumatic.units import INCH, PSI
 
@@ -126,3 +129,49 @@ def test_a_command_beyond_the_travel_goes_to_its_end() -> None:
     piston = CommandedPiston(0.0, 6.35e-3, 0.5, 50.0)
     piston.command(1.0)
     assert piston.move(5000, 2e-4)[0][-1] == pytest.approx(0.25 * INCH)
+
+
+CHANGES = [
+    {'effects_a.leak_conductance': 1e-10},
+    {'effects_a.dead_band': 300.0},
+    {'effects_a.sensor_lag': 3e-3},
+    {'pickup.displacement_lag': 3e-3},
+    {'pickup.force_offset': 5.0},
+]
+
+
+@pytest.mark.parametrize('changes', CHANGES, ids=lambda changes: next(iter(changes)))
+def test_what_appears_acts_from_the_next_sample_on_and_can_go_again(changes: dict[str, float]) -> None:
+    schedule = surface_following(duration=4.0, seed=1)
+    healthy, troubled = Performance(schedule, seed=1), Performance(schedule, seed=1)
+    pairs = []
+    for changed in ({}, changes, changes, {}):
+        troubled.change(with_changes(RigParameters(), changed))
+        pairs.append((healthy.take(500), troubled.take(500)))
+
+    def apart(rank: int) -> float:
+        one, other = pairs[rank]
+        return sum(
+            float(np.max(np.abs(getattr(one, name) - getattr(other, name))[-250:]) / np.ptp(getattr(one, name)))
+            for name in ('displacement', 'pressures', 'force')
+        )
+
+    assert apart(0) == 0.0
+    assert apart(1) > 0.01
+    assert apart(3) < 0.2 * apart(2)
+
+
+def test_what_changes_midway_is_what_it_would_be_from_the_start_once_that_is_forgotten() -> None:
+    leaking = with_changes(RigParameters(), {'effects_a.leak_conductance': 1e-10})
+    schedule = surface_following(duration=6.0, seed=2)
+    from_the_start, midway = Performance(schedule, leaking, seed=1), Performance(schedule, seed=1)
+    parts = [one.take(500) for one in (from_the_start, midway)]
+    midway.change(leaking)
+    parts = [one.take(2500) for one in (from_the_start, midway)]
+    assert parts[0].pressures[-1000:] == pytest.approx(parts[1].pressures[-1000:], abs=60.0)
+
+
+@pytest.mark.parametrize('name', ['effects_a.leak', 'effect_a.leak_conductance', 'leak_conductance', '', 'effects_a.'])
+def test_a_change_of_what_is_not_there_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match='is not known: name one as '):
+        with_changes(RigParameters(), {name: 1.0})

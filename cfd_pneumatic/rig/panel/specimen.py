@@ -11,7 +11,7 @@ from cfd_pneumatic.rig import physics
 from cfd_pneumatic.rig.device import Rig, Truth
 from cfd_pneumatic.rig.effects import Effects
 from cfd_pneumatic.rig.panel.textbook import Gains, draw_gains
-from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal
+from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
 from cfd_pneumatic.rig.stroke import Stroke
 from cfd_pneumatic.rig.transmission import Transmission
 from cfd_pneumatic.units import PSI
@@ -72,14 +72,9 @@ class Specimen(NamedTuple):
 
     def with_changes(self, changes: dict[str, float]) -> Specimen:
         """Return the specimen with fields changed that are named like ``effects_a.play`` or ``clock.delay``."""
-        rig, clock = self.rig, self.clock
-        for name, value in changes.items():
-            part, field = name.split('.')
-            if part == 'clock':
-                clock = clock._replace(**{field: value})
-            else:
-                rig = rig._replace(**{part: getattr(rig, part)._replace(**{field: value})})
-        return self._replace(rig=rig, clock=clock)
+        of_clock = {name.partition('.')[2]: value for name, value in changes.items() if name.startswith('clock.')}
+        of_rig = {name: value for name, value in changes.items() if not name.startswith('clock.')}
+        return self._replace(rig=with_changes(self.rig, of_rig), clock=self.clock._replace(**of_clock))
 
     def put_through(self, motion: Motion) -> tuple[Truth, Truth]:
         """Return what happens at each knot of a motion that begins at rest, and what of it arrives at the sensors."""

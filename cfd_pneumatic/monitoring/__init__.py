@@ -1,0 +1,38 @@
+"""
+A device watched beside its model, sample by sample; nothing of ROS.
+
+A `Watch` takes what is measured, says what the model predicts, tests what is left of it with CUSUM charts, has the loop
+closed on an alarm in a process of its own (`Worker`), and tells faults of the feed from those of the device.
+"""
+
+from cfd_pneumatic.monitoring.channel import Channel, Departure
+from cfd_pneumatic.monitoring.chart import warm_up
+from cfd_pneumatic.monitoring.feed import Fault
+from cfd_pneumatic.monitoring.finding import Finding, Found, News, diagnose, news
+from cfd_pneumatic.monitoring.run_length import mean_run, threshold_for
+from cfd_pneumatic.monitoring.watch import Alarm, Prediction, Residual, Settings, Watch
+from cfd_pneumatic.monitoring.wording import agreed, departed, diagnosed
+from cfd_pneumatic.monitoring.worker import Worker
+
+__all__ = [
+    'Alarm',
+    'Channel',
+    'Departure',
+    'Fault',
+    'Finding',
+    'Found',
+    'News',
+    'Prediction',
+    'Residual',
+    'Settings',
+    'Watch',
+    'Worker',
+    'agreed',
+    'departed',
+    'diagnose',
+    'diagnosed',
+    'mean_run',
+    'news',
+    'threshold_for',
+    'warm_up',
+]

@@ -1,0 +1,132 @@
+"""What the loop makes of a stretch of a device's signals, and what is new in it against an earlier stretch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cfd_pneumatic.convention import CONTACT_FORCE
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification import Estimate, Options, identify
+from cfd_pneumatic.identification.verdict import Conclusion
+from cfd_pneumatic.recording import Recording
+
+_SURE = 3.0  # standard errors
+_MATERIAL = 0.05  # share of a parameter
+
+
+@dataclass(frozen=True)
+class Found:
+    """
+    What the loop ended with on one signal.
+
+    Attributes
+    ----------
+    verdict
+        One of `verdict.VERDICTS`.
+    why
+        It in a sentence.
+    effects
+        Names of effects.
+    alternatives
+        For each effect those that can't be told from it.
+    estimates
+        What was fitted, by name.
+
+    """
+
+    verdict: str
+    why: str
+    effects: tuple[str, ...]
+    alternatives: Mapping[str, tuple[str, ...]]
+    estimates: Mapping[str, Estimate]
+
+    @classmethod
+    def of(cls, conclusion: Conclusion) -> Found:
+        """Return what of a conclusion is kept."""
+        estimates = {estimate.name: estimate for estimate in conclusion.estimates}
+        return cls(conclusion.verdict, conclusion.why, conclusion.effects, dict(conclusion.alternatives), estimates)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """
+    What the loop ended with on each signal, or why it could not be closed.
+
+    Attributes
+    ----------
+    found
+        By `cylinder_a`, `cylinder_b`, `contact_force`.
+    failure
+        Why there is nothing, or None.
+
+    """
+
+    found: Mapping[str, Found]
+    failure: str | None = None
+
+
+def diagnose(recording: Recording, options: Options) -> Finding:
+    """Close the loop on a recording, as `identify_bag --close-loop` does."""
+    try:
+        identification = identify([recording], options)
+    except InputError as error:
+        return Finding({}, str(error))
+    found = {
+        name: Found.of(result.closure)
+        for name, result in identification.cylinders.items()
+        if result.closure is not None
+    }
+    if identification.force is not None:
+        found[CONTACT_FORCE] = Found.of(identification.force)
+    return Finding(found)
+
+
+@dataclass(frozen=True)
+class News:
+    """
+    What is new in a finding.
+
+    Attributes
+    ----------
+    effects
+        Effects that are new, or have other parameters than before, with those that can't be told from each.
+    estimates
+        Their parameters, by `EFFECT.PARAMETER`.
+    gains
+        Before and after, of the model's own parameters that have changed.
+    unexplained
+        Whether something is left that no effect explains.
+
+    """
+
+    effects: Mapping[str, tuple[str, ...]]
+    estimates: Mapping[str, Estimate]
+    gains: Mapping[str, tuple[Estimate, Estimate]]
+    unexplained: bool
+
+
+def news(found: Found, before: Found | None) -> News:
+    """Return what is new in what was found, against what was found before the device parted from its model."""
+    earlier = before.effects if before is not None else ()
+    known = before.estimates if before is not None else {}
+    changed = {name for name, one in found.estimates.items() if name in known and _differ(known[name], one)}
+    effects = {
+        effect: found.alternatives.get(effect, ())
+        for effect in found.effects
+        if effect not in earlier or any(name.startswith(f'{effect}.') for name in changed)
+    }
+    return News(
+        effects=effects,
+        estimates={name: one for name, one in found.estimates.items() if name.partition('.')[0] in effects},
+        gains={name: (known[name], found.estimates[name]) for name in sorted(changed) if '.' not in name},
+        unexplained=found.verdict == 'unexplained',
+    )
+
+
+def _differ(before: Estimate, after: Estimate) -> bool:
+    """Return whether two estimates are of different values, by more than their errors and more than a little."""
+    if before.value is None or after.value is None or before.std is None or after.std is None:
+        return False
+    apart = abs(after.value - before.value)
+    return apart > _SURE * (before.std**2 + after.std**2) ** 0.5 and apart > _MATERIAL * abs(before.value)

@@ -1,0 +1,226 @@
+"""`monitor_node`: the identified model beside the real device, and when the two part."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+from rclpy.clock import Clock, ClockType
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import Trigger
+
+from cfd_pneumatic import convention
+from cfd_pneumatic.identification import Options
+from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
+from cfd_pneumatic.nodes.health import diagnostics
+from cfd_pneumatic.nodes.messages import COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
+from cfd_pneumatic.nodes.model_node import ModelNode
+from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs
+from cfd_pneumatic.nodes.parameters import number
+from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.nodes.topics import listen_to
+
+_LOOK_PERIOD = 0.1  # how often diagnoses and silence are looked after [s]
+_DIAGNOSTICS_PERIOD = 1.0  # [s]
+_DAY = 86_400.0  # [s]
+_SHOWN = {'frame_id', 'axis', 'joint'}  # parameters that nothing that was learned depends on
+
+
+class MonitorNode(ModelNode):
+    """
+    Watches a device beside its model.
+
+    Subscribes what the device publishes: `piston_state`, `cylinder_*/setpoint`, `cylinder_*/pressure`,
+    `measured_force`. Publishes measured less predicted on `cylinder_*/residual` and `contact_force/residual`, the
+    model's pressures and force below `predicted/`, and on `/diagnostics` whether device and model agree, in words. Its
+    first minutes are for learning what the model usually leaves; `~/learn` begins them again.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        """Declare parameters, compile the model, start the process for diagnoses, and listen."""
+        super().__init__('monitor_node', **kwargs)
+        self._worker = Worker()
+        self._watch = self._make_watch({})
+        self._open_topics()
+        self.add_on_set_parameters_callback(self._on_parameters)
+        self.get_logger().info(f'ready for {convention.PISTON_STATE}')
+
+    def _warm_up(self) -> None:
+        super()._warm_up()
+        warm_up()
+
+    # parameters
+
+    def _declare_parameters(self) -> None:
+        super()._declare_parameters()
+        declare = self.declare_parameter
+        declare(
+            'false_alarm_interval',
+            _DAY,
+            number('s', 60.0, 1e9, 'mean time between false alarms, of all that is watched together'),
+        )
+        declare('learning', 300.0, number('s', 2.0, 1e5, 'how long is learned what the model usually leaves'))
+        declare('diagnosis_window', 60.0, number('s', 10.0, 600.0, 'how long a diagnosis of an alarm looks back'))
+        declare('block', 0.2, number('s', 0.02, 10.0, 'over which residuals are averaged before they are tested'))
+        declare(
+            'pressure_tolerance',
+            -1.0,
+            number('Pa', -1.0, 1e5, 'mean residual of a pressure that is no alarm; -1: as it wanders while learning'),
+        )
+        declare(
+            'force_tolerance',
+            -1.0,
+            number('N', -1.0, 1e3, 'mean residual of the force that is no alarm; -1: as it wanders while learning'),
+        )
+
+    def _make_watch(self, changes: Mapping[str, Any]) -> Watch:
+        pressure, force = (self._value(f'{name}_tolerance', changes) for name in ('pressure', 'force'))
+        settings = Settings(
+            mean_time=self._value('false_alarm_interval', changes),
+            learning=self._value('learning', changes),
+            window=self._value('diagnosis_window', changes),
+            block=self._value('block', changes),
+            timeout=self._value('timeout', changes),
+            max_gap=self._value('max_gap', changes),
+            pressure_tolerance=None if pressure < 0.0 else pressure,
+            force_tolerance=None if force < 0.0 else force,
+        )
+        options = Options(ambient_pressure=self._value('ambient_pressure', changes), close_loop=True)
+        return Watch(self._device, settings, partial(self._worker.diagnose, options=options))
+
+    def _adopt(self, changes: Mapping[str, Any]) -> None:
+        """Learn anew: what is usual for one model says nothing of another."""
+        self._outputs.orient(self._value('frame_id', changes), self._value('axis', changes))
+        self._residuals.orient(self._value('frame_id', changes), self._value('axis', changes))
+        if not changes.keys() <= _SHOWN:
+            self._watch = self._make_watch(changes)
+
+    # topics
+
+    def _open_topics(self) -> None:
+        self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS, convention.PREDICTED)
+        self._residuals = ResidualOutputs(self, self._cylinders, OUTPUT_QOS)
+        for out in (self._outputs, self._residuals):
+            out.orient(self._value('frame_id'), self._value('axis'))
+        self._diagnostics_out = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
+        # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
+        for index, name in enumerate(self._cylinders):
+            on_setpoint = partial(self._on_setpoint, index)
+            listen_to(self, Float64, convention.setpoint_topic(name), on_setpoint, COMMAND_QOS)
+        listen_to(self, JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS)
+        for name in self._cylinders:
+            topic = convention.pressure_topic(name)
+            listen_to(self, FluidPressure, topic, partial(self._on_pressure, name, topic), SAMPLE_QOS)
+        listen_to(self, WrenchStamped, convention.MEASURED_FORCE, self._on_force, SAMPLE_QOS)
+        self.create_service(Trigger, '~/learn', self._on_learn)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # a stopped /clock must not stop the watchdog
+        self.create_timer(_LOOK_PERIOD, self._look, clock=steady)
+        self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
+
+    def _commit(self, stamp: int, position: float) -> None:
+        now = time.monotonic()
+        setpoints = self._absolute_setpoints()
+        prediction = self._watch.piston(stamp, position, setpoints, now)
+        if prediction is None:
+            self._health.counts['repeated stamps'] += 1
+            return
+        self._health.counts['samples'] += 1
+        *pressures, force = prediction.values
+        self._outputs.publish(stamp, pressures, force)
+        self._outputs.publish_applied(setpoints)
+        self._publish_residuals(now)
+
+    def _on_pressure(self, cylinder: str, topic: str, message: FluidPressure) -> None:
+        self._measured(cylinder, topic, self._stamp(message.header.stamp, topic), message.fluid_pressure)
+
+    def _on_force(self, message: WrenchStamped) -> None:
+        topic = convention.MEASURED_FORCE
+        force = getattr(message.wrench.force, self._value('axis'))
+        self._measured(convention.CONTACT_FORCE, topic, self._stamp(message.header.stamp, topic), force)
+
+    def _measured(self, channel: str, topic: str, stamp: int, value: float) -> None:
+        if not math.isfinite(value):
+            self._health.counts['ignored measurements'] += 1
+            self._health.warn(topic, f'ignored: {topic} {value}, not a finite number')
+            return
+        now = time.monotonic()
+        self._watch.measured(channel, stamp, value, now)
+        self._publish_residuals(now)
+
+    def _publish_residuals(self, now: float) -> None:
+        for residual in self._watch.residuals(now):
+            self._residuals.publish(*residual)
+
+    def _on_learn(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._watch = self._make_watch({})
+        response.success = True
+        response.message = f'what is usual is learned anew, for {self._value("learning"):g} s'
+        return response
+
+    def _look(self) -> None:
+        self._watch.faults(time.monotonic())
+        self._watch.look_after()
+
+    # what is said
+
+    def _publish_diagnostics(self) -> None:
+        feed = {key: str(count) for key, count in sorted(self._health.counts.items())}
+        self._say('feed', self._verdict_on_feed(), feed)
+        for name, channel in self._watch.channels().items():
+            values = {'times that a chart has rung': str(channel.rings)}
+            if channel.baseline is not None:
+                unit = 'N' if name == convention.CONTACT_FORCE else 'Pa'
+                values[f'usual residual, root mean square [{unit}]'] = f'{channel.usual:.4g}'
+                values[f'tolerance of the mean [{unit}]'] = f'{channel.baseline.mean.tolerance:.4g}'
+                values['largest sum over its threshold [-]'] = f'{channel.nearness:.3f}'
+            self._say(name, self._verdict_on(name), values)
+
+    def _say(self, part: str, verdict: tuple[bytes, str], values: Mapping[str, str]) -> None:
+        self._diagnostics_out.publish(diagnostics(self, part, *verdict, values))
+
+    def _verdict_on_feed(self) -> tuple[bytes, str]:
+        """Return level and words on the topics."""
+        faults = self._watch.faults(time.monotonic())
+        missing = self._watch.missing()
+        words = [fault.why for fault in faults]
+        words += [f'no {topic} yet' for topic in missing]
+        if self._health.fault is not None and convention.PISTON_STATE not in missing:
+            words.append(self._health.fault)
+        if not words:
+            return DiagnosticStatus.OK, f'following {convention.PISTON_STATE}'
+        passing = not missing and all(fault.kind == 'clock' for fault in faults)
+        return DiagnosticStatus.WARN if passing else DiagnosticStatus.ERROR, '; '.join(words)
+
+    def _verdict_on(self, name: str) -> tuple[bytes, str]:
+        """Return level and words on a cylinder or the contact force."""
+        watch = self._watch
+        channel = watch.channels()[name]
+        if channel.learned < 1.0:
+            return DiagnosticStatus.OK, f'learning what its model usually leaves: {100.0 * channel.learned:.0f} %'
+        alarm = watch.alarms.get(name)
+        if alarm is None:
+            return DiagnosticStatus.OK if channel.misfit is None else DiagnosticStatus.WARN, agreed(channel)
+        follows = name == convention.CONTACT_FORCE and len(watch.alarms) > 1
+        level = DiagnosticStatus.ERROR if watch.stands(alarm) else DiagnosticStatus.WARN
+        return level, f'{departed(watch.departure(name))}: {diagnosed(alarm, follows)}'
+
+    def destroy_node(self) -> None:
+        """End the process for diagnoses, whatever it is doing."""
+        self._worker.end()
+        super().destroy_node()
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run `monitor_node`."""
+    sys.exit(run('monitor_node', MonitorNode, args))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,107 @@
+"""A rig played beside a watch, without a graph: what is measured goes to the watch sample by sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from typing import NamedTuple
+
+import numpy as np
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS
+from cfd_pneumatic.identification import Identification
+from cfd_pneumatic.model import Cylinder, Device, ForceGeometry, OperatingPoints
+from cfd_pneumatic.monitoring import Finding, Watch
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.rig import Performance, RigParameters, RigRecord, Sensors, surface_following
+
+EPOCH = 1_700_000_000_000_000_000
+AREA = 1.14e-3
+_LATER = {'supply_variation', 'set_point_drift'}  # effects whose phase belongs to a recording's own time
+
+
+class Sample(NamedTuple):
+    """What the drivers of a device publish at one time."""
+
+    stamp: int
+    position: float
+    setpoints: tuple[float, float]
+    pressures: tuple[float, float]
+    force: float
+
+
+def samples(record: RigRecord) -> Iterator[Sample]:
+    """Yield the samples of a record."""
+    stamps = EPOCH + np.round(record.times * 1e9).astype(np.int64)
+    for stamp, position, setpoints, pressures, force in zip(
+        stamps.tolist(),
+        record.displacement.tolist(),
+        record.setpoints.tolist(),
+        record.pressures.tolist(),
+        record.force.tolist(),
+    ):
+        yield Sample(stamp, position, tuple(setpoints), tuple(pressures), force)
+
+
+def hear(watch: Watch, sample: Sample, now: float) -> list[tuple[str, int, float]]:
+    """Let the watch hear a sample; return the residuals."""
+    watch.piston(sample.stamp, sample.position, sample.setpoints, now)
+    for name, pressure in zip(CYLINDERS, sample.pressures):
+        watch.measured(name, sample.stamp, pressure, now)
+    watch.measured(CONTACT_FORCE, sample.stamp, sample.force, now)
+    return list(watch.residuals(now))
+
+
+def surfaces(rig: RigParameters, seed: int, duration: float = 60.0, sensors: Sensors = Sensors()) -> Performance:
+    """Return a rig that follows a random surface, over and over."""
+    schedule = surface_following(duration=duration, seed=seed).with_return()
+    return Performance(schedule, rig, sensors, seed)
+
+
+def take(performance: Performance, count: int) -> RigRecord:
+    """Return so many samples; a schedule begins again at its end."""
+    if not performance.remaining:
+        performance.rewind()
+    return performance.take(count)
+
+
+def recording_of(record: RigRecord, name: str = 'healthy') -> Recording:
+    """Return what a rig's sensors gave, as it is read from a bag."""
+    times = record.times
+    begins = np.concatenate([times[:1], times[:-1]])
+    cylinders = {}
+    for index, cylinder in enumerate(CYLINDERS):
+        changes = np.diff(record.setpoints[:, index], prepend=np.nan) != 0.0
+        setpoint = Signal(begins[changes], record.setpoints[changes, index])
+        cylinders[cylinder] = CylinderSignals(Signal(times, record.pressures[:, index]), setpoint)
+    displacement, force = Signal(times, record.displacement), Signal(times, record.force)
+    return Recording(name, EPOCH, displacement, cylinders, force, ())
+
+
+def identified_device(identification: Identification) -> Device:
+    """Return the model that an identification ends with, as `sim_node` has it from the parameter file."""
+    cylinders = []
+    for name in CYLINDERS:
+        result = identification.cylinders[name]
+        gains, effects = result.fit.gains, {}
+        if result.closure is not None:
+            gains = result.closure.extension.gains
+            effects = {key: own for key, own in result.closure.extension.effects.items() if key not in _LATER}
+        points = OperatingPoints(np.zeros(1), *(np.array([gain]) for gain in gains))
+        cylinders.append(Cylinder(points, AMBIENT_PRESSURE, effects))
+    area, force_effects = AREA, {}
+    if identification.force is not None:
+        fit = identification.force.fit
+        area, force_effects = fit.area, dict(fit.effects)
+    return Device(*cylinders, ForceGeometry(area, 1.0, AMBIENT_PRESSURE), force_effects, seal_play=2e-6)
+
+
+def at_once(diagnose: Callable[[Recording], Finding]) -> Callable[[Recording], Future[Finding]]:
+    """Return what closes the loop on a recording there and then."""
+
+    def ask(recording: Recording) -> Future[Finding]:
+        answer: Future[Finding] = Future()
+        answer.set_result(diagnose(recording))
+        return answer
+
+    return ask

@@ -1,0 +1,86 @@
+"""A rig that is as the paper's device, its identified model, and a watch that hears the one beside the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+from patrol import EPOCH, Sample, hear, identified_device, recording_of, samples, surfaces, take
+
+from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.model import Device
+from cfd_pneumatic.monitoring import Finding, Settings, Watch, diagnose
+from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.rig import RigParameters, record, surface_following, with_changes
+from cfd_pneumatic.rig.panel.specimen import draw_specimen
+
+RATE = 500
+SETTINGS = Settings(learning=20.0, window=15.0)
+LEARNED = 22.0  # by when everything has been learned [s]
+
+Spoil = Callable[[Sample], 'Sample | None']
+"""What becomes of a sample on its way; None where it is lost."""
+
+
+@cache
+def rig() -> RigParameters:
+    return draw_specimen(np.random.default_rng(7))[0].rig
+
+
+@cache
+def device() -> Device:
+    got = record(surface_following(duration=20.0, seed=1), rig(), seed=1)
+    return identified_device(identify([recording_of(got)]))
+
+
+def close_loop(recording: Recording) -> Finding:
+    return diagnose(recording, Options(close_loop=True))
+
+
+def nothing_found(recording: Recording) -> Finding:
+    return Finding({})
+
+
+@dataclass
+class Patrol:
+    """A watch on its way beside the rig."""
+
+    diagnosis: Callable[[Recording], Finding] = nothing_found
+    seed: int = 3
+    kinds: set[str] = field(default_factory=set)
+    faults: list[str] = field(default_factory=list)
+    asked: list[Recording] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.watch = Watch(device(), SETTINGS, self._ask)
+        self.performance = surfaces(rig(), self.seed)
+        self.now = 0.0
+        self.residuals: list[tuple[str, int, float]] = []
+
+    def _ask(self, recording: Recording) -> Future[Finding]:
+        self.asked.append(recording)
+        answer: Future[Finding] = Future()
+        answer.set_result(self.diagnosis(recording))
+        return answer
+
+    def go_on(self, seconds: float, spoil: Spoil = lambda sample: sample) -> Patrol:
+        """Hear so many seconds, look after the watch each tenth of one."""
+        for _ in range(round(seconds * 10)):
+            for sample in samples(take(self.performance, RATE // 10)):
+                self.now = (sample.stamp - EPOCH) * 1e-9
+                spoilt = spoil(sample)
+                if spoilt is not None:
+                    self.residuals += hear(self.watch, spoilt, self.now)
+            found = self.watch.faults(self.now)
+            self.kinds |= {fault.kind for fault in found}
+            self.faults += [fault.why for fault in found]
+            self.watch.look_after()
+        return self
+
+    def let(self, **effects: float) -> Patrol:
+        """Let something go wrong with cylinder A."""
+        self.performance.change(with_changes(rig(), {f'effects_a.{name}': value for name, value in effects.items()}))
+        return self

@@ -1,0 +1,70 @@
+"""What is usual, learned from residuals of which everything is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from cfd_pneumatic.monitoring.baseline import Baseline, learn
+
+NOISE, TIMING, SAMPLES, BLOCKS = 50.0, 2e-4, 100, 400
+
+
+def residuals(seed: int, memory: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return residuals with noise and, at a rate that comes and goes, jitter; each of shape (blocks, samples)."""
+    rng = np.random.default_rng(seed)
+    count = BLOCKS * SAMPLES
+    rates = 1e6 * np.sin(np.arange(count) / 300.0) ** 9
+    noise = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.standard_normal(count))
+    together = NOISE * noise + TIMING * rates * rng.standard_normal(count)
+    return together.reshape(BLOCKS, SAMPLES), rates.reshape(BLOCKS, SAMPLES)
+
+
+def learned(together: np.ndarray, rates: np.ndarray, tolerance: float | None = None) -> Baseline:
+    return learn(list(together), list(rates), tolerance)
+
+
+def test_noise_and_timing_are_told_apart() -> None:
+    weighing = learned(*residuals(1)).weighing
+    assert weighing.noise == pytest.approx(NOISE, rel=0.05)
+    assert weighing.timing == pytest.approx(TIMING, rel=0.1)
+    assert weighing.colour.size == 0
+
+
+def test_the_memory_of_noise_is_taken_out() -> None:
+    together, _ = residuals(2, memory=0.8)
+    baseline = learned(together, np.zeros_like(together))
+    weighing = baseline.weighing
+    innovations = weighing.innovations(together.ravel(), np.empty(0))
+    assert np.corrcoef(innovations[1:], innovations[:-1])[0, 1] == pytest.approx(0.0, abs=0.02)
+    assert baseline.mean.std == pytest.approx(NOISE * 3.0 / np.sqrt(SAMPLES), rel=0.2), 'long-run: root of 1.8 over 0.2'
+
+
+def test_pieces_have_the_innovations_of_the_whole() -> None:
+    together, _ = residuals(3, memory=0.8)
+    weighing = learned(together, np.zeros_like(together)).weighing
+    whole = weighing.innovations(together.ravel(), np.empty(0))
+    before, pieces = np.empty(0), []
+    for piece in np.split(together.ravel(), [3, 4, 150, 151, 2000]):
+        pieces.append(weighing.innovations(piece, before))
+        before = np.concatenate([before, piece])[-20:]
+    assert np.concatenate(pieces) == pytest.approx(whole)
+
+
+def test_means_and_energies_are_those_of_the_blocks() -> None:
+    together, rates = residuals(4)
+    baseline = learned(together, rates)
+    means, energies = baseline.weighing.features(together[:, :] + 1000.0)
+    assert np.mean(means) == pytest.approx(1000.0, rel=0.02)
+    assert baseline.energy.mean == pytest.approx(1.0, abs=0.02)
+    assert baseline.weighing.root_mean_square(baseline.energy.mean) == pytest.approx(NOISE, rel=0.1)
+    assert np.all(energies > 2.0)
+
+
+def test_noise_alone_makes_no_tolerance_and_wandering_makes_its_own() -> None:
+    together, rates = residuals(5)
+    assert learned(together, rates).mean.tolerance < 0.1 * NOISE / np.sqrt(SAMPLES)
+    wandering = together + 80.0 * np.sign(np.sin(np.arange(BLOCKS) / 40.0))[:, None]
+    assert learned(wandering, rates).mean.tolerance == pytest.approx(80.0, rel=0.2)
+    assert learned(wandering, rates, tolerance=5.0).mean.tolerance == 5.0

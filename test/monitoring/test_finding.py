@@ -1,0 +1,83 @@
+"""What is new in a finding, and how it is put."""
+
+from __future__ import annotations
+
+import pytest
+
+from cfd_pneumatic.identification import Estimate
+from cfd_pneumatic.monitoring import Alarm, Departure, Found, departed, diagnosed, news
+
+
+def estimate(name: str, value: float, std: float, unit: str = '1/s') -> Estimate:
+    return Estimate(name, unit, value, std, (value - 2 * std, value + 2 * std), None)
+
+
+def found(*estimates: Estimate, verdict: str = 'effect_added', **alternatives: tuple[str, ...]) -> Found:
+    effects = tuple(dict.fromkeys(one.name.partition('.')[0] for one in estimates if '.' in one.name))
+    return Found(verdict, '', effects, alternatives, {one.name: one for one in estimates})
+
+
+LEAK = estimate('leakage.conductance', 0.42, 0.01)
+K_SV = estimate('k_sv', 180.0, 1.0)
+
+
+def said(now: Found, before: Found | None = None) -> str:
+    return diagnosed(Alarm(0, True, (0, 0), news=news(now, before)))
+
+
+@pytest.mark.parametrize(
+    ('now', 'before', 'words'),
+    [
+        (found(LEAK), None, 'looks like leakage (conductance 0.420 ± 0.010 1/s)'),
+        (found(LEAK), found(LEAK), 'no effect that is known explains it'),
+        (
+            found(estimate('leakage.conductance', 0.84, 0.01)),
+            found(LEAK),
+            'looks like leakage (conductance 0.840 ± 0.010 1/s)',
+        ),
+        (
+            found(LEAK, droop=(), leakage=('droop', 'set_point_drift')),
+            found(verdict='no_missing_effect'),
+            'looks like leakage (conductance 0.420 ± 0.010 1/s) or droop or set-point drift (not to be told apart)',
+        ),
+        (
+            found(estimate('k_sv', 140.0, 1.0), verdict='no_missing_effect'),
+            found(K_SV),
+            'looks like a change of k_sv from 180 to 140 1/s',
+        ),
+        (found(estimate('k_sv', 182.0, 1.0)), found(K_SV), 'no effect that is known explains it'),
+        (
+            found(LEAK, verdict='unexplained'),
+            None,
+            'looks like leakage (conductance 0.420 ± 0.010 1/s), and like something that no known effect explains',
+        ),
+        (found(verdict='unexplained'), None, 'no effect that is known explains it'),
+    ],
+)
+def test_only_what_is_new_is_named(now: Found, before: Found | None, words: str) -> None:
+    assert said(now, before) == words
+
+
+@pytest.mark.parametrize(
+    ('departure', 'words'),
+    [
+        (
+            Departure('cylinder_a', 0, True, -700.0, -1200.0, 1200.0, 54.0),
+            'cylinder A loses 1.2 kPa more than its model at rest',
+        ),
+        (
+            Departure('cylinder_b', 0, True, 57.0, None, 80.0, 54.0),
+            'cylinder B holds 57 Pa more than its model on the average',
+        ),
+        (
+            Departure('contact_force', 0, True, -0.8, None, 0.9, 0.1),
+            'contact force is 0.80 N below its model on the average',
+        ),
+        (
+            Departure('cylinder_a', 0, False, 3.0, None, 350.0, 54.0),
+            'cylinder A parts from its model by 350 Pa RMS, where 54 Pa are usual',
+        ),
+    ],
+)
+def test_a_departure_is_said_in_words(departure: Departure, words: str) -> None:
+    assert departed(departure) == words

@@ -1,0 +1,242 @@
+"""`monitor_node` beside a device over real DDS: residuals, predictions, alarms with their cause, faults of the feed."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+from graph import MILLISECOND, PATIENCE, Graph, Process, refusals, ros_arguments, unique_namespace
+from patrol import recording_of
+from sensor_msgs.msg import FluidPressure, JointState
+
+from cfd_pneumatic.convention import (
+    AMBIENT_PRESSURE,
+    CONTACT_FORCE,
+    CYLINDERS,
+    MEASURED_FORCE,
+    PISTON_STATE,
+    PREDICTED,
+    pressure_topic,
+    residual_topic,
+    setpoint_topic,
+)
+from cfd_pneumatic.identification import identify
+from cfd_pneumatic.nodes.messages import nanoseconds, stamp_message
+from cfd_pneumatic.nodes.monitor_node import MonitorNode
+from cfd_pneumatic.reporting import parameter_file
+from cfd_pneumatic.rig import Sensors, record, surface_following
+from cfd_pneumatic.rig.panel.specimen import draw_specimen
+from cfd_pneumatic.units import PSI
+
+DEVICE = """
+import sys
+from functools import partial
+import numpy as np
+from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.nodes.rig_node import RigNode
+from cfd_pneumatic.rig.panel.specimen import draw_specimen
+sys.exit(run('rig_node', partial(RigNode, draw_specimen(np.random.default_rng(7))[0].rig)))
+"""
+"""A program: `rig_node` with a device that is as the paper's model."""
+
+MEASURED = (PISTON_STATE, *map(setpoint_topic, CYLINDERS), *map(pressure_topic, CYLINDERS), MEASURED_FORCE)
+SETTINGS = {'block': 0.05, 'learning': 6.0, 'diagnosis_window': 12.0}
+LONGEST_DIAGNOSIS = 240.0
+"""On a busy machine, to which a diagnosis leaves its turn [s]."""
+
+LEAK = 'effects_a.leak_conductance: 1.0e-10'
+
+
+@contextmanager
+def device(namespace: str) -> Iterator[subprocess.Popen]:
+    """Run the device, which follows a surface as soon as somebody listens."""
+    settings = {'schedule': 'surface_following', 'repeat': True, 'start_subscribers': 2, 'start_delay': 1.0}
+    program = [sys.executable, '-c', DEVICE, *ros_arguments(namespace, settings)]
+    process = subprocess.Popen(program, stderr=subprocess.DEVNULL)
+    try:
+        yield process
+        process.terminate()
+        assert process.wait(PATIENCE) == 0
+    finally:
+        process.kill()
+        process.wait()
+
+
+def beside(namespace: str, source: str, file: Path | None = None, **settings: object) -> list[str]:
+    """Return the command line of a monitor that hears what is published in another namespace."""
+    arguments = ros_arguments(namespace, SETTINGS | settings, {topic: f'{source}/{topic}' for topic in MEASURED})
+    return arguments if file is None else [*arguments, '--params-file', str(file)]
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for child in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
+
+
+def have_ended(pids: list[int]) -> bool:
+    def state(pid: int) -> str:
+        try:
+            return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0]
+        except FileNotFoundError:
+            return 'Z'
+
+    return all(state(pid) == 'Z' for pid in pids)
+
+
+@pytest.fixture(scope='module')
+def identified(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the parameter file of an identification of the device."""
+    rig = draw_specimen(np.random.default_rng(7))[0].rig
+    got = record(surface_following(duration=20.0, seed=1), rig, seed=1)
+    file = tmp_path_factory.mktemp('identified') / 'parameters.yaml'
+    file.write_text(parameter_file(identify([recording_of(got)])))
+    return file
+
+
+def test_a_leak_that_appears_is_named_while_no_sample_is_lost(graph: Graph, identified: Path) -> None:
+    real, own = unique_namespace(), unique_namespace()
+    monitor = f'{own}/monitor_node'
+    pistons = graph.listen(JointState, f'{real}/{PISTON_STATE}')
+    predicted = graph.listen(FluidPressure, f'{own}/{PREDICTED}{pressure_topic("cylinder_a")}')
+    residuals = {name: graph.listen(FluidPressure, f'{own}/{residual_topic(name)}') for name in CYLINDERS}
+    forces = graph.listen(WrenchStamped, f'{own}/{residual_topic(CONTACT_FORCE)}')
+
+    def status(part: str, words: str) -> DiagnosticStatus:
+        return graph.next_diagnostics(monitor, lambda one: one.name.endswith(part) and words in one.message)
+
+    def sooner_or_later(part: str, words: str) -> DiagnosticStatus:
+        limit = time.monotonic() + LONGEST_DIAGNOSIS
+        while words not in (found := status(part, '')).message:
+            assert time.monotonic() < limit, found.message
+        return found
+
+    with graph.run('monitor_node', beside(own, real, identified)) as process, device(real) as rig:
+        assert status('cylinder_a', 'learning what its model usually leaves').level == DiagnosticStatus.OK
+        assert status('cylinder_a', 'agrees with its model').level == DiagnosticStatus.OK
+        assert graph.set(f'{real}/rig_node', faults=LEAK).successful
+        alarm = status('cylinder_a', 'cylinder A loses ')
+        assert alarm.level == DiagnosticStatus.WARN
+        assert alarm.message.endswith('more than its model on the average: is being diagnosed')
+        named = sooner_or_later('cylinder_a', 'looks like leakage (conductance ')
+        assert named.level == DiagnosticStatus.ERROR
+        assert status('cylinder_b', '').message == 'agrees with its model'
+        rig.send_signal(signal.SIGSTOP)
+        silent = status('feed', 'piston_state has been silent for ')
+        assert silent.level == DiagnosticStatus.ERROR
+        rig.send_signal(signal.SIGCONT)
+        status('feed', 'following piston_state')
+        workers = children(process.pid)
+        assert workers
+    graph.until(lambda: have_ended(workers))
+    stamps = [nanoseconds(message.header.stamp) for message in pistons]
+    for heard in (predicted, *residuals.values(), forces):
+        answered = {nanoseconds(message.header.stamp) for message in heard}
+        first = stamps.index(min(answered))
+        assert [stamp for stamp in stamps[first : first + len(answered)] if stamp not in answered] == []
+        assert len(answered) > 5000
+    healthy = [message.fluid_pressure for message in residuals['cylinder_b'][1000:]]
+    assert np.std(healthy) == pytest.approx(Sensors().pressure_noise, rel=0.2)
+
+
+class Driver:
+    """A device's drivers, as fast as they may be: stamps decide, not the clock."""
+
+    def __init__(self, graph: Graph, namespace: str) -> None:
+        self.graph = graph
+        self.piston_out = graph.publisher(JointState, f'{namespace}/{PISTON_STATE}')
+        self.pressures_out = [
+            graph.publisher(FluidPressure, f'{namespace}/{pressure_topic(name)}') for name in CYLINDERS
+        ]
+        self.rng = np.random.default_rng(1)
+        self.stamp = 10**18
+
+    def meet(self) -> None:
+        outs = [self.piston_out, *self.pressures_out]
+        self.graph.until(lambda: all(out.get_subscription_count() for out in outs))
+
+    def publish(self, seconds: float, stuck: float | None = None) -> None:
+        for index in range(round(seconds * 500)):
+            self.stamp += 2 * MILLISECOND
+            header = JointState().header
+            header.stamp = stamp_message(self.stamp)
+            self.piston_out.publish(JointState(header=header, name=['piston'], position=[0.0]))
+            for side, out in enumerate(self.pressures_out):
+                pressure = AMBIENT_PRESSURE + 10 * PSI + 50.0 * self.rng.standard_normal()
+                pressure = stuck if stuck is not None and side == 0 else pressure
+                out.publish(FluidPressure(header=header, fluid_pressure=pressure))
+            if index % 50 == 0:
+                time.sleep(0.01)
+
+
+def test_faults_of_the_feed_are_named_and_the_watch_goes_on(graph: Graph) -> None:
+    source, own = unique_namespace(), unique_namespace()
+    driver = Driver(graph, source)
+    monitor = f'{own}/monitor_node'
+
+    def status(part: str, words: str, stuck: float | None = None) -> DiagnosticStatus:
+        return graph.next_diagnostics(
+            monitor,
+            lambda one: one.name.endswith(part) and words in one.message,
+            doing=lambda: driver.publish(0.1, stuck),
+        )
+
+    with graph.run('monitor_node', beside(own, source, timeout=2.0)):
+        driver.meet()
+        graph.next_diagnostics(monitor, lambda one: 'no cylinder_a/pressure yet' in one.message)
+        driver.publish(8.0)
+        status('cylinder_a', 'agrees with its model')
+        level = AMBIENT_PRESSURE + 10 * PSI
+        stuck = status('feed', f'cylinder_a/pressure is stuck at {level:.6g} Pa', stuck=level)
+        assert stuck.level == DiagnosticStatus.ERROR
+        status('feed', 'following piston_state')
+        driver.stamp += 3_600_000 * MILLISECOND
+        jumped = status('feed', 'the clock of piston_state jumped ahead by 3.6e+03 s')
+        assert jumped.level == DiagnosticStatus.WARN
+        driver.stamp -= 7_200_000 * MILLISECOND
+        status('feed', 'the clock of piston_state jumped back by 7.2e+03 s')
+        status('feed', 'following piston_state')
+        assert status('cylinder_a', '').message == 'agrees with its model'
+        assert graph.trigger(f'{monitor}/learn').success
+        assert 'learning' in status('cylinder_b', 'learning').message
+
+
+def test_the_process_for_diagnoses_ends_with_a_node_that_is_killed(graph: Graph) -> None:
+    process = Process('monitor_node', ros_arguments(unique_namespace()))
+    try:
+        graph.until(lambda: 'ready for piston_state' in process.stderr)
+        workers = children(process.pid)
+        assert workers
+    finally:
+        process.reap()
+    graph.until(lambda: have_ended(workers))
+
+
+def test_what_cannot_be_watched_by_is_refused_in_one_line() -> None:
+    (refusal,) = refusals('monitor_node', [ros_arguments(parameters={'false_alarm_interval': 1.0})])
+    assert 'false_alarm_interval' in refusal
+
+
+def test_every_parameter_is_described() -> None:
+    rclpy.init()
+    node = MonitorNode()
+    try:
+        own = [
+            name for name in node._parameters if not name.startswith(('qos_overrides', 'use_sim_time', 'start_type'))
+        ]
+        assert {'false_alarm_interval', 'learning', 'cylinder_a.k_x', 'cylinder_b.leakage.enabled'} <= set(own)
+        for descriptor in node.describe_parameters(own):
+            assert len(descriptor.description) > 15, descriptor.name
+            if descriptor.floating_point_range:
+                assert descriptor.description.endswith(']'), f'{descriptor.name} has no unit'
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
