@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.model.kernel import kernel, summed
+from cfd_pneumatic.identification.products import products
+from cfd_pneumatic.model.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -54,8 +55,8 @@ class Quadratic:
     @classmethod
     def of_rows(cls, rows: Array) -> Quadratic:
         """Return it for residuals with their derivatives below them, shape (1 + k, n)."""
-        products = _products(rows)
-        return cls(float(products[0, 0]), products[0, 1:], products[1:, 1:])
+        both = products(rows)
+        return cls(float(both[0, 0]), both[0, 1:], both[1:, 1:])
 
     @property
     def is_finite(self) -> bool:
@@ -120,19 +121,6 @@ def least_squares(
         if fell <= tolerance * here.total:
             break
     return point, here.total
-
-
-@summed
-def _products(rows: Array) -> Array:
-    """Return the products of rows with each other; a library would wake its threads for so few."""
-    products = np.empty((len(rows), len(rows)))
-    for one in range(len(rows)):
-        for other in range(one + 1):
-            total = 0.0
-            for sample in range(rows.shape[1]):
-                total += rows[one, sample] * rows[other, sample]
-            products[one, other] = products[other, one] = total
-    return products
 
 
 @kernel

@@ -23,6 +23,7 @@ from cfd_pneumatic.identification.colour import autocovariance, autoregression, 
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.influences import Influences
 from cfd_pneumatic.identification.noise import SLOWEST, Noise, precision
+from cfd_pneumatic.identification.products import products
 
 Array = NDArray[np.float64]
 
@@ -170,13 +171,13 @@ def _influences(experiment: Experiment, simulated: Array, weight: Array, mask: N
 
 def _inputs_test(innovations: Sequence[Array], influences: Sequence[Influences], colour: Array) -> Test:
     """Ask how much of what is new in each sample a regression on the inputs explains: the quick part."""
-    products, count = _products(innovations, influences, colour)
-    size = np.sqrt(np.diag(products))
+    common, count = _common(innovations, influences, colour)
+    size = np.sqrt(np.diag(common))
     told = np.flatnonzero(size[:-1])
-    alike, common = (products[told][:, rest] / np.outer(size[told], size[rest]) for rest in (told, [-1]))
+    alike, shared = (common[told][:, rest] / np.outer(size[told], size[rest]) for rest in (told, [-1]))
     powers, directions = np.linalg.eigh(alike)
     apart = powers > _APART**2 * powers[-1]
-    share = float(np.sum((directions[:, apart].T @ common[:, 0]) ** 2 / powers[apart]))
+    share = float(np.sum((directions[:, apart].T @ shared[:, 0]) ** 2 / powers[apart]))
     rank = int(np.count_nonzero(apart))
     significant = float(beta.isf(SIGNIFICANCE, rank / 2.0, max(count - rank, 1) / 2.0))
     threshold = max(significant, rank / count + _MATERIAL)
@@ -200,7 +201,7 @@ def _slow_inputs_test(residuals: Sequence[Array], influences: Sequence[Influence
     )
 
 
-def _products(innovations: Sequence[Array], influences: Sequence[Influences], colour: Array) -> tuple[Array, int]:
+def _common(innovations: Sequence[Array], influences: Sequence[Influences], colour: Array) -> tuple[Array, int]:
     """
     Return the products of the whitened inputs with each other and with what is new, and of how many samples they are.
 
@@ -209,16 +210,15 @@ def _products(innovations: Sequence[Array], influences: Sequence[Influences], co
     count = sum(one.size for one in innovations)
     every = max(1, count // _MOST_ASKED)
     width = min(one.width(count) for one in influences)
-    products, asked = np.zeros((width + 1, width + 1)), 0
+    common, asked = np.zeros((width + 1, width + 1)), 0
     for new, own in zip(innovations, influences):
         for begin in range(0, new.size, every * _STRETCH):
             end = min(begin + _STRETCH, new.size)
             before = min(begin, colour.size)
             columns = whitened(own.values(begin - before, end, width), colour)[:, before:]
-            both = np.vstack([columns, new[begin:end]])
-            products += both @ both.T
+            common += products(np.vstack([columns, new[begin:end]]))
             asked += end - begin
-    return products, asked
+    return common, asked
 
 
 def _slow_parts(residuals: Sequence[Array], influences: Sequence[Influences]) -> tuple[Array, Array]:

@@ -137,6 +137,22 @@ def test_never_asks_more_often_than_allowed_and_never_gets_worse(make, evaluatio
     assert any(np.array_equal(point, one) for one in problem.points)
 
 
+def test_the_search_ends_where_it_is_enough():
+    thorough, content = rosenbrock(), rosenbrock()
+    least_squares(thorough, np.array([-1.2, 1.0]), -FREE, FREE, 0.0, 100)
+    _, total = least_squares(content, np.array([-1.2, 1.0]), -FREE, FREE, 0.0, 100, enough=1.0)
+    assert total <= 1.0 < np.min(content.totals()[:-1])
+    np.testing.assert_array_equal(content.points, thorough.points[: len(content.points)])
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_residuals_with_derivatives_below_them_are_the_same_quadratic(seed):
+    rows = np.random.default_rng(seed).standard_normal((4, 50))
+    one, other = Quadratic.of_rows(rows), Quadratic.of(rows[0], rows[1:].T)
+    for name in ('total', 'gradient', 'normal'):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-12, atol=1e-12)
+
+
 def test_more_evaluations_are_never_worse():
     totals = [
         least_squares(rosenbrock(), np.array([-1.2, 1.0]), -FREE, FREE, 0.0, evaluations)[1]

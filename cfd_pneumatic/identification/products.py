@@ -1,0 +1,23 @@
+"""Products of many numbers by one thread: a library would wake others for them, which have work of their own."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.model.kernel import summed
+
+Array = NDArray[np.float64]
+
+
+@summed
+def products(rows: Array) -> Array:
+    """Return the products of rows, shape (k, n), with each other, shape (k, k)."""
+    found = np.empty((len(rows), len(rows)))
+    for one in range(len(rows)):
+        for other in range(one + 1):
+            total = 0.0
+            for sample in range(rows.shape[1]):
+                total += rows[one, sample] * rows[other, sample]
+            found[one, other] = found[other, one] = total
+    return found
