@@ -99,8 +99,12 @@ class Experiment:
         return self.times[self.samples]
 
     def until(self, part: str) -> Experiment:
-        """Return the experiment without the pressure samples that come after a part; the motion goes on a little."""
-        last = int(np.flatnonzero(self.part <= PARTS.index(part))[-1])
+        """
+        Return the experiment without the pressure samples that come after a part; the motion goes on a little.
+
+        A few samples are left where all come after it.
+        """
+        last = int(np.max(np.flatnonzero(self.part <= PARTS.index(part)), initial=_FEWEST_SAMPLES - 1))
         end = self.sample_times[last] + _BEYOND
         grid = int(np.searchsorted(self.times, end, side='right'))
         return replace(

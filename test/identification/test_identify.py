@@ -235,3 +235,21 @@ def test_pressures_apart_from_the_motion_are_said():
     apart = replace(signals, pressure=Signal(signals.pressure.times + 5.99, signals.pressure.values))
     with pytest.raises(InputError, match='cylinder_a/pressure lie between'):
         identify([replace(recording, cylinders={'cylinder_a': apart})])
+
+
+def test_a_recording_that_begins_with_its_only_stroke_may_be_the_test_part():
+    """It has no sample that counts as train, not even one at rest."""
+
+    def late(seed):
+        one = strokes(seed, duration=1.2)
+        cylinder = one.cylinders['cylinder_a']
+        pressure = Signal(cylinder.pressure.times + 0.02, cylinder.pressure.values)
+        return replace(one, cylinders={'cylinder_a': replace(cylinder, pressure=pressure)})
+
+    recordings = [late(seed).between(0.33 if seed > 1 else 0.0, 1.2) for seed in range(4)]
+    found = identify(recordings, Options(close_loop=True))
+    assert [split.whole for split in found.splits] == ['train', 'train', 'validation', 'test']
+    result = found.cylinders['cylinder_a']
+    assert not np.any(result.experiments[3].part < 2)
+    assert result.closure.effects == ('transport_delay',)
+    assert result.after['test'].rmse < 0.9 * result.before['test'].rmse
