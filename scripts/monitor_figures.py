@@ -32,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from documents import notes_in, table
 from patrol import EPOCH, identified_device, recording_of, surfaces, take
-from provenance import commit, machine
+from provenance import ROOT, commit, machine
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.files import write_text
@@ -452,10 +452,14 @@ def picture(results: dict) -> str:
             own = [row for row in results['delays'] if row['trouble'] == trouble.title]
             sizes = np.array([row['size'] for row in own]) / trouble.sizes[0]
             delays = np.array([row['seconds']['1 day'] for row in own])
-            right.loglog(sizes, delays, 'o', ms=3, label=f'{trouble.title}; 1 is {trouble.sizes[0]:g} {trouble.unit}')
+            own_label = f'{trouble.title}; 1 is {trouble.sizes[0]:g} {trouble.unit}'
+            (dots,) = right.loglog(sizes, delays, 'o', ms=3, label=own_label)
+            steps = np.unique(sizes)
+            medians = [np.median(delays[sizes == size]) for size in steps]
+            right.loglog(steps, medians, color=dots.get_color(), linewidth=1.0)
         right.set(xlabel='size over the smallest', ylabel='delay [s]')
         right.set_title('Delays at one false alarm a day')
-        right.legend(loc='lower left')
+        right.legend(loc='upper right')
         stream = io.StringIO()
         figure.savefig(stream, format='svg', metadata={'Date': None})
     return stream.getvalue()
@@ -503,7 +507,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description='Measure the watch: false alarms and delays.')
     parser.add_argument('parts', nargs='*', help=f'{", ".join(PARTS)}, document; none: all')
     parser.add_argument('--quick', action='store_true', help='a taste of each part, printed only')
-    parser.add_argument('--results', type=Path, default=Path('.monitor_figures'), help='folder of the parts')
+    parser.add_argument('--results', type=Path, default=ROOT / 'build' / 'monitor_figures', help='folder of the parts')
     arguments = parser.parse_args()
     arguments.results.mkdir(exist_ok=True)
     for name in arguments.parts or [*PARTS, 'document']:
