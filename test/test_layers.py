@@ -12,8 +12,9 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / 'cfd_pneumatic'
 
 BELOW = {
-    'nodes': {'commands', 'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
-    'commands': {'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
+    'nodes': {'commands', 'planning', 'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
+    'commands': {'planning', 'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
+    'planning': {'identification', 'recording', 'model'},
     'plant': {'reporting', 'identification', 'recording', 'model'},
     'reporting': {'identification', 'recording', 'model'},
     'identification': {'recording', 'model'},
