@@ -7,6 +7,7 @@ The notions are the identification's: an effect shows by what the model's own pa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.judgement import SHOWN, TIE
 from cfd_pneumatic.identification.uncertainty import Information
+from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.signatures import Signatures
 
 Array = NDArray[np.float64]
@@ -65,6 +67,12 @@ class Evidence:
         effects = np.array([form.effect for form in self.signatures.forms])
         return {effect: np.flatnonzero(effects == effect) for effect in dict.fromkeys(effects.tolist())}
 
+    @cached_property
+    def _asked_of(self) -> Mapping[str, Indices]:
+        """Forms of each effect but for those that are another one varied."""
+        varied = np.array([form.varied for form in self.signatures.forms])
+        return {effect: forms[~varied[forms]] for effect, forms in self._forms_of.items()}
+
     @property
     def effects(self) -> tuple[str, ...]:
         """Names of the effects that may be missing."""
@@ -75,7 +83,7 @@ class Evidence:
         """What each form of an effect, typically strong, leaves of itself, over what has to show, shape (forms,)."""
         strength = np.array([form.share for form in self.signatures.forms])
         left = np.sqrt(np.diag(self._beside_own) / max(self.samples, 1)) / strength
-        return {effect: left[forms] / SHOWN for effect, forms in self._forms_of.items()}
+        return {effect: left[forms] / SHOWN for effect, forms in self._asked_of.items()}
 
     @cached_property
     def remaining(self) -> Mapping[str, Mapping[str, Array]]:
@@ -88,14 +96,32 @@ class Evidence:
             order = np.concatenate([others, np.arange(len(products))])
             left = _left(products[np.ix_(order, order)], others.size)
             shares = np.minimum(np.sqrt(np.diag(left)) / own, 1.0)
-            for effect, forms in self._forms_of.items():
+            for effect, forms in self._asked_of.items():
                 if effect != other:
                     found[effect][other] = shares[forms]
         return found
 
-    def distinctness(self, remaining: Array) -> Array:
-        """Return what the criterion makes of shares that remain of effects that just show, over what decides it."""
-        return np.asarray(self.samples * np.log1p((SHOWN * remaining) ** 2) / TIE)
+    @cached_property
+    def distinctness(self) -> Mapping[str, Mapping[str, Array]]:
+        """
+        By how much the criterion would prefer each form of an effect that just shows to another effect, over what ties.
+
+        Above 1 it decides between them. A parameter more costs the other one what it costs there.
+        """
+        cost = math.log(max(self.samples, 1))
+        return {
+            effect: {
+                other: (self.samples * np.log1p((SHOWN * shares) ** 2) + cost * (_searched(other) - _searched(effect)))
+                / TIE
+                for other, shares in others.items()
+            }
+            for effect, others in self.remaining.items()
+        }
+
+
+def _searched(effect: str) -> int:
+    """Return how many parameters of an effect are searched."""
+    return sum(not parameter.choice for parameter in EFFECTS[effect].parameters)
 
 
 def _left(products: Array, basis: int) -> Array:

@@ -209,7 +209,8 @@ def _effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPredicti
     found = []
     forms_of: dict[str, list[Form]] = {}
     for form in evidence.signatures.forms:
-        forms_of.setdefault(form.effect, []).append(form)
+        if not form.varied:
+            forms_of.setdefault(form.effect, []).append(form)
     for name in evidence.effects:
         if name not in wanted:
             continue
@@ -217,18 +218,14 @@ def _effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPredicti
         least = int(np.argmin(visibility))
         remaining = {other: float(shares.min()) for other, shares in evidence.remaining[name].items()}
         nearest = min(remaining, key=lambda other: remaining[other], default=None)
+        alike = [other for other, own in evidence.distinctness[name].items() if float(own.min()) < 1.0]
         found.append(
             EffectPrediction(
                 evidence.signatures.channel,
                 name,
                 bool(visibility[least] > 1.0),
                 _smallest(forms_of[name][least], float(visibility[least])),
-                tuple(
-                    sorted(
-                        (other for other, share in remaining.items() if evidence.distinctness(np.array(share)) < 1.0),
-                        key=lambda other: remaining[other],
-                    )
-                ),
+                tuple(sorted(alike, key=lambda other: remaining[other])),
                 None if nearest is None else (nearest, remaining[nearest]),
             )
         )
@@ -238,11 +235,12 @@ def _effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPredicti
 
 
 def _smallest(form: Form, visibility: float) -> dict[str, float] | None:
-    """Return the strength at which a form just shows, by the names of its parameters."""
+    """Return the strength at which a form just shows, by the names of its parameters; all there is of a choice."""
     if visibility <= 0.0:
         return None
     effect = EFFECTS[form.effect]
-    parameters = effect.of_strength(form.typical, 1.0 / visibility)
+    chosen = effect.parameters[effect.strengths[0]].choice
+    parameters = form.typical if chosen else effect.of_strength(form.typical, 1.0 / visibility)
     return {
         effect.parameters[index].name: parameters[index]
         for index in effect.strengths

@@ -17,7 +17,7 @@ from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.extension import Extension, simulate_models, tangent
 from cfd_pneumatic.identification.force import ForceExperiment, fit_force, hold_several_levels, starting_force_data
-from cfd_pneumatic.identification.judgement import STRENGTH
+from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH
 from cfd_pneumatic.identification.motion import Motion
 from cfd_pneumatic.identification.split import Split, split_recordings, stroke_times
 from cfd_pneumatic.identification.starts import starting_data
@@ -38,7 +38,8 @@ Changes = Callable[[str, Sequence[tuple[float, ...]]], Array]
 """Returns by what an effect with each of some parameters changes what is measured, shape (n, changes)."""
 
 _ATTEMPTS = 8
-_NEARLY = 1.5  # times as large, or as small
+_NEARLY = 1.2  # times as large, or as small
+_VARIED = 2.0  # times
 
 OF_TIME = ('set_point_drift', 'supply_variation')
 """Effects of the time alone: how long a recording is tells them, whatever is done in it."""
@@ -56,13 +57,16 @@ class Form:
     typical
         Parameters at its typical strength: where the search for effects would start.
     share
-        Of the typical strength at which its signature is taken: the change is not large beside the noise.
+        Of the typical strength at which its signature is taken: where it just shows, or all of it.
+    varied
+        Whether it is another one with one parameter changed: nobody asks whether that shows, but a fit may end there.
 
     """
 
     effect: str
     typical: tuple[float, ...]
     share: float
+    varied: bool = False
 
 
 @dataclass(frozen=True)
@@ -187,7 +191,7 @@ def _of_pressure(
 
     missing = {effect: one for effect, one in PRESSURE_EFFECTS.items() if effect not in model.effects}
     names, values, own = _own_of_pressure(experiment, model, ambient_pressure)
-    forms, columns = _formed(missing, data, noise, changes)
+    forms, columns = _formed(missing, data, noise, own, changes)
     return Signatures(name, noise, names, values, forms, (), np.column_stack([own, *columns]))
 
 
@@ -267,8 +271,8 @@ def _of_force(
     missing = {name: one for name, one in FORCE_EFFECTS.items() if name not in device.force_effects}
     hidden = tuple(name for name in missing if untold.get(name, False))
     visible = {name: one for name, one in missing.items() if name not in hidden}
-    forms, columns = _formed(visible, data, sensing.force_noise, changes)
     own = fitted.jacobian
+    forms, columns = _formed(visible, data, sensing.force_noise, own, changes)
     area = ('area',) if hold_several_levels([experiment], everything) else ()
     names = (*area, *('',) * (own.shape[1] - len(area)))
     values = np.full(len(names), device.area_times_factor)
@@ -276,37 +280,57 @@ def _of_force(
 
 
 def _formed(
-    library: Mapping[str, Effect], data: Mapping[str, float], noise: float, changes: Changes
+    library: Mapping[str, Effect], data: Mapping[str, float], noise: float, own: Array, changes: Changes
 ) -> tuple[tuple[Form, ...], list[Array]]:
-    """Return the forms of effects and their signatures, each where it changes what is measured by a few noises."""
+    """Return the forms of effects and their signatures, each where it just shows beside what is fitted anyway."""
+    size = np.linalg.norm(own, axis=0)
+    basis = np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0]
+
+    def visibility(columns: Array) -> Array:
+        left = columns - basis @ (basis.T @ columns)
+        return np.asarray(np.sqrt(np.mean(left**2, axis=0)) / (SHOWN * noise))
 
     def of_effect(name: str) -> tuple[list[Form], Array]:
         effect = library[name]
         typical = [one for one in effect.starts(data) if effect.of_strength(one, 0.5) != one]  # without strength: none
-        shares, columns = _beside_noise(typical, effect, noise, lambda ones: changes(name, ones))
-        return [Form(name, one, share) for one, share in zip(typical, shares.tolist())], columns
+        shares, columns = _just_showing(typical, effect, lambda ones: changes(name, ones), visibility)
+        forms = [Form(name, one, share) for one, share in zip(typical, shares.tolist())]
+        varied = [replace(form, typical=other, varied=True) for form in forms for other in _varied(form, effect)]
+        if not varied:
+            return forms, columns
+        more = changes(name, [effect.of_strength(form.typical, form.share) for form in varied])
+        return [*forms, *varied], np.column_stack([columns, np.where(np.isfinite(more), more, 0.0)])
 
     found = each(of_effect, list(library))
     return tuple(form for forms, _ in found for form in forms), [columns for _, columns in found]
 
 
-def _beside_noise(
+def _varied(form: Form, effect: Effect) -> list[tuple[float, ...]]:
+    """Return a form's parameters with each of those changed that a fit searches and that is not its strength."""
+    others = []
+    for index, (parameter, value) in enumerate(zip(effect.parameters, form.typical)):
+        if not parameter.choice and value and index not in effect.strengths:
+            changed = _VARIED * value if parameter.lower <= _VARIED * value <= parameter.upper else value / _VARIED
+            others.append((*form.typical[:index], changed, *form.typical[index + 1 :]))
+    return others
+
+
+def _just_showing(
     typical: Sequence[tuple[float, ...]],
     effect: Effect,
-    noise: float,
     changes: Callable[[Sequence[tuple[float, ...]]], Array],
+    visibility: Callable[[Array], Array],
 ) -> tuple[Array, Array]:
     """
-    Return at which share of its strength each form makes a change that is a few noises large, and these changes.
+    Return at about which share of its strength each form just shows, and what it changes there.
 
-    A form that makes less at its typical strength is left at that. Most changes are in proportion to the strength, so
-    that the first guess will do; a limit that does not bind any more changes nothing at all.
+    A form that does not show at its typical strength is left at that. Most changes are in proportion to the strength,
+    so that the first guess will do; a limit that does not bind any more changes nothing at all.
     """
     shares, least, most = np.ones(len(typical)), np.zeros(len(typical)), np.ones(len(typical))
     for attempt in range(_ATTEMPTS):
         columns = changes([effect.of_strength(one, share) for one, share in zip(typical, shares.tolist())])
-        sizes = np.sqrt(np.mean(columns**2, axis=0)) / (STRENGTH * noise)
-        sizes[~np.isfinite(sizes)] = np.inf
+        sizes = np.nan_to_num(visibility(columns), nan=np.inf)
         large, small = sizes > _NEARLY, (sizes < 1.0 / _NEARLY) & (shares < 1.0)
         if attempt == _ATTEMPTS - 1 or not np.any(large | small):
             break
