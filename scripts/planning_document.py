@@ -291,9 +291,14 @@ def _summary(outcomes: Mapping[Job, Outcome | None]) -> str:
     first = sum(bool(one.effects) and one.effects[0] == job.effect for job, one in strong.items())
     held = sum(one.holds(job.effect) for job, one in strong.items())
     clean = sum(not one.effects for one in weak)
+    foretold = sum(
+        bool(one.effects) and one.effects[0] in case(job.seed).predicted(job.effect).alternatives
+        for job, one in strong.items()
+    )
     return (
         f'At twice the strength the effect is named first in {first} of {len(strong)} recordings, and named or listed '
-        f'as an alternative in {held}. At a tenth nothing is named in {clean} of {len(weak)}.'
+        f'as an alternative in {held}; in {foretold} another is named first that it was said not to be told from.'
+        f' At a tenth nothing is named in {clean} of {len(weak)}.'
     )
 
 
