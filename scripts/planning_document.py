@@ -118,7 +118,7 @@ class Case:
         guessed = np.array(gains) * (1.0 + OFF * rng.choice([-1.0, 1.0], len(gains)))
         level = LIMITS.pressures[0]
         cylinder = PlannedCylinder(OperatingPoints.constant(*guessed.tolist(), setpoint=level), level, {})
-        device = PlannedDevice({'cylinder_a': cylinder}, AMBIENT_PRESSURE, 1.14e-3, {}, ())
+        device = PlannedDevice({'cylinder_a': cylinder}, AMBIENT_PRESSURE, 1.14e-3, 1.0, {}, ())
         found = plan(device, LIMITS, Sensing())
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / 'schedule.csv'

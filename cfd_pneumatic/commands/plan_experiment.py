@@ -120,13 +120,18 @@ def _parser() -> argparse.ArgumentParser:
         metavar='FILE',
         help='report.json of identify_bag to take the noise of the pressures and the sample rate from',
     )
-    for name, metavar, text in (
-        ('pressure_noise', 'PA', "standard deviation of the pressures' noise [Pa]"),
-        ('displacement_noise', 'M', "standard deviation of the displacement's noise [m]"),
-        ('force_noise', 'N', "standard deviation of the force's noise [N]"),
-        ('sample_rate', 'HZ', 'samples in a second [Hz]'),
+    for name, metavar, text, otherwise in (
+        ('pressure_noise', 'PA', "standard deviation of the pressures' noise [Pa]", ", or the report's"),
+        (
+            'displacement_noise',
+            'M',
+            "standard deviation of the displacement's noise [m]",
+            ", or none beside the report's pressure noise, which holds it",
+        ),
+        ('force_noise', 'N', "standard deviation of the force's noise [N]", ''),
+        ('sample_rate', 'HZ', 'samples in a second [Hz]', ", or the report's"),
     ):
-        help_text = f'{text} (default: {getattr(sensing, name):g}, or by --report)'
+        help_text = f'{text} (default: {getattr(sensing, name):g}{otherwise})'
         sensors.add_argument(f'--{name.replace("_", "-")}', type=float, metavar=metavar, help=help_text)
     return parser
 

@@ -56,7 +56,7 @@ class Menu:
         return cls(tuple(segments), lengths, tuple(signatures), products)
 
 
-def compose(menu: Menu, samples: int, wanted: Collection[str]) -> tuple[Segment, ...]:
+def compose(menu: Menu, samples: int, rounds: int, wanted: Collection[str]) -> tuple[Segment, ...]:
     """
     Return segments for one round of some samples; none where not even one with a stroke fits.
 
@@ -66,6 +66,8 @@ def compose(menu: Menu, samples: int, wanted: Collection[str]) -> tuple[Segment,
         What to choose from.
     samples
         That a round may take.
+    rounds
+        How often it will be done.
     wanted
         Names of parameters and effects.
 
@@ -82,10 +84,11 @@ def compose(menu: Menu, samples: int, wanted: Collection[str]) -> tuple[Segment,
         ]
         if not fitting:
             return tuple(chosen)
-        lacks = {
-            index: lack(_evidence(menu, [one + own[index] for one, own in zip(total, menu.products)], samples), wanted)
-            for index in fitting
-        }
+        lacks = {}
+        for index in fitting:
+            products = [rounds * (one + own[index]) for one, own in zip(total, menu.products)]
+            evidence = [Evidence(one, own, rounds * samples) for one, own in zip(menu.signatures, products)]
+            lacks[index] = lack(evidence, wanted)
         if not chosen:  # nothing is known before the first one
             lacking = max(lacks.values())
         best = max(fitting, key=lambda index: (lacking - lacks[index]) / menu.lengths[index])
@@ -93,10 +96,6 @@ def compose(menu: Menu, samples: int, wanted: Collection[str]) -> tuple[Segment,
         total = [one + own[best] for one, own in zip(total, menu.products)]
         left -= menu.lengths[best]
         lacking = lacks[best]
-
-
-def _evidence(menu: Menu, products: Sequence[Array], samples: int) -> list[Evidence]:
-    return [Evidence(signatures, ROUNDS * own, ROUNDS * samples) for signatures, own in zip(menu.signatures, products)]
 
 
 def _moves(segment: Segment) -> bool:

@@ -63,8 +63,10 @@ class PlannedDevice:
         By their names.
     ambient_pressure
         What gauge pressures are counted from [Pa].
-    area_times_factor
-        Piston area times the linkage's factor [m^2].
+    area
+        Of the piston [m^2].
+    factor
+        Contact force over piston force, from the linkage [-].
     force_effects
         Effects on the force that are on.
     assumed
@@ -74,7 +76,8 @@ class PlannedDevice:
 
     cylinders: Mapping[str, PlannedCylinder]
     ambient_pressure: float
-    area_times_factor: float
+    area: float
+    factor: float
     force_effects: Effects
     assumed: tuple[str, ...]
 
@@ -126,7 +129,8 @@ def read_device(path: Path) -> PlannedDevice:
     return PlannedDevice(
         cylinders=cylinders,
         ambient_pressure=entries.number('ambient_pressure', AMBIENT_PRESSURE),
-        area_times_factor=entries.number('area', _AREA) * entries.number('geometric_factor', 1.0),
+        area=entries.number('area', _AREA),
+        factor=entries.number('geometric_factor', 1.0),
         force_effects=_effects(entries, CONTACT_FORCE, FORCE_EFFECTS),
         assumed=tuple(assumed),
     )

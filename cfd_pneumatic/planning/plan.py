@@ -137,7 +137,7 @@ def plan(device: PlannedDevice, limits: Limits, sensing: Sensing, wanted: Collec
     menu = Menu.of(offered, drawing, all_signatures(drawing.draw(offered), device, sensing))
     samples = int(limits.duration / sensing.period + 1e-9) - drawing.opening
     for rounds in (ROUNDS, 1):
-        segments = compose(menu, samples // rounds, wanted)
+        segments = compose(menu, samples // rounds, rounds, wanted)
         if segments:
             proposal = drawing.draw(segments * rounds)
             return Plan(proposal, segments, rounds, *predict(proposal, device, sensing, wanted))

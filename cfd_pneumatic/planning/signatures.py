@@ -227,7 +227,7 @@ def _of_force(
     levels = [one.setpoint for one in experiments.values()]
 
     def force(effects: Mapping[str, Sequence[float]]) -> Array:
-        model = ExtendedForce(device.area_times_factor, effects, device.ambient_pressure)
+        model = ExtendedForce(device.area * device.factor, effects, device.ambient_pressure)
         motion = proposal.times, proposal.displacement, proposal.velocity, proposal.acceleration
         return model.simulate(*motion, pressures[0], pressures[1])
 
@@ -249,8 +249,8 @@ def _of_force(
         [experiment],
         everything,
         device.ambient_pressure,
-        device.area_times_factor,
-        1.0,
+        device.area,
+        device.factor,
         device.force_effects,
         estimated=False,
     )
@@ -275,7 +275,7 @@ def _of_force(
     forms, columns = _formed(visible, data, sensing.force_noise, own, changes)
     area = ('area',) if hold_several_levels([experiment], everything) else ()
     names = (*area, *('',) * (own.shape[1] - len(area)))
-    values = np.full(len(names), device.area_times_factor)
+    values = np.full(len(names), device.area)
     return Signatures(FORCE, sensing.force_noise, names, values, forms, hidden, np.column_stack([own, *columns]))
 
 

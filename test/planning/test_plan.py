@@ -32,7 +32,7 @@ SENSING = Sensing()
 def device(effects=None, **gains):
     row = dict(zip(NAMES, TABLE_1.at(LEVEL).table[0, 1:])) | gains
     cylinder = PlannedCylinder(OperatingPoints.constant(**row, setpoint=LEVEL), LEVEL, effects or {})
-    return PlannedDevice({'cylinder_a': cylinder}, AMBIENT, 1.14e-3, {}, ())
+    return PlannedDevice({'cylinder_a': cylinder}, AMBIENT, 1.14e-3, 1.0, {}, ())
 
 
 def proposal_of(*names, limits=LIMITS, of=None):
