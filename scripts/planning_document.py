@@ -38,15 +38,15 @@ from cfd_pneumatic.planning.device import PlannedCylinder, PlannedDevice
 from cfd_pneumatic.planning.report import smallest_words
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Air, RigParameters, Schedule, record, written_schedule
-from cfd_pneumatic.rig.panel import Draw, Gains, draw
+from cfd_pneumatic.rig.panel import EFFECTS, Draw, Gains, draw
 from cfd_pneumatic.rig.panel.specimen import cylinder_with
 from cfd_pneumatic.units import PSI
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENT = ROOT / 'docs' / 'planning.md'
 
-SEEDS = range(500, 502)
-"""Devices that are reported; 0 and 1 were used in development."""
+SEEDS = range(510, 512)
+"""Devices that are reported; 0, 1, 500 and 501 were used in development."""
 
 LIMITS = Limits((6.0 * PSI, 12.0 * PSI), duration=20.0)
 OFF = 0.05
@@ -132,10 +132,13 @@ class Case:
     def strength(self, effect: str, times: float) -> float | None:
         """Return the panel's strength that is some times what just shows; None where the rig has none so large."""
         smallest = self.predicted(effect).smallest
-        if smallest is None:
-            return None
-        values = np.abs(list(smallest.values()))
-        value = float(values.mean()) if effect == 'supply_variation' else next(iter(smallest.values()))
+        if not smallest:
+            return None if smallest is None or times < 1.0 else EFFECTS[effect].weakest
+        value = next(iter(smallest.values()))
+        if effect == 'flow_saturation' and 'charge' not in smallest:
+            value *= self.gains.k_sv / self.gains.k_v
+        if effect == 'leakage' and 'orifice' in smallest:
+            value *= (AMBIENT_PRESSURE + 10.0 * PSI) / (10.0 * PSI)
         if effect == 'nonlinear_valve':
             value = math.exp(times * math.log(value))
         elif effect in LIMITING:
@@ -248,7 +251,7 @@ def document(seeds: Sequence[int], runs: int, minutes: Callable[[], float]) -> s
                         f'- Limits: {LIMITS.stroke * 1e3:g} mm, {LIMITS.speed:g} m/s, {LIMITS.acceleration:g} m/s^2, '
                         f'{LIMITS.pressures[0] / PSI:g} to {LIMITS.pressures[1] / PSI:g} psig, {LIMITS.duration:g} s '
                         f'at 500 Hz; each parameter in the file is {OFF:.0%} off',
-                        f'- Seeds {", ".join(map(str, seeds))}; 0 and 1 were used in development',
+                        f'- Seeds {", ".join(map(str, seeds))}; 0, 1, 500 and 501 were used in development',
                     ]
                 ),
                 '## Standard errors',

@@ -28,6 +28,7 @@ WANTED = (*NAMES, *EFFECTS)
 LARGEST_STD = 1.0 / 3.0
 """Standard error above which `identify_bag` calls a parameter not identifiable, as a share of its value."""
 
+_ANY = 1e3  # times what shows at the typical strength: then a thousandth of that does, too
 _SETTLED = 6.0  # time constants
 _SHORTEST_REST, _LONGEST_REST = 0.3, 1.0  # noise is told from rests of this length [s]
 
@@ -76,7 +77,8 @@ class EffectPrediction:
     shows
         Whether it would, in the form that shows least, at the strength at which a search for it begins.
     smallest
-        Strength at which that form just shows, by the names of the parameters [their units]; None where nothing shows.
+        Strength at which that form just shows, and what is chosen in it, by the names of the parameters [their units];
+        none where any strength shows, as of what does not vanish with it; None where nothing shows.
     alternatives
         Effects that it could not be told from while it just shows.
     nearest
@@ -235,14 +237,16 @@ def _effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPredicti
 
 
 def _smallest(form: Form, visibility: float) -> dict[str, float] | None:
-    """Return the strength at which a form just shows, by the names of its parameters; all there is of a choice."""
+    """Return the strength at which a form just shows, with its choices, by the names of its parameters."""
     if visibility <= 0.0:
         return None
+    if visibility > _ANY:
+        return {}
     effect = EFFECTS[form.effect]
     chosen = effect.parameters[effect.strengths[0]].choice
     parameters = form.typical if chosen else effect.of_strength(form.typical, 1.0 / visibility)
     return {
-        effect.parameters[index].name: parameters[index]
-        for index in effect.strengths
-        if parameters[index] != effect.parameters[index].null
+        parameter.name: value
+        for index, (parameter, value) in enumerate(zip(effect.parameters, parameters))
+        if value != parameter.null and (index in effect.strengths or parameter.choice)
     }

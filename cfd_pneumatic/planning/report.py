@@ -63,8 +63,8 @@ def _effect_table(channel: str, effects: Sequence[EffectPrediction]) -> Table:
 
 def smallest_words(one: EffectPrediction) -> str:
     """Return the strength at which an effect just shows."""
-    if one.smallest is None:
-        return ''
+    if not one.smallest:
+        return '' if one.smallest is None else 'any strength'
     units = {parameter.name: parameter.unit for parameter in EFFECTS[one.effect].parameters}
     return ', '.join(f'{name} {value:.2g} {units[name]}' for name, value in one.smallest.items())
 

@@ -206,6 +206,8 @@ class Effect:
         weaker = list(parameters)
         for index in self.strengths:
             parameter, value = self.parameters[index], parameters[index]
+            if value == parameter.null:
+                continue
             if parameter.null == parameter.upper:
                 weaker[index] = min(value / share, parameter.null)
             else:
