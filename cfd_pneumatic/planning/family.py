@@ -55,7 +55,7 @@ class Segment:
 
 
 _HOME = Turn(0.0, 0.0)
-_LEVELS = {'A and B': (1.0, 1.0), 'A': (1.0, 0.0), 'B': (0.0, 1.0)}
+_LEVELS = {'A': (1.0, 0.0), 'B': (0.0, 1.0), 'A and B': (1.0, 1.0)}
 _SPEEDS = {'fast': 1.0, 'medium': 0.25, 'slow': 0.05, 'creeping': 0.01}
 
 

@@ -155,7 +155,7 @@ def settling(device: PlannedDevice) -> float:
 
 
 def _offered(device: PlannedDevice, limits: Limits) -> list[Segment]:
-    """Return the segments of the family that this device and cell can tell apart."""
+    """Return the segments of the family that this device and cell can tell apart, the simpler of those they can't."""
     low, high = limits.pressures
     seen: dict[tuple[object, ...], Segment] = {}
     for segment in family():
