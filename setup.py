@@ -56,6 +56,7 @@ setup(
             'csv_to_bag = cfd_pneumatic.commands.csv_to_bag:main',
             'identifier_node = cfd_pneumatic.nodes.identifier_node:main',
             'identify_bag = cfd_pneumatic.commands.identify_bag:main',
+            'plan_experiment = cfd_pneumatic.commands.plan_experiment:main',
             'record_rig = cfd_pneumatic.commands.record_rig:main',
             'monitor_node = cfd_pneumatic.nodes.monitor_node:main',
             'recorder_node = cfd_pneumatic.nodes.recorder_node:main',

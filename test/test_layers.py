@@ -12,8 +12,19 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / 'cfd_pneumatic'
 
 BELOW = {
-    'nodes': {'commands', 'monitoring', 'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
-    'commands': {'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
+    'nodes': {
+        'commands',
+        'monitoring',
+        'planning',
+        'plant',
+        'reporting',
+        'identification',
+        'recording',
+        'model',
+        'rig',
+    },
+    'commands': {'planning', 'plant', 'reporting', 'identification', 'recording', 'model', 'rig'},
+    'planning': {'identification', 'recording', 'model'},
     'plant': {'reporting', 'identification', 'recording', 'model'},
     'monitoring': {'reporting', 'identification', 'recording', 'model'},
     'reporting': {'identification', 'recording', 'model'},

@@ -27,7 +27,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.split import FRACTIONS
 from cfd_pneumatic.recording import ChannelMapping, read_mapping, read_recording
-from cfd_pneumatic.reporting import make_folder, print_report, write_report
+from cfd_pneumatic.reporting import make_folder, next_plan, print_report, write_report
 
 PROGRESS_KEY = 'progress'
 """With `--progress lines` each line on standard output is JSON: {"progress": share, "what": text}."""
@@ -157,6 +157,9 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
     if arguments.progress != 'lines':
         print_report(identification, Console(width=None if sys.stdout.isatty() else 120))
         print(f'written: {", ".join(map(str, written))}')
+        command = next_plan(identification, arguments.output)
+        if command is not None:
+            print(f'To plan an experiment that tells more: {command}')
 
 
 def _identify_each(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:

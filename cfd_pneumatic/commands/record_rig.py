@@ -86,9 +86,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME,
         description='Play a schedule on the virtual rig and write what its sensors read as a ROS 2 bag.',
-        epilog='example: record_rig paper_step --setpoint 34.5e3 --output step_5psig',
+        epilog='examples: record_rig paper_step --setpoint 34.5e3 --output step_5psig; '
+        'record_rig planned/schedule.csv --output planned_bag',
     )
-    parser.add_argument('schedule', choices=tuple(SCHEDULES), metavar='SCHEDULE', help=', '.join(SCHEDULES))
+    parser.add_argument(
+        'schedule', metavar='SCHEDULE', help=f'{", ".join(SCHEDULES)}, or the schedule.csv of plan_experiment'
+    )
     parser.add_argument('--output', type=Path, required=True, metavar='BAG', help='folder of the bag to write')
     parser.add_argument('--setpoint', type=float, metavar='PA', help='set pressure of cylinder A, gauge [Pa]')
     parser.add_argument('--setpoint-b', type=float, metavar='PA', help='set pressure of cylinder B, gauge [Pa]')

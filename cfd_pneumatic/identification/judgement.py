@@ -29,6 +29,9 @@ STRENGTH = 5.0
 SHOWN = 0.57
 """What it has to leave of itself beside the model's parameters, in the same: what raises the error by 15 % [-]."""
 
+TIE = 10.0
+"""Rivals within so much of the criterion can't be told apart [-]."""
+
 _WHITE = np.empty(0)  # colour of white noise
 _OUTDONE = 'worth it, but another lowers the criterion more'
 _UNPROMISING = 'not fitted: as far as small changes tell, it takes no more than that'
@@ -38,7 +41,6 @@ _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by ea
 _LEAST_DROP_OF_MORE = 0.10  # where more than noise is left: little finds a name by chance
 _BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
 _COMPARABLE = 0.5  # of what an effect takes, with which a rival is named where more than noise is left
-_TIE = 10.0  # rivals within so much of the criterion can't be told apart
 _SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
 _MOST_EFFECTS = 3
 _MOST_EFFECTS_UNSEEN = 2  # where there is no validation part: a single step
@@ -305,7 +307,7 @@ class EffectSearch(ABC, Generic[Model]):
                 rest = self._rest(model, name)
                 rivals = self._beside(rest, [rival for rival in ranking.get(name, ()) if rival not in model.effects])
                 gains = {rival: own - self.criterion(one, colour) for rival, one in rivals.items()}
-                ties = [rival for rival in gains if gains[rival] > -_TIE]
+                ties = [rival for rival in gains if gains[rival] > -TIE]
                 if more_is_left:
                     ties += [rival for rival, one in rivals.items() if comparable(one.rss, model.rss, rest.rss)]
                 ties = sorted(set(ties), key=lambda rival: -gains[rival])

@@ -190,7 +190,14 @@ class RigNode(Node):
         declare('frame_id', 'cfd', text('frame of measured_force and of the pressures'))
         declare('sample_rate', 500.0, number('Hz', 1.0, 2000.0, 'samples in a second'))
         declare('seed', 0, _whole(0, 2**31 - 1, "picks the sensors' noise, and the surface that is followed"))
-        declare('schedule', '', text('what to play; empty: follow piston_command', f'empty or {", ".join(SCHEDULES)}'))
+        declare(
+            'schedule',
+            '',
+            text(
+                'what to play; empty: follow piston_command',
+                f'empty, {", ".join(SCHEDULES)}, or the schedule.csv of plan_experiment',
+            ),
+        )
         declare(
             'schedule_setpoint',
             0.0,

@@ -1,5 +1,6 @@
 """What an identification says: data for programs, a parameter file, a page and tables for people, a bag for plots."""
 
+from cfd_pneumatic.reporting.advice import next_plan
 from cfd_pneumatic.reporting.console import print_report
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.reporting.folder import (
@@ -20,6 +21,7 @@ __all__ = [
     'compare_files',
     'is_compare_file',
     'make_folder',
+    'next_plan',
     'parameter_file',
     'print_report',
     'report_data',

@@ -9,6 +9,7 @@ from typing import Any
 from cfd_pneumatic.identification import CylinderResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.residuals import Test
 from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.reporting.advice import next_plan
 from cfd_pneumatic.reporting.outcome import Outcome, outcomes
 
 SCHEMA = 1
@@ -48,6 +49,7 @@ def report_data(identification: Identification) -> dict[str, Any]:
     }
     if 'force' in found:
         data['force'] = _force_data(found['force'])
+    data['next_plan'] = next_plan(identification)
     return data
 
 

@@ -13,6 +13,7 @@ from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.reporting import figures, wording
+from cfd_pneumatic.reporting.advice import next_plan
 from cfd_pneumatic.reporting.outcome import Outcome, Round, rounds
 from cfd_pneumatic.reporting.template import rendered
 
@@ -53,6 +54,7 @@ def report_page(identification: Identification, outcomes: Sequence[Outcome]) -> 
         sections=sections,
         parts=PARTS,
         effects=EFFECTS,
+        next_plan=next_plan(identification),
     )
 
 

@@ -15,20 +15,13 @@ A device with something wrong with it has `Effects`; `cfd_pneumatic.rig.panel` d
 from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record
 from cfd_pneumatic.rig.device import Rig, Truth
 from cfd_pneumatic.rig.effects import Effects, Pickup
+from cfd_pneumatic.rig.naming import SCHEDULES, schedule_named
 from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
 from cfd_pneumatic.rig.piston import CommandedPiston
-from cfd_pneumatic.rig.schedule import (
-    SCHEDULES,
-    Schedule,
-    SetPoints,
-    lay_out,
-    out_and_back,
-    paper_step,
-    schedule_named,
-    surface_following,
-)
+from cfd_pneumatic.rig.schedule import Schedule, SetPoints, lay_out, out_and_back, paper_step, surface_following
 from cfd_pneumatic.rig.sensors import Sensors
 from cfd_pneumatic.rig.stroke import Stroke
+from cfd_pneumatic.rig.written import written_schedule
 
 __all__ = [
     'SCHEDULES',
@@ -56,4 +49,5 @@ __all__ = [
     'schedule_named',
     'surface_following',
     'with_changes',
+    'written_schedule',
 ]

@@ -1,12 +1,11 @@
 """
 What a test does to the rig: how the piston is moved, and what the regulators are set to.
 
-The paper's test, strokes out and back, and a tool that follows a surface, by name in `SCHEDULES`.
+The paper's test, strokes out and back, and a tool that follows a surface; `naming` knows them by name.
 """
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -281,29 +280,3 @@ def _random_surface(amplitude: float, bandwidth: float, duration: float, rng: np
         return limited, rate * (1.0 - (limited / highest) ** 2)
 
     return motion
-
-
-SCHEDULES: dict[str, Callable[..., Schedule]] = {
-    builder.__name__: builder for builder in (paper_step, out_and_back, surface_following)
-}
-"""The schedules by name."""
-
-
-def schedule_named(name: str, **options: float) -> Schedule:
-    """
-    Return a schedule by its name.
-
-    Raises
-    ------
-    InputError
-        If there is no such schedule, or it has no such option.
-
-    """
-    builder = SCHEDULES.get(name)
-    if builder is None:
-        raise InputError(f'schedule {name!r} is not known: use one of {", ".join(SCHEDULES)}')
-    known = inspect.signature(builder).parameters
-    for option in options:
-        if option not in known:
-            raise InputError(f'schedule {name!r} has no option {option!r}: it takes {", ".join(known)}')
-    return builder(**options)

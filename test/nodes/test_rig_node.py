@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,7 +36,10 @@ from cfd_pneumatic.convention import (
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.messages import nanoseconds
 from cfd_pneumatic.nodes.rig_node import RigNode
-from cfd_pneumatic.rig import paper_step, record
+from cfd_pneumatic.planning import Limits, Sensing
+from cfd_pneumatic.planning.family import family
+from cfd_pneumatic.planning.proposal import Drawing
+from cfd_pneumatic.rig import paper_step, record, written_schedule
 from cfd_pneumatic.units import PSI
 
 NAMESPACE = '/cfd/device'
@@ -152,6 +156,21 @@ def test_a_schedule_played_is_the_one_recorded(listener: Listener) -> None:
     assert speeds[1:] == pytest.approx(np.diff(expected.displacement) / 2e-3)
 
 
+def test_a_planned_schedule_is_played_from_its_file(listener: Listener, tmp_path: Path) -> None:
+    file = tmp_path / 'schedule.csv'
+    limits, sensing = Limits((3e4, 6e4)), Sensing()
+    segments = [one for one in family() if one.name in ('sweep', 'set-point step of 100%, A')]
+    file.write_text(Drawing(limits, sensing, (3e4, 4e4), 0.1).draw(segments).table())
+    expected = record(written_schedule(file), seed=3)
+    listener.listen(PISTON_STATE, *map(setpoint_applied_topic, CYLINDERS))
+    with rig(schedule=file, seed=3, start_subscribers=1, start_delay=0.3, exit_when_done=True) as process:
+        listener.until(lambda: process.poll() is not None)
+        listener.until(lambda: len(listener.heard[PISTON_STATE]) >= expected.times.size)
+        assert process.returncode == 0
+    assert np.array_equal(listener.positions(), expected.displacement)
+    assert np.ptp(listener.pressures(setpoint_applied_topic('cylinder_a'))) == pytest.approx(3e4)
+
+
 def test_a_schedule_announces_its_set_points_with_the_sample_before_they_act(listener: Listener) -> None:
     listener.listen(PISTON_STATE, setpoint_topic('cylinder_a'), setpoint_applied_topic('cylinder_a'))
     with rig(schedule='out_and_back', start_subscribers=1, start_delay=0.2) as process:
@@ -238,7 +257,8 @@ def test_what_cannot_be_played_ends_with_one_line() -> None:
         assert process.returncode == 2
     (line,) = errors.strip().splitlines()
     assert line == (
-        "rig_node: error: schedule 'paper' is not known: use one of paper_step, out_and_back, surface_following"
+        "rig_node: error: schedule 'paper' is not known: use one of paper_step, out_and_back, surface_following, "
+        'or a file *.csv'
     )
 
 

@@ -34,7 +34,7 @@ however many these are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -190,3 +190,30 @@ class Effect:
     def null(self) -> tuple[float, ...]:
         """Parameter values at which the model is the baseline."""
         return tuple(parameter.null for parameter in self.parameters)
+
+    @property
+    def strengths(self) -> tuple[int, ...]:
+        """Indices of the parameters that say how strong it is: the first, and those of its unit and null."""
+        first = self.parameters[0]
+        return tuple(
+            index
+            for index, parameter in enumerate(self.parameters)
+            if (parameter.unit, parameter.null) == (first.unit, first.null)
+        )
+
+    def of_strength(self, parameters: Sequence[float], share: float) -> tuple[float, ...]:
+        """
+        Return parameters with a share of their strength, the others as they are.
+
+        What counts from its null is that much nearer to it; a limit, whose null is its upper bound, is as much wider.
+        """
+        weaker = list(parameters)
+        for index in self.strengths:
+            parameter, value = self.parameters[index], parameters[index]
+            if value == parameter.null:
+                continue
+            if parameter.null == parameter.upper:
+                weaker[index] = min(value / share, parameter.null)
+            else:
+                weaker[index] = parameter.null + share * (value - parameter.null)
+        return tuple(weaker)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,7 +143,13 @@ def at_times(times: NDArray[np.float64], truth: Truth) -> NDArray[np.float64]:
     return np.column_stack([np.interp(times, truth.times, pressure) for pressure in truth.pressures.T])
 
 
-def draw(effect: str | tuple[str, ...] | None, schedule: str | Schedule, seed: int, noise: str = 'white') -> Draw:
+def draw(
+    effect: str | tuple[str, ...] | None,
+    schedule: str | Schedule,
+    seed: int,
+    noise: str = 'white',
+    given: Mapping[str, float] = MappingProxyType({}),
+) -> Draw:
     """
     Return a recording of a device with one effect, several or none.
 
@@ -155,6 +163,8 @@ def draw(effect: str | tuple[str, ...] | None, schedule: str | Schedule, seed: i
         Picks the device, a named schedule's set-points and amplitudes, the strengths, and the noise.
     noise
         A name from `NOISES`.
+    given
+        Strengths of effects that are not to be drawn.
 
     Raises
     ------
@@ -170,7 +180,7 @@ def draw(effect: str | tuple[str, ...] | None, schedule: str | Schedule, seed: i
     changes: dict[str, float] = {}
     for name in names:
         for_strength = np.random.default_rng([seed, *name.encode()])
-        strengths[name], more = install(name, Situation(healthy, gains, planned, for_strength))
+        strengths[name], more = install(name, Situation(healthy, gains, planned, for_strength), given.get(name))
         if changes.keys() & more.keys():
             raise InputError(f'effects {", ".join(names)}: two of them are the same thing')
         changes.update(more)

@@ -297,9 +297,9 @@ EFFECTS = {**LIBRARY, **ON_FORCE, **FOREIGN}
 """All of them by name."""
 
 
-def install(name: str, situation: Situation) -> tuple[float, Changes]:
+def install(name: str, situation: Situation, strength: float | None = None) -> tuple[float, Changes]:
     """
-    Draw an effect's strength and return it with the changes that make it.
+    Draw an effect's strength, if none is given, and return it with the changes that make it.
 
     Raises
     ------
@@ -310,7 +310,8 @@ def install(name: str, situation: Situation) -> tuple[float, Changes]:
     effect = EFFECTS.get(name)
     if effect is None:
         raise InputError(f'effect {name!r} is not known: use one of {", ".join(EFFECTS)}')
-    strength = situation.between(effect.weakest, effect.strongest)
+    drawn = situation.between(effect.weakest, effect.strongest)
+    strength = drawn if strength is None else strength
     return strength, effect.install(strength, situation)
 
 

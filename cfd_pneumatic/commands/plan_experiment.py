@@ -1,0 +1,140 @@
+"""`plan_experiment`: which experiment to do next, and what it will tell."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from cfd_pneumatic.commands import program
+from cfd_pneumatic.files import write_bytes
+from cfd_pneumatic.planning import WANTED, Limits, Sensing, plan, read_device, read_sensing
+from cfd_pneumatic.planning.report import picture, plan_text, print_plan
+from cfd_pneumatic.reporting import make_folder
+
+NAME = 'plan_experiment'
+SCHEDULE_FILE = 'schedule.csv'
+PLAN_FILE = 'plan.json'
+PICTURE_FILE = 'schedule.svg'
+
+_SENSING = ('pressure_noise', 'displacement_noise', 'force_noise', 'sample_rate')
+_LIMITS = ('stroke', 'speed', 'acceleration', 'duration')
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program and return its exit code."""
+    return program.run(NAME, propose, arguments)
+
+
+def propose(arguments: Sequence[str] | None = None) -> None:
+    """
+    Plan an experiment with the device that the arguments name, and write the schedule.
+
+    Raises
+    ------
+    InputError
+        If the parameter file can't be read, the limits leave nothing, or the folder can't be written.
+
+    """
+    options = _parser().parse_args(arguments)
+    device = read_device(options.parameters)
+    sensing = Sensing() if options.report is None else read_sensing(options.report, Sensing())
+    sensing = replace(sensing, **{name: value for name in _SENSING if (value := getattr(options, name)) is not None})
+    pressures = device.usual_pressures if options.pressures is None else tuple(options.pressures)
+    limits = Limits(pressures, **{name: getattr(options, name) for name in _LIMITS})
+    make_folder(options.output)
+    found = plan(device, limits, sensing, options.wanted)
+    files = {
+        options.output / PICTURE_FILE: picture(found),
+        options.output / PLAN_FILE: plan_text(found).encode(),
+        options.output / SCHEDULE_FILE: found.proposal.table().encode(),
+    }
+    for path, content in files.items():
+        write_bytes(path, content)
+    console = Console(width=None if sys.stdout.isatty() else 120)
+    for name in device.assumed:
+        console.print(f'{name} is not in {options.parameters}: planned with Table 1', style='yellow', highlight=False)
+    print_plan(found, console)
+    print(f'written: {", ".join(map(str, files))}')
+
+
+def _parser() -> argparse.ArgumentParser:
+    limits = Limits((0.0, 0.0))
+    sensing = Sensing()
+    parser = argparse.ArgumentParser(
+        prog=NAME,
+        description='Propose displacements and set-points that make parameters and effects identifiable, within the '
+        'limits of the cell, and predict the standard error of each parameter and which effects would show. Writes '
+        f'{SCHEDULE_FILE} (time [s], displacement [m], velocity [m/s], gauge set-points [Pa]) for a robot and for '
+        f'rig_node, {PLAN_FILE} and {PICTURE_FILE}.',
+        epilog='example: plan_experiment config/table_1.yaml --stroke 3e-3 --duration 30 --output planned; then '
+        'record_rig planned/schedule.csv --output planned_bag; identify_bag planned_bag --close-loop --output found',
+    )
+    parser.add_argument(
+        'parameters', type=Path, metavar='PARAMETERS', help='parameter file of sim_node, as identify_bag writes it'
+    )
+    parser.add_argument('--output', type=Path, required=True, metavar='DIR', help='folder for the plan')
+    parser.add_argument(
+        '--wanted',
+        nargs='+',
+        default=WANTED,
+        metavar='NAME',
+        help='parameters and effects to plan for (default: k_x, k_sv, k_v, tau and all effects)',
+    )
+    cell = parser.add_argument_group('limits of the cell')
+    cell.add_argument(
+        '--stroke',
+        type=float,
+        default=limits.stroke,
+        metavar='M',
+        help='the piston stays between 0 and this [m]; may be negative (default: %(default)s)',
+    )
+    cell.add_argument(
+        '--speed', type=float, default=limits.speed, metavar='M/S', help='largest speed [m/s] (default: %(default)s)'
+    )
+    cell.add_argument(
+        '--acceleration',
+        type=float,
+        default=limits.acceleration,
+        metavar='M/S2',
+        help='largest acceleration [m/s^2] (default: %(default)s)',
+    )
+    cell.add_argument(
+        '--pressures',
+        type=float,
+        nargs=2,
+        metavar=('LOW', 'HIGH'),
+        help='range of the set-points, gauge [Pa] (default: that in the parameter file; from a single one 5 psi up)',
+    )
+    cell.add_argument(
+        '--duration', type=float, default=limits.duration, metavar='S', help='longest [s] (default: %(default)s)'
+    )
+    sensors = parser.add_argument_group('sensors')
+    sensors.add_argument(
+        '--report',
+        type=Path,
+        metavar='FILE',
+        help='report.json of identify_bag to take the noise of the pressures and the sample rate from',
+    )
+    for name, metavar, text, otherwise in (
+        ('pressure_noise', 'PA', "standard deviation of the pressures' noise [Pa]", ", or the report's"),
+        (
+            'displacement_noise',
+            'M',
+            "standard deviation of the displacement's noise [m]",
+            ", or none beside the report's pressure noise, which holds it",
+        ),
+        ('force_noise', 'N', "standard deviation of the force's noise [N]", ''),
+        ('sample_rate', 'HZ', 'samples in a second [Hz]', ", or the report's"),
+    ):
+        help_text = f'{text} (default: {getattr(sensing, name):g}{otherwise})'
+        sensors.add_argument(f'--{name.replace("_", "-")}', type=float, metavar=metavar, help=help_text)
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

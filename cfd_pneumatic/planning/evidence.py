@@ -1,0 +1,143 @@
+"""
+What a recording tells, from the scalar products of its signatures.
+
+The notions are the identification's: an effect shows by what the model's own parameters can't make up for
+(`visibility`), and two effects are alike where the criterion would not decide between them (`judgement`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.identification.judgement import SHOWN, TIE
+from cfd_pneumatic.identification.uncertainty import Information
+from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.planning.signatures import Signatures
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_SINGULAR = 1e-10  # share of a combination's size, squared, below which it is another's
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """
+    What one channel of a recording tells.
+
+    Attributes
+    ----------
+    signatures
+        Whose products these are.
+    products
+        Scalar products of the signatures in units of the noise, shape (own + forms, own + forms).
+    samples
+        How many samples they are over.
+
+    """
+
+    signatures: Signatures
+    products: Array
+    samples: int
+
+    @cached_property
+    def stds(self) -> Array:
+        """Cramer-Rao bounds of what is fitted anyway, as shares of the values; infinite where nothing tells it."""
+        own = len(self.signatures.own)
+        normal = self.products[:own, :own]
+        told = np.diag(normal) > 0.0
+        variances = np.full(own, np.inf)
+        white = Information(normal, None, float(self.samples), self.samples)
+        variances[told] = np.diag(white.covariance(self.samples, np.flatnonzero(told)))
+        return np.asarray(np.sqrt(variances))
+
+    @cached_property
+    def _beside_own(self) -> Array:
+        """Products of what the forms leave beside what is fitted anyway, shape (forms, forms)."""
+        return _left(self.products, len(self.signatures.own))
+
+    @cached_property
+    def _forms_of(self) -> Mapping[str, Indices]:
+        effects = np.array([form.effect for form in self.signatures.forms])
+        return {effect: np.flatnonzero(effects == effect) for effect in dict.fromkeys(effects.tolist())}
+
+    @cached_property
+    def _asked_of(self) -> Mapping[str, Indices]:
+        """Forms of each effect but for those that are another one varied."""
+        varied = np.array([form.varied for form in self.signatures.forms])
+        return {effect: forms[~varied[forms]] for effect, forms in self._forms_of.items()}
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that may be missing."""
+        return tuple(self._forms_of)
+
+    @cached_property
+    def visibility(self) -> Mapping[str, Array]:
+        """What each form of an effect, typically strong, leaves of itself, over what has to show, shape (forms,)."""
+        strength = np.array([form.share for form in self.signatures.forms])
+        left = np.sqrt(np.diag(self._beside_own) / max(self.samples, 1)) / strength
+        return {effect: left[forms] / SHOWN for effect, forms in self._asked_of.items()}
+
+    @cached_property
+    def remaining(self) -> Mapping[str, Mapping[str, Array]]:
+        """Which share of what a form of an effect leaves also remains beside each other effect in all of its forms."""
+        products = self._beside_own
+        own = np.sqrt(np.diag(products))
+        own[own == 0.0] = np.inf
+        found: dict[str, dict[str, Array]] = {effect: {} for effect in self._forms_of}
+        for other, others in self._forms_of.items():
+            order = np.concatenate([others, np.arange(len(products))])
+            left = _left(products[np.ix_(order, order)], others.size)
+            shares = np.minimum(np.sqrt(np.diag(left)) / own, 1.0)
+            for effect, forms in self._asked_of.items():
+                if effect != other:
+                    found[effect][other] = shares[forms]
+        return found
+
+    @cached_property
+    def distinctness(self) -> Mapping[str, Mapping[str, Array]]:
+        """
+        By how much the criterion would prefer each form of an effect that just shows to another effect, over what ties.
+
+        Above 1 it decides between them. A parameter more costs the other one what it costs there.
+        """
+        cost = math.log(max(self.samples, 1))
+        return {
+            effect: {
+                other: (self.samples * np.log1p((SHOWN * shares) ** 2) + cost * (_searched(other) - _searched(effect)))
+                / TIE
+                for other, shares in others.items()
+            }
+            for effect, others in self.remaining.items()
+        }
+
+
+def _searched(effect: str) -> int:
+    """Return how many parameters of an effect are searched."""
+    return sum(not parameter.choice for parameter in EFFECTS[effect].parameters)
+
+
+def _left(products: Array, basis: int) -> Array:
+    """Return the products of what columns leave beside the first `basis` ones."""
+    size = np.sqrt(np.diag(products))
+    size[size == 0.0] = 1.0
+    scaled = products / np.outer(size, size)
+    values, vectors = np.linalg.eigh(scaled[:basis, :basis])
+    kept = values > _SINGULAR * max(float(values[-1]), 1e-300) if basis else np.empty(0, np.bool_)
+    coordinates = (vectors[:, kept] / np.sqrt(values[kept])).T @ scaled[:basis, basis:]
+    left = scaled[basis:, basis:] - coordinates.T @ coordinates
+    alone = np.diag(left) > _SINGULAR  # otherwise what is left is rounding
+    return np.asarray(np.where(np.outer(alone, alone), left, 0.0) * np.outer(size[basis:], size[basis:]))
+
+
+def of_samples(signatures: Sequence[Signatures], samples: NDArray[np.bool_]) -> list[Evidence]:
+    """Return what some samples of each channel tell."""
+    count = int(np.count_nonzero(samples))
+    return [Evidence(one, one.products(samples), count) for one in signatures]

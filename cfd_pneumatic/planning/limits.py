@@ -1,0 +1,102 @@
+"""What a cell allows, and what its sensors see."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from cfd_pneumatic.errors import InputError
+
+SHORTEST_STROKE = 1e-5
+"""Below this a piston does not move as far as its sensor is concerned [m]."""
+
+SLOWEST = 1e-4
+"""Speed limit below which nothing is to be learned [m/s]."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """
+    Limits of the cell, which a proposal keeps exactly.
+
+    Attributes
+    ----------
+    pressures
+        Lowest and highest set-point, gauge [Pa].
+    stroke
+        The piston stays between 0 and this displacement [m]; below zero it moves the other way.
+    speed, acceleration
+        Largest of the piston [m/s, m/s^2].
+    duration
+        Longest time from the first sample to the last [s].
+
+    Raises
+    ------
+    InputError
+        If one of them leaves nothing to plan with.
+
+    """
+
+    pressures: tuple[float, float]
+    stroke: float = 3e-3
+    speed: float = 0.2
+    acceleration: float = 10.0
+    duration: float = 60.0
+
+    def __post_init__(self) -> None:
+        """Refuse limits that nothing fits in."""
+        if not SHORTEST_STROKE <= abs(self.stroke) <= 1.0:
+            raise InputError(f'stroke {self.stroke:g} m: give {SHORTEST_STROKE:g} to 1 m, in either direction')
+        if not SLOWEST <= self.speed <= 100.0:
+            raise InputError(f'speed {self.speed:g} m/s: give {SLOWEST:g} to 100 m/s')
+        if not 1e-3 <= self.acceleration <= 1e5:
+            raise InputError(f'acceleration {self.acceleration:g} m/s^2: give 0.001 to 1e5 m/s^2')
+        low, high = self.pressures
+        if not (math.isfinite(low) and math.isfinite(high) and -1e5 <= low <= high <= 1e7):
+            raise InputError(f'pressures {low:g} to {high:g} Pa: give the lower first, from -1e5 to 1e7 Pa gauge')
+        if not 0.0 < self.duration <= 3600.0:
+            raise InputError(f'duration {self.duration:g} s: give up to 3600 s')
+
+
+@dataclass(frozen=True)
+class Sensing:
+    """
+    What the sensors see.
+
+    Attributes
+    ----------
+    pressure_noise
+        Standard deviation of the pressures' noise, their converter's rounding included [Pa].
+    displacement_noise
+        Standard deviation of the displacement's noise [m]; it reaches the simulated pressure times K_x.
+    force_noise
+        Standard deviation of the force's noise [N].
+    sample_rate
+        Samples in a second [Hz].
+
+    Raises
+    ------
+    InputError
+        If one of them is none that a sensor has.
+
+    """
+
+    pressure_noise: float = 54.0
+    displacement_noise: float = 5e-7
+    force_noise: float = 0.1
+    sample_rate: float = 500.0
+
+    def __post_init__(self) -> None:
+        """Refuse what no sensor has."""
+        for name, unit in (('pressure_noise', 'Pa'), ('force_noise', 'N')):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise InputError(f'{name.replace("_", " ")} {getattr(self, name):g} {unit}: give more than zero')
+        if not 0.0 <= self.displacement_noise < math.inf:
+            raise InputError(f'displacement noise {self.displacement_noise:g} m: give zero or more')
+        if not 20.0 <= self.sample_rate <= 5000.0:
+            raise InputError(f'sample rate {self.sample_rate:g} Hz: give 20 to 5000 Hz')
+
+    @property
+    def period(self) -> float:
+        """Time between samples [s]."""
+        return 1.0 / self.sample_rate

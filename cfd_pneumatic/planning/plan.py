@@ -1,0 +1,252 @@
+"""From a device and the limits of its cell to a schedule, and what it will tell."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.model import NAMES, SPECS
+from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.planning.composition import ROUNDS, Menu, compose
+from cfd_pneumatic.planning.device import PlannedDevice
+from cfd_pneumatic.planning.evidence import Evidence, of_samples
+from cfd_pneumatic.planning.family import Segment, Turn, family
+from cfd_pneumatic.planning.limits import Limits, Sensing
+from cfd_pneumatic.planning.proposal import Drawing, Proposal
+from cfd_pneumatic.planning.signatures import Form, all_signatures, split_of
+
+Array = NDArray[np.float64]
+
+WANTED = (*NAMES, *EFFECTS)
+"""What may be wanted: parameters and effects."""
+
+LARGEST_STD = 1.0 / 3.0
+"""Standard error above which `identify_bag` calls a parameter not identifiable, as a share of its value."""
+
+_ANY = 1e3  # times what shows at the typical strength: then a thousandth of that does, too
+_SETTLED = 6.0  # time constants
+_SHORTEST_REST, _LONGEST_REST = 0.3, 1.0  # noise is told from rests of this length [s]
+
+
+@dataclass(frozen=True)
+class ParameterPrediction:
+    """
+    How well a parameter will be told.
+
+    Attributes
+    ----------
+    channel
+        Cylinder, or `force`.
+    name, unit
+        Of the parameter; `EFFECT.PARAMETER` for an effect's.
+    value
+        In the parameter file [unit].
+    std
+        Cramer-Rao bound of its standard error [unit]; None where nothing tells it.
+
+    """
+
+    channel: str
+    name: str
+    unit: str
+    value: float
+    std: float | None
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether `identify_bag` will give it a value."""
+        return self.std is not None and self.std <= LARGEST_STD * abs(self.value)
+
+
+@dataclass(frozen=True)
+class EffectPrediction:
+    """
+    Whether an effect would show.
+
+    Attributes
+    ----------
+    channel
+        Cylinder, or `force`.
+    effect
+        Its name.
+    shows
+        Whether it would, in the form that shows least, at the strength at which a search for it begins.
+    smallest
+        Strength at which that form just shows, and what is chosen in it, by the names of the parameters [their units];
+        none where any strength shows, as of what does not vanish with it; None where nothing shows.
+    alternatives
+        Effects that it could not be told from while it just shows.
+    nearest
+        The other effect that is most like it, and the share of what it leaves that remains beside that one; None where
+        there is no other.
+
+    """
+
+    channel: str
+    effect: str
+    shows: bool
+    smallest: dict[str, float] | None
+    alternatives: tuple[str, ...]
+    nearest: tuple[str, float] | None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """
+    A schedule and what it will tell.
+
+    Attributes
+    ----------
+    proposal
+        The schedule.
+    segments
+        Of one round.
+    rounds
+        How often it is done.
+    parameters, effects
+        Predictions of what was wanted.
+
+    """
+
+    proposal: Proposal
+    segments: tuple[Segment, ...]
+    rounds: int
+    parameters: tuple[ParameterPrediction, ...]
+    effects: tuple[EffectPrediction, ...]
+
+
+def plan(device: PlannedDevice, limits: Limits, sensing: Sensing, wanted: Collection[str] = WANTED) -> Plan:
+    """
+    Return the schedule that tells most of what is wanted within the limits of a cell.
+
+    Raises
+    ------
+    InputError
+        If something is wanted that there is not, or nothing fits within the limits.
+
+    """
+    for name in wanted:
+        if name not in WANTED:
+            raise InputError(f'{name} is neither a parameter nor an effect: wanted may be {", ".join(WANTED)}')
+    device = device.within(limits.pressures)
+    drawing = Drawing(limits, sensing, device.homes, settling(device))
+    offered = _offered(device, limits)
+    menu = Menu.of(offered, drawing, all_signatures(drawing.draw(offered), device, sensing))
+    samples = int(limits.duration / sensing.period + 1e-9) - drawing.opening
+    for rounds in (ROUNDS, 1):
+        segments = compose(menu, samples // rounds, rounds, wanted)
+        if segments:
+            proposal = drawing.draw(segments * rounds)
+            return Plan(proposal, segments, rounds, *predict(proposal, device, sensing, wanted))
+    shortest = (drawing.opening + min(menu.lengths)) * sensing.period
+    raise InputError(f'duration {limits.duration:g} s: no stroke with its rests fits; give {shortest:.1f} s or more')
+
+
+def settling(device: PlannedDevice) -> float:
+    """Return how long to rest until the pressures have settled [s]."""
+    gains = np.array([one.gains for one in device.cylinders.values()])
+    slowest = max(float(np.max(1.0 / gains[:, 1:3])), float(np.max(gains[:, 3])))
+    return min(max(_SETTLED * slowest, _SHORTEST_REST), _LONGEST_REST)
+
+
+def _offered(device: PlannedDevice, limits: Limits) -> list[Segment]:
+    """Return the segments of the family that this device and cell can tell apart, the simpler of those they can't."""
+    low, high = limits.pressures
+    seen: dict[tuple[object, ...], Segment] = {}
+    for segment in family():
+        if segment.turns and low == high:
+            continue
+        shares = [
+            tuple(getattr(step, name) for name in device.cylinders) if isinstance(step, Turn) else step
+            for step in segment.steps
+        ]
+        turned = [share for share, step in zip(shares, segment.steps) if isinstance(step, Turn)]
+        if turned and not any(any(share) for share in turned):
+            continue  # only the cylinder that is not there would be set
+        seen.setdefault(tuple(shares), segment)
+    return list(seen.values())
+
+
+def predict(
+    proposal: Proposal, device: PlannedDevice, sensing: Sensing, wanted: Collection[str]
+) -> tuple[tuple[ParameterPrediction, ...], tuple[EffectPrediction, ...]]:
+    """
+    Return what a recording of a proposal will tell.
+
+    Parameters as `identify_bag` fits them, to train and validation; effects as it searches for them, in train.
+    """
+    signatures = all_signatures(proposal, device, sensing)
+    part = split_of(proposal, sensing).part_of(proposal.times)
+    fitted = of_samples(signatures, part < PARTS.index('test'))
+    searched = of_samples(signatures, part == PARTS.index('train'))
+    parameters = [one for evidence in fitted for one in _parameters(evidence, wanted)]
+    effects = [one for evidence in searched for one in _effects(evidence, wanted)]
+    return tuple(parameters), tuple(effects)
+
+
+def _parameters(evidence: Evidence, wanted: Collection[str]) -> list[ParameterPrediction]:
+    units = {spec.name: spec.unit for spec in SPECS} | {'area': 'm^2'}
+    units |= {
+        f'{name}.{parameter.name}': parameter.unit for name, one in EFFECTS.items() for parameter in one.parameters
+    }
+    return [
+        ParameterPrediction(
+            evidence.signatures.channel,
+            name,
+            units[name],
+            value,
+            float(std * abs(value)) if np.isfinite(std) else None,
+        )
+        for name, value, std in zip(evidence.signatures.own, evidence.signatures.values.tolist(), evidence.stds)
+        if name in wanted or (name and name not in NAMES)
+    ]
+
+
+def _effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPrediction]:
+    found = []
+    forms_of: dict[str, list[Form]] = {}
+    for form in evidence.signatures.forms:
+        if not form.varied:
+            forms_of.setdefault(form.effect, []).append(form)
+    for name in evidence.effects:
+        if name not in wanted:
+            continue
+        visibility = evidence.visibility[name]
+        least = int(np.argmin(visibility))
+        remaining = {other: float(shares.min()) for other, shares in evidence.remaining[name].items()}
+        nearest = min(remaining, key=lambda other: remaining[other], default=None)
+        alike = [other for other, own in evidence.distinctness[name].items() if float(own.min()) < 1.0]
+        found.append(
+            EffectPrediction(
+                evidence.signatures.channel,
+                name,
+                bool(visibility[least] > 1.0),
+                _smallest(forms_of[name][least], float(visibility[least])),
+                tuple(sorted(alike, key=lambda other: remaining[other])),
+                None if nearest is None else (nearest, remaining[nearest]),
+            )
+        )
+    channel = evidence.signatures.channel
+    untold = [name for name in evidence.signatures.untold if name in wanted]
+    return found + [EffectPrediction(channel, name, False, None, (), None) for name in untold]
+
+
+def _smallest(form: Form, visibility: float) -> dict[str, float] | None:
+    """Return the strength at which a form just shows, with its choices, by the names of its parameters."""
+    if visibility <= 0.0:
+        return None
+    if visibility > _ANY:
+        return {}
+    effect = EFFECTS[form.effect]
+    chosen = effect.parameters[effect.strengths[0]].choice
+    parameters = form.typical if chosen else effect.of_strength(form.typical, 1.0 / visibility)
+    return {
+        parameter.name: value
+        for index, (parameter, value) in enumerate(zip(effect.parameters, parameters))
+        if value != parameter.null and (index in effect.strengths or parameter.choice)
+    }

@@ -1,0 +1,36 @@
+"""What to do next where something was not identifiable or could not have shown: plan an experiment for it."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from cfd_pneumatic.identification import Identification
+from cfd_pneumatic.model import NAMES
+from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.reporting.outcome import outcomes
+
+_NEXT = 'next'  # folder of the plan, beside the results
+
+
+def next_plan(identification: Identification, folder: Path = Path()) -> str | None:
+    """
+    Return the command that plans an experiment for what these recordings did not tell; None where they told all.
+
+    `folder` is where the results are, as seen from where the command is to be run.
+    """
+    untold = {
+        estimate.name
+        for result in identification.cylinders.values()
+        for point in result.schedule
+        for estimate in point.fit.estimates
+        if not estimate.identifiable
+    }
+    hidden = {name for outcome in outcomes(identification) for name in outcome.findings.not_visible}
+    wanted = [name for name in (*NAMES, *EFFECTS) if name in untold | hidden]
+    if not wanted:
+        return None
+    parameters, report, output = (folder / name for name in ('parameters.yaml', 'report.json', _NEXT))
+    return shlex.join(
+        ['plan_experiment', str(parameters), '--report', str(report), '--output', str(output), '--wanted', *wanted]
+    )
