@@ -73,7 +73,7 @@ class Information:
         size[size == 0.0] = 1.0  # metres and hertz side by side would pass for a matrix without full rank
         units = np.outer(size, size)
         values, vectors = np.linalg.eigh(normal / units)
-        told = values > _LEAST_TOLD * values[-1]
+        told = values > _LEAST_TOLD * np.max(values, initial=0.0)
         inverse = (vectors[:, told] / values[told]) @ vectors[:, told].T / units
         if self.scores is None:
             return np.asarray(inverse * self.power / degrees)
