@@ -20,6 +20,8 @@ from cfd_pneumatic.recording.spool import PART, Growing, extent, give_back, part
 Array = NDArray[np.float64]
 
 _BEYOND = 0.5  # longest time by which a pressure may be read early [s]
+_LARGEST_PRESSURE = 1e9  # [Pa]
+_LARGEST_DISPLACEMENT = 1e3  # [m]
 _BLOCK = 4096  # samples: what is simulated of them stays in a processor's cache
 _STRETCH = 65_536  # samples
 _STRETCHES = 16  # that tell what the noise of a long recording is like
@@ -199,7 +201,7 @@ def observed_motion(recording: Recording) -> tuple[Motion, Array]:
     Raises
     ------
     InputError
-        If the recording is too short or nothing moves in it.
+        If the recording is too short, nothing moves in it, or its numbers are no displacements.
 
     """
     signal = recording.displacement
@@ -208,9 +210,10 @@ def observed_motion(recording: Recording) -> tuple[Motion, Array]:
             f'{recording.name}: {signal.times.size} displacement samples are too few to identify anything: '
             f'record at least {_FEWEST_SAMPLES}'
         )
+    low, high = extent(signal.values)
+    _check_that_plausible(f'{recording.name}: the displacement', low, high, _LARGEST_DISPLACEMENT, 'm')
     motion = smooth_motion(signal.times, signal.values)
     strokes = stroke_times(motion.times, motion.displacement, motion.noise)
-    low, high = extent(signal.values)
     if strokes.size == 0 or high - low <= MOTION * motion.noise:
         raise InputError(
             f'{recording.name}: the piston does not move (range {(high - low) * 1e3:.3g} mm, '
@@ -226,7 +229,7 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
     Raises
     ------
     InputError
-        If pressure and displacement hardly overlap in time, or the pressure never changes.
+        If pressure and displacement hardly overlap in time, the pressure never changes, or its numbers are none.
 
     """
     signals = recording.cylinders[cylinder]
@@ -239,6 +242,7 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
     low, high = extent(pressure.values)
     if low == high:
         raise InputError(f'{recording.name}: {cylinder}/pressure never changes ({low:g} Pa): is its sensor connected?')
+    _check_that_plausible(f'{recording.name}: {cylinder}/pressure', low, high, _LARGEST_PRESSURE, 'Pa')
     setpoint = signals.setpoint
     if setpoint is not None:
         setpoint = Signal(motion.on_clock(setpoint.times), setpoint.values)
@@ -276,6 +280,14 @@ def make_experiment(recording: Recording, cylinder: str, motion: Motion, split: 
         starts_at_rest=_rests_at_start(motion),
         motion=motion,
     )
+
+
+def _check_that_plausible(name: str, low: float, high: float, most: float, unit: str) -> None:
+    if max(-low, high) > most:
+        raise InputError(
+            f'{name} goes from {low:.3g} to {high:.3g} {unit}, which no device does: is it what the topic or column '
+            'holds, and in the unit that the mapping says?'
+        )
 
 
 def on_clock(stamps: Array, motion: Motion) -> Array:

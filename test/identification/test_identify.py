@@ -253,3 +253,16 @@ def test_a_recording_that_begins_with_its_only_stroke_may_be_the_test_part():
     assert not np.any(result.experiments[3].part < 2)
     assert result.closure.effects == ('transport_delay',)
     assert result.after['test'].rmse < 0.9 * result.before['test'].rmse
+
+
+@pytest.mark.parametrize('what', ['displacement', 'pressure'])
+def test_numbers_that_no_device_makes_are_told(what):
+    one = strokes(0)
+    cylinder = one.cylinders['cylinder_a']
+    if what == 'pressure':
+        huge = replace(cylinder, pressure=Signal(cylinder.pressure.times, 1e150 * cylinder.pressure.values))
+        one = replace(one, cylinders={'cylinder_a': huge})
+    else:
+        one = replace(one, displacement=Signal(one.displacement.times, 1e7 * one.displacement.values))
+    with pytest.raises(InputError, match=rf'{what} goes from .* which no device does: is it what the topic'):
+        identify([one])
