@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.compiling import compiler
-from cfd_pneumatic.recording.spool import Growing, extent, give_back, parts
+from cfd_pneumatic.recording.spool import Growing, extent, parts, taken
 
 Array = NDArray[np.float64]
 
@@ -105,9 +105,7 @@ def stroke_times(times: Array, displacement: Array, noise: float) -> Array:
     """
     low, high = extent(displacement)
     threshold = max(MOTION * noise, 0.02 * (high - low))
-    strokes = times[turning_points(displacement, threshold)]
-    give_back(times)
-    return strokes
+    return taken(times, turning_points(displacement, threshold))
 
 
 def _cut(strokes: Array, fractions: tuple[float, float, float]) -> Split:

@@ -155,3 +155,12 @@ def thinned(values: NDArray[Any]) -> NDArray[Any]:
     if every <= 1:
         return values
     return np.concatenate([values[part][::every].copy() for part in parts(values)])
+
+
+def taken(values: NDArray[Any], places: NDArray[np.intp]) -> NDArray[Any]:
+    """Return the entries at increasing places, in memory."""
+    found = np.empty(len(places), values.dtype)
+    for part in parts(values):
+        here = slice(*np.searchsorted(places, [part.start, part.stop]))
+        found[here] = values[places[here]]
+    return found

@@ -17,7 +17,7 @@ from recording_cases import EPOCH, SECOND, assert_same, piston, plain_messages, 
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import read_recording, spool
-from cfd_pneumatic.recording.spool import Growing, allocate, dot, extent, overlapping, parts, thinned
+from cfd_pneumatic.recording.spool import Growing, allocate, dot, extent, overlapping, parts, taken, thinned
 
 MILLISECOND = SECOND // 1000
 APPLIED = '/cfd/device/cylinder_a/setpoint_applied'
@@ -96,6 +96,7 @@ def test_what_grows_in_pieces_is_gone_over_in_parts(pieces, part, most):
         assert extent(array, counts) == (np.min(whole[counts], initial=np.inf), np.max(whole[counts], initial=-np.inf))
         assert dot(array, array) == pytest.approx(whole @ whole)
         fewer = thinned(array)
+        np.testing.assert_array_equal(taken(array, np.flatnonzero(counts)), whole[counts])
     assert len(growing) == whole.size
     assert np.isin(fewer, whole).all()
     assert min(whole.size, 3) <= fewer.size <= whole.size
