@@ -35,6 +35,9 @@ AMBIENT_PRESSURE = 101_325.0
 SUPPLY_PRESSURE = 517_106.8
 """Default supply pressure, gauge: 75 psi, as the paper has it [Pa]. A set-point above it is refused."""
 
+PISTON_AREA = 1.14e-3
+"""Default area of either piston [m^2]."""
+
 SCHEDULE_COLUMNS = ('time_s', 'displacement_m', 'velocity_m_per_s', 'cylinder_a_setpoint_pa', 'cylinder_b_setpoint_pa')
 """Head of a schedule in a file: set-points are gauge and hold from their time on."""
 

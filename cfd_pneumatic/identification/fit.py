@@ -19,7 +19,7 @@ from scipy.special import stdtrit
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
-from cfd_pneumatic.identification.uncertainty import Information, information
+from cfd_pneumatic.identification.uncertainty import LARGEST_RELATIVE_STD, Information, information
 from cfd_pneumatic.model import NAMES, SPECS, Course
 from cfd_pneumatic.model.kernel import fused
 from cfd_pneumatic.model.propagation import SENSITIVITIES
@@ -36,7 +36,6 @@ _STARTING_K = (3.0, 30.0, 150.0)  # charging gains that the search starts from [
 _EXCERPT = 50_000  # grid steps
 _ROUGH = (1e-4, 40)  # tolerance and evaluations of a search that chooses among starts
 _FINE = (1e-9, 200)
-_LARGEST_RELATIVE_STD = 1.0 / 3.0  # above this zero lies within three standard errors: the recording does not tell it
 _LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone stays below
 _CONFIDENCE = 0.95
 
@@ -334,7 +333,7 @@ def _summary(problem: _Problem, unknowns: Array) -> Fit:
         if gains_free.size == 0:
             raise InputError(_NOTHING_TOLD)
         worst = int(np.argmax(std[: gains_free.size]))
-        if std[worst] <= _LARGEST_RELATIVE_STD:
+        if std[worst] <= LARGEST_RELATIVE_STD:
             break
         name = NAMES[free[worst]]
         reasons[int(free[worst])] = (

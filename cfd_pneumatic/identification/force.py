@@ -21,7 +21,7 @@ from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
 from cfd_pneumatic.identification.motion import Motion
 from cfd_pneumatic.identification.split import PARTS, Split
 from cfd_pneumatic.identification.travel import reversals, travelled
-from cfd_pneumatic.identification.uncertainty import covariance
+from cfd_pneumatic.identification.uncertainty import LARGEST_RELATIVE_STD, covariance
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, Data
 from cfd_pneumatic.model.extended_force import ExtendedForce
 from cfd_pneumatic.recording import Recording, Signal
@@ -40,7 +40,6 @@ _AT_BOUND = 1e-6  # of an unknown's scale
 _STEP = 1e-6  # of it, by which residuals are differentiated
 _FINE = (1e-8, 60)  # share of the sum of squares by which a step must lower it, and steps at most
 _CONFIDENCE = 0.95
-_LARGEST_RELATIVE_STD = 1.0 / 3.0  # as in `fit`
 _SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not told
 _STRETCHED = '1'  # unit of the seals' first stretches, which no effect's parameter has
 _ROUGH, _ROUGH_RATE = 0.3, 0.1  # share of an acceleration, and of a rate, that may stray from its neighbours' mean
@@ -557,7 +556,7 @@ def _estimates(search: _Search, point: Array, jacobian: Array, residuals: Array)
             if search.unknowns[index].logarithmic
         }
         worst = max(shares, key=lambda index: shares[index], default=None)
-        if worst is None or shares[worst] <= _LARGEST_RELATIVE_STD:
+        if worst is None or shares[worst] <= LARGEST_RELATIVE_STD:
             break
         reasons[worst] = f'its standard error would be {100.0 * shares[worst]:.0f} % of its value'
     quantile = float(stdtrit(degrees, 0.5 + 0.5 * _CONFIDENCE))
@@ -576,7 +575,7 @@ def _entangled(jacobian: Array, free: list[int]) -> list[int]:
     columns = jacobian[:, free] / np.linalg.norm(jacobian[:, free], axis=0)
     _, sizes, directions = np.linalg.svd(columns, full_matrices=False)
     blind = directions[sizes < _SINGULAR * sizes[0]]
-    return [index for rank, index in enumerate(free) if np.any(np.abs(blind[:, rank]) > _LARGEST_RELATIVE_STD)]
+    return [index for rank, index in enumerate(free) if np.any(np.abs(blind[:, rank]) > LARGEST_RELATIVE_STD)]
 
 
 def starting_force_data(experiments: Sequence[ForceExperiment], fitted: ForceFit, ambient_pressure: float) -> Data:

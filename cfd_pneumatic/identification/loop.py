@@ -23,7 +23,7 @@ from cfd_pneumatic.identification.judgement import Trial
 from cfd_pneumatic.identification.noise import Noise, precision, pressure_noise
 from cfd_pneumatic.identification.residuals import explained, residual_tests
 from cfd_pneumatic.identification.split import PARTS
-from cfd_pneumatic.identification.uncertainty import covariance
+from cfd_pneumatic.identification.uncertainty import LARGEST_RELATIVE_STD, covariance
 from cfd_pneumatic.identification.verdict import (
     VERDICTS,
     Conclusion,
@@ -42,7 +42,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _FINE = (1e-8, 60)
-_LARGEST_RELATIVE_STD = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
@@ -160,7 +159,7 @@ def _estimates(
     for spec, value in zip(SPECS, found.gains.tolist()):
         std, _ = known[spec.name]
         reason = told[spec.name].reason
-        if reason is None and std > _LARGEST_RELATIVE_STD:
+        if reason is None and std > LARGEST_RELATIVE_STD:
             reason = f'beside the effects its standard error would be {100.0 * std:.0f} % of its value'
         estimates.append(_estimate(spec.name, spec.unit, value, value * std, quantile, reason))
     for name, own in found.effects.items():

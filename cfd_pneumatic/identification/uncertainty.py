@@ -13,6 +13,9 @@ from cfd_pneumatic.recording.spool import dot, give_back
 
 Array = NDArray[np.float64]
 
+LARGEST_RELATIVE_STD = 1.0 / 3.0
+"""Standard error over its value above which a parameter is not identifiable: zero lies within three of them [-]."""
+
 _LEAST_TOLD = 1e-14  # of what is told best, to be told at all
 _FINEST_LAGS = 64  # up to which a window is taken sample by sample
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfd_pneumatic.identification.noise import rounding_step, sample_noise
+from cfd_pneumatic.recording.messages import NANOSECONDS
 
-_SECOND = 1e-9  # a nanosecond in it
 _AHEAD = 0.5  # share of a gap between stamps that has to have passed, or the clock has jumped
 _LONGER = 10  # times the longest run of equal values that was seen
 _SHORTEST_RUN = 50  # samples
@@ -65,7 +65,7 @@ class Clock:
         self.stamp, self.heard = stamp, now
         if before is None or heard is None:
             return None
-        elapsed = (stamp - before) * _SECOND
+        elapsed = (stamp - before) / NANOSECONDS
         if 0.0 <= elapsed <= self._longest:
             return None
         if elapsed < 0.0:

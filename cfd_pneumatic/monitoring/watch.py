@@ -15,8 +15,8 @@ from cfd_pneumatic.monitoring.feed import Clock, Fault, Sensor
 from cfd_pneumatic.monitoring.finding import Finding, News, news
 from cfd_pneumatic.monitoring.window import Window
 from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.recording.messages import NANOSECONDS
 
-_NANOSECONDS = 1e9  # in a second
 _SETTLING = 1.0  # after which a model has forgotten where it started, and a device that it was another [s]
 _LINGER = {'silent': 5.0, 'clock': 5.0, 'stuck': 1.0}  # how long a fault is told of after it was seen last [s]
 _PENDING = 5000  # measured values that wait for the displacement, at most
@@ -196,7 +196,7 @@ class Watch:
             channel = Channel(
                 name,
                 round(settings.learning / settings.block),
-                round(settings.block * _NANOSECONDS),
+                round(settings.block * NANOSECONDS),
                 settings.mean_time / settings.block,
                 settings.force_tolerance if is_force else settings.pressure_tolerance,
             )
@@ -257,16 +257,16 @@ class Watch:
         rates = tuple(0.0 for _ in values)
         if self._predictions:
             last = self._predictions[-1]
-            period = (stamp - last.stamp) / _NANOSECONDS
+            period = (stamp - last.stamp) / NANOSECONDS
             rates = tuple((value - old) / period for value, old in zip(values, last.values))
         prediction = Prediction(stamp, values, rates)
         self._predictions.append(prediction)
-        while stamp - self._predictions[0].stamp > self.settings.max_gap * _NANOSECONDS:
+        while stamp - self._predictions[0].stamp > self.settings.max_gap * NANOSECONDS:
             self._predictions.popleft()
         return prediction
 
     def _is_stuck_while_pressures_move(self, stamp: int) -> bool:
-        if not self._piston_sensor.paused or stamp - self._setpoints_changed < _SETTLING * _NANOSECONDS:
+        if not self._piston_sensor.paused or stamp - self._setpoints_changed < _SETTLING * NANOSECONDS:
             return False
         return all(self._lines[name].channel.agitation > _AGITATED for name in self._cylinders)
 
@@ -296,7 +296,7 @@ class Watch:
         silence = piston.silence(now)
         if piston.stamp is None or silence is None or silence > self.settings.timeout:
             return None
-        ahead = (stamp - piston.stamp) / _NANOSECONDS
+        ahead = (stamp - piston.stamp) / NANOSECONDS
         if abs(ahead) <= self.settings.max_gap + silence:
             return None
         side = 'ahead of' if ahead > 0.0 else 'behind'
@@ -330,7 +330,7 @@ class Watch:
     def _judge(self, line: _Line, stamp: int, value: float, expected: float, rate: float, now: float) -> None:
         """Hand a value to its sensor's judge and, where nothing is wrong with the feed, to its charts."""
         fault = line.sensor.take(value, expected)
-        block = stamp // round(self.settings.block * _NANOSECONDS)
+        block = stamp // round(self.settings.block * NANOSECONDS)
         if block != line.block:
             line.block = block
             fault = fault or line.sensor.close_block()
@@ -361,7 +361,7 @@ class Watch:
                 self._restart(stamp)
             return
         line = next(line for line in self._lines.values() if line.topic == fault.topic)
-        line.hold = stamp + round(_SETTLING * _NANOSECONDS)
+        line.hold = stamp + round(_SETTLING * NANOSECONDS)
         if new:
             line.channel.restart()
             self.alarms.pop(line.channel.name, None)
@@ -377,7 +377,7 @@ class Watch:
         self._breaks += 1
         for line in self._lines.values():
             line.restart()
-            line.hold = stamp + round(_SETTLING * _NANOSECONDS)
+            line.hold = stamp + round(_SETTLING * NANOSECONDS)
 
     def faults(self, now: float) -> list[Fault]:
         """Return what is wrong with the topics at a steady time [s]."""
@@ -446,7 +446,7 @@ class Watch:
             self._close_loop(0, reference=True)
 
     def _is_due(self, alarm: Alarm) -> bool:
-        settled = alarm.since + round(_SETTLING * _NANOSECONDS)
+        settled = alarm.since + round(_SETTLING * NANOSECONDS)
         return self._is_long_enough(max(settled, alarm.diagnosed), self.stamp)
 
     def _is_long_enough(self, begin: int, end: int) -> bool:
@@ -455,7 +455,7 @@ class Watch:
     def _close_loop(self, since: int, reference: bool) -> None:
         """Have the loop closed on what was heard since a stamp [ns], as far as the window reaches back."""
         end = self.stamp
-        settled = since + round(_SETTLING * _NANOSECONDS)
+        settled = since + round(_SETTLING * NANOSECONDS)
         begin = max(settled, self._window.begin, end - self._window.length)
         if self._is_long_enough(begin, end):
             answer = self._ask(self._window.recording(begin, end))

@@ -8,8 +8,8 @@ import numpy as np
 
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.messages import NANOSECONDS
 
-_NANOSECOND = 1e-9  # [s]
 _WHOLE = 0.95  # share of the window that a signal has to cover
 _SLACK = 0.25  # of what is kept beyond the window
 
@@ -62,7 +62,7 @@ class Track:
         """Return the values from a stamp to another [ns], in seconds since an epoch [ns]."""
         stamps = np.array(self._stamps, dtype=np.int64)
         chosen = (stamps >= begin) & (stamps <= end)
-        times = (stamps[chosen] - epoch).astype(np.float64) * _NANOSECOND
+        times = (stamps[chosen] - epoch).astype(np.float64) / NANOSECONDS
         return Signal(times, np.array(self._values, dtype=np.float64)[chosen])
 
     def held_from(self, begin: int, epoch: int) -> Signal | None:
@@ -72,7 +72,7 @@ class Track:
         if held < 0:
             return None
         changes = np.concatenate([[True], np.diff(values[held:]) != 0.0])
-        return Signal((np.maximum(stamps[held:], begin)[changes] - epoch) * _NANOSECOND, values[held:][changes])
+        return Signal((np.maximum(stamps[held:], begin)[changes] - epoch) / NANOSECONDS, values[held:][changes])
 
 
 class Window:
@@ -87,7 +87,7 @@ class Window:
     """
 
     def __init__(self, seconds: float) -> None:
-        length = round(seconds / _NANOSECOND)
+        length = round(seconds * NANOSECONDS)
         self.length = length
         self.displacement = Track(length)
         self.pressures = {name: Track(length) for name in CYLINDERS}
@@ -131,4 +131,4 @@ def _covers(signal: Signal, begin: int, end: int) -> bool:
     if len(signal) < 2:
         return False
     covered = float(signal.times[-1] - signal.times[0])
-    return covered > _WHOLE * (end - begin) * _NANOSECOND
+    return covered > _WHOLE * (end - begin) / NANOSECONDS

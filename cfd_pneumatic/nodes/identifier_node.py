@@ -38,7 +38,7 @@ from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.parameters import number, switch, text, texts
 from cfd_pneumatic.nodes.program import run
-from cfd_pneumatic.reporting.folder import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
+from cfd_pneumatic.reporting import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.reporting.wording import sentence, title
 
 _PERIOD = 0.1  # how often the fit's process is looked after [s]

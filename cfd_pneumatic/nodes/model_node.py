@@ -82,7 +82,7 @@ class ModelNode(Node):
                 "x, 'y' (in quotes: YAML takes a bare y for true) or z",
             ),
         )
-        declare('area', 1.14e-3, number('m^2', 1e-6, 1.0, 'piston area of either cylinder'))
+        declare('area', convention.PISTON_AREA, number('m^2', 1e-6, 1.0, 'piston area of either cylinder'))
         declare('geometric_factor', 1.0, number('-', -1e3, 1e3, 'contact force over piston force, from the linkage'))
         declare(
             'ambient_pressure',

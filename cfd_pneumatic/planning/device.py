@@ -12,18 +12,18 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, PISTON_AREA
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import NAMES, TABLE_1, OperatingPoints
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
 from cfd_pneumatic.planning.limits import Sensing
+from cfd_pneumatic.units import PSI
 
 Array = NDArray[np.float64]
 Effects = Mapping[str, tuple[float, ...]]
 """Parameters of each effect that is on, by its name."""
 
-_AREA = 1.14e-3  # `sim_node`'s default [m^2]
-_RANGE = 34_473.8  # above a single set-point, where the file has no other: 5 psi [Pa]
+_RANGE = 5.0 * PSI  # above a single set-point, where the file has no other [Pa]
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def read_device(path: Path) -> PlannedDevice:
     return PlannedDevice(
         cylinders=cylinders,
         ambient_pressure=entries.number('ambient_pressure', AMBIENT_PRESSURE),
-        area=entries.number('area', _AREA),
+        area=entries.number('area', PISTON_AREA),
         factor=entries.number('geometric_factor', 1.0),
         force_effects=_effects(entries, CONTACT_FORCE, FORCE_EFFECTS),
         assumed=tuple(assumed),

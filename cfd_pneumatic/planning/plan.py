@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.identification.uncertainty import LARGEST_RELATIVE_STD
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.composition import ROUNDS, Menu, compose
@@ -24,9 +25,6 @@ Array = NDArray[np.float64]
 
 WANTED = (*NAMES, *EFFECTS)
 """What may be wanted: parameters and effects."""
-
-LARGEST_STD = 1.0 / 3.0
-"""Standard error above which `identify_bag` calls a parameter not identifiable, as a share of its value."""
 
 _ANY = 1e3  # times what shows at the typical strength: then a thousandth of that does, too
 _SETTLED = 6.0  # time constants
@@ -60,7 +58,7 @@ class ParameterPrediction:
     @property
     def identifiable(self) -> bool:
         """Whether `identify_bag` will give it a value."""
-        return self.std is not None and self.std <= LARGEST_STD * abs(self.value)
+        return self.std is not None and self.std <= LARGEST_RELATIVE_STD * abs(self.value)
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,12 @@ from cfd_pneumatic.reporting.advice import next_plan
 from cfd_pneumatic.reporting.console import print_report
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.reporting.folder import (
-    PAGE_FILE,
-    PARAMETER_FILE,
-    REPORT_FILE,
     compare_files,
     is_compare_file,
     make_folder,
     write_report,
 )
+from cfd_pneumatic.reporting.names import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.reporting.parameters import parameter_file
 
 __all__ = [

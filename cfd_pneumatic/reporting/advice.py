@@ -8,6 +8,7 @@ from pathlib import Path
 from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.reporting.names import PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.reporting.outcome import outcomes
 
 _NEXT = 'next'  # folder of the plan, beside the results
@@ -30,7 +31,7 @@ def next_plan(identification: Identification, folder: Path = Path()) -> str | No
     wanted = [name for name in (*NAMES, *EFFECTS) if name in untold | hidden]
     if not wanted:
         return None
-    parameters, report, output = (folder / name for name in ('parameters.yaml', 'report.json', _NEXT))
+    parameters, report, output = (folder / name for name in (PARAMETER_FILE, REPORT_FILE, _NEXT))
     return shlex.join(
         ['plan_experiment', str(parameters), '--report', str(report), '--output', str(output), '--wanted', *wanted]
     )

@@ -11,13 +11,9 @@ from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.reporting.comparison import write_comparison
 from cfd_pneumatic.reporting.data import report_data
+from cfd_pneumatic.reporting.names import COMPARE_FILE, PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.reporting.outcome import outcomes
 from cfd_pneumatic.reporting.parameters import parameter_file
-
-REPORT_FILE = 'report.json'
-PARAMETER_FILE = 'parameters.yaml'
-PAGE_FILE = 'report.html'
-COMPARE_FILE = 'compare.mcap'
 
 
 def write_report(identification: Identification, folder: Path) -> list[Path]:

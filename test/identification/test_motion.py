@@ -8,6 +8,7 @@ from reference import step_like
 from scipy.special import factorial
 
 from cfd_pneumatic.identification import motion as module
+from cfd_pneumatic.identification import smoother
 from cfd_pneumatic.identification.motion import smooth_motion
 from cfd_pneumatic.identification.noise import sample_noise
 from cfd_pneumatic.recording import spool
@@ -274,10 +275,10 @@ def test_filter_and_smoother_are_the_dense_regression(order, ratio):
     smoothed, variance, log_sum = dense_regression(order, times, values, ratio)
     density = np.full(11, ratio)
     mean, covariance = np.empty((12, 3)), np.empty((12, 6))
-    opening = module._Opening(order, steps, density)
+    opening = smoother._Opening(order, steps, density)
     opening.begin(values, mean, covariance)
-    found, _ = module._filter(order, steps, values, density, mean, covariance)
-    push, pull = module._smooth(order, steps, values, density, mean, covariance)
+    found, _ = smoother._filter(order, steps, values, density, mean, covariance)
+    push, pull = smoother._smooth(order, steps, values, density, mean, covariance)
     opening.finish(values, mean, covariance, np.array(push), np.array(pull))
     assert found == pytest.approx(log_sum, abs=1e-8)
     np.testing.assert_allclose(mean[:, 0], smoothed, atol=1e-8)

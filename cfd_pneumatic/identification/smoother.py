@@ -1,0 +1,330 @@
+"""
+The likeliest smoothing spline through samples in noise, sudden steps apart.
+
+The Kalman filter of white noise integrated twice or three times tells the likelihood, the adjoint pass behind it the
+spline; samples are in units of the mean step and of their own spread.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+from scipy.optimize import minimize_scalar
+
+from cfd_pneumatic.compiling import compiler
+
+Array = NDArray[np.float64]
+
+_LOG_BANDWIDTH = (-4.0, 3.0)  # decades of what the smoother lets through, in units of the mean sampling rate
+_COARSE = 8  # bandwidths tried before the search, which finds the nearest optimum only
+_FIXED = 3  # samples that fix the state of the highest order, and tell nothing of how likely an order is
+_OFF_A_MULTIPLE = 0.05  # what readings of a rounding sensor may be, for they are recorded with few digits themselves
+_SUDDEN = 6.0  # standard deviations of what drives the motion otherwise
+_OTHERWISE = 0.8  # share of the steps, the least driven ones, that tell what drives the motion otherwise
+_OTHERWISE_POWER = 0.44  # mean square of that share of a normal distribution
+_STRAY = 4.0  # times what its neighbours are off a line is a reading off it that is no motion; a sharp corner is 3
+_LARGEST_BOOST = 1e18
+_ROUNDS = 5  # of finding sudden steps: with each the others are smoother and show more of them
+
+
+@compiler(error_model='numpy')
+def _driven(order, h):
+    """Return the covariance (xx, xv, xa, vv, va, aa) that white noise of density 1 adds to the state over a step h."""
+    if order == 2:
+        return h * h * h / 3.0, h * h / 2.0, 0.0, h, 0.0, 0.0
+    cube = h * h * h
+    return cube * h * h / 20.0, cube * h / 8.0, cube / 6.0, cube / 3.0, h * h / 2.0, h
+
+
+@compiler(error_model='numpy')
+def _carried(h, xx, xv, xa, vv, va, aa):
+    """Return the covariance of a state (x, x', x'') after a step h of constant acceleration."""
+    half = 0.5 * h * h
+    row_x = xx + h * xv + half * xa
+    row_v = xv + h * vv + half * va
+    row_a = xa + h * va + half * aa
+    va_ahead = va + h * aa
+    return (
+        row_x + h * row_v + half * row_a,
+        row_v + h * row_a,
+        row_a,
+        vv + h * va + h * va_ahead,
+        va_ahead,
+        aa,
+    )
+
+
+@compiler(error_model='numpy', nogil=True)
+def _filter(order, steps, measured, density, mean, covariance):
+    """
+    Kalman filter of white noise integrated `order` times; noise variance 1, `density` that of each step.
+
+    Where the order is 2 the acceleration is no state: it, its variance and covariances stay zero.
+
+    Writes the filtered (x, x', x'') and its covariance (xx, xv, xa, vv, va, aa) for each sample from the one that
+    `_begin` has written, number order - 1; returns the sum of log innovation variances and of squared normalised
+    innovations, the same samples left out for each order.
+    """
+    log_sum = 0.0
+    square_sum = 0.0
+    x, v, a = mean[order - 1]
+    xx, xv, xa, vv, va, aa = covariance[order - 1]
+    for i in range(order, measured.size):
+        h = steps[i - 1]
+        x += h * v + 0.5 * h * h * a
+        v += h * a
+        xx, xv, xa, vv, va, aa = _carried(h, xx, xv, xa, vv, va, aa)
+        q_xx, q_xv, q_xa, q_vv, q_va, q_aa = _driven(order, h)
+        xx += density[i - 1] * q_xx
+        xv += density[i - 1] * q_xv
+        xa += density[i - 1] * q_xa
+        vv += density[i - 1] * q_vv
+        va += density[i - 1] * q_va
+        aa += density[i - 1] * q_aa
+        variance = xx + 1.0
+        innovation = measured[i] - x
+        if i >= _FIXED:
+            log_sum += math.log(variance)
+            square_sum += innovation * innovation / variance
+        x += xx / variance * innovation
+        v += xv / variance * innovation
+        a += xa / variance * innovation
+        vv -= xv * xv / variance
+        va -= xv * xa / variance
+        aa -= xa * xa / variance
+        xx /= variance
+        xv /= variance
+        xa /= variance
+        mean[i] = x, v, a
+        covariance[i] = xx, xv, xa, vv, va, aa
+    return log_sum, square_sum
+
+
+@compiler(error_model='numpy', nogil=True)
+def _smooth(order, steps, measured, density, mean, covariance):
+    """
+    Turn filtered means, and the covariances' xx, into smoothed ones, in place, down to sample number `order`.
+
+    The adjoint pass of Bryson and Frazier (Bierman, 1973), which inverts no covariance. Returns what all samples from
+    that one on add to the mean of the one before it and take from its covariance, once multiplied by that covariance
+    (and again): push (x, v, a) and pull (xx, xv, xa, vv, va, aa). Where the order is 2, the acceleration is what drives
+    the motion, and that is what pushes the rate.
+    """
+    p_x, p_v, p_a = 0.0, 0.0, 0.0
+    n_xx, n_xv, n_xa, n_vv, n_va, n_aa = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(measured.size - 1, order - 1, -1):
+        h = steps[i - 1]
+        k_x, k_v, k_a = covariance[i, 0], covariance[i, 1], covariance[i, 2]  # the filter's gain: its noise is 1
+        u_x = n_xx * k_x + n_xv * k_v + n_xa * k_a
+        u_v = n_xv * k_x + n_vv * k_v + n_va * k_a
+        u_a = n_xa * k_x + n_va * k_v + n_aa * k_a
+        pulled = k_x * u_x + k_v * u_v + k_a * u_a
+        pushed = k_x * p_x + k_v * p_v + k_a * p_a
+        mean[i, 0] += pushed
+        mean[i, 1] += covariance[i, 1] * p_x + covariance[i, 3] * p_v + covariance[i, 4] * p_a
+        mean[i, 2] += covariance[i, 2] * p_x + covariance[i, 4] * p_v + covariance[i, 5] * p_a
+        if order == 2:
+            mean[i, 2] = density[i - 1] * p_v
+        covariance[i, 0] -= pulled
+        # back over the sample
+        xx, xv, xa, vv, va, aa = covariance[i - 1]
+        x, v, a = mean[i - 1]
+        variance = 1.0 + _carried(h, xx, xv, xa, vv, va, aa)[0] + density[i - 1] * _driven(order, h)[0]
+        p_x += (measured[i] - x - h * v - 0.5 * h * h * a) / variance - pushed
+        n_xx += 1.0 / variance - 2.0 * u_x + pulled
+        n_xv -= u_v
+        n_xa -= u_a
+        # and over the step before it: the transition's transpose is the transition with the state turned round
+        p_a += h * p_v + 0.5 * h * h * p_x
+        p_v += h * p_x
+        n_aa, n_va, n_xa, n_vv, n_xv, n_xx = _carried(h, n_aa, n_va, n_xa, n_vv, n_xv, n_xx)
+    return (p_x, p_v, p_a), (n_xx, n_xv, n_xa, n_vv, n_va, n_aa)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What is smoothed, and room for the filter's means and covariances, shape (n, 3) and (n, 6)."""
+
+    steps: Array
+    values: Array
+    least_noise: float
+    mean: Array
+    covariance: Array
+
+    @classmethod
+    def of(cls, steps: Array, values: Array) -> Samples:
+        """Return samples whose noise is no less than that of rounding, where all are multiples of one difference."""
+        gaps = np.diff(np.unique(values))
+        multiples = gaps / np.min(gaps, initial=math.inf)
+        rounded = gaps.size > 0 and np.all(np.abs(multiples - np.round(multiples)) < _OFF_A_MULTIPLE)
+        least_noise = float(np.min(gaps)) / math.sqrt(12.0) if rounded else 0.0
+        return cls(steps, values, least_noise, np.empty((values.size, 3)), np.empty((values.size, 6)))
+
+
+def likeliest(order: int, samples: Samples) -> Smoother:
+    """Return the likeliest smoother of an order, with sudden steps or without."""
+    best = Smoother(order, samples, np.ones_like(samples.steps))
+    for _ in range(_ROUNDS):
+        boost = best.sudden()
+        if not np.any(boost > 1.0):
+            break
+        other = Smoother(order, samples, boost)
+        if other.deviance >= best.deviance:
+            break
+        best = other
+    return best
+
+
+class Smoother:
+    """
+    The smoother of one order, of the likeliest bandwidth: `deviance`, and the `noise` in the samples' unit.
+
+    What drives the motion has the same density on each step, multiplied by the step's boost.
+    """
+
+    def __init__(self, order: int, samples: Samples, boost: Array) -> None:
+        self.order = order
+        self._samples = samples
+        self._boost = boost
+        self._degrees = samples.values.size - _FIXED
+        coarse = np.linspace(*_LOG_BANDWIDTH, _COARSE)
+        nearest = int(np.argmin([self._deviance(log_bandwidth) for log_bandwidth in coarse]))
+        bounds = coarse[max(nearest - 1, 0)], coarse[min(nearest + 1, _COARSE - 1)]
+        search = minimize_scalar(self._deviance, bounds=bounds, method='bounded', options={'xatol': 0.005})
+        spent = math.log(samples.values.size) * np.count_nonzero(boost > 1.0)
+        self.deviance = float(search.fun) + spent
+        self._density = self._density_at(float(search.x))
+        _, self.noise = self._filter(self._density)
+
+    def _density_at(self, log_bandwidth: float) -> Array:
+        return 10.0 ** (2 * self.order * log_bandwidth) * self._boost
+
+    def _deviance(self, log_bandwidth: float) -> float:
+        deviance, _ = self._filter(self._density_at(log_bandwidth))
+        return deviance
+
+    def _filter(self, density: Array) -> tuple[float, float]:
+        """Return the deviance and the likeliest noise."""
+        samples = self._samples
+        _Opening(self.order, samples.steps, density).begin(samples.values, samples.mean, samples.covariance)
+        log_sum, square_sum = _filter(
+            self.order, samples.steps, samples.values, density, samples.mean, samples.covariance
+        )
+        variance = max(square_sum / self._degrees, samples.least_noise**2)
+        misfit = square_sum / variance if variance > 0.0 else 0.0
+        return float(log_sum + self._degrees * math.log(max(variance, 1e-300)) + misfit), math.sqrt(variance)
+
+    def smooth(self) -> tuple[Array, Array]:
+        """Return the smoothed (x, x', x''), shape (n, 3), and the variance of x in units of the noise's, shape (n,)."""
+        samples = self._samples
+        self._filter(self._density)
+        push, pull = _smooth(self.order, samples.steps, samples.values, self._density, samples.mean, samples.covariance)
+        _Opening(self.order, samples.steps, self._density).finish(
+            samples.values, samples.mean, samples.covariance, np.array(push), np.array(pull)
+        )
+        return samples.mean, samples.covariance[:, 0]
+
+    def sudden(self) -> Array:
+        """
+        Return by what to boost each step: 1, but for those driven much harder than most, and their neighbours.
+
+        A single reading that is off its neighbours, which agree with each other, is the sensor's fault, and no motion.
+        """
+        mean, _ = self.smooth()
+        power = (np.diff(mean[:, self.order - 1]) / self._samples.steps) ** 2
+        least = np.sort(power)[: max(1, int(_OTHERWISE * power.size))]
+        otherwise = float(np.mean(least)) / _OTHERWISE_POWER
+        boost = np.ones_like(power)
+        if otherwise > 0.0:
+            stray = _stray(self._samples.steps, self._samples.values, _SUDDEN * self.noise)
+            sudden = (power > _SUDDEN**2 * otherwise) & ~_beside(stray)
+            boost[sudden] = np.minimum(power[sudden] / otherwise, _LARGEST_BOOST)
+        return np.asarray(maximum_filter1d(boost, 3), dtype=np.float64)
+
+
+def _stray(steps: Array, values: Array, least: float) -> NDArray[np.bool_]:
+    """Return which readings are off the line through the two on either side by more than `least`, and these are not."""
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    around = [0, 1, 3, 4]
+    since = sliding_window_view(times, 5)[:, around] - times[2:-2, None]
+    beside = sliding_window_view(values, 5)[:, around]
+    from_mean = since - since.mean(axis=1, keepdims=True)
+    slope = np.sum(from_mean * beside, axis=1) / np.sum(from_mean**2, axis=1)
+    level = beside.mean(axis=1) - slope * since.mean(axis=1)
+    bend = np.max(np.abs(beside - level[:, None] - slope[:, None] * since), axis=1)
+    off = np.abs(values[2:-2] - level)
+    stray = np.zeros(values.size, dtype=np.bool_)
+    stray[2:-2] = (off > least) & (off > _STRAY * bend)
+    return stray
+
+
+def _beside(samples: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which steps are the nearest two, on either side, to one of some samples."""
+    beside: NDArray[np.bool_] = maximum_filter1d(samples, 4)[1:]
+    return beside
+
+
+class _Opening:
+    """
+    The first samples, as many as the state has parts: they fix the last one's state, of which nothing is known before.
+
+    With s that state, and S the states at all of these samples one below the other, S = carried s + what is driven in
+    between, whose covariance is `driven`.
+    """
+
+    def __init__(self, order: int, steps: Array, density: Array) -> None:
+        self.order = order
+        self._density = density
+        self._at_samples = slice(None, None, order)  # the displacements among the states
+        times = np.concatenate([[0.0], np.cumsum(steps[: order - 1])])
+        self._carried = np.concatenate([_transition(order, time - times[-1]) for time in times])
+        self._driven = np.zeros((order * order, order * order))
+        for step, end in enumerate(times[1:]):
+            reach = np.zeros((order * order, order))
+            reach[: order * (step + 1)] = np.concatenate([_transition(order, time - end) for time in times[: step + 1]])
+            self._driven += density[step] * reach @ _matrix(_driven(order, steps[step]), order) @ reach.T
+        self._seen = self._carried[self._at_samples]
+        self._spread = self._driven[self._at_samples, self._at_samples] + np.eye(order)
+
+    def begin(self, measured: Array, mean: Array, covariance: Array) -> None:
+        """Write the last one's filtered state."""
+        last = self.order - 1
+        inverse = np.linalg.inv(self._seen)
+        mean[last] = 0.0
+        mean[last, : self.order] = inverse @ measured[: self.order]
+        spread = np.zeros((3, 3))
+        spread[: self.order, : self.order] = inverse @ self._spread @ inverse.T
+        covariance[last] = spread[np.triu_indices(3)]
+
+    def finish(self, measured: Array, mean: Array, covariance: Array, push: Array, pull: Array) -> None:
+        """Write the smoothed states, and their displacements' variances."""
+        order = self.order
+        filtered = _matrix(covariance[order - 1], order)
+        last = mean[order - 1, :order] + filtered @ push[:order]
+        last_spread = filtered - filtered @ _matrix(pull, order) @ filtered
+        told = np.linalg.solve(self._spread, self._driven[self._at_samples]).T
+        passed = self._carried - told @ self._seen
+        mean[:order] = 0.0
+        mean[:order, :order] = (passed @ last + told @ measured[:order]).reshape(order, order)
+        if order == 2:
+            mean[1, 2] = self._density[0] * push[1]  # as in `_smooth`; before the first sample nothing drives
+        spread = passed @ last_spread @ passed.T + self._driven - told @ self._driven[self._at_samples]
+        covariance[:order, 0] = np.diag(spread)[self._at_samples]
+
+
+def _transition(order: int, step: float) -> Array:
+    """Return by what a step multiplies the state."""
+    powers = step ** np.arange(order) / np.array([1.0, 1.0, 2.0])[:order]
+    return np.array([[powers[j - i] if j >= i else 0.0 for j in range(order)] for i in range(order)])
+
+
+def _matrix(packed: Sequence[float] | Array, order: int) -> Array:
+    """Return the symmetric matrix whose upper triangle is (xx, xv, xa, vv, va, aa), without the acceleration for 2."""
+    xx, xv, xa, vv, va, aa = packed
+    return np.array([[xx, xv, xa], [xv, vv, va], [xa, va, aa]])[:order, :order]
