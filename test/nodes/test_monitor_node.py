@@ -73,8 +73,14 @@ def device(namespace: str) -> Iterator[subprocess.Popen]:
 
 
 def beside(namespace: str, source: str, file: Path | None = None, **settings: object) -> list[str]:
-    """Return the command line of a monitor that hears what is published in another namespace."""
-    arguments = ros_arguments(namespace, SETTINGS | settings, {topic: f'{source}/{topic}' for topic in MEASURED})
+    """
+    Return the command line of a monitor that hears what is published in another namespace, and loses none of it.
+
+    What is best effort may be lost on a busy machine, and while its publisher is stopped.
+    """
+    reliable = {f'qos_overrides.{source}/{topic}.subscription.reliability': 'reliable' for topic in MEASURED}
+    remapped = {topic: f'{source}/{topic}' for topic in MEASURED}
+    arguments = ros_arguments(namespace, SETTINGS | reliable | settings, remapped)
     return arguments if file is None else [*arguments, '--params-file', str(file)]
 
 
