@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from builtin_interfaces.msg import Time
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
 
 _DEPTH = 5000  # five seconds at 1 kHz: a process that has to wait for a core loses nothing
 
@@ -19,9 +18,6 @@ OUTPUT_QOS = QoSProfile(depth=_DEPTH)
 
 AXES = ('x', 'y', 'z')
 
-_FARTHEST = 1e3
-"""No piston is farther away [m]; a number beyond is garbage, and would take the model out of floating point's range."""
-
 
 def nanoseconds(stamp: Time) -> int:
     """Return a stamp as one number [ns]."""
@@ -32,13 +28,3 @@ def stamp_message(stamp: int) -> Time:
     """Return a stamp [ns] as a message."""
     seconds, rest = divmod(stamp, 1_000_000_000)
     return Time(sec=seconds, nanosec=rest)
-
-
-def joint_position(message: JointState, joint: str) -> float | None:
-    """Return a joint's position [m]; None where the joint or its position is missing, or it is no piston's."""
-    if joint not in message.name:
-        return None
-    index = message.name.index(joint)
-    if index >= len(message.position) or not abs(message.position[index]) <= _FARTHEST:  # neither is NaN
-        return None
-    return float(message.position[index])

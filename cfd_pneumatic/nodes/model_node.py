@@ -6,11 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
@@ -19,7 +17,8 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import Cylinder, Device, ForceGeometry, warm_up
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.nodes.health import InputHealth
-from cfd_pneumatic.nodes.messages import AXES, joint_position, nanoseconds
+from cfd_pneumatic.nodes.inputs import joint_reader
+from cfd_pneumatic.nodes.messages import AXES
 from cfd_pneumatic.nodes.parameters import (
     declare_effects,
     declare_operating_points,
@@ -33,6 +32,7 @@ from cfd_pneumatic.nodes.parameters import (
 from cfd_pneumatic.units import PSI
 
 _SEAL_PLAY = f'{convention.CONTACT_FORCE}.seal_play'
+_FARTHEST = 1e3  # no piston is [m]; a number beyond would take the model out of floating point's range
 _GEOMETRY = ('area', 'geometric_factor', 'ambient_pressure')
 
 
@@ -56,6 +56,7 @@ class ModelNode(Node):
             if refusal is not None:
                 raise InputError(f'{cylinder}.initial_setpoint is {refusal}')
         self._health = InputHealth(self, convention.PISTON_STATE)
+        self._piston = joint_reader(self._value('joint'))
         with announced(self._on_compiling):
             self._warm_up()
 
@@ -146,6 +147,7 @@ class ModelNode(Node):
             self._device = self._make_device(changes)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        self._piston = joint_reader(self._value('joint', changes))
         self._adopt(changes)
         return SetParametersResult(successful=True)
 
@@ -182,20 +184,20 @@ class ModelNode(Node):
         self._health.counts['ignored set-points'] += 1
         self._health.warn('set-point', f'ignored: {what}')
 
-    def _on_piston(self, message: JointState) -> None:
-        joint = self._value('joint')
-        position = joint_position(message, joint)
-        if position is None:
+    def _on_piston(self, message: bytes) -> None:
+        told = self._piston.read(message)
+        if told is None or not abs(told[1]) <= _FARTHEST:  # neither is NaN
             self._health.counts['ignored samples'] += 1
-            named = ', '.join(map(repr, message.name)) or 'none'
+            joint = self._value('joint')
+            named = ', '.join(map(repr, self._piston.names)) or 'none'
             self._health.bad(f'{convention.PISTON_STATE} has no usable position of joint {joint!r} (joints: {named})')
             return
         self._health.good()
-        self._commit(self._stamp(message.header.stamp, convention.PISTON_STATE), position)
+        stamp, position = told
+        self._commit(self._stamp(stamp, convention.PISTON_STATE), position)
 
-    def _stamp(self, own: Time, topic: str) -> int:
+    def _stamp(self, stamp: int, topic: str) -> int:
         """Return a message's stamp [ns]; the time of receipt where it has none, as from a bare `ros2 topic pub`."""
-        stamp = nanoseconds(own)
         if stamp != 0:
             return stamp
         if not self._health.counts['zero stamps']:

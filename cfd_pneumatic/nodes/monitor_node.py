@@ -20,6 +20,7 @@ from cfd_pneumatic import convention
 from cfd_pneumatic.identification import Options
 from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
 from cfd_pneumatic.nodes.health import diagnostics
+from cfd_pneumatic.nodes.inputs import force_reader, pressure_reader
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode
 from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs
@@ -97,32 +98,39 @@ class MonitorNode(ModelNode):
 
     def _adopt(self, changes: Mapping[str, Any]) -> None:
         """Learn anew: what is usual for one model says nothing of another."""
-        self._outputs.orient(self._value('frame_id', changes), self._value('axis', changes))
-        self._residuals.orient(self._value('frame_id', changes), self._value('axis', changes))
+        self._orient(changes)
         if not changes.keys() <= _SHOWN:
             self._watch = self._make_watch(changes)
+
+    def _orient(self, changes: Mapping[str, Any]) -> None:
+        frame_id, axis = self._value('frame_id', changes), self._value('axis', changes)
+        for out in (self._outputs, self._residuals):
+            out.orient(frame_id, axis)
+        self._readers = {name: pressure_reader() for name in self._cylinders}
+        self._readers[convention.CONTACT_FORCE] = force_reader(axis)
 
     # topics
 
     def _open_topics(self) -> None:
         self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS, convention.PREDICTED)
         self._residuals = ResidualOutputs(self, self._cylinders, OUTPUT_QOS)
-        for out in (self._outputs, self._residuals):
-            out.orient(self._value('frame_id'), self._value('axis'))
+        self._orient({})
         self._diagnostics_out = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
         for index, name in enumerate(self._cylinders):
             on_setpoint = partial(self._on_setpoint, index)
             listen_to(self, Float64, convention.setpoint_topic(name), on_setpoint, COMMAND_QOS)
-        listen_to(self, JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS)
+        listen_to(self, JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, raw=True)
         for name in self._cylinders:
-            topic = convention.pressure_topic(name)
-            listen_to(self, FluidPressure, topic, partial(self._on_pressure, name, topic), SAMPLE_QOS)
-        listen_to(self, WrenchStamped, convention.MEASURED_FORCE, self._on_force, SAMPLE_QOS)
+            self._listen_to_measured(FluidPressure, name, convention.pressure_topic(name))
+        self._listen_to_measured(WrenchStamped, convention.CONTACT_FORCE, convention.MEASURED_FORCE)
         self.create_service(Trigger, '~/learn', self._on_learn)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # a stopped /clock must not stop the watchdog
         self.create_timer(_LOOK_PERIOD, self._look, clock=steady)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
+
+    def _listen_to_measured(self, message_type: type, channel: str, topic: str) -> None:
+        listen_to(self, message_type, topic, partial(self._on_measured, channel, topic), SAMPLE_QOS, raw=True)
 
     def _commit(self, stamp: int, position: float) -> None:
         now = time.monotonic()
@@ -137,21 +145,15 @@ class MonitorNode(ModelNode):
         self._outputs.publish_applied(setpoints)
         self._publish_residuals(now)
 
-    def _on_pressure(self, cylinder: str, topic: str, message: FluidPressure) -> None:
-        self._measured(cylinder, topic, self._stamp(message.header.stamp, topic), message.fluid_pressure)
-
-    def _on_force(self, message: WrenchStamped) -> None:
-        topic = convention.MEASURED_FORCE
-        force = getattr(message.wrench.force, self._value('axis'))
-        self._measured(convention.CONTACT_FORCE, topic, self._stamp(message.header.stamp, topic), force)
-
-    def _measured(self, channel: str, topic: str, stamp: int, value: float) -> None:
-        if not math.isfinite(value):
+    def _on_measured(self, channel: str, topic: str, message: bytes) -> None:
+        told = self._readers[channel].read(message)
+        if told is None or not math.isfinite(told[1]):
             self._health.counts['ignored measurements'] += 1
-            self._health.warn(topic, f'ignored: {topic} {value}, not a finite number')
+            self._health.warn(topic, f'ignored: {topic} {told and told[1]}, not a finite number')
             return
+        stamp, value = told
         now = time.monotonic()
-        self._watch.measured(channel, stamp, value, now)
+        self._watch.measured(channel, self._stamp(stamp, topic), value, now)
         self._publish_residuals(now)
 
     def _publish_residuals(self, now: float) -> None:

@@ -76,7 +76,7 @@ class SimNode(ModelNode):
             topic = convention.setpoint_topic(name)
             listen_to(self, Float64, topic, partial(self._on_setpoint, index), COMMAND_QOS)
         listen_to(self, Float64, convention.FORCE_SETPOINT, self._on_force_setpoint, COMMAND_QOS)
-        listen_to(self, JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS)
+        listen_to(self, JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, raw=True)
         self.create_service(Trigger, '~/reset', self._on_reset)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # a stopped /clock must not stop the watchdog
         self.create_timer(self._value('preview_period'), self._preview, clock=steady)

@@ -25,15 +25,16 @@ def publish_on(node: Node, message_type: type, topic: str, qos: QoSProfile) -> P
 
 
 def listen_to(
-    node: Node, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile
+    node: Node, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile, raw: bool = False
 ) -> Subscription:
-    """Return a subscription; `qos` stays as it is."""
+    """Return a subscription, to serialised messages where `raw`; `qos` stays as it is."""
     with _named(topic):
         return node.create_subscription(
             message_type,
             topic,
             callback,
             copy(qos),
+            raw=raw,
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
 

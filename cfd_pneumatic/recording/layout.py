@@ -42,6 +42,10 @@ class Place:
     offset: int
     dtype: str
 
+    def number(self, payload: bytes) -> float:
+        """Return the number in a payload."""
+        return float(np.frombuffer(payload, self.dtype, 1, self.offset)[0])
+
 
 class Layout:
     """
@@ -78,9 +82,9 @@ class Layout:
         if self._aligned:
             self._walk_encapsulation()
         self._origin = self._position
+        self._padding = 3 if self._aligned else 0
         self._walk_message(msgtype, '')
-        padding = self.size - self._position
-        if padding < 0 or padding > (3 if self._aligned else 0):
+        if not 0 <= self.size - self._position <= self._padding:
             raise LayoutError(f'has {self.size} bytes where its definition wants {self._position}')
 
     def place(self, path: FieldPath) -> Place | None:
@@ -105,6 +109,10 @@ class Layout:
         while (span := self._texts.get(f'{parent}{NAMES}[{len(names)}]')) is not None:
             names.append(self._payload[span].rstrip(b'\0').decode(errors='replace'))
         return names
+
+    def fits(self, payload: bytes) -> bool:
+        """Return whether a payload is laid out alike."""
+        return len(payload) == self.size and all(payload[span] == self._payload[span] for span in self._deciding)
 
     def alike(self, block: Block) -> NDArray[np.bool_]:
         """Return which messages are laid out alike: their size, all lengths and the names of the entries agree."""
@@ -157,6 +165,8 @@ class Layout:
         dtype = np.dtype(self._order + NUMBERS[kind])
         if count:
             self._align(dtype.itemsize)
+        elif self._aligned:
+            self._padding += dtype.itemsize  # rmw_serialize leaves room for aligning nothing
         self._arrays[path] = (Place(self._position, dtype.str), count)
         self._position += count * dtype.itemsize
 

@@ -128,6 +128,18 @@ def test_stamps_keep_their_nanoseconds():
     assert decoder.decode(block_of([payload])).stamps.tolist() == [1_700_000_000_123_456_789]
 
 
+@pytest.mark.parametrize('spare', [0, 4, 8, 12])
+def test_room_that_rmw_serialize_leaves_behind_empty_sequences_is_no_damage(spare):
+    """With rclpy's `serialize_message` programs write bags; it counts the alignment of numbers that are not there."""
+    header = TYPES.types['std_msgs/msg/Header'](TYPES.types['builtin_interfaces/msg/Time'](3, 4), '')
+    none = np.empty(0)
+    message = TYPES.types['sensor_msgs/msg/JointState'](header, ['piston'], np.array([0.5]), none, none)
+    payload = bytes(TYPES.serialize_cdr(message, 'sensor_msgs/msg/JointState')) + bytes(spare)
+    path = parse_path('position[piston]')
+    decoder = Decoder(TYPES, 'sensor_msgs/msg/JointState', path, None, Serialization.CDR)
+    assert decoder.decode(block_of([payload])).values.tolist() == [0.5]
+
+
 def test_an_entry_beyond_the_end_is_not_found():
     message = TYPES.types['std_msgs/msg/Float32MultiArray'](
         TYPES.types['std_msgs/msg/MultiArrayLayout']([], 0), np.ones(2, np.float32)
