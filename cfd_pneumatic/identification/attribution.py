@@ -294,6 +294,6 @@ class Search(EffectSearch[_Model]):
         """Return the tests of what a model leaves of train and validation; no model is tested twice."""
         if model not in self._known_tests:
             noise = pressure_noise(self.learn, model.simulated, model.extension.gains[0])
-            masks = [one.part < PARTS.index('test') for one in self.learn]
+            masks = [one.fitted for one in self.learn]
             self._known_tests[model] = residual_tests(self.learn, model.simulated, masks, noise)
         return self._known_tests[model]

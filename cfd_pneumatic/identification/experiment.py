@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -100,6 +101,14 @@ class Experiment:
         """Times of the pressure samples, shape (m,) [s]."""
         return self.times[self.samples]
 
+    @cached_property
+    def fitted(self) -> NDArray[np.bool_]:
+        """Which pressure samples a model is fitted to, those before the test part, shape (m,)."""
+        fitted = Growing(np.bool_)
+        for part in parts(self.part):
+            fitted.append(self.part[part] < PARTS.index('test'))
+        return fitted.array()
+
     def until(self, part: str) -> Experiment:
         """
         Return the experiment without the pressure samples that come after a part; the motion goes on a little.
@@ -185,7 +194,7 @@ class Experiment:
 
     def give_back(self) -> None:
         """Give back the memory of what is kept in files."""
-        give_back(self.times, self.displacement, self.setpoint, self.samples, self.pressure, self.part)
+        give_back(self.times, self.displacement, self.setpoint, self.samples, self.pressure, self.part, self.fitted)
 
     @property
     def span(self) -> float:

@@ -17,7 +17,7 @@ from cfd_pneumatic.identification.force_loop import ForceClosure, close_force_lo
 from cfd_pneumatic.identification.loop import Closure, close_loop
 from cfd_pneumatic.identification.motion import Motion
 from cfd_pneumatic.identification.noise import pressure_noise
-from cfd_pneumatic.identification.split import FRACTIONS, PARTS, Split, split_recordings
+from cfd_pneumatic.identification.split import FRACTIONS, Split, split_recordings
 from cfd_pneumatic.identification.verdict import PartError, part_errors
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.recording.spool import parts
@@ -196,7 +196,7 @@ def _close_on_force(
 
 
 def _identify_cylinder(experiments: Sequence[Experiment], options: Options) -> CylinderResult:
-    fitted_to = [experiment.part < PARTS.index('test') for experiment in experiments]
+    fitted_to = [experiment.fitted for experiment in experiments]
     joint = fit(experiments, fitted_to)
     schedule = [OperatingPoint(_mean_level(experiments, joint) - options.ambient_pressure, joint)]
     simulated = list(joint.simulated)

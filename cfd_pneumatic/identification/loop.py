@@ -22,7 +22,6 @@ from cfd_pneumatic.identification.fit import Estimate, Fit
 from cfd_pneumatic.identification.judgement import Trial
 from cfd_pneumatic.identification.noise import Noise, precision, pressure_noise
 from cfd_pneumatic.identification.residuals import explained, residual_tests
-from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.uncertainty import LARGEST_RELATIVE_STD, covariance
 from cfd_pneumatic.identification.verdict import (
     VERDICTS,
@@ -86,7 +85,7 @@ def close_loop(
         Effects to choose from.
 
     """
-    masks = [one.part < PARTS.index('test') for one in experiments]
+    masks = [one.fitted for one in experiments]
     begin = Extension(baseline.gains, {}, baseline.offsets, baseline.starts)
     noise = pressure_noise(experiments, baseline.simulated, baseline.gains[0])
     before = tuple(residual_tests(experiments, baseline.simulated, masks, noise))

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,7 +192,7 @@ def smooth_motion(stamps: Array, measured: Array) -> Motion:
     if stamps.size <= _LONG:
         return _likeliest_motion(stamps, clock, measured)
     windows = list(overlapping(stamps.size, _WINDOW, _MARGIN))
-    _, liveliest = max(windows, key=lambda window: _travel(measured[window[1]]))
+    liveliest = max((window for _, window in windows), key=partial(_travel, measured))
     known = _likeliest_motion(stamps[liveliest], None if clock is None else clock[liveliest], measured[liveliest])
     times = stamps if clock is None or known.stamps is known.times else clock
     return _joined(times, stamps, measured, windows, known)
@@ -207,8 +207,10 @@ def _likeliest_motion(stamps: Array, clock: Array | None, measured: Array) -> Mo
     return by_clock if by_clock.deviance <= as_stamped.deviance else as_stamped
 
 
-def _travel(measured: Array) -> float:
-    return float(np.sum(np.abs(np.diff(measured[::_COARSELY]))))
+def _travel(measured: Array, window: slice) -> float:
+    travel = float(np.sum(np.abs(np.diff(measured[window][::_COARSELY]))))
+    give_back(measured)
+    return travel
 
 
 def _joined(

@@ -98,18 +98,19 @@ def pressure_noise(experiments: Sequence[Experiment], simulated: Sequence[Array]
         By which the uncertainty of the displacement reaches the pressure [Pa/m].
 
     """
-    stretches = [
-        (part, part.pressure - pressure[samples])
-        for one, pressure in zip(experiments, simulated)
-        for part, samples in one.stretches()
-    ]
-    rounding = math.sqrt(float(np.mean([rounding_step(one.pressure) ** 2 for one, _ in stretches])) / 12.0)
-    rests = [rest - np.mean(rest) for one, residual in stretches for rest in _at_rest(one, residual)]
-    white = _white(stretches, k_x)
+    roundings, variances, sizes = [], [], []
+    rests: list[Array] = []
     for one, pressure in zip(experiments, simulated):
-        one.give_back()
-        give_back(pressure)
-    return noise_of(rests, white, sum(residual.size for _, residual in stretches), rounding)
+        for part, samples in one.stretches():
+            residual = part.pressure - pressure[samples]
+            roundings.append(rounding_step(part.pressure) ** 2 / 12.0)
+            variances.append(_white_variance(part, residual, k_x))
+            sizes.append(residual.size)
+            rests += [rest - np.mean(rest) for rest in _at_rest(part, residual)]
+            one.give_back()
+            give_back(pressure)
+    white = math.sqrt(float(np.average(variances, weights=sizes)))
+    return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
 
 
 def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) -> Noise:
@@ -138,13 +139,10 @@ def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) 
     return Noise(max(std, rounding), colour, uncertainty, known, rounding > _MOSTLY_ROUNDING * std)
 
 
-def _white(stretches: Sequence[tuple[Experiment, Array]], k_x: float) -> float:
-    """Return the standard deviation of white noise, with what the displacement's uncertainty adds [Pa]."""
-    variances = [
-        sample_noise(one.sample_times, residual) ** 2 + (k_x * one.motion.uncertainty) ** 2
-        for one, residual in stretches
-    ]
-    return math.sqrt(float(np.average(variances, weights=[residual.size for _, residual in stretches])))
+def _white_variance(experiment: Experiment, residual: Array, k_x: float) -> float:
+    """Return the variance of white noise, with what the displacement's uncertainty adds [Pa^2]."""
+    noise = sample_noise(experiment.sample_times, residual)
+    return noise**2 + (k_x * experiment.motion.uncertainty) ** 2
 
 
 def rounding_step(values: Array) -> float:
