@@ -14,7 +14,7 @@ from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, write_recording
 from cfd_pneumatic.recording.writer import STORAGES
-from cfd_pneumatic.rig import SCHEDULES, RigRecord, record, schedule_named
+from cfd_pneumatic.rig import DEVICES, SCHEDULES, RigRecord, device_named, record, schedule_named
 
 NAME = 'record_rig'
 
@@ -47,7 +47,8 @@ def record_bag(arguments: Sequence[str] | None = None) -> None:
     if options.schedule == 'surface_following':
         chosen['seed'] = options.seed
     schedule = schedule_named(options.schedule, **chosen)
-    recording = as_recording(record(schedule, seed=options.seed), schedule.name)
+    device = device_named(options.device, options.faults)
+    recording = as_recording(record(schedule, device, seed=options.seed), schedule.name)
     write_recording(
         options.output, recording, namespace=options.namespace, storage=options.storage, overwrite=options.force
     )
@@ -97,6 +98,19 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--setpoint-b', type=float, metavar='PA', help='set pressure of cylinder B, gauge [Pa]')
     parser.add_argument('--amplitude', type=float, metavar='M', help='displacement [m]')
     parser.add_argument('--duration', type=float, metavar='S', help='length of surface_following [s]')
+    parser.add_argument(
+        '--device',
+        choices=DEVICES,
+        default='real',
+        help='a device whose gains change with pressure and position, or that of the paper (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--faults',
+        default='',
+        metavar='YAML',
+        help="what is wrong with it: '{effects_a.leak_conductance: 1e-10}' (default: nothing); the fields of "
+        'rig/effects.py, in SI units',
+    )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='picks noise and surface (default: 0)')
     parser.add_argument('--storage', choices=STORAGES, default='mcap', help='format of the bag (default: %(default)s)')
     parser.add_argument('--namespace', default='/cfd/device', help='namespace of the topics (default: %(default)s)')
