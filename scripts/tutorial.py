@@ -1,8 +1,8 @@
 """
 The tutorial's commands, and the picture in it: make tutorial-picture.
 
-In `docs/tutorial.md` blocks of ``sh`` run one after the other in one folder, each block of ``bash`` is a program that runs
-on in a terminal of its own, and blocks of ``console`` need ROS 2's command line.
+In `docs/tutorial.md` blocks of ``sh`` run one after the other in one folder, each block of ``bash`` is a program that
+runs on in a terminal of its own, and blocks of ``console`` need ROS 2's command line.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ import re
 
 import pytest
 import yaml
-from measured import needs_measured_data
 from measured import ROOT as MEASURED
+from measured import needs_measured_data
 from tutorial import PAGE, PICTURE, blocks, run
 
 TEXT = ' '.join(PAGE.read_text(encoding='utf-8').split())
@@ -40,8 +40,9 @@ def test_what_is_not_identifiable_is_planned_for(tutorial):
     assert re.search('k_sv +│ not identifiable', said)
     assert 'plan_experiment step/parameters.yaml' in said
     assert 'cylinder_b: Nothing missing.' in said
-    planned = json.loads((tutorial.folder / 'next_found' / 'report.json').read_text())
-    assert planned != {}
+    for folder, unseen in ('found', ['line_restriction']), ('next_found', []):
+        report = json.loads((tutorial.folder / folder / 'report.json').read_text())
+        assert report['cylinders']['cylinder_b']['not_visible'] == unseen
 
 
 def test_every_program_that_runs_on_is_one_of_ours():

@@ -137,9 +137,7 @@ class RigNode(Node):
 
     """
 
-    def __init__(
-        self, parameters: RigParameters | None = None, sensors: Sensors = Sensors(), **kwargs: Any
-    ) -> None:
+    def __init__(self, parameters: RigParameters | None = None, sensors: Sensors = Sensors(), **kwargs: Any) -> None:
         """Declare parameters, compile the physics, and begin."""
         super().__init__('rig_node', **kwargs)
         self._declare_parameters()

@@ -26,7 +26,10 @@ def talk(tutorial) -> Iterator[Path]:
     with talk.open('w') as stdout:
         running = [
             subprocess.Popen(
-                ['sh', '-c', f'exec {block.text}'], cwd=tutorial.folder, env=os.environ | tutorial.environment, stdout=stdout
+                ['sh', '-c', f'exec {block.text}'],
+                cwd=tutorial.folder,
+                env=os.environ | tutorial.environment,
+                stdout=stdout,
             )
             for block in blocks()
             if block.language == 'bash'
