@@ -14,6 +14,8 @@ from chromium import PROGRAM, Chromium  # noqa: E402
 from ros_environment import isolate  # noqa: E402
 from tutorial import blocks, programs, run  # noqa: E402
 
+from cfd_pneumatic.examples import EXAMPLES  # noqa: E402
+
 isolate()
 
 NEEDS = {'nodes': ('ROS 2', ['rclpy']), 'plant': ('Dask', ['distributed', 'pyarrow'])}
@@ -39,7 +41,7 @@ def browser():
         yield one
 
 
-class Tutorial(NamedTuple):
+class Session(NamedTuple):
     """A reader's folder, what the commands below each heading said, and the environment that finds the programs."""
 
     folder: Path
@@ -48,13 +50,24 @@ class Tutorial(NamedTuple):
 
 
 @pytest.fixture(scope='session')
-def tutorial(tmp_path_factory: pytest.TempPathFactory) -> Tutorial:
+def tutorial(tmp_path_factory: pytest.TempPathFactory) -> Session:
     """Type the tutorial's commands, but those that need measured data, which its last part alone does."""
     folder = tmp_path_factory.mktemp('tutorial')
-    one = Tutorial(folder, {}, programs(tmp_path_factory.mktemp('programs') / 'bin'))
+    one = Session(folder, {}, programs(tmp_path_factory.mktemp('programs') / 'bin'))
     for block in blocks():
         if block.language == 'sh' and 'CFD_PNEUMATIC_DATA' not in block.text:
             one.said[block.heading] = one.said.get(block.heading, '') + run(block.text, folder, one.environment)
+    return one
+
+
+@pytest.fixture(scope='session')
+def examples(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """Type the examples of the offline programs' help."""
+    folder = tmp_path_factory.mktemp('examples')
+    one = Session(folder, {}, programs(tmp_path_factory.mktemp('programs') / 'bin'))
+    for name, example in EXAMPLES.items():
+        if not name.endswith('_node'):
+            one.said[name] = run(example, folder, one.environment)
     return one
 
 

@@ -74,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
         type=float,
         default=AMBIENT_PRESSURE,
         metavar='PA',
-        help='what gauge pressures are above, in Pa (default: %(default)s)',
+        help='absolute pressure that gauge pressures are counted from [Pa] (default: %(default)s)',
     )
     parser.add_argument('--force', action='store_true', help='replace a bag that is there')
     return parser

@@ -15,8 +15,8 @@ _WIDTH = 100
 _SWITCH = '.enabled'
 _B_SWITCH = f'cylinder_b{_SWITCH}'  # no effect's, but the cylinder's own
 _MORE = (
-    "Physical effects that the paper's model lacks are parameters, too, such as {prefix}.enabled and what stands below it; "
-    'all are off. docs/interface.md lists every parameter, and so does `ros2 param describe` of a node that runs.'
+    "Physical effects that the paper's model lacks are parameters, too, such as {effect}.enabled and what stands "
+    'below it; all are off. docs/interface.md lists every parameter, and so does `ros2 param describe` of a running node.'
 )
 
 
@@ -41,7 +41,7 @@ def help_of(name: str, node: Any) -> str:
         'parameters and their defaults:',
         *map(_line, (one for one in parameters if _is_shown(one.name, effects))),
         '',
-        *([textwrap.fill(_MORE.format(prefix=effects[0]), _WIDTH), ''] if effects else []),
+        *([textwrap.fill(_MORE.format(effect=effects[0]), _WIDTH), ''] if effects else []),
         example_of(name),
     ]
     return '\n'.join(lines)
@@ -55,11 +55,19 @@ def _is_shown(name: str, effects: list[str]) -> bool:
 
 def _line(one: Declared) -> str:
     name = one.name.replace('cylinder_a.', 'cylinder_*.')
-    default = one.default if isinstance(one.default, str) else str(one.default).lower()
-    text = f'{name} ({default or "empty"}): {one.descriptor.description}'
+    text = f'{name} ({_written(one.default)}): {one.descriptor.description}'
     if one.descriptor.additional_constraints:
         text += f'; {one.descriptor.additional_constraints}'
     return textwrap.fill(text, _WIDTH, initial_indent='  ', subsequent_indent='      ')
+
+
+def _written(value: Any) -> str:
+    """Return a default as a user would write it."""
+    if isinstance(value, list):
+        return f'[{", ".join(_written(one) for one in value if one != "")}]'
+    if isinstance(value, float):
+        return f'{value:.7g}'
+    return (value if isinstance(value, str) else str(value).lower()) or 'empty'
 
 
 def declared_by(node: type) -> list[Declared]:
