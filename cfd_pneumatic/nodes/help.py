@@ -16,7 +16,7 @@ _SWITCH = '.enabled'
 _B_SWITCH = f'cylinder_b{_SWITCH}'  # no effect's, but the cylinder's own
 _MORE = (
     "Physical effects that the paper's model lacks are parameters, too, such as {effect}.enabled and what stands "
-    'below it; all are off. docs/interface.md lists every parameter, and so does `ros2 param describe` of a running node.'
+    'below it; all are off. docs/interface.md lists every parameter, and so does `ros2 param describe` of a node.'
 )
 
 
