@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 from geometry_msgs.msg import WrenchStamped
 from graph import PATIENCE, Graph
 from tutorial import blocks
@@ -59,6 +60,6 @@ def test_the_twin_runs_and_a_leak_is_named(graph: Graph, tutorial, talk: Path) -
     assert forces
     leak = next(block.text for block in blocks() if 'param set' in block.text)
     *_, node, name, value = shlex.split(leak)
-    assert graph.set(node, **{name: value}).successful
+    assert graph.set(node, **{name: yaml.safe_load(value)}).successful  # as ros2 reads it
     says('cylinder_b, WARN: cylinder B loses ')
     says('looks like leakage (conductance ')
