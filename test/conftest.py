@@ -5,12 +5,16 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 from pathlib import Path
+from typing import NamedTuple
 
 sys.path[:0] = [str(Path(__file__).parents[1] / 'scripts'), str(Path(__file__).parent)]
 
 import pytest  # noqa: E402
 from chromium import PROGRAM, Chromium  # noqa: E402
 from ros_environment import isolate  # noqa: E402
+from tutorial import blocks, programs, run  # noqa: E402
+
+from cfd_pneumatic.examples import EXAMPLES  # noqa: E402
 
 isolate()
 
@@ -35,6 +39,36 @@ def browser():
         pytest.skip('no Chromium here: apt-get install chromium')
     with Chromium() as one:
         yield one
+
+
+class Session(NamedTuple):
+    """A reader's folder, what the commands below each heading said, and the environment that finds the programs."""
+
+    folder: Path
+    said: dict[str, str]
+    environment: dict[str, str]
+
+
+@pytest.fixture(scope='session')
+def tutorial(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """Type the tutorial's commands, but those that need measured data, which its last part alone does."""
+    folder = tmp_path_factory.mktemp('tutorial')
+    one = Session(folder, {}, programs(tmp_path_factory.mktemp('programs') / 'bin'))
+    for block in blocks():
+        if block.language == 'sh' and 'CFD_PNEUMATIC_DATA' not in block.text:
+            one.said[block.heading] = one.said.get(block.heading, '') + run(block.text, folder, one.environment)
+    return one
+
+
+@pytest.fixture(scope='session')
+def examples(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """Type the examples of the offline programs' help."""
+    folder = tmp_path_factory.mktemp('examples')
+    one = Session(folder, {}, programs(tmp_path_factory.mktemp('programs') / 'bin'))
+    for name, example in EXAMPLES.items():
+        if not name.endswith('_node'):
+            one.said[name] = run(example, folder, one.environment)
+    return one
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -57,7 +57,11 @@ def _summary(recording: Recording) -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog=NAME, description='Make a ROS 2 bag of a table of measurements.')
+    parser = program.parser_of(
+        NAME,
+        'Make a ROS 2 bag of a table of measurements, in SI units. What the columns are and in which units stands in a '
+        'mapping file; all that it may hold is in cfd_pneumatic/recording/mapping.py.',
+    )
     parser.add_argument('file', type=Path, metavar='FILE', help='text file with a row for each sample')
     parser.add_argument(
         '--mapping', type=Path, required=True, metavar='FILE', help='YAML file that says what the columns are'
@@ -70,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
         type=float,
         default=AMBIENT_PRESSURE,
         metavar='PA',
-        help='what gauge pressures are above, in Pa (default: %(default)s)',
+        help='absolute pressure that gauge pressures are counted from [Pa] (default: %(default)s)',
     )
     parser.add_argument('--force', action='store_true', help='replace a bag that is there')
     return parser

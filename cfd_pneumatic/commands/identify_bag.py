@@ -21,7 +21,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from cfd_pneumatic.commands.program import run
+from cfd_pneumatic.commands.program import parser_of, run
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
@@ -37,13 +37,12 @@ _LONG = 3600.0
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog='identify_bag',
-        description='Fit k_x [Pa/m], k_sv [1/s], k_v [1/s] and tau [s] to recordings of piston displacement and '
+    parser = parser_of(
+        'identify_bag',
+        'Fit k_x [Pa/m], k_sv [1/s], k_v [1/s] and tau [s] to recordings of piston displacement and '
         'cylinder pressure, and find what the model lacks. Writes report.json, and parameters.yaml that sim_node runs '
-        'with; with --close-loop also report.html for people, and compare.mcap for PlotJuggler and Foxglove.',
-        epilog='examples: identify_bag cell_7.mcap --close-loop --output cell_7_identified; '
-        'identify_bag plant --each --close-loop --output plant_identified',
+        'with; with --close-loop also report.html for people, and compare.mcap for PlotJuggler and Foxglove. Many bags '
+        'at once: identify_bag plant --each --close-loop --output plant_identified.',
     )
     parser.add_argument(
         'bags',
@@ -56,7 +55,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--mapping', metavar='FILE', type=Path, help='YAML file that says what the topics or columns are'
     )
-    parser.add_argument('--namespace', help='namespace of the device where the bag holds several, e.g. /cfd/device')
+    parser.add_argument(
+        '--namespace',
+        help='namespace of the device where the bag holds several, e.g. /cfd/device (default: the only one)',
+    )
     parser.add_argument(
         '--per-setpoint', action='store_true', help='fit a table of operating points, one for each set-point'
     )

@@ -65,14 +65,12 @@ def propose(arguments: Sequence[str] | None = None) -> None:
 def _parser() -> argparse.ArgumentParser:
     limits = Limits((0.0, 0.0))
     sensing = Sensing()
-    parser = argparse.ArgumentParser(
-        prog=NAME,
-        description='Propose displacements and set-points that make parameters and effects identifiable, within the '
+    parser = program.parser_of(
+        NAME,
+        'Propose displacements and set-points that make parameters and effects identifiable, within the '
         'limits of the cell, and predict the standard error of each parameter and which effects would show. Writes '
         f'{SCHEDULE_FILE} (time [s], displacement [m], velocity [m/s], gauge set-points [Pa]) for a robot and for '
         f'rig_node, {PLAN_FILE} and {PICTURE_FILE}.',
-        epilog='example: plan_experiment config/table_1.yaml --stroke 3e-3 --duration 30 --output planned; then '
-        'record_rig planned/schedule.csv --output planned_bag; identify_bag planned_bag --close-loop --output found',
     )
     parser.add_argument(
         'parameters', type=Path, metavar='PARAMETERS', help='parameter file of sim_node, as identify_bag writes it'

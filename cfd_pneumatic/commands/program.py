@@ -1,16 +1,32 @@
-"""What all offline programs have in common: how they end."""
+"""What all offline programs have in common: their help, and how they end."""
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.examples import example_of
 
 BAD_INPUT = 2
 INTERRUPTED = 130
 BROKEN_PIPE = 141
+
+
+class _Formatter(argparse.HelpFormatter):
+    """Leaves the lines of an example as they are."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return text if text.startswith('example:') else super()._fill_text(text, width, indent)
+
+
+def parser_of(name: str, description: str) -> argparse.ArgumentParser:
+    """Return a program's parser, without arguments yet, whose help ends with the program's example."""
+    return argparse.ArgumentParser(
+        prog=name, description=description, epilog=example_of(name), formatter_class=_Formatter
+    )
 
 
 def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: Sequence[str] | None = None) -> int:

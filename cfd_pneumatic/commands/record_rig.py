@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, write_recording
 from cfd_pneumatic.recording.writer import STORAGES
-from cfd_pneumatic.rig import SCHEDULES, RigRecord, record, schedule_named
+from cfd_pneumatic.rig import DEVICES, SCHEDULES, RigRecord, device_named, record, schedule_named
 
 NAME = 'record_rig'
 
@@ -47,7 +48,8 @@ def record_bag(arguments: Sequence[str] | None = None) -> None:
     if options.schedule == 'surface_following':
         chosen['seed'] = options.seed
     schedule = schedule_named(options.schedule, **chosen)
-    recording = as_recording(record(schedule, seed=options.seed), schedule.name)
+    device = device_named(options.device, options.faults)
+    recording = as_recording(record(schedule, device, seed=options.seed), schedule.name)
     write_recording(
         options.output, recording, namespace=options.namespace, storage=options.storage, overwrite=options.force
     )
@@ -82,21 +84,42 @@ def _held(times: np.ndarray, applied: np.ndarray) -> Signal:
     )
 
 
+def _defaults(option: str) -> str:
+    """Return what an option is by default in each schedule that has it."""
+    found = {name: inspect.signature(builder).parameters.get(option) for name, builder in SCHEDULES.items()}
+    own = {name: parameter.default for name, parameter in found.items() if parameter is not None}
+    return ', '.join(f'{name} {"as A" if value is None else f"{value:g}"}' for name, value in own.items())
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog=NAME,
-        description='Play a schedule on the virtual rig and write what its sensors read as a ROS 2 bag.',
-        epilog='examples: record_rig paper_step --setpoint 34.5e3 --output step_5psig; '
-        'record_rig planned/schedule.csv --output planned_bag',
+    parser = program.parser_of(
+        NAME, 'Play a schedule on the virtual rig and write what its sensors read as a ROS 2 bag.'
     )
     parser.add_argument(
         'schedule', metavar='SCHEDULE', help=f'{", ".join(SCHEDULES)}, or the schedule.csv of plan_experiment'
     )
     parser.add_argument('--output', type=Path, required=True, metavar='BAG', help='folder of the bag to write')
-    parser.add_argument('--setpoint', type=float, metavar='PA', help='set pressure of cylinder A, gauge [Pa]')
-    parser.add_argument('--setpoint-b', type=float, metavar='PA', help='set pressure of cylinder B, gauge [Pa]')
-    parser.add_argument('--amplitude', type=float, metavar='M', help='displacement [m]')
-    parser.add_argument('--duration', type=float, metavar='S', help='length of surface_following [s]')
+    for option, metavar, text in (
+        ('setpoint', 'PA', 'set pressure of cylinder A, gauge [Pa]'),
+        ('setpoint_b', 'PA', 'set pressure of cylinder B, gauge [Pa]'),
+        ('amplitude', 'M', 'displacement; of a surface its standard deviation [m]'),
+        ('duration', 'S', 'length [s]'),
+    ):
+        help_text = f'{text} (default: {_defaults(option)})'
+        parser.add_argument(f'--{option.replace("_", "-")}', type=float, metavar=metavar, help=help_text)
+    parser.add_argument(
+        '--device',
+        choices=DEVICES,
+        default='real',
+        help='a device whose gains change with pressure and position, or that of the paper (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--faults',
+        default='',
+        metavar='YAML',
+        help="what is wrong with it: '{effects_a.leak_conductance: 1e-10}' (default: nothing); the fields of "
+        'rig/effects.py, in SI units',
+    )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='picks noise and surface (default: 0)')
     parser.add_argument('--storage', choices=STORAGES, default='mcap', help='format of the bag (default: %(default)s)')
     parser.add_argument('--namespace', default='/cfd/device', help='namespace of the topics (default: %(default)s)')

@@ -150,6 +150,21 @@ class IdentifierNode(Node):
     def __init__(self, **kwargs: Any) -> None:
         """Declare parameters and offer the services."""
         super().__init__('identifier_node', **kwargs)
+        self._declare_parameters()
+        self._job: Job | None = None
+        self._fit: FitProcess | None = None
+        self._transfer: ParameterTransfer | None = None
+        self._status = (DiagnosticStatus.OK, 'idle')
+        self._report: dict[str, Any] = {}
+        self._result_out = self.create_publisher(String, '~/result', _LATCHED)
+        self._diagnostics_out = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
+        self.create_service(Trigger, '~/identify', self._on_identify)
+        self.create_service(Trigger, '~/cancel', self._on_cancel)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_PERIOD, self._look_after, clock=steady)
+        self.create_timer(1.0, self._publish_diagnostics, clock=steady)
+
+    def _declare_parameters(self) -> None:
         declare = self.declare_parameter
         declare('bags', [''], texts('paths of the bags to identify jointly'))
         declare('output_dir', '', text('folder for report.json, parameters.yaml and, with close_loop, report.html'))
@@ -168,18 +183,6 @@ class IdentifierNode(Node):
         )
         declare('apply_to', '', text('node whose parameters the result sets, e.g. /cfd/sim/sim_node; empty: none'))
         declare('split', '60/20/20', text('percent of train, validation and test'))
-        self._job: Job | None = None
-        self._fit: FitProcess | None = None
-        self._transfer: ParameterTransfer | None = None
-        self._status = (DiagnosticStatus.OK, 'idle')
-        self._report: dict[str, Any] = {}
-        self._result_out = self.create_publisher(String, '~/result', _LATCHED)
-        self._diagnostics_out = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
-        self.create_service(Trigger, '~/identify', self._on_identify)
-        self.create_service(Trigger, '~/cancel', self._on_cancel)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_PERIOD, self._look_after, clock=steady)
-        self.create_timer(1.0, self._publish_diagnostics, clock=steady)
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value

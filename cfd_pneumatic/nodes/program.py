@@ -1,4 +1,4 @@
-"""What every node's main does: start, spin, end cleanly, say in one line what is wrong."""
+"""What every node's main does: say what it is, start, spin, end cleanly, say in one line what is wrong."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
 from rclpy.node import Node
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.nodes.help import help_of
 
 try:
     from rclpy.experimental import EventsExecutor
@@ -51,8 +52,12 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     """
     Run a node until it is interrupted or ROS shuts down; return the program's exit code.
 
-    A mistake in the parameters or files that the user gave is one line on standard error and exit code 2.
+    A mistake in the parameters or files that the user gave is one line on standard error and exit code 2. With `--help`
+    it says what the node is, and starts nothing.
     """
+    if {'-h', '--help'} & set(sys.argv[1:] if args is None else args):
+        print(help_of(name, make_node))
+        return 0
     try:
         _start(args)
         node = make_node()

@@ -32,10 +32,10 @@ class RecorderNode(Node):
     def __init__(self, **kwargs: Any) -> None:
         """Open the bag and wait for the topics."""
         super().__init__('recorder_node', **kwargs)
-        topics = self.declare_parameter('topics', [''], texts('names of the topics to record')).value
-        output = self.declare_parameter('output', '', text('folder of the bag to be written')).value
-        storage = self.declare_parameter('storage', 'mcap', text('storage of the bag', 'mcap or sqlite3')).value
-        overwrite = self.declare_parameter('overwrite', False, switch('replace a bag that is there')).value
+        self._declare_parameters()
+        topics, output, storage, overwrite = (
+            self.get_parameter(name).value for name in ('topics', 'output', 'storage', 'overwrite')
+        )
         if not output:
             raise InputError("parameter 'output' is empty: give the folder of the bag, -p output:=my_bag")
         if storage not in ('mcap', 'sqlite3'):
@@ -46,6 +46,13 @@ class RecorderNode(Node):
         self._written = 0
         self.create_timer(_LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._bag = BagWriter(output, storage=storage, overwrite=overwrite)
+
+    def _declare_parameters(self) -> None:
+        declare = self.declare_parameter
+        declare('topics', [''], texts('names of the topics to record'))
+        declare('output', '', text('folder of the bag to be written'))
+        declare('storage', 'mcap', text('storage of the bag', 'mcap or sqlite3'))
+        declare('overwrite', False, switch('replace a bag that is there'))
 
     def _full_name(self, topic: str) -> str:
         try:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, Protocol
 
-import yaml
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterType, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -27,6 +26,7 @@ from cfd_pneumatic.nodes.parameters import number, switch, text
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.topics import listen_to, publish_on
 from cfd_pneumatic.rig import (
+    DEVICES,
     SCHEDULES,
     Bench,
     CommandedPiston,
@@ -35,10 +35,11 @@ from cfd_pneumatic.rig import (
     RigParameters,
     RigRecord,
     Sensors,
+    device_named,
     paper_step,
     record,
     schedule_named,
-    with_changes,
+    with_faults,
 )
 from cfd_pneumatic.units import PSI
 
@@ -47,7 +48,6 @@ _BURST = 20  # samples at most that one tick catches up on, so that callbacks an
 _OUTPUT_QOS = QoSProfile(depth=10 * _BURST)  # reliable, some bursts deep
 _WAITING_PERIOD = 0.05  # [s]
 _THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
-_LIVE = ('effects_a', 'effects_b', 'pickup')  # parts of the rig that change while it runs
 _DELIVERY = 4.0  # how long the last messages may take to arrive before the node ends; DDS asks every 3 s [s]
 
 
@@ -129,7 +129,7 @@ class RigNode(Node):
     Parameters
     ----------
     parameters
-        What the rig is made of.
+        What the rig is made of; by default what the parameter `device` says.
     sensors
         What it is read with.
     kwargs
@@ -137,17 +137,16 @@ class RigNode(Node):
 
     """
 
-    def __init__(
-        self, parameters: RigParameters = RigParameters(), sensors: Sensors = Sensors(), **kwargs: Any
-    ) -> None:
+    def __init__(self, parameters: RigParameters | None = None, sensors: Sensors = Sensors(), **kwargs: Any) -> None:
         """Declare parameters, compile the physics, and begin."""
         super().__init__('rig_node', **kwargs)
         self._declare_parameters()
         self._period = 1.0 / self._value('sample_rate')
         self._joint, self._frame = self._value('joint'), self._value('frame_id')
-        self._healthy, self._sensors = parameters, sensors
-        self._device = self._with_faults(self._value('faults'))
-        record(paper_step(), parameters)  # compiles the physics, or loads it compiled, before a sample is due
+        self._healthy = device_named(self._value('device')) if parameters is None else parameters
+        self._sensors = sensors
+        self._device = with_faults(self._healthy, self._value('faults'))
+        record(paper_step(), self._healthy)  # compiles the physics, or loads it compiled, before a sample is due
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._published = 0
         self._position: float | None = None
@@ -186,6 +185,7 @@ class RigNode(Node):
             descriptor.read_only = True
             self.declare_parameter(name, default, descriptor)
 
+        declare('device', 'real', text('which device: with gains as in nature, or constant ones', ' or '.join(DEVICES)))
         declare('joint', convention.PISTON_JOINT, text('name of the piston joint in piston_state'))
         declare('frame_id', 'cfd', text('frame of measured_force and of the pressures'))
         declare('sample_rate', 500.0, number('Hz', 1.0, 2000.0, 'samples in a second'))
@@ -220,26 +220,12 @@ class RigNode(Node):
                 number('Pa', -1e5, 2e6, 'gauge set-point until one arrives, without a schedule'),
             )
 
-    def _with_faults(self, faults: str) -> RigParameters:
-        """Return the device with something wrong with it, or raise InputError."""
-        try:
-            changes = yaml.safe_load(faults) or {}
-        except yaml.YAMLError as error:
-            raise InputError(f"parameter 'faults' is not YAML: {error}") from error
-        if not isinstance(changes, dict):
-            raise InputError(f"parameter 'faults' is {faults!r}: write {{effects_a.leak_conductance: 1e-10}}")
-        changes = {str(name): _as_number(value) for name, value in changes.items()}
-        fixed = [name for name in changes if name.partition('.')[0] not in _LIVE]
-        if fixed:
-            raise InputError(f"parameter 'faults': {fixed[0]} cannot change; {', '.join(_LIVE)} can")
-        return with_changes(self._healthy, changes)
-
     def _on_parameters(self, parameters: Sequence[Parameter]) -> SetParametersResult:
         """Let something go wrong, or right again, from the next sample on."""
         for parameter in parameters:
             if parameter.name == 'faults':
                 try:
-                    self._play.change(self._with_faults(parameter.value))
+                    self._play.change(with_faults(self._healthy, parameter.value))
                 except InputError as error:
                     return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -379,14 +365,6 @@ class RigNode(Node):
         for out in self.publishers:
             if not out.wait_for_all_acked(Duration(seconds=max(limit - self._seconds(), 0.0))):
                 self.get_logger().warning(f'{out.topic_name}: the last samples have not reached every subscriber')
-
-
-def _as_number(value: Any) -> Any:
-    """Return what YAML 1.1 takes for text, as 1e-10 without a point, as the number that it is."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
 
 
 def _whole(lower: int, upper: int, description: str) -> ParameterDescriptor:

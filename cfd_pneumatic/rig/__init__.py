@@ -14,6 +14,7 @@ A device with something wrong with it has `Effects`; `cfd_pneumatic.rig.panel` d
 
 from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record
 from cfd_pneumatic.rig.device import Rig, Truth
+from cfd_pneumatic.rig.devices import DEVICES, device_named, with_faults
 from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.naming import SCHEDULES, schedule_named
 from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
@@ -24,6 +25,7 @@ from cfd_pneumatic.rig.stroke import Stroke
 from cfd_pneumatic.rig.written import written_schedule
 
 __all__ = [
+    'DEVICES',
     'SCHEDULES',
     'Air',
     'Bench',
@@ -42,6 +44,7 @@ __all__ = [
     'SetPoints',
     'Stroke',
     'Truth',
+    'device_named',
     'lay_out',
     'out_and_back',
     'paper_step',
@@ -49,5 +52,6 @@ __all__ = [
     'schedule_named',
     'surface_following',
     'with_changes',
+    'with_faults',
     'written_schedule',
 ]

@@ -288,6 +288,7 @@ def test_every_parameter_is_described() -> None:
         ({'schedule': 'paper_step', 'schedule_duration': 3.0}, InputError, "no option 'duration'"),
         ({'cylinder_a.initial_setpoint': 1e6}, InputError, 'between vacuum and the supply'),
         ({'sample_rate': 0.0}, InvalidParameterValueException, 'sample_rate'),
+        ({'device': 'best'}, InputError, "device 'best' is not known: use one of real, paper"),
         ({'faults': '{effects_a.leak: 1e-10}'}, InputError, 'effects_a.leak is not known'),
         ({'faults': '{seal.coulomb: 1.0}'}, InputError, 'seal.coulomb cannot change'),
         ({'faults': '{effects_a.dead_band: many}'}, InputError, "effects_a.dead_band = 'many': give a number"),

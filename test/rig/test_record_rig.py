@@ -9,7 +9,7 @@ import pytest
 
 from cfd_pneumatic.commands.record_rig import main
 from cfd_pneumatic.recording import read_recording
-from cfd_pneumatic.rig import out_and_back, record
+from cfd_pneumatic.rig import DEVICES, out_and_back, paper_step, record, with_changes
 from cfd_pneumatic.units import PSI
 
 
@@ -50,6 +50,18 @@ def test_options_reach_the_schedule(tmp_path: Path) -> None:
     assert read.cylinders['cylinder_b'].setpoint.values == pytest.approx([101325 + 50e3])
 
 
+def test_faults_and_the_device_are_those_of_the_rig(tmp_path: Path) -> None:
+    bag = tmp_path / 'bag'
+    faults = '{effects_a.leak_conductance: 1e-9, pickup.force_offset: 5}'
+    assert main(['paper_step', '--device', 'paper', '--faults', faults, '--output', str(bag)]) == 0
+    changes = {'effects_a.leak_conductance': 1e-9, 'pickup.force_offset': 5.0}
+    expected = record(paper_step(), with_changes(DEVICES['paper'], changes))
+    read = read_recording(bag)
+    assert np.array_equal(read.cylinders['cylinder_a'].pressure.values, expected.pressures[:, 0])
+    assert read.force is not None
+    assert np.array_equal(read.force.values, expected.force)
+
+
 def test_the_same_seed_gives_the_same_surface(tmp_path: Path) -> None:
     displacements = []
     for name, seed in (('one', '1'), ('again', '1'), ('other', '2')):
@@ -68,6 +80,8 @@ def test_the_same_seed_gives_the_same_surface(tmp_path: Path) -> None:
         (['surface_following', '--duration', 'inf'], 'duration inf s'),
         (['paper_step', '--amplitude', 'nan'], 'out of reach'),
         (['paper_step', '--seed', '-1'], '--seed -1'),
+        (['paper_step', '--faults', '{'], "'faults' is not YAML"),
+        (['paper_step', '--faults', 'seal.coulomb: 1'], "'faults': seal.coulomb cannot change; effects_a"),
     ],
 )
 def test_what_cannot_be_recorded_leaves_nothing(

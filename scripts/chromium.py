@@ -1,4 +1,4 @@
-"""A headless Chromium for tests, spoken to over its debugging pipe: nothing but the standard library is needed."""
+"""A headless Chromium, spoken to over its debugging pipe: nothing but the standard library is needed."""
 
 from __future__ import annotations
 

@@ -1,0 +1,68 @@
+"""
+An example for each program, as its `--help` shows it and as a shell takes it.
+
+They follow each other in one folder, in this order; the tests run them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+EXAMPLES: Mapping[str, str] = {
+    'record_rig': """\
+record_rig out_and_back --device paper --faults 'effects_a.leak_conductance: 1e-10' --output rig_bag
+""",
+    'identify_bag': """\
+identify_bag rig_bag --close-loop --output rig_identified
+""",
+    'plan_experiment': """\
+plan_experiment rig_identified/parameters.yaml --report rig_identified/report.json --output planned \\
+    --stroke 3e-3 --speed 0.1 --pressures 35e3 70e3 --duration 20 --wanted k_v leakage lost_motion
+record_rig planned/schedule.csv --output planned_bag
+""",
+    'csv_to_bag': """\
+cat > press.csv <<END
+t_ms,stroke_mm,p_psi
+0,0.00,10.00
+2,0.01,9.97
+4,0.03,9.91
+END
+cat > press.yaml <<END
+table: {time: {column: t_ms, unit: ms}, delimiter: comma, header_rows: 1}
+displacement: {column: stroke_mm, unit: mm}
+cylinder_a: {pressure: {column: p_psi, unit: psi, reference: gauge}}
+END
+csv_to_bag press.csv --mapping press.yaml --output press_bag
+""",
+    'rig_node': """\
+rig_node --ros-args -r __ns:=/cfd/device -p schedule:=surface_following -p repeat:=true
+""",
+    'sim_node': """\
+sim_node --ros-args -r __ns:=/cfd/sim --params-file rig_identified/parameters.yaml \\
+    -r piston_state:=/cfd/device/piston_state \\
+    -r cylinder_a/setpoint:=/cfd/device/cylinder_a/setpoint \\
+    -r cylinder_b/setpoint:=/cfd/device/cylinder_b/setpoint
+""",
+    'monitor_node': """\
+monitor_node --ros-args -r __ns:=/cfd/monitor --params-file rig_identified/parameters.yaml \\
+    -r piston_state:=/cfd/device/piston_state \\
+    -r cylinder_a/setpoint:=/cfd/device/cylinder_a/setpoint \\
+    -r cylinder_b/setpoint:=/cfd/device/cylinder_b/setpoint \\
+    -r cylinder_a/pressure:=/cfd/device/cylinder_a/pressure \\
+    -r cylinder_b/pressure:=/cfd/device/cylinder_b/pressure \\
+    -r measured_force:=/cfd/device/measured_force
+""",
+    'recorder_node': """\
+recorder_node --ros-args -p output:=cell_bag \\
+    -p topics:=[/cfd/device/piston_state,/cfd/device/cylinder_a/pressure,/cfd/device/cylinder_b/pressure]
+""",
+    'identifier_node': """\
+identifier_node --ros-args -r __ns:=/cfd -p bags:=[rig_bag] -p output_dir:=found -p close_loop:=true
+""",
+}
+"""Example by program."""
+
+
+def example_of(program: str) -> str:
+    """Return the example of a program, as it stands at the end of its help."""
+    return f'example:\n\n{EXAMPLES[program]}'

@@ -1,0 +1,103 @@
+"""Devices by name, and what goes wrong with them while they run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.rig.parameters import Cylinder, Piston, RigParameters, Seal, with_changes
+
+CHANGEABLE = ('effects_a', 'effects_b', 'pickup')
+"""Parts of a device in which something may go wrong while it runs."""
+
+EXAMPLE = 'effects_a.leak_conductance: 1e-10'
+
+
+def _frozen(cylinder: Cylinder) -> Cylinder:
+    """
+    Return a cylinder whose coefficients are the same at every pressure and position, as the paper's are.
+
+    The control chamber is small enough to be filled from the cylinder unnoticed, behind a tube as much narrower.
+    """
+    return cylinder._replace(
+        supply_gain_growth=0.0,
+        control_volume=0.1 * cylinder.control_volume,
+        aspirator_diameter=0.1**0.25 * cylinder.aspirator_diameter,
+        pressure_dependence=0.0,
+        position_dependence=0.0,
+    )
+
+
+DEVICES: dict[str, RigParameters] = {
+    'real': RigParameters(),
+    'paper': RigParameters(
+        cylinder_a=_frozen(Cylinder()),
+        cylinder_b=_frozen(Cylinder()),
+        piston=Piston(mass=0.0),
+        seal=Seal(coulomb=0.0, coulomb_per_pressure=0.0, viscous=0.0),
+    ),
+}
+"""`real`: gains change with pressure and position; `paper`: as the paper's equations, without friction and mass."""
+
+
+def device_named(name: str, faults: str = '') -> RigParameters:
+    """
+    Return a device by its name, with something wrong with it.
+
+    Parameters
+    ----------
+    name : str
+        One of `DEVICES`.
+    faults : str
+        As `with_faults` takes it.
+
+    Raises
+    ------
+    InputError
+        If there is no such device or no such fault.
+
+    """
+    if name not in DEVICES:
+        raise InputError(f'device {name!r} is not known: use one of {", ".join(DEVICES)}')
+    return with_faults(DEVICES[name], faults)
+
+
+def with_faults(device: RigParameters, faults: str) -> RigParameters:
+    """
+    Return a device with something wrong with it.
+
+    Parameters
+    ----------
+    device : RigParameters
+        The healthy device.
+    faults : str
+        YAML: fields of `Effects` or `Pickup` with their values in SI units, such as
+        ``{effects_a.leak_conductance: 1e-10}``; empty for nothing.
+
+    Raises
+    ------
+    InputError
+        If that is not YAML, or names nothing that may go wrong.
+
+    """
+    try:
+        changes = yaml.safe_load(faults) or {}
+    except yaml.YAMLError as error:
+        raise InputError(f"'faults' is not YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(changes, dict):
+        raise InputError(f"'faults' is {faults!r}: write {{{EXAMPLE}}}")
+    changes = {str(name): _as_number(value) for name, value in changes.items()}
+    fixed = [name for name in changes if name.partition('.')[0] not in CHANGEABLE]
+    if fixed:
+        raise InputError(f"'faults': {fixed[0]} cannot change; {', '.join(CHANGEABLE)} can")
+    return with_changes(device, changes)
+
+
+def _as_number(value: Any) -> Any:
+    """Return what YAML 1.1 takes for text, as 1e-10 without a point, as the number that it is."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value

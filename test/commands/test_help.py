@@ -1,0 +1,28 @@
+"""The offline programs' help, and its examples, one after the other in an empty folder."""
+
+from __future__ import annotations
+
+import importlib
+
+import pytest
+
+from cfd_pneumatic.examples import EXAMPLES
+
+COMMANDS = [name for name in EXAMPLES if not name.endswith('_node')]
+
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_help_says_units_and_defaults_and_ends_with_the_example(name, capsys):
+    main = importlib.import_module(f'cfd_pneumatic.commands.{name}').main
+    with pytest.raises(SystemExit, match=r'^0$'):
+        main(['--help'])
+    said = capsys.readouterr().out
+    assert said.endswith(EXAMPLES[name])
+    assert '(default: ' in ' '.join(said.split())
+    assert '[Pa]' in said
+
+
+def test_the_examples_work(examples):
+    assert list(examples.said) == COMMANDS
+    assert 'cylinder_a: Effect found. The model lacks leakage' in examples.said['identify_bag']
+    assert 'cylinder_a pressure 3' in examples.said['csv_to_bag']

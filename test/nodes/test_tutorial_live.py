@@ -1,0 +1,65 @@
+"""The tutorial's programs that run on, as it has them typed, with a leak that appears while they do."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from geometry_msgs.msg import WrenchStamped
+from graph import PATIENCE, Graph
+from tutorial import blocks
+
+LONGEST = 180.0
+"""On a busy machine, to which a diagnosis leaves its turn [s]."""
+
+
+@pytest.fixture
+def talk(tutorial) -> Iterator[Path]:
+    """Start each program in a terminal of its own, and yield what `health.py` says, as it grows."""
+    talk = tutorial.folder / 'health.log'
+    with talk.open('w') as stdout:
+        running = [
+            subprocess.Popen(
+                ['sh', '-c', f'exec {block.text}'],
+                cwd=tutorial.folder,
+                env=os.environ | tutorial.environment,
+                stdout=stdout,
+            )
+            for block in blocks()
+            if block.language == 'bash'
+        ]
+        try:
+            yield talk
+            for process in running:
+                process.send_signal(signal.SIGINT)
+            assert [process.wait(PATIENCE) for process in running] == [0] * len(running)
+        finally:
+            for process in running:
+                process.kill()
+                process.wait()
+
+
+def test_the_twin_runs_and_a_leak_is_named(graph: Graph, tutorial, talk: Path) -> None:
+    forces = graph.listen(WrenchStamped, '/cfd/sim/contact_force')
+
+    def says(words: str) -> None:
+        limit = time.monotonic() + LONGEST
+        while not any(words in line for line in talk.read_text().splitlines()):
+            assert time.monotonic() < limit, talk.read_text()
+            graph.executor.spin_once(timeout_sec=0.1)
+
+    says('cylinder_a, OK: agrees with its model')
+    says('cylinder_b, OK: agrees with its model')
+    assert forces
+    leak = next(block.text for block in blocks() if 'param set' in block.text)
+    *_, node, name, value = shlex.split(leak)
+    assert graph.set(node, **{name: yaml.safe_load(value)}).successful  # as ros2 reads it
+    says('cylinder_b, WARN: cylinder B loses ')
+    says('looks like leakage (conductance ')

@@ -1,0 +1,67 @@
+"""`docs/tutorial.md`: its commands, one after the other in an empty folder, and what its text promises of them."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+import yaml
+from measured import ROOT as MEASURED
+from measured import needs_measured_data
+from tutorial import PAGE, PICTURE, blocks, run
+
+TEXT = ' '.join(PAGE.read_text(encoding='utf-8').split())
+REAL = 'A real cylinder'
+
+
+def test_the_table_looks_as_it_says(tutorial):
+    head = (tutorial.folder / 'press.csv').read_text().splitlines()[:3]
+    assert ' '.join(head) in TEXT
+    assert 'cylinder_a pressure 10,001' in tutorial.said['A bag']
+
+
+def test_the_effect_that_nobody_declared_is_named_with_its_size(tutorial):
+    said = ' '.join(tutorial.said['What the model lacks'].split())
+    verdict = r'cylinder_a: (Effect found[.] The model lacks valve dead band; with it the error falls to) (\d+) %'
+    (wording, left), (promised_wording, promised) = (re.search(verdict, text).groups() for text in (said, TEXT))
+    assert wording == promised_wording
+    assert float(left) == pytest.approx(float(promised), abs=2.0)
+    found = [float(one) for one in re.search(r'band │ ([\d.]+) │ ([\d.]+) to ([\d.]+) │ Pa', said).groups()]
+    size = [float(one) for one in re.search(r'its size, ([\d.]+) Pa \(([\d.]+) to ([\d.]+)\)', TEXT).groups()]
+    assert found == pytest.approx(size, abs=1.0)
+    assert size[1] < 300.0 < size[2]
+    assert 'cylinder_b: Nothing missing.' in said
+    assert all((tutorial.folder / 'found' / name).is_file() for name in ('report.html', 'compare.mcap', 'report.json'))
+    written = yaml.safe_load((tutorial.folder / 'found' / 'parameters.yaml').read_text())['/**']['ros__parameters']
+    assert written['cylinder_a']['valve_dead_band']['enabled']
+
+
+def test_what_is_not_identifiable_is_planned_for(tutorial):
+    said = tutorial.said['What was not identifiable, and the next experiment']
+    assert re.search('k_sv +│ not identifiable', said)
+    assert 'plan_experiment step/parameters.yaml' in said
+    assert 'cylinder_b: Nothing missing.' in said
+    for folder, unseen in ('found', ['line_restriction']), ('next_found', []):
+        report = json.loads((tutorial.folder / folder / 'report.json').read_text())
+        assert report['cylinders']['cylinder_b']['not_visible'] == unseen
+
+
+def test_every_program_that_runs_on_is_one_of_ours():
+    started = [block.text.split()[0] for block in blocks() if block.language == 'bash']
+    assert started == ['rig_node', 'sim_node', 'monitor_node', 'python3']
+
+
+def test_the_picture_is_small():
+    assert 20_000 < PICTURE.stat().st_size < 300_000
+
+
+@needs_measured_data
+def test_a_worn_seal_is_named(tutorial):
+    (block,) = (block for block in blocks() if block.heading == REAL)
+    environment = tutorial.environment | {'CFD_PNEUMATIC_DATA': str(MEASURED.parent)}
+    said = ' '.join(run(block.text, tutorial.folder, environment).split())
+    assert 'cylinder_a: Unexplained. The model lacks positional leakage' in said
+    assert float(re.search(r'positional_leakage │ (\d+) %', said)[1]) == pytest.approx(90.0, abs=2.0)
+    for name in ('k_v', 'tau'):
+        assert re.search(rf'│ {name} │ not identifiable', said)
