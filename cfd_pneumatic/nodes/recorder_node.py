@@ -32,10 +32,11 @@ class RecorderNode(Node):
     def __init__(self, **kwargs: Any) -> None:
         """Open the bag and wait for the topics."""
         super().__init__('recorder_node', **kwargs)
-        topics = self.declare_parameter('topics', [''], texts('names of the topics to record')).value
-        output = self.declare_parameter('output', '', text('folder of the bag to be written')).value
-        storage = self.declare_parameter('storage', 'mcap', text('storage of the bag', 'mcap or sqlite3')).value
-        overwrite = self.declare_parameter('overwrite', False, switch('replace a bag that is there')).value
+        declare = self.declare_parameter
+        topics = declare('topics', [''], texts('names of the topics to record', read_only=True)).value
+        output = declare('output', '', text('folder of the bag to be written', read_only=True)).value
+        storage = declare('storage', 'mcap', text('storage of the bag', 'mcap or sqlite3', read_only=True)).value
+        overwrite = declare('overwrite', False, switch('replace a bag that is there', read_only=True)).value
         if not output:
             raise InputError("parameter 'output' is empty: give the folder of the bag, -p output:=my_bag")
         if storage not in ('mcap', 'sqlite3'):
