@@ -64,7 +64,7 @@ EFFECT = Effect(
     ),
     starts=starts,
     shown_by='large steps of the set-point, up and down',
-    seen_against='pressure',
+    seen_against='valve error',
     families=(STIFFNESS,),
     fastest=fastest,
     states=1,
