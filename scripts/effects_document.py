@@ -124,7 +124,7 @@ def _section(name: str) -> Iterator[str]:
         yield f'![How {name} shows]({PICTURES.name}/{name}.svg)'
         installed = ON_RIG[name]
         unit = '' if installed.unit == '1' else f' {installed.unit}'
-        yield f'*On the rig: {installed.meaning} {_strength(name):.2g}{unit}.*'
+        yield f'*On the rig: {installed.meaning} {float(f"{_strength(name):.2g}"):g}{unit}.*'
     else:
         yield '*The rig has no such effect.*'
 
