@@ -47,7 +47,7 @@ EFFECT = Effect(
     ),
     equations=(
         r"F' = F - \max(coulomb + per_pressure\,(p_A + p_B - 2 p_0), 0)\,z - viscous\,\dot x",
-        r'\frac{dz}{d|x|} = \frac{\operatorname{sgn} \dot x - z}{presliding}',
+        r'\frac{dz}{d|x|} = \frac{\mathrm{sgn}\, \dot x - z}{presliding}',
     ),
     starts=starts,
     shown_by='slow strokes with reversals, at two set-points well apart',
