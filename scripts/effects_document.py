@@ -114,11 +114,11 @@ def _section(name: str) -> Iterator[str]:
     yield '```math\n' + _latex(effect) + '\n```'
     rows = []
     for one in effect.parameters:
-        searched = 'tried at its starting values' if one.choice else 'logarithm' if one.logarithmic else 'value'
+        searched = 'no: starting values only' if one.choice else 'in its logarithm' if one.logarithmic else 'as it is'
         rows.append(
             [code(one.name), one.unit, one.description, f'{one.lower:g} to {one.upper:g}', f'{one.null:g}', searched]
         )
-    yield table(['parameter', 'unit', 'meaning', 'range', 'off at', 'searched in its'], rows)
+    yield table(['parameter', 'unit', 'meaning', 'range', 'off at', 'searched'], rows)
     others = dict.fromkeys(other for family in effect.families for other in FAMILIES[family] if other != name)
     taken = ', '.join(f'[`{other}`](#{other})' for other in others) or 'none of these, where the recording is lively'
     yield f'- Acts on: {_place(name)}\n- To see it, record: {effect.shown_by}\n- May be taken for: {taken}'

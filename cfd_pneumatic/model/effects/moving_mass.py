@@ -34,7 +34,7 @@ EFFECT = Effect(
         EffectParameter('mass', 'kg', 0.0, 100.0, 0.0, 'of what moves'),
         EffectParameter('inclination', 'rad', -1.6, 1.6, 0.0, 'of +x above the horizontal', choice=True),
     ),
-    equations=(r"F' = F - mass\,(\ddot x + g \sin inclination)",),
+    equations=(r"F' = F - mass\,(\ddot x + g \sin(inclination))",),
     starts=starts,
     shown_by='fast strokes, sampled at 500 Hz or more',
     seen_against='acceleration',
