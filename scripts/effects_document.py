@@ -29,7 +29,7 @@ from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import CylinderResult, Options, identify
 from cfd_pneumatic.identification.extension import Extension
 from cfd_pneumatic.model.effects import EFFECTS, FAMILIES, FORCE_EFFECTS, FUNCTIONS, MODULES, Effect
-from cfd_pneumatic.rig import Cylinder, surface_following
+from cfd_pneumatic.rig import Cylinder, Sensors, surface_following
 from cfd_pneumatic.rig.panel import EFFECTS as ON_RIG
 from cfd_pneumatic.rig.panel import Draw, draw
 from cfd_pneumatic.units import PSI
@@ -91,8 +91,9 @@ def _opening() -> Iterator[str]:
         'effect in it. *Healthy model*, blue: measured less the model that was identified without the effect, as '
         '`monitor_node` sees it. *Fitted again*, orange: what is left when the four gains have been fitted to the '
         'recording with the effect, as `identify_bag` sees it; where it is much smaller, they have taken the effect '
-        "up, and livelier motion has to show it. The pressure's noise alone has a standard deviation of 54 Pa, the "
-        "force's 0.1 N. On the right, what sticks out is left away."
+        'up, and livelier motion has to show it. Noise alone has a standard deviation of '
+        f'{Sensors.pressure_noise:.0f} Pa, and of {Sensors.force_noise:g} N. On the right, what sticks out is left '
+        'away.'
     )
     rows = [
         [f'[`{name}`](#{name})', effect.description, _place(name), effect.seen_against]
@@ -136,7 +137,7 @@ def _sentence(text: str) -> str:
 
 
 def _latex(effect: Effect) -> str:
-    """Return its equations, one below the other, with its parameters' names upright as words."""
+    """Return its equations, one below the other, with its parameters' names set as words."""
     names = '|'.join(re.escape(one.name) for one in effect.parameters)
 
     def word(found: re.Match[str]) -> str:

@@ -46,7 +46,6 @@ OF_EVERY_NODE = re.compile(r'qos_overrides\.|use_sim_time$|start_type_descriptio
 OF_ROS = re.compile(r'/rosout$|/parameter_events$')
 SERVICES_OF_ROS = re.compile(r'/(\w+_parameters(_atomically)?|get_parameter_types|get_type_description)$')
 
-
 MUST = {'recorder_node': ('topics', 'output')}
 """Parameters without which a node does not start."""
 
