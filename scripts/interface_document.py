@@ -25,10 +25,12 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros_environment import isolate
 
-from cfd_pneumatic.convention import CYLINDERS, EITHER, meaning
+from cfd_pneumatic.commands.plan_experiment import PLAN_FILE, SCHEDULE_FILE
+from cfd_pneumatic.convention import CYLINDERS, EITHER, SCHEDULE_COLUMNS, meaning
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS
 from cfd_pneumatic.plant.table import COLUMNS, CSV_FILE, PARQUET_FILE
+from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.units import PSI, PSI_PER_INCH
 
 DOCUMENT = ROOT / 'docs' / 'interface.md'
@@ -356,6 +358,13 @@ def _effects(entries: Entries) -> Iterator[str]:
 
 def _files() -> Iterable[str]:
     yield '## Files'
+    yield (
+        f'`{REPORT_FILE}` of `identify_bag` and `{PLAN_FILE}` of `plan_experiment` are JSON whose keys end in their '
+        'units; [`data.py`: `report_data`](../cfd_pneumatic/reporting/data.py) and [`report.py`: `plan_data`]'
+        f'(../cfd_pneumatic/planning/report.py) make them. `{PARAMETER_FILE}` holds parameters of `sim_node`, as above.'
+    )
+    columns = ', '.join(map(code, SCHEDULE_COLUMNS))
+    yield f'Columns of `{SCHEDULE_FILE}`, set-points gauge and holding from their time on: {columns}.'
     yield f'Columns of `{CSV_FILE}` and `{PARQUET_FILE}`, which `identify_bag --each` writes:'
     yield table(
         ['column', 'kind', 'unit', 'meaning'],
