@@ -23,7 +23,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document tutorial-picture kernel lint format colcon test-humble clean
+.PHONY: help setup test demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document interface-document effects-document tutorial-picture kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -59,6 +59,12 @@ monitor-figures: $(VENV)/.with-benchmark  ## false alarms and delays of the watc
 
 planning-document: $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
 	$(PY) scripts/planning_document.py $(ARGS)
+
+interface-document: $(VENV)/.ready  ## write docs/interface.md: programs, topics, services, parameters
+	$(PY) scripts/interface_document.py $(ARGS)
+
+effects-document: $(VENV)/.ready  ## write docs/effects.md: every effect, and how it shows on the rig; 1 minute
+	$(PY) scripts/effects_document.py $(ARGS)
 
 tutorial-picture: $(VENV)/.ready  ## take the picture of a report in docs/tutorial.md, with Chromium
 	$(PY) scripts/tutorial.py

@@ -8,29 +8,21 @@ CYLINDERS = ('cylinder_a', 'cylinder_b')
 """Cylinder A grows with +x, cylinder B shrinks."""
 
 PISTON_STATE = 'piston_state'
-"""sensor_msgs/JointState: piston displacement [m]."""
+PISTON_COMMAND = 'piston_command'
+FORCE_SETPOINT = 'force_setpoint'
+CONTACT_FORCE = 'contact_force'
+MEASURED_FORCE = 'measured_force'
+RESULT = '~/result'
+DIAGNOSTICS = '/diagnostics'
 
 PISTON_JOINT = 'piston'
 """Default name of the joint in `PISTON_STATE`."""
 
-FORCE_SETPOINT = 'force_setpoint'
-"""std_msgs/Float64: desired contact force [N]."""
-
-CONTACT_FORCE = 'contact_force'
-"""geometry_msgs/WrenchStamped: contact force derived from the pressures [N]."""
-
-MEASURED_FORCE = 'measured_force'
-"""geometry_msgs/WrenchStamped: contact force measured by a load cell [N]."""
-
 PREDICTED = 'predicted/'
 """What the monitor's model predicts is published below this name, under the names that it is measured by."""
 
-PISTON_COMMAND = 'piston_command'
-"""std_msgs/Float64: displacement that the rig's piston is moved to [m]."""
-
 AMBIENT_PRESSURE = 101_325.0
 """Default ambient pressure, absolute [Pa]."""
-
 
 SUPPLY_PRESSURE = 517_106.8
 """Default supply pressure, gauge: 75 psi, as the paper has it [Pa]. A set-point above it is refused."""
@@ -43,24 +35,56 @@ SCHEDULE_COLUMNS = ('time_s', 'displacement_m', 'velocity_m_per_s', 'cylinder_a_
 
 
 def pressure_topic(cylinder: str) -> str:
-    """Return the topic of a cylinder's pressure: sensor_msgs/FluidPressure, absolute [Pa]."""
+    """Return the topic of a cylinder's pressure."""
     return f'{cylinder}/pressure'
 
 
 def setpoint_topic(cylinder: str) -> str:
-    """Return the topic of a regulator's set pressure: std_msgs/Float64, gauge [Pa]."""
+    """Return the topic of a regulator's set pressure."""
     return f'{cylinder}/setpoint'
 
 
 def setpoint_applied_topic(cylinder: str) -> str:
-    """Return the topic of the set-point that acted up to a sample: sensor_msgs/FluidPressure, absolute [Pa]."""
+    """Return the topic of the set-point that acted up to a sample."""
     return f'{cylinder}/setpoint_applied'
 
 
 def residual_topic(name: str) -> str:
-    """
-    Return the topic of what is measured less what the model predicts, of a cylinder or of `CONTACT_FORCE`.
-
-    sensor_msgs/FluidPressure, a difference [Pa]; geometry_msgs/WrenchStamped [N].
-    """
+    """Return the topic of what is measured less what the model predicts, of a cylinder or of `CONTACT_FORCE`."""
     return f'{name}/residual'
+
+
+EITHER = 'cylinder_*'
+"""Stands for the name of either cylinder in what is said of both."""
+
+TOPICS = {
+    PISTON_STATE: 'position [m] of the joint `piston` (parameter `joint`); +x grows cylinder A, shrinks B',
+    PISTON_COMMAND: 'displacement that the rig moves its piston to [m]',
+    setpoint_topic(EITHER): 'set pressure of the regulator, gauge [Pa]; acts from the next sample on',
+    setpoint_applied_topic(EITHER): 'set-point that acted up to the sample, absolute [Pa]',
+    pressure_topic(EITHER): "absolute pressure [Pa], with the sample's stamp",
+    residual_topic(EITHER): 'measured less predicted pressure, a difference [Pa]',
+    FORCE_SETPOINT: 'desired contact force [N], made a pair of set-points about `bias_pressure`; the last writer wins',
+    CONTACT_FORCE: 'contact force [N] that the pressures make, along `axis` of `frame_id`',
+    MEASURED_FORCE: 'contact force [N] that a load cell reads, along the parameter `axis`, or x where a node has none',
+    residual_topic(CONTACT_FORCE): 'measured less predicted contact force [N]',
+    RESULT: 'report.json of the last identification; latched: who comes later gets it too',
+    DIAGNOSTICS: 'state of the node, counts, and in words what is wrong',
+}
+"""What each topic carries, with its unit."""
+
+
+def meaning(topic: str) -> str:
+    """
+    Return what a topic carries, by its name without the device's namespace.
+
+    Raises
+    ------
+    KeyError
+        If it is no topic of ours.
+
+    """
+    name = topic[len(PREDICTED) :] if topic.startswith(PREDICTED) else topic
+    for cylinder in CYLINDERS:
+        name = name.replace(cylinder, EITHER)
+    return f'predicted: {TOPICS[name]}' if topic.startswith(PREDICTED) else TOPICS[name]

@@ -21,7 +21,7 @@ if 'cfd_pneumatic.model' not in sys.modules:  # its face imports the kernel, whi
     sys.modules['cfd_pneumatic.model'] = bare
 
 from cfd_pneumatic.model import flow_function, lanes, lanewise  # noqa: E402
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, MODULES, PRESSURE_EFFECTS  # noqa: E402
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, FUNCTIONS, MODULES, PRESSURE_EFFECTS  # noqa: E402
 from cfd_pneumatic.model.places import (  # noqa: E402
     FORCE_PLACES,
     FORCE_STATES,
@@ -52,21 +52,6 @@ def composed() -> str:
         force_states=FORCE_STATES,
         fingerprint=_fingerprint(),
     )
-
-
-FUNCTIONS = (
-    'displacement',
-    'setpoint',
-    'error',
-    'flow',
-    'velocity_gain',
-    'chamber',
-    'outlet',
-    'time_constant',
-    'signal',
-    'force',
-)
-"""What an effect may change, by the name of the function that does; see `model.effects.effect`."""
 
 
 def _described(name: str, place: Place, state: str) -> dict[str, Any]:

@@ -14,6 +14,11 @@ def table(header: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
     return '\n'.join('| ' + ' | '.join(str(cell) for cell in row) + ' |' for row in rows)
 
 
+def code(text: object) -> str:
+    """Return a text as code, in a table too, where a bar would end the cell."""
+    return f'`{text}`'.replace('|', r'\|')
+
+
 def notes_in(path: Path) -> str:
     """Return what was written by hand at the end of a document."""
     if not path.exists():

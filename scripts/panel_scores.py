@@ -10,18 +10,17 @@ from typing import NamedTuple
 import numpy as np
 from panel_rows import SCHEDULES, Row
 
-from cfd_pneumatic.rig.panel import NOISES
+from cfd_pneumatic.model.effects import FAMILIES
+from cfd_pneumatic.rig.panel import LIBRARY, NOISES
 
 FLOOR_TOLERANCE = 0.05
 
-GROUPS = (
-    (
-        'delay / lag / regulator bandwidth',
-        ('transport_delay', 'sensor_lag', 'displacement_lag', 'line_resonance', 'line_restriction', 'droop'),
-    ),
-    ('leakage / droop / set-point offset', ('leakage', 'positional_leakage', 'droop', 'set_point_drift')),
-    ('dead volume / polytropic exponent', ('volume_variation', 'heat_transfer')),
-    ('dead band / hysteresis / lost motion', ('valve_dead_band', 'valve_hysteresis', 'lost_motion')),
+GROUPS = tuple(
+    (family, found)
+    for family, found in (
+        (family, tuple(name for name in LIBRARY if name in names)) for family, names in FAMILIES.items()
+    )
+    if found
 )
 """Effects that data may not separate, by their physics: a tie among these is a right answer."""
 

@@ -10,6 +10,7 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
+from package_facts import setup_arguments
 
 import cfd_pneumatic
 
@@ -31,19 +32,6 @@ KEYS = {
 
 OPTIONAL = {'plant': {'dask', 'distributed', 'pyarrow'}}
 """What only those need who want it: modules, named as on PyPI, by the extra that brings them."""
-
-
-def setup_arguments() -> dict:
-    """Return those arguments of setup.py's `setup` that are literals; it is read and not run."""
-    tree = ast.parse((ROOT / 'setup.py').read_text(encoding='utf-8'))
-    call = next(node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == 'setup')
-    found = {}
-    for keyword in call.keywords:
-        try:
-            found[keyword.arg] = ast.literal_eval(keyword.value)
-        except ValueError:
-            continue
-    return found
 
 
 SETUP = setup_arguments()

@@ -31,7 +31,7 @@ def convert(arguments: Sequence[str] | None = None) -> None:
         If the table or its mapping can't be read, or the bag can't be written.
 
     """
-    options = _parser().parse_args(arguments)
+    options = make_parser().parse_args(arguments)
     mapping = read_mapping(options.mapping)
     if mapping.table is None:
         raise InputError(f'{options.mapping} maps the topics of a bag: for a table it needs the entry `table`')
@@ -56,7 +56,8 @@ def _summary(recording: Recording) -> str:
     return ', '.join(f'{name} {len(signal):,}' for name, signal in signals.items() if signal is not None)
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the program's arguments."""
     parser = program.parser_of(
         NAME,
         'Make a ROS 2 bag of a table of measurements, in SI units. What the columns are and in which units stands in a '

@@ -36,7 +36,8 @@ _LONG = 3600.0
 """Over which the time left is estimated [s]: a bag may take minutes."""
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the program's arguments."""
     parser = parser_of(
         'identify_bag',
         'Fit k_x [Pa/m], k_sv [1/s], k_v [1/s] and tau [s] to recordings of piston displacement and '
@@ -125,7 +126,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 def _identify(args: Sequence[str] | None) -> None:
-    arguments = _parser().parse_args(args)
+    arguments = make_parser().parse_args(args)
     options = Options(
         per_setpoint=arguments.per_setpoint,
         fractions=arguments.split,

@@ -40,7 +40,7 @@ def propose(arguments: Sequence[str] | None = None) -> None:
         If the parameter file can't be read, the limits leave nothing, or the folder can't be written.
 
     """
-    options = _parser().parse_args(arguments)
+    options = make_parser().parse_args(arguments)
     device = read_device(options.parameters)
     sensing = Sensing() if options.report is None else read_sensing(options.report, Sensing())
     sensing = replace(sensing, **{name: value for name in _SENSING if (value := getattr(options, name)) is not None})
@@ -62,7 +62,8 @@ def propose(arguments: Sequence[str] | None = None) -> None:
     print(f'written: {", ".join(map(str, files))}')
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the program's arguments."""
     limits = Limits((0.0, 0.0))
     sensing = Sensing()
     parser = program.parser_of(

@@ -41,7 +41,7 @@ def record_bag(arguments: Sequence[str] | None = None) -> None:
         If the schedule can't be played, or the bag can't be written.
 
     """
-    options = _parser().parse_args(arguments)
+    options = make_parser().parse_args(arguments)
     if options.seed < 0:
         raise InputError(f'--seed {options.seed}: give a number from 0 on')
     chosen = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
@@ -91,7 +91,8 @@ def _defaults(option: str) -> str:
     return ', '.join(f'{name} {"as A" if value is None else f"{value:g}"}' for name, value in own.items())
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the program's arguments."""
     parser = program.parser_of(
         NAME, 'Play a schedule on the virtual rig and write what its sensors read as a ROS 2 bag.'
     )

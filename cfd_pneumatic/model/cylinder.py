@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -135,6 +135,16 @@ class Cylinder:
         """What an effect delays the reading by, where there is one; below zero it looks ahead [s]."""
         return next((own[0] for name, own in self.effects.items() if PRESSURE_EFFECTS[name].delays), None)
 
+    def at_rest(self, setpoint: float, x: float) -> CylinderState:
+        """Return the equilibrium at an absolute set-point [Pa], the piston resting at a displacement [m]."""
+        state = CylinderState.at_rest(setpoint)
+        if not self.effects:
+            return state
+        gains = interpolate_gains(self.parameters.table, setpoint - self.ambient_pressure)
+        cylinder = ExtendedCylinder(gains, self.effects, self.ambient_pressure)
+        begin = cylinder.begin(state.p, state.p_f, x)
+        return state._replace(extended=replace(begin, reading=cylinder.read(begin, 0.0)))
+
     def step(self, state: CylinderState, movement: Movement, setpoint: float) -> CylinderState:
         """
         Return the state after a movement.
@@ -183,7 +193,7 @@ class Cylinder:
             At the first sample; by default at rest at the first set-point.
 
         """
-        start = state or CylinderState.at_rest(setpoint[0])
+        start = state or self.at_rest(setpoint[0], displacement[0])
         if self.effects:
             return self._simulate_with_effects(times, displacement, setpoint, start)
         pressure = np.empty_like(times)

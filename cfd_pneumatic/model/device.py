@@ -130,9 +130,10 @@ class Device:
 
     def at_rest(self, setpoint_a: float, setpoint_b: float, position: float = 0.0) -> DeviceState:
         """Return the equilibrium at absolute set-points [Pa], the piston resting at a displacement [m]."""
-        b = None if self.b is None else CylinderState.at_rest(setpoint_b)
+        a = self.a.at_rest(setpoint_a, DIRECTIONS['cylinder_a'] * position)
+        b = None if self.b is None else self.b.at_rest(setpoint_b, DIRECTIONS['cylinder_b'] * position)
         still = Movement(0.0, math.inf, position, position)
-        return self._with_force(DeviceState(CylinderState.at_rest(setpoint_a), b), still, None)
+        return self._with_force(DeviceState(a, b), still, None)
 
     def step(self, state: DeviceState, movement: Movement, setpoint_a: float, setpoint_b: float) -> DeviceState:
         """

@@ -156,8 +156,8 @@ class IdentifierNode(Node):
         self._transfer: ParameterTransfer | None = None
         self._status = (DiagnosticStatus.OK, 'idle')
         self._report: dict[str, Any] = {}
-        self._result_out = self.create_publisher(String, '~/result', _LATCHED)
-        self._diagnostics_out = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
+        self._result_out = self.create_publisher(String, convention.RESULT, _LATCHED)
+        self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         self.create_service(Trigger, '~/identify', self._on_identify)
         self.create_service(Trigger, '~/cancel', self._on_cancel)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -215,6 +215,7 @@ class IdentifierNode(Node):
         return Job([*arguments, '--', *bags], Path(output), target)
 
     def _on_identify(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Begin to identify what the parameters name; refused while an identification runs."""
         if self._job is not None:
             response.message = 'refused: an identification is running; ~/cancel ends it'
             return response
@@ -231,6 +232,7 @@ class IdentifierNode(Node):
         return response
 
     def _on_cancel(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """End the identification that runs; earlier outputs stay."""
         if self._fit is None:
             response.message = 'nothing is running'
             return response

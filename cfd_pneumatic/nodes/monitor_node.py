@@ -115,7 +115,7 @@ class MonitorNode(ModelNode):
         self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS, convention.PREDICTED)
         self._residuals = ResidualOutputs(self, self._cylinders, OUTPUT_QOS)
         self._orient({})
-        self._diagnostics_out = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
+        self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
         for index, name in enumerate(self._cylinders):
             on_setpoint = partial(self._on_setpoint, index)
@@ -161,6 +161,7 @@ class MonitorNode(ModelNode):
             self._residuals.publish(*residual)
 
     def _on_learn(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Learn anew what the model usually leaves, as after a repair."""
         self._watch = self._make_watch({})
         response.success = True
         response.message = f'what is usual is learned anew, for {self._value("learning"):g} s'

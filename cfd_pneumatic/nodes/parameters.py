@@ -55,9 +55,9 @@ def numbers(unit: str, description: str, constraints: str) -> ParameterDescripto
     )
 
 
-def texts(description: str) -> ParameterDescriptor:
+def texts(description: str, read_only: bool = False) -> ParameterDescriptor:
     """Return the descriptor of a list of strings."""
-    return ParameterDescriptor(type=ParameterType.PARAMETER_STRING_ARRAY, description=description)
+    return ParameterDescriptor(type=ParameterType.PARAMETER_STRING_ARRAY, description=description, read_only=read_only)
 
 
 def wrong_type(node: Node, parameters: Sequence[Parameter]) -> str | None:

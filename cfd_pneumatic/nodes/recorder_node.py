@@ -49,10 +49,10 @@ class RecorderNode(Node):
 
     def _declare_parameters(self) -> None:
         declare = self.declare_parameter
-        declare('topics', [''], texts('names of the topics to record'))
-        declare('output', '', text('folder of the bag to be written'))
-        declare('storage', 'mcap', text('storage of the bag', 'mcap or sqlite3'))
-        declare('overwrite', False, switch('replace a bag that is there'))
+        declare('topics', [''], texts('names of the topics to record', read_only=True))
+        declare('output', '', text('folder of the bag to be written', read_only=True))
+        declare('storage', 'mcap', text('storage of the bag', 'mcap or sqlite3', read_only=True))
+        declare('overwrite', False, switch('replace a bag that is there', read_only=True))
 
     def _full_name(self, topic: str) -> str:
         try:

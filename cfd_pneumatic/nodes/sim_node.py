@@ -70,7 +70,7 @@ class SimNode(ModelNode):
     def _open_topics(self) -> None:
         self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS)
         self._outputs.orient(self._value('frame_id'), self._value('axis'))
-        self._diagnostics_out = self.create_publisher(DiagnosticArray, '/diagnostics', OUTPUT_QOS)
+        self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
         for index, name in enumerate(self._cylinders):
             topic = convention.setpoint_topic(name)
@@ -141,6 +141,7 @@ class SimNode(ModelNode):
                 self._publish(committed.stamp + round(silence * 1e9), state)
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Start the model anew, at rest, with the next sample."""
         self._live.reset()
         response.success = True
         response.message = 'the next piston sample starts the model at rest'

@@ -2,6 +2,7 @@
 
 import ast
 import math
+import re
 import sys
 from pathlib import Path
 
@@ -62,6 +63,8 @@ def test_every_effect_says_what_it_is(name):
     effect = EFFECTS[name]
     assert effect.name == name
     assert effect.description
+    words = set(re.findall(r'\w+', ' '.join(effect.equations)))
+    assert [one.name for one in effect.parameters if one.name not in words] == []
     for parameter in effect.parameters:
         assert parameter.lower <= parameter.null <= parameter.upper
         assert parameter.unit

@@ -18,7 +18,7 @@ from cfd_pneumatic.model import (
     Movement,
     OperatingPoints,
 )
-from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
+from cfd_pneumatic.model.effects import MODULES, PRESSURE_EFFECTS
 from cfd_pneumatic.model.propagation import advance
 
 CONSTANT = OperatingPoints.constant(*GAINS)
@@ -122,6 +122,7 @@ def test_switched_on_and_off_on_the_way_it_carries_the_pressures_over(name, own)
     live = LiveDevice(make_device({}), max_gap=0.1)
     instant = 1e-8  # [s]
     looks_ahead = PRESSURE_EFFECTS[name].delays and own[0] < 0.0
+    forgets = hasattr(MODULES[name], 'signal') and not PRESSURE_EFFECTS[name].states
     for part, effects in ((SAMPLES[:28], {name: own}), (SAMPLES[28:31], {}), (SAMPLES[31:], {name: own})):
         follow(live, part)
         before = live.committed.state
@@ -130,7 +131,7 @@ def test_switched_on_and_off_on_the_way_it_carries_the_pressures_over(name, own)
         for old, new in ((before.a, after.a), (before.b, after.b)):
             assert new.p == pytest.approx(old.p, abs=0.5)
             assert new.p_f == pytest.approx(old.p_f, abs=0.5)
-            if effects and not looks_ahead:
+            if effects and not looks_ahead and not forgets:
                 assert new.reading == pytest.approx(old.p, abs=0.5)
 
 
@@ -245,7 +246,7 @@ def test_effects_that_leave_the_range_of_numbers_start_the_device_anew():
     setpoints = SAMPLES[0][2]
     live.sample(START, 0.0, setpoints)
     assert live.sample(START + 1_000_000, 0.5, setpoints) is Arrival.DIVERGED, 'a root of a negative pressure'
-    assert live.committed.state == live.device.at_rest(*setpoints)
+    assert live.committed.state == live.device.at_rest(*setpoints, 0.5)
     assert live.sample(START + 2_000_000, 0.5, setpoints) is Arrival.ADVANCED
     assert live.committed.movement(0.001, 0.5).time == pytest.approx(0.002), 'time counts from there'
     live.committed = None

@@ -6,7 +6,7 @@ import importlib
 import pkgutil
 from types import ModuleType
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter, ForceMoment, Moment
+from cfd_pneumatic.model.effects.effect import FUNCTIONS, Data, Effect, EffectParameter, ForceMoment, Moment
 
 
 def _modules() -> dict[str, ModuleType]:
@@ -30,9 +30,17 @@ FORCE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if hasattr(MOD
 PRESSURE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if name not in FORCE_EFFECTS}
 """Those on a cylinder's pressure, in that order."""
 
+FAMILIES = {
+    family: tuple(name for name, effect in EFFECTS.items() if family in effect.families)
+    for family in dict.fromkeys(family for effect in EFFECTS.values() for family in effect.families)
+}
+"""Effects that a recording may not tell from each other, by the name of what they have in common."""
+
 __all__ = [
     'EFFECTS',
+    'FAMILIES',
     'FORCE_EFFECTS',
+    'FUNCTIONS',
     'MODULES',
     'PRESSURE_EFFECTS',
     'Data',

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 
@@ -21,7 +21,10 @@ EFFECT = Effect(
     name='displacement_lag',
     description='the displacement sensor is a first-order lag',
     parameters=(EffectParameter('lag', 's', 0.0, 1.0, 0.0, 'time constant'),),
+    equations=(r"x' = x + lag\,\dot x",),
     starts=starts,
     shown_by='fast strokes, sampled at 500 Hz or more',
+    seen_against='pressure rate',
+    families=(DELAYS,),
     rank=40,
 )

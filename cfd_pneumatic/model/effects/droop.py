@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import DELAYS, OFFSETS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 
@@ -36,8 +36,17 @@ EFFECT = Effect(
         EffectParameter('slope', 's', 0.0, 10.0, 0.0, 'sag for each unit of the rate that the flow makes'),
         EffectParameter('lag', 's', 1e-3, 1e2, 1.0, 'time constant', logarithmic=True),
     ),
+    equations=(
+        r"p_d' = p_d - slope\,\bar q",
+        r'lag\,\dot{\bar q} = q - \bar q',
+    ),
     starts=starts,
     shown_by='large steps of the set-point, up and down',
+    seen_against='pressure rate',
+    families=(
+        DELAYS,
+        OFFSETS,
+    ),
     fastest=fastest,
     states=1,
     follows='flow',

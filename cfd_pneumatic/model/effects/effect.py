@@ -2,22 +2,9 @@
 What an effect is: a small file that says its name, its parameters and where it enters the model.
 
 A module of this package that defines `EFFECT` is an effect; nothing else has to know of it. It enters the model through
-functions with the names below, compiled by `kernel`. Each takes the value that it changes and returns the changed one;
-then come the `Moment`, the effect's own states (`EFFECT.states` of them) and its own parameters, in their order.
-
-=================  ====================================================================================================
-function           what it changes
-=================  ====================================================================================================
-``displacement``   displacement of a sample [m], which the chamber follows in a straight line from the last one
-``setpoint``       set-point p_d [Pa]
-``error``          valve error p_d - p_f [Pa]
-``flow``           pressure rate that the valve's flow makes [Pa/s]
-``velocity_gain``  K_x [Pa/m]
-``chamber``        rate of the outlet pressure [Pa/s]
-``outlet``         pressure that the aspirator tube senses [Pa]; a last argument is the flow [Pa/s]
-``time_constant``  tau [s]
-``signal``         pressure that the sensor reads [Pa]
-=================  ====================================================================================================
+functions with names from `FUNCTIONS`, compiled by `kernel`. Each takes the value that it changes and returns the
+changed one; then come the `Moment`, the effect's own states (`EFFECT.states` of them) and its own parameters, in their
+order.
 
 An effect with states says what they follow (`EFFECT.follows`): the flow, the rate of the chamber, or the signal; and it
 gives their rates, ``evolve(moment, value, *states, *parameters)``. One that follows the error or the displacement is a
@@ -26,7 +13,7 @@ play: its single state becomes what its function returns, at the end of a step.
 The functions are compiled for lanes (`model.lanes`), eight cylinders at once: they calculate with them as with numbers,
 but do not branch on them. `where` chooses instead, and `model.lanewise` has powers and other functions of lanes.
 
-An effect on the contact force has the function ``force`` and none of the above, and is compiled for numbers. It takes
+An effect on the contact force has the function ``force`` and no other of these, and is compiled for numbers. It takes
 the force that the tool would feel without it [N], along +x, then the `ForceMoment`, states and parameters. Its states
 follow the `motion`: they become what ``slide(travel, *states, *parameters)`` returns after `travel` metres straight on,
 however many these are.
@@ -42,6 +29,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+FUNCTIONS = {
+    'displacement': 'displacement of a sample [m], which the chamber follows in a straight line from the last one',
+    'setpoint': 'set-point p_d [Pa]',
+    'error': 'valve error p_d - p_f [Pa]',
+    'flow': "pressure rate that the valve's flow makes [Pa/s]",
+    'velocity_gain': 'K_x [Pa/m]',
+    'chamber': 'rate of the outlet pressure [Pa/s]',
+    'outlet': 'pressure that the aspirator tube senses [Pa]; a last argument is the flow [Pa/s]',
+    'time_constant': 'tau [s]',
+    'signal': 'pressure that the sensor reads [Pa]',
+    'force': 'contact force [N]',
+}
+"""What an effect may change, by the name of the function that does."""
+
+DELAYS = 'delay / lag / regulator bandwidth'
+OFFSETS = 'leakage / droop / set-point offset'
+STIFFNESS = 'dead volume / polytropic exponent'
+PLAYS = 'dead band / hysteresis / lost motion'
+FRICTIONS = 'friction'
+LOADS = 'weight / offset of the force sensor'
+"""Families, within which a recording may not tell one effect from another."""
 
 
 class Moment(NamedTuple):
@@ -166,6 +175,13 @@ class Effect:
         Among effects that change the same value the lower comes first.
     shown_by
         What to record to see it, for people.
+    equations
+        What it does to the model, lines of LaTeX; its parameters stand there by their names.
+    seen_against
+        Beside what the residual of a model without it shows it: `time`, `frequency`, `displacement`, `speed`,
+        `acceleration`, `pressure`, `pressure rate` or `valve error`.
+    families
+        Those within which it may be taken for another effect.
     starts
         Returns starting points of a search from what is known of the data, each with a value for every parameter.
 
@@ -175,6 +191,9 @@ class Effect:
     description: str
     parameters: tuple[EffectParameter, ...]
     starts: Callable[[Data], list[tuple[float, ...]]] = field(repr=False)
+    equations: tuple[str, ...] = field(default=(), repr=False)
+    seen_against: str = 'time'
+    families: tuple[str, ...] = ()
     shown_by: str = ''
     states: int = 0
     follows: str = ''

@@ -33,7 +33,9 @@ EFFECT = Effect(
         EffectParameter('charge', 'Pa/s', 1.0, NEVER, NEVER, 'largest rate while charging', logarithmic=True),
         EffectParameter('exhaust', 'Pa/s', 1.0, NEVER, NEVER, 'largest rate while exhausting', logarithmic=True),
     ),
+    equations=(r"q' = \min(\max(q, -exhaust), charge)",),
     starts=starts,
     shown_by='large steps of the set-point, up and down',
+    seen_against='pressure rate',
     rank=60,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import LOADS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 
@@ -21,7 +21,10 @@ EFFECT = Effect(
     name='force_offset',
     description="the force sensor's zero is off",
     parameters=(EffectParameter('offset', 'N', -1e4, 1e4, 0.0, 'reading without load'),),
+    equations=(r"F' = F + offset",),
     starts=starts,
     shown_by='rest at two set-points well apart',
+    seen_against='pressure',
+    families=(LOADS,),
     rank=90,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import STIFFNESS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 from cfd_pneumatic.model.lanes import where
 
@@ -57,8 +57,15 @@ EFFECT = Effect(
             'loss', '1/s', 0.0, 1e3, 0.0, 'inverse of the time constant m c_v / (h A), at ambient pressure'
         ),
     ),
+    equations=(
+        r"\dot p' = \dot p - \Lambda, \qquad \Lambda = loss\,\theta\,\frac{p_0}{p - \theta}",
+        r"q' = q / (1 - \theta / p) \quad \text{where } q < 0",
+        r'\dot\theta = (1 - 1 / 1.4)\,\dot p + \frac{\theta}{1.4\,p} \min(\dot p, -K_x \dot x) - \Lambda',
+    ),
     starts=starts,
     shown_by='large steps of the set-point, up and down',
+    seen_against='valve error',
+    families=(STIFFNESS,),
     fastest=fastest,
     states=1,
     follows='chamber',

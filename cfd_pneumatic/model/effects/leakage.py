@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import OFFSETS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.flow_function import passed
 from cfd_pneumatic.model.kernel import kernel
 from cfd_pneumatic.model.lanes import where
@@ -36,7 +36,13 @@ EFFECT = Effect(
         ),
         EffectParameter('orifice', '-', 0.0, 1.0, 0.0, '0: laminar, 1: an orifice, choked as ISO 6358', choice=True),
     ),
+    equations=(
+        r"\dot p' = \dot p - conductance\,(p - p_0) \quad \text{where } orifice = 0",
+        r"\dot p' = \dot p - conductance\;p\,\psi(p_0 / p) \quad \text{where } orifice = 1",
+    ),
     starts=starts,
     shown_by='rest at two set-points well apart',
+    seen_against='pressure',
+    families=(OFFSETS,),
     moves_rest=True,
 )

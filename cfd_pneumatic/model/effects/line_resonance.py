@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 from cfd_pneumatic.model.lanes import where
 
@@ -45,8 +45,11 @@ EFFECT = Effect(
         # above 0.7 a resonance would pass for a lag
         EffectParameter('damping', '-', 1e-3, 0.7, 0.7, 'damping ratio', logarithmic=True),
     ),
+    equations=(r'\ddot s = \omega^2 (p - s) - 2\,damping\,\omega\,\dot s, \qquad \omega = 2 \pi\,frequency',),
     starts=starts,
     shown_by='abrupt strokes and steps of the set-point, sampled at 1 kHz or more',
+    seen_against='frequency',
+    families=(DELAYS,),
     fastest=fastest,
     states=2,
     follows='signal',

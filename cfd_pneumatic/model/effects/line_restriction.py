@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 from cfd_pneumatic.model.lanes import where
 
@@ -59,8 +59,14 @@ EFFECT = Effect(
         ),
         EffectParameter('volume', '-', 1e-3, 1.0, 0.05, "of the regulator's outlet, in chambers", logarithmic=True),
     ),
+    equations=(
+        r"p_r = p + \Delta, \qquad q' = \frac{q + volume\,(K_x \dot x - \dot\Delta)}{1 + volume}",
+        r'volume\;resistance\;\dot\Delta = resistance\,(q + volume\,K_x \dot x) - (1 + volume)\,\Delta',
+    ),
     starts=starts,
     shown_by='large steps of the set-point, up and down',
+    seen_against='pressure rate',
+    families=(DELAYS,),
     fastest=fastest,
     states=1,
     follows='flow',

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import PLAYS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 
@@ -22,8 +22,11 @@ EFFECT = Effect(
     name='lost_motion',
     description='backlash between the measured displacement and the piston',
     parameters=(EffectParameter('width', 'm', 0.0, 0.1, 0.0, 'half of the backlash'),),
+    equations=(r"x' \leftarrow \min(\max(x', x - width), x + width)",),
     starts=starts,
     shown_by='many small strokes with reversals',
+    seen_against='speed',
+    families=(PLAYS,),
     states=1,
     follows='displacement',
     rank=60,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import LOADS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 GRAVITY = 9.80665
@@ -34,7 +34,10 @@ EFFECT = Effect(
         EffectParameter('mass', 'kg', 0.0, 100.0, 0.0, 'of what moves'),
         EffectParameter('inclination', 'rad', -1.6, 1.6, 0.0, 'of +x above the horizontal', choice=True),
     ),
+    equations=(r"F' = F - mass\,(\ddot x + g \sin(inclination))",),
     starts=starts,
     shown_by='fast strokes, sampled at 500 Hz or more',
+    seen_against='acceleration',
+    families=(LOADS,),
     rank=20,
 )

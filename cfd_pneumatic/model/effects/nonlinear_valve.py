@@ -31,7 +31,9 @@ EFFECT = Effect(
     name='nonlinear_valve',
     description="flow is a power of the valve's error",
     parameters=(EffectParameter('exponent', '-', 0.2, 3.0, 1.0, 'of the error'),),
+    equations=(r"e' = e \left(\frac{\sqrt{e^2 + (50\,\mathrm{Pa})^2}}{1\,\mathrm{kPa}}\right)^{exponent - 1}",),
     starts=starts,
     shown_by='steps of the set-point, large and small',
+    seen_against='valve error',
     rank=70,
 )

@@ -57,8 +57,14 @@ EFFECT = Effect(
         EffectParameter('supply', 'Pa', 1e5, 5e6, 1e6, 'absolute supply pressure', logarithmic=True),
         EffectParameter('exponent', '-', -1.0, 4.0, 1.0, 'of absolute pressure in K_v'),
     ),
+    equations=(
+        r"K_x' = K_x\,(p / p_R)^{strength}, \qquad \tau' = \tau\,(p_R / p)^{strength}, \qquad p_R = 200\,\mathrm{kPa}",
+        r"q' = q\,\left(\frac{\psi(p / supply)}{\psi(p_R / supply)}\right)^{strength} \quad \text{where } q \ge 0",
+        r"q' = q\,(p / p_R)^{strength\;\cdot\;exponent} \quad \text{where } q < 0",
+    ),
     starts=starts,
     shown_by='strokes at two set-points well apart',
+    seen_against='pressure',
     quickens=quickens,
     rank=30,
 )

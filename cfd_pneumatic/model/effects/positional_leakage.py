@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import OFFSETS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 from cfd_pneumatic.model.lanewise import tanh
 
@@ -50,7 +50,14 @@ EFFECT = Effect(
             choice=True,
         ),
     ),
+    equations=(
+        r"\dot p' = \dot p - conductance\;o\,l\,(p - p_0)",
+        r'o = \tfrac{1}{2} \left(1 + \tanh\frac{end\,(x - position)}{width}\right)',
+        r'l = 1 - \tfrac{1}{2}\,|direction| \left(1 - \tanh\frac{direction\;\dot x}{speed}\right)',
+    ),
     starts=starts,
     shown_by='strokes from end to end at two set-points, with a rest at each end',
+    seen_against='displacement',
+    families=(OFFSETS,),
     moves_rest=True,
 )

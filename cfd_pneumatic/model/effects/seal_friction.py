@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import FRICTIONS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 
@@ -45,8 +45,14 @@ EFFECT = Effect(
             'presliding', 'm', 1e-6, 1e-2, 1e-4, 'displacement over which friction turns round', logarithmic=True
         ),
     ),
+    equations=(
+        r"F' = F - \max(coulomb + per_pressure\,(p_A + p_B - 2 p_0), 0)\,z - viscous\,\dot x",
+        r'\frac{dz}{d|x|} = \frac{\mathrm{sgn}\, \dot x - z}{presliding}',
+    ),
     starts=starts,
     shown_by='slow strokes with reversals, at two set-points well apart',
+    seen_against='speed',
+    families=(FRICTIONS,),
     states=1,
     follows='motion',
     rank=30,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 from cfd_pneumatic.model.lanes import where
 
@@ -37,8 +37,11 @@ EFFECT = Effect(
     name='sensor_lag',
     description='the pressure sensor is a first-order lag',
     parameters=(EffectParameter('lag', 's', SHORTEST, 1.0, SHORTEST, 'time constant', logarithmic=True),),
+    equations=(r'lag\,\dot s = p - s',),
     starts=starts,
     shown_by='fast strokes, sampled at 500 Hz or more',
+    seen_against='pressure rate',
+    families=(DELAYS,),
     fastest=fastest,
     states=1,
     follows='signal',

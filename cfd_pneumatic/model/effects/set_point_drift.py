@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import OFFSETS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 
@@ -22,7 +22,10 @@ EFFECT = Effect(
     name='set_point_drift',
     description='the set-point moves linearly with time',
     parameters=(EffectParameter('rate', 'Pa/s', -1e5, 1e5, 0.0, 'of the drift'),),
+    equations=(r"p_d' = p_d + rate\,t",),
     starts=starts,
     shown_by='a long recording at one set-point',
+    seen_against='time',
+    families=(OFFSETS,),
     rank=30,
 )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import FRICTIONS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 
@@ -32,7 +32,10 @@ EFFECT = Effect(
         EffectParameter('breakaway', 'N', 0.0, 1e3, 0.0, 'largest excess over seal friction'),
         EffectParameter('speed', 'm/s', 1e-5, 1.0, 1e-2, 'speed at which it is largest', logarithmic=True),
     ),
+    equations=(r"F' = F - breakaway\,\frac{\dot x}{speed} \exp\frac{1 - (\dot x / speed)^2}{2}",),
     starts=starts,
     shown_by='strokes at several speeds, from very slow to fast',
+    seen_against='speed',
+    families=(FRICTIONS,),
     rank=40,
 )

@@ -28,7 +28,9 @@ EFFECT = Effect(
         EffectParameter('quadrature', 'Pa', -1e5, 1e5, 0.0, 'amplitude of the cosine'),
         EffectParameter('frequency', 'Hz', 1e-2, 3.0, 1.0, 'of the supply', logarithmic=True),
     ),
+    equations=(r"p_d' = p_d + in_phase \sin(2 \pi\,frequency\,t) + quadrature \cos(2 \pi\,frequency\,t)",),
     starts=starts,
     shown_by='a long recording at one set-point',
+    seen_against='frequency',
     rank=40,
 )

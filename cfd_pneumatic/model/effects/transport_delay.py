@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
@@ -14,7 +14,10 @@ EFFECT = Effect(
     name='transport_delay',
     description='dead time of the pressure against displacement and set-point, either sign',
     parameters=(EffectParameter('delay', 's', -0.5, 0.5, 0.0, 'by which the pressure is read later'),),
+    equations=(r's(t) = p(t - delay)',),
     starts=starts,
     shown_by='fast strokes, sampled at 500 Hz or more',
+    seen_against='pressure rate',
+    families=(DELAYS,),
     delays=True,
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import PLAYS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 
@@ -21,8 +21,11 @@ EFFECT = Effect(
     name='valve_dead_band',
     description='no flow while the error is within a band',
     parameters=(EffectParameter('band', 'Pa', 0.0, 1e5, 0.0, 'half width of the band'),),
+    equations=(r"e' = e - \min(\max(e, -band), band)",),
     starts=starts,
     shown_by='strokes out and back, with a rest after each',
+    seen_against='valve error',
+    families=(PLAYS,),
     rests_anywhere=True,
     rank=60,
 )

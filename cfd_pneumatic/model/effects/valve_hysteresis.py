@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import PLAYS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 
@@ -21,8 +21,11 @@ EFFECT = Effect(
     name='valve_hysteresis',
     description='the valves follow the error with play',
     parameters=(EffectParameter('width', 'Pa', 0.0, 1e5, 0.0, 'half width of the play'),),
+    equations=(r"e' \leftarrow \min(\max(e', e - width), e + width)",),
     starts=starts,
     shown_by='many small strokes with reversals',
+    seen_against='valve error',
+    families=(PLAYS,),
     states=1,
     follows='error',
     rests_anywhere=True,

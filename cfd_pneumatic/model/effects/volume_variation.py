@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import STIFFNESS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 SMALLEST = 0.05
@@ -36,8 +36,11 @@ EFFECT = Effect(
     name='volume_variation',
     description="the chamber's volume changes with displacement, and all gains with it",
     parameters=(EffectParameter('slope', '1/m', -1e3, 1e3, 0.0, 'A / V0: change of volume with displacement'),),
+    equations=(r"K' = \frac{K}{\max(1 + slope\,x,\,0.05)}, \qquad K = K_x, K_{sv}, K_v",),
     starts=starts,
     shown_by='strokes over the whole travel',
+    seen_against='displacement',
+    families=(STIFFNESS,),
     quickens=quickens,
     rank=20,
 )

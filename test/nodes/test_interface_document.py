@@ -1,0 +1,38 @@
+"""docs/interface.md says what the running nodes say of themselves."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip('pyarrow', reason='Dask is not to be had here, and the columns of its table stand in the document')
+
+from interface_document import DOCUMENT, document
+from package_facts import programs
+
+from cfd_pneumatic.convention import TOPICS, meaning
+from cfd_pneumatic.model.effects import EFFECTS
+
+
+@pytest.fixture(scope='module')
+def told():
+    return document()
+
+
+def test_the_interface_document_is_up_to_date(told):
+    """`make interface-document` makes it."""
+    assert DOCUMENT.read_text(encoding='utf-8').splitlines() == told.splitlines()
+
+
+def test_it_names_every_program_topic_and_effect(told):
+    for name in (*programs(), *TOPICS, *EFFECTS):
+        assert f'`{name}`' in told
+
+
+def test_both_cylinders_topics_mean_the_same():
+    assert meaning('cylinder_a/pressure') == meaning('cylinder_b/pressure')
+    assert meaning('predicted/cylinder_b/pressure') == f'predicted: {meaning("cylinder_b/pressure")}'
+
+
+def test_a_topic_that_nobody_has_described_is_missed():
+    with pytest.raises(KeyError, match='temperature'):
+        meaning('cylinder_a/temperature')
