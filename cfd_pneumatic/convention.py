@@ -64,3 +64,13 @@ def residual_topic(name: str) -> str:
     sensor_msgs/FluidPressure, a difference [Pa]; geometry_msgs/WrenchStamped [N].
     """
     return f'{name}/residual'
+
+
+MODEL_INPUTS = (PISTON_STATE, *map(setpoint_topic, CYLINDERS))
+"""What drives the model, and so is read from the device."""
+
+SIM_INPUTS = (*MODEL_INPUTS, FORCE_SETPOINT)
+"""What `sim_node` hears."""
+
+MONITOR_INPUTS = (*MODEL_INPUTS, *map(pressure_topic, CYLINDERS), MEASURED_FORCE)
+"""What `monitor_node` hears."""
