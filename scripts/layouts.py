@@ -190,20 +190,23 @@ def _plot(panel: Panel) -> dict[str, Any]:
             'color': curve.colour,
             'enabled': True,
             'timestampMethod': 'receiveTime' if curve.msgtype == FLOAT64 else 'headerStamp',
+            'showLine': curve.msgtype != FLOAT64,  # a set-point is held and then jumps
+            'lineSize': 4 if curve.msgtype == FLOAT64 else 1,
         }
-        for curve in panel.curves
+        for curve in reversed(panel.curves)  # the first one is on top
     ]
     return {
         'foxglovePanelTitle': panel.title,
+        'lichtblickPanelTitle': panel.title,
         'paths': paths,
         'xAxisVal': 'timestamp',
         'isSynced': True,
         'showLegend': True,
-        'legendDisplay': 'floating',
+        'legendDisplay': 'left',
         'showPlotValuesInLegend': False,
         'showXAxisLabels': True,
         'showYAxisLabels': True,
-        'sidebarDimension': 240,
+        'sidebarDimension': 190,
     }
 
 
