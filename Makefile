@@ -23,7 +23,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document kernel lint format colcon test-humble clean
+.PHONY: help setup test demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document layouts kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -60,6 +60,9 @@ monitor-figures: $(VENV)/.with-benchmark  ## false alarms and delays of the watc
 planning-document: $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
 	$(PY) scripts/planning_document.py $(ARGS)
 
+layouts: $(VENV)/.ready  ## write the layouts for PlotJuggler and Foxglove in config/; after a change of topics
+	$(PY) scripts/layouts.py
+
 kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a change to any of them
 	$(PY) scripts/compose_kernel.py
 	$(PY) -m ruff format --quiet cfd_pneumatic/model/composed.py
@@ -68,6 +71,7 @@ lint: $(VENV)/.with-lint  ## check style and types
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
+	$(PY) -m ament_flake8.main --config setup.cfg .
 
 format: $(VENV)/.with-lint  ## put the code into the common style
 	$(PY) -m ruff check --fix .

@@ -25,6 +25,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.model import TABLE_1, Cylinder, Device, ForceGeometry, LiveDevice
 from cfd_pneumatic.planning import read_device
+from cfd_pneumatic.reporting.folder import make_folder
 from cfd_pneumatic.rig import RigParameters, RigRecord, record, written_schedule
 from cfd_pneumatic.units import PSI
 
@@ -62,7 +63,7 @@ def follow_path(arguments: Sequence[str] | None = None) -> None:
             f'--force {options.force:g} N about --bias {options.bias:g} Pa needs set-points of '
             f'{setpoints[0]:.0f} and {setpoints[1]:.0f} Pa: choose a force nearer to 0, or another bias'
         )
-    options.output.mkdir(parents=True, exist_ok=True)
+    make_folder(options.output)
     schedule = options.output / 'schedule.csv'
     write_text(schedule, schedule_text(course, setpoints))
     run = record(written_schedule(schedule))
