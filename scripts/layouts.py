@@ -193,7 +193,7 @@ def _plot(panel: Panel) -> dict[str, Any]:
             'showLine': curve.msgtype != FLOAT64,  # a set-point is held and then jumps
             'lineSize': 4 if curve.msgtype == FLOAT64 else 1,
         }
-        for curve in reversed(panel.curves)  # the first one is on top
+        for curve in reversed(panel.curves)  # here the first is on top, in PlotJuggler the last
     ]
     return {
         'foxglovePanelTitle': panel.title,
