@@ -23,7 +23,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document interface-document effects-document tutorial-picture kernel lint format colcon test-humble clean
+.PHONY: help setup test demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document layouts graph-figure interface-document effects-document tutorial-picture kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -69,6 +69,12 @@ effects-document: $(VENV)/.ready  ## write docs/effects.md: every effect, and ho
 tutorial-picture: $(VENV)/.ready  ## take the picture of a report in docs/tutorial.md, with Chromium
 	$(PY) scripts/tutorial.py
 
+layouts: $(VENV)/.ready  ## write the layouts for PlotJuggler and Foxglove in config/; after a change of topics
+	$(PY) scripts/layouts.py
+
+graph-figure: $(VENV)/.ready  ## draw docs/graph.svg, who talks to whom
+	$(PY) scripts/graph_figure.py
+
 kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a change to any of them
 	$(PY) scripts/compose_kernel.py
 	$(PY) -m ruff format --quiet cfd_pneumatic/model/composed.py
@@ -77,6 +83,7 @@ lint: $(VENV)/.with-lint  ## check style and types
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
+	$(PY) -m ament_flake8.main --config setup.cfg .
 
 format: $(VENV)/.with-lint  ## put the code into the common style
 	$(PY) -m ruff check --fix .

@@ -54,6 +54,15 @@ def residual_topic(name: str) -> str:
     return f'{name}/residual'
 
 
+MODEL_INPUTS = (PISTON_STATE, *map(setpoint_topic, CYLINDERS))
+"""What drives the model, and so is read from the device."""
+
+SIM_INPUTS = (*MODEL_INPUTS, FORCE_SETPOINT)
+"""What `sim_node` hears."""
+
+MONITOR_INPUTS = (*MODEL_INPUTS, *map(pressure_topic, CYLINDERS), MEASURED_FORCE)
+"""What `monitor_node` hears."""
+
 EITHER = 'cylinder_*'
 """Stands for the name of either cylinder in what is said of both."""
 

@@ -1,0 +1,46 @@
+"""What the nodes hear and publish is what the launch files redirect and the layouts show."""
+
+from __future__ import annotations
+
+import json
+from contextlib import ExitStack
+
+import pytest
+from graph import Graph, ros_arguments
+from layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
+
+from cfd_pneumatic.convention import MONITOR_INPUTS, SIM_INPUTS
+
+NODES = {
+    DEVICE: ('rig_node', {'schedule': 'paper_step', 'start_subscribers': 99}),
+    SIM: ('sim_node', {}),
+    MONITOR: ('monitor_node', {}),
+}
+
+
+@pytest.fixture(scope='module')
+def cell(graph) -> Graph:
+    """Yield a graph in which the nodes of a cell run."""
+    with ExitStack() as stack:
+        for namespace, (name, parameters) in NODES.items():
+            stack.enter_context(graph.run(name, ros_arguments(namespace, parameters)))
+        for namespace, (name, _) in NODES.items():
+            graph.get(f'{namespace}/{name}', 'use_sim_time')  # answers once its topics are open
+        yield graph
+
+
+@pytest.mark.parametrize(('namespace', 'inputs'), [(SIM, SIM_INPUTS), (MONITOR, MONITOR_INPUTS)])
+def test_launch_files_redirect_what_the_node_hears(cell, namespace, inputs):
+    name, _ = NODES[namespace]
+    cell.until(lambda: cell.node.get_subscriber_names_and_types_by_node(name, namespace))
+    heard = {topic for topic, _ in cell.node.get_subscriber_names_and_types_by_node(name, namespace)}
+    assert {topic for topic in heard if topic.startswith(namespace)} == {f'{namespace}/{topic}' for topic in inputs}
+
+
+def test_what_the_layout_of_a_cell_shows_is_published(cell):
+    published = {}
+    for namespace, (name, _) in NODES.items():
+        published |= cell.node.get_publisher_names_and_types_by_node(name, namespace)
+    panels = json.loads((FOLDER / 'cell.foxglove.json').read_text(encoding='utf-8'))['configById'].values()
+    shown = dict(path['value'].split('.', 1) for panel in panels for path in panel.get('paths', ()))
+    assert {topic: FOXED[published[topic][0]] for topic in shown} == shown
