@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 EXAMPLES: Mapping[str, str] = {
     'record_rig': """\
-record_rig out_and_back --device paper --faults 'effects_a.leak_conductance: 1e-10' --output rig_bag
+record_rig out_and_back --device paper --faults effects_a.leak_conductance=1e-10 --output rig_bag
 """,
     'identify_bag': """\
 identify_bag rig_bag --close-loop --output rig_identified

@@ -176,8 +176,8 @@ class RigNode(Node):
             'faults',
             '',
             text(
-                "what goes wrong with the device, live: '{effects_a.leak_conductance: 1e-10}'; empty: nothing",
-                'YAML: effects_a, effects_b or pickup, a dot, a field of rig/effects.py, and its value in SI units',
+                "what goes wrong with the device, live: 'effects_a.leak_conductance=1e-10'; empty: nothing",
+                'words PART.FIELD=NUMBER: effects_a, effects_b or pickup, a field of rig/effects.py, SI units',
             ),
         )
 

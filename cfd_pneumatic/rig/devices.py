@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import yaml
-
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.parameters import Cylinder, Piston, RigParameters, Seal, with_changes
 
 CHANGEABLE = ('effects_a', 'effects_b', 'pickup')
 """Parts of a device in which something may go wrong while it runs."""
 
-EXAMPLE = 'effects_a.leak_conductance: 1e-10'
+EXAMPLE = 'effects_a.leak_conductance=1e-10'
 
 
 def _frozen(cylinder: Cylinder) -> Cylinder:
@@ -73,31 +69,22 @@ def with_faults(device: RigParameters, faults: str) -> RigParameters:
     device : RigParameters
         The healthy device.
     faults : str
-        YAML: fields of `Effects` or `Pickup` with their values in SI units, such as
-        ``{effects_a.leak_conductance: 1e-10}``; empty for nothing.
+        Fields of `Effects` or `Pickup` with their values in SI units, such as
+        ``effects_a.leak_conductance=1e-10 effects_b.dead_band=300``; empty for nothing.
 
     Raises
     ------
     InputError
-        If that is not YAML, or names nothing that may go wrong.
+        If that names nothing that may go wrong.
 
     """
-    try:
-        changes = yaml.safe_load(faults) or {}
-    except yaml.YAMLError as error:
-        raise InputError(f"'faults' is not YAML: {' '.join(str(error).split())}") from error
-    if not isinstance(changes, dict):
-        raise InputError(f"'faults' is {faults!r}: write {{{EXAMPLE}}}")
-    changes = {str(name): _as_number(value) for name, value in changes.items()}
-    fixed = [name for name in changes if name.partition('.')[0] not in CHANGEABLE]
-    if fixed:
-        raise InputError(f"'faults': {fixed[0]} cannot change; {', '.join(CHANGEABLE)} can")
+    changes: dict[str, float] = {}
+    for fault in faults.split():
+        name, _, value = fault.partition('=')
+        try:
+            changes[name] = float(value)
+        except ValueError as error:
+            raise InputError(f"'faults': {fault!r} is no NAME=NUMBER as {EXAMPLE} is") from error
+        if name.partition('.')[0] not in CHANGEABLE:
+            raise InputError(f"'faults': {name} cannot change; {', '.join(CHANGEABLE)} can")
     return with_changes(device, changes)
-
-
-def _as_number(value: Any) -> Any:
-    """Return what YAML 1.1 takes for text, as 1e-10 without a point, as the number that it is."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value

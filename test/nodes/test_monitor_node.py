@@ -54,7 +54,7 @@ SETTINGS = {'block': 0.05, 'learning': 6.0, 'diagnosis_window': 12.0}
 LONGEST_DIAGNOSIS = 240.0
 """On a busy machine, to which a diagnosis leaves its turn [s]."""
 
-LEAK = 'effects_a.leak_conductance: 1.0e-10'
+LEAK = 'effects_a.leak_conductance=1e-10'
 
 
 @contextmanager

@@ -52,7 +52,7 @@ def test_options_reach_the_schedule(tmp_path: Path) -> None:
 
 def test_faults_and_the_device_are_those_of_the_rig(tmp_path: Path) -> None:
     bag = tmp_path / 'bag'
-    faults = '{effects_a.leak_conductance: 1e-9, pickup.force_offset: 5}'
+    faults = 'effects_a.leak_conductance=1e-9 pickup.force_offset=5'
     assert main(['paper_step', '--device', 'paper', '--faults', faults, '--output', str(bag)]) == 0
     changes = {'effects_a.leak_conductance': 1e-9, 'pickup.force_offset': 5.0}
     expected = record(paper_step(), with_changes(DEVICES['paper'], changes))
@@ -80,8 +80,8 @@ def test_the_same_seed_gives_the_same_surface(tmp_path: Path) -> None:
         (['surface_following', '--duration', 'inf'], 'duration inf s'),
         (['paper_step', '--amplitude', 'nan'], 'out of reach'),
         (['paper_step', '--seed', '-1'], '--seed -1'),
-        (['paper_step', '--faults', '{'], "'faults' is not YAML"),
-        (['paper_step', '--faults', 'seal.coulomb: 1'], "'faults': seal.coulomb cannot change; effects_a"),
+        (['paper_step', '--faults', 'leak'], "'faults': 'leak' is no NAME=NUMBER"),
+        (['paper_step', '--faults', 'seal.coulomb=1'], "'faults': seal.coulomb cannot change; effects_a"),
     ],
 )
 def test_what_cannot_be_recorded_leaves_nothing(
