@@ -400,7 +400,7 @@ def extend_with_cost(
     search = _Search(experiments, masks, ambient_pressure, unknowns, weights or all_alike)
     bounds = unknowns.lower, unknowns.upper
     point, cost = least_squares(search.evaluate, unknowns.start, *bounds, tolerance, evaluations, enough)
-    return unknowns.model(unknowns.rows(point[None])[0]), cost
+    return unknowns.model(unknowns.rows(point[None])[0]), cost.total
 
 
 def tangent(

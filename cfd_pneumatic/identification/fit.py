@@ -212,7 +212,7 @@ class _Problem:
                 own[:, columns] = weight * rows
                 yield own
 
-    def search(self, start: Array, tolerance: float, evaluations: int) -> tuple[Array, float]:
+    def search(self, start: Array, tolerance: float, evaluations: int) -> tuple[Array, Quadratic]:
         """Return the best unknowns from one start, and their cost, until it falls by less than a share `tolerance`."""
         lower = np.full(self.size, -np.inf)
         upper = np.full(self.size, np.inf)
@@ -280,12 +280,12 @@ def fit(
     """
     problem = _Problem(experiments, masks, np.ones(len(experiments)))
     gains = _best_guess(problem, initial)
-    best, _ = problem.search(_unknowns_at(problem, gains), *_FINE)
+    best, cost = problem.search(_unknowns_at(problem, gains), *_FINE)
     if len(experiments) > 1:
         rmse = [math.sqrt(dot(run, run) / max(run.size, 1)) for run in problem.residuals(problem.simulate(best))]
         problem = _Problem(experiments, masks, float(np.mean(rmse)) / np.maximum(rmse, 1e-9))
-        best, _ = problem.search(best, *_FINE)
-    return _summary(problem, best)
+        best, cost = problem.search(best, *_FINE)
+    return _summary(problem, best, cost)
 
 
 def _best_guess(problem: _Problem, initial: Sequence[float] | None) -> Sequence[float]:
@@ -295,7 +295,7 @@ def _best_guess(problem: _Problem, initial: Sequence[float] | None) -> Sequence[
     rough = problem.excerpt()
     guesses = _first_guesses(rough.experiments, rough.masks) if initial is None else [initial]
     searches = (rough.search(_unknowns_at(rough, gains), *_ROUGH) for gains in guesses)
-    best, _ = min(searches, key=lambda found: found[1])
+    best, _ = min(searches, key=lambda found: found[1].total)
     return tuple(np.exp(best[:GAINS]))
 
 
@@ -317,10 +317,11 @@ def _unknowns_at(problem: _Problem, gains: Sequence[float]) -> Array:
     return unknowns
 
 
-def _summary(problem: _Problem, unknowns: Array) -> Fit:
+def _summary(problem: _Problem, unknowns: Array, cost: Quadratic) -> Fit:
     simulated = problem.simulate(unknowns)
     residuals = problem.residuals(simulated)
-    told = information(problem.jacobians(unknowns), residuals)
+    normal = cost.normal / np.outer(problem.units, problem.units)
+    told = information(problem.jacobians(unknowns), residuals, normal)
     _check_that_pressure_follows(problem, told)
     reasons = {index: reason for index, reason in enumerate(_unmoved(unknowns, told.normal)) if reason is not None}
     degrees = told.size - problem.size

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,7 @@ class Quadratic:
     @property
     def is_finite(self) -> bool:
         """Whether the model has not run away."""
-        return math.isfinite(self.total + float(np.sum(self.normal)))
+        return math.isfinite(self.total + float(self.normal.sum()))
 
 
 Evaluate = Callable[[Array], Quadratic]
@@ -76,9 +76,9 @@ def least_squares(
     tolerance: float,
     evaluations: int,
     enough: float = 0.0,
-) -> tuple[Array, float]:
+) -> tuple[Array, Quadratic]:
     """
-    Return the point with the least sum of squared residuals that is found from a start, and that sum.
+    Return the point with the least sum of squared residuals that is found from a start, and what the sum is like there.
 
     Damped by the diagonal of the normal matrix (Marquardt, 1963), the damping led by how well the last step was
     foretold (Nielsen, 1999). An unknown at a bound stays there while the sum falls outwards.
@@ -100,7 +100,7 @@ def least_squares(
     point = np.clip(start, lower, upper)
     here = evaluate(point)
     if not here.is_finite:
-        return point, np.inf
+        return point, replace(here, total=math.inf)
     damping, growth = _FIRST_DAMPING, 2.0
     for _ in range(evaluations - 1):
         if here.total <= enough:
@@ -120,7 +120,7 @@ def least_squares(
         point, here = trial, there
         if fell <= tolerance * here.total:
             break
-    return point, here.total
+    return point, here
 
 
 @kernel

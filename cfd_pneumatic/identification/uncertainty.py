@@ -83,7 +83,7 @@ class Information:
         return np.asarray(inverse @ self.scores[at] @ inverse * (self.size / degrees))
 
 
-def information(jacobians: Iterable[Array], residuals: Sequence[Array]) -> Information:
+def information(jacobians: Iterable[Array], residuals: Sequence[Array], known: Array | None = None) -> Information:
     """
     Return what residuals tell about unknowns, in one walk over their Jacobian.
 
@@ -93,10 +93,15 @@ def information(jacobians: Iterable[Array], residuals: Sequence[Array]) -> Infor
         The Jacobian in blocks of rows, in order; none reaches over the end of a run.
     residuals
         Runs of neighbouring residuals, each of shape (n,).
+    known
+        J'J where it is known, shape (k, k): there is no walk then where the residual is white.
 
     """
     power = sum(dot(run, run) for run in residuals)
+    size = sum(run.size for run in residuals)
     lags = _correlation_length(residuals, power)
+    if known is not None and not lags:
+        return Information(known, None, power, size)
     runs = iter(residuals)
     run, at = np.empty(0), 0
     normal: Array | float = 0.0
@@ -113,12 +118,7 @@ def information(jacobians: Iterable[Array], residuals: Sequence[Array]) -> Infor
         if lags:
             scores = scores + window.products(jacobian * run[rows, None], at == run.size)
             give_back(run)
-    return Information(
-        np.asarray(normal),
-        np.asarray(scores) if lags else None,
-        power,
-        sum(run.size for run in residuals),
-    )
+    return Information(np.asarray(normal), np.asarray(scores) if lags else None, power, size)
 
 
 class _Window:
