@@ -39,7 +39,6 @@ LEAST_LIVE = 600.0
 
 HOUR, SHIFT = 3_600_000, 14_400_000
 IDENTIFIED = 500 * 2**20  # of memory [bytes]
-SAME = 1.1  # memory of the longer bag over the shorter's that counts as the same
 DECADES = 2.0  # from the largest size down, of which a slope is told
 
 
@@ -344,7 +343,7 @@ def long_bags(growths: Sequence[Growth]) -> Found:
         return Found('not measured', None)
     if SHIFT not in held:
         return Found(f'{_bytes(held[HOUR])} with 1 h; 4 h not measured', False if held[HOUR] > IDENTIFIED else None)
-    kept = held[SHIFT] <= IDENTIFIED and held[SHIFT] <= SAME * held[HOUR]
+    kept = held[SHIFT] <= IDENTIFIED and held[SHIFT] <= held[HOUR] + ROOM
     return Found(f'{_bytes(held[HOUR])} with 1 h, {_bytes(held[SHIFT])} with 4 h', kept)
 
 
@@ -414,7 +413,7 @@ def lines_of(run: Run, growths: Sequence[Growth]) -> list[Line]:
         except NotMeasured:
             found = Found('not measured', None)
         lines.append(Line(promise.work, promise.reach, found))
-    reach = f'{_bytes(IDENTIFIED)}, with 4 h the same as with 1 h (within {100 * (SAME - 1):.0f} %)'
+    reach = f'{_bytes(IDENTIFIED)}, with 4 h the same as with 1 h, within a chunk ({_bytes(ROOM)})'
     return [*lines, Line('identify a bag at 1 kHz, two cylinders: memory', reach, long_bags(growths))]
 
 
