@@ -12,7 +12,7 @@ import numpy as np
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
 from cfd_pneumatic.identification import Estimate, Identification, Options, PartError, identify
 from cfd_pneumatic.identification.experiment import observed_motion
-from cfd_pneumatic.identification.force import ForceExperiment, make_force_experiment
+from cfd_pneumatic.identification.force_experiment import ForceExperiment, make_force_experiment
 from cfd_pneumatic.identification.judgement import Trial
 from cfd_pneumatic.identification.residuals import Test as ResidualTest
 from cfd_pneumatic.identification.split import PARTS

@@ -19,13 +19,13 @@ from cfd_pneumatic.identification.colour import autoregression, independent_shar
 from cfd_pneumatic.identification.fit import Estimate
 from cfd_pneumatic.identification.force import (
     Effects,
-    ForceExperiment,
     ForceFit,
     fit_force,
     hold_several_levels,
     likely_area,
     starting_force_data,
 )
+from cfd_pneumatic.identification.force_experiment import ForceExperiment
 from cfd_pneumatic.identification.influences import Influences
 from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH, EffectSearch, Found, Trial
 from cfd_pneumatic.identification.noise import Noise, noise_of, rounding_step, runs_at_rest, sample_noise

@@ -12,7 +12,7 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import Experiment, make_experiment, observed_motion
 from cfd_pneumatic.identification.fit import Fit, fit
-from cfd_pneumatic.identification.force import make_force_experiment
+from cfd_pneumatic.identification.force_experiment import make_force_experiment
 from cfd_pneumatic.identification.force_loop import ForceClosure, close_force_loop
 from cfd_pneumatic.identification.loop import Closure, close_loop
 from cfd_pneumatic.identification.motion import Motion

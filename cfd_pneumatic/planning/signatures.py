@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.extension import Extension, simulate_models, tangent
-from cfd_pneumatic.identification.force import ForceExperiment, fit_force, hold_several_levels, starting_force_data
+from cfd_pneumatic.identification.force import fit_force, hold_several_levels, starting_force_data
+from cfd_pneumatic.identification.force_experiment import ForceExperiment
 from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH
 from cfd_pneumatic.identification.motion import Motion
 from cfd_pneumatic.identification.split import Split, split_recordings, stroke_times

@@ -17,7 +17,8 @@ from reference import AMBIENT
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import observed_motion
-from cfd_pneumatic.identification.force import ForceExperiment, fit_force, make_force_experiment, starting_force_data
+from cfd_pneumatic.identification.force import fit_force, starting_force_data
+from cfd_pneumatic.identification.force_experiment import ForceExperiment, make_force_experiment
 from cfd_pneumatic.identification.motion import smooth_motion
 from cfd_pneumatic.identification.split import PARTS, split_recordings
 from cfd_pneumatic.identification.travel import travelled

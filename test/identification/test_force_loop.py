@@ -17,7 +17,7 @@ from reference import AMBIENT
 
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.experiment import observed_motion
-from cfd_pneumatic.identification.force import make_force_experiment
+from cfd_pneumatic.identification.force_experiment import make_force_experiment
 from cfd_pneumatic.identification.force_loop import close_force_loop, force_noise
 from cfd_pneumatic.identification.split import PARTS, split_recordings
 from cfd_pneumatic.identification.verdict import VERDICTS, verdict_of
