@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from cfd_pneumatic.compiling import compiler
 from cfd_pneumatic.identification.colour import autoregression, whitened
-from cfd_pneumatic.monitoring.run_length import SLACK, threshold_for
+from cfd_pneumatic.monitoring.run_length import SLACK, Excursions, as_rare, excursions, threshold_for
 
 Array = NDArray[np.float64]
 
 _CLIP = 4.0  # standard deviations that a single value counts for at most
 _OUTLYING = 5.0  # robust standard deviations
-_LEAST_LIGHTNESS = 0.2
 _NORMAL_PER_MEDIAN = 1.4826  # standard deviation over median absolute deviation
 
 
@@ -33,12 +30,13 @@ class Series:
     colour
         As in `colour.autoregression`.
     std
-        Standard deviation of what is new in a value, more where large ones are more frequent than in a normal
-        distribution, in the series' unit.
+        Standard deviation of what is new in a value, in the series' unit.
     tolerance
         How far the mean may stray, in the series' unit.
     learned_from
         Number of values.
+    excursions
+        Those of the chart's sums over these values, upwards and downwards.
 
     """
 
@@ -47,11 +45,17 @@ class Series:
     std: float
     tolerance: float
     learned_from: int
+    excursions: tuple[Excursions, Excursions] = (Excursions(), Excursions())
 
     @property
     def persistence(self) -> float:
         """What is new in each value of a lasting shift, over the shift [-]."""
         return max(1.0 - float(np.sum(self.colour)), 0.0)
+
+    @property
+    def slack(self) -> float:
+        """What a score has to exceed on the average until an alarm comes [standard deviations]."""
+        return SLACK + self.tolerance * self.persistence / self.std
 
 
 def usual(values: Array, tolerance: float = 0.0) -> Series:
@@ -63,41 +67,16 @@ def usual(values: Array, tolerance: float = 0.0) -> Series:
     colour = autoregression([near - mean])
     new = whitened(near - mean, colour)[colour.size :]
     std = max(float(np.sqrt(np.sum(new**2) / max(new.size - 1 - colour.size, 1))), np.finfo(float).tiny)
-    unclipped = whitened(values - mean, colour)[colour.size :] / std
-    return Series(mean, colour, std / _lightness(np.clip(unclipped, -_CLIP, _CLIP)), tolerance, values.size)
-
-
-def _lightness(scores: Array) -> float:
-    """
-    Return the scale on which scores would make false alarms as rare as normal ones do, one at most.
-
-    With each step of its threshold a chart's false alarms become rarer by a factor, whose logarithm solves
-    E exp(exponent * (score - slack)) = 1 (Siegmund, 1985). It is twice the slack for normal scores, and less where
-    there are more large ones; by less than its standard error counts as chance.
-    """
-    normal = 2.0 * SLACK
-    smallest = min(_exponent(side, normal) / normal for side in (scores, -scores))
-    chance = math.sqrt(math.expm1(normal**2)) / (SLACK * math.sqrt(scores.size))
-    return min(max(smallest + chance, _LEAST_LIGHTNESS), 1.0)
-
-
-def _exponent(scores: Array, highest: float) -> float:
-    """Return the exponent, up to a highest one, at which E exp(exponent * (score - slack)) = 1."""
-
-    def excess(exponent: float) -> float:
-        return float(np.mean(np.expm1(exponent * (scores - SLACK))))
-
-    lowest = _LEAST_LIGHTNESS * highest
-    if excess(highest) <= 0.0:
-        return highest
-    return float(brentq(excess, lowest, highest)) if excess(lowest) < 0.0 else lowest
+    series = Series(mean, colour, std, tolerance, values.size)
+    scores = np.clip(whitened(values - mean, colour)[colour.size :] / std, -_CLIP, _CLIP)
+    return replace(series, excursions=(excursions(scores, series.slack), excursions(-scores, series.slack)))
 
 
 @compiler()
 def _advance(  # type: ignore[no-untyped-def]
-    values, mean, colour, std, slack, threshold, clip, history, sums, runs
+    values, mean, colour, std, slack, thresholds, clip, history, sums, runs
 ):
-    """Add values up; return the index of the one with which a sum exceeds the threshold, or -1."""
+    """Add values up; return the index of the one with which a sum exceeds its threshold, or -1."""
     for index in range(values.size):
         expected = 0.0
         for lag in range(colour.size):
@@ -112,7 +91,7 @@ def _advance(  # type: ignore[no-untyped-def]
             step = score if side == 0 else -score
             sums[side] = max(0.0, sums[side] + step - slack)
             runs[side] = runs[side] + 1 if sums[side] > 0.0 else 0
-            if sums[side] > threshold:
+            if sums[side] > thresholds[side]:
                 return index
     return -1
 
@@ -138,8 +117,9 @@ class Chart:
     def __init__(self, series: Series, mean_run: float, two_sided: bool) -> None:
         self._series = series
         sides = 2 if two_sided else 1
-        self.threshold = threshold_for(mean_run * sides, series.learned_from)
-        self._slack = SLACK + series.tolerance * series.persistence / series.std
+        normal = threshold_for(mean_run * sides, series.learned_from)
+        self.thresholds = np.array([as_rare(normal, own) for own in series.excursions[:sides]])
+        self._slack = series.slack
         self._history = np.zeros(series.colour.size)
         self._sums = np.zeros(sides)
         self._runs = np.zeros(sides, dtype=np.int64)
@@ -154,7 +134,7 @@ class Chart:
                 series.colour,
                 series.std,
                 self._slack,
-                self.threshold,
+                self.thresholds,
                 _CLIP,
                 self._history,
                 self._sums,
@@ -164,13 +144,13 @@ class Chart:
 
     @property
     def nearness(self) -> float:
-        """The larger sum over the threshold [-]."""
-        return float(np.max(self._sums)) / self.threshold
+        """The sum that is nearest to its threshold, over it [-]."""
+        return float(np.max(self._sums / self.thresholds))
 
     @property
     def run(self) -> int:
-        """For how many values the larger sum has been above zero: since the change, as far as can be told."""
-        return int(self._runs[np.argmax(self._sums)])
+        """For how many values the sum that is nearest has been above zero: since the change, as far as can be told."""
+        return int(self._runs[np.argmax(self._sums / self.thresholds)])
 
     def restart(self) -> None:
         """Forget what was added up."""

@@ -5,15 +5,20 @@ The chart adds standard normal scores less a slack and starts anew at zero (Page
 approximation (1985), which holds to a percent for the slack and the thresholds here. Mean and spread of the scores are
 learned from a limited stretch; what the rate of false alarms is on the average over what may have been learned decides
 about the threshold.
+
+Where scores are heavier than normal or remember what came before, sums go farther. How far is learned from the same
+stretch, by the chart's own excursions from zero, and the threshold is moved to where it is passed as seldom.
 """
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 SLACK = 0.5
@@ -24,6 +29,9 @@ _LOWEST, _HIGHEST = 0.1, 1e4  # thresholds
 _NODES, _WEIGHTS = hermegauss(15)
 _SMALLEST_SPREAD = 0.2
 _LONGEST_EXPONENT = 700.0  # of floating point's range
+_HEIGHT = 1.5  # of excursions that count
+_NORMAL_EXCESS = 1.0 / (2.0 * SLACK)  # over any height, of normal scores, Siegmund (1985)
+_EXPECTED = 5  # excursions with which such scores are expected before any was seen
 
 
 def mean_run(threshold: float, slack: float = SLACK, shift: float = 0.0, spread: float = 1.0) -> float:
@@ -74,3 +82,40 @@ def threshold_for(wanted: float, learned_from: int) -> float:
     if excess(_LOWEST) <= 0.0:
         return _LOWEST
     return float(brentq(excess, _LOWEST, _HIGHEST, xtol=1e-3))
+
+
+class Excursions(NamedTuple):
+    """How high a chart's sum went before it came back to zero, in a stretch where nothing was wrong."""
+
+    number: int = 0
+    """Of those that passed 1.5."""
+
+    excess: float = 0.0
+    """By which their peaks passed it, all together [-]."""
+
+
+def excursions(scores: NDArray[np.float64], slack: float) -> Excursions:
+    """Return the excursions of a chart's sum over scores, shape (n,) [-]."""
+    height, peaks = 0.0, [0.0]
+    for score in scores.tolist():
+        height = max(0.0, height + score - slack)
+        if height == 0.0:
+            peaks.append(0.0)
+        peaks[-1] = max(peaks[-1], height)
+    excesses = [peak - _HEIGHT for peak in peaks if peak > _HEIGHT]
+    return Excursions(len(excesses), sum(excesses))
+
+
+def as_rare(threshold: float, seen: Excursions) -> float:
+    """
+    Return the threshold that excursions like those that were seen pass as seldom as those of normal scores pass this.
+
+    By how much peaks pass a height is distributed exponentially. With a mean that is known from some excursions only,
+    the chance to pass a threshold is that of a Pareto distribution. A mean that is smaller than that of normal scores,
+    or larger by less than its standard error, counts as theirs.
+    """
+    known = _EXPECTED + seen.number
+    mean = (_EXPECTED * _NORMAL_EXCESS + seen.excess) / known
+    if mean <= _NORMAL_EXCESS * (1.0 + 1.0 / math.sqrt(known)):
+        return threshold
+    return max(threshold, _HEIGHT + mean * known * math.expm1((threshold - _HEIGHT) / _NORMAL_EXCESS / known))

@@ -57,7 +57,7 @@ def test_a_lasting_shift_is_met_after_the_threshold_over_what_exceeds_the_slack(
         assert chart.take(np.zeros(100)) == -1
         delays.append(chart.take(rng.standard_normal(2000) + shift) + 1)
         runs.append(chart.run)
-    assert np.mean(delays) == pytest.approx((chart.threshold + 1.0) / (shift - 0.5), rel=0.1)
+    assert np.mean(delays) == pytest.approx((chart.thresholds[0] + 1.0) / (shift - 0.5), rel=0.1)
     assert np.median(np.abs(np.subtract(runs, delays))) <= 3, 'it knows since when'
 
 
