@@ -22,7 +22,7 @@ from cfd_pneumatic.recording import Recording, Signal
 Array = NDArray[np.float64]
 
 _FEWEST_SAMPLES = 20
-_ROUGH, _ROUGH_RATE = 0.3, 0.1  # share of an acceleration, and of a rate, that may stray from its neighbours' mean
+_ROUGH = 0.3  # share of an acceleration that may stray from its neighbours' mean
 
 
 def _roughness(values: Array) -> float:
@@ -106,11 +106,6 @@ class ForceExperiment:
     def resolves_acceleration(self) -> bool:
         """Whether the acceleration is seen: what changes at every sample comes and goes between them, too."""
         return _roughness(self.acceleration) <= _ROUGH
-
-    @property
-    def resolves_rate(self) -> bool:
-        """Return whether the rate is seen: a stroke of a few samples has it, but not how it changes."""
-        return _roughness(self.rate[self.samples]) <= _ROUGH_RATE
 
     def simulate(self, model: ExtendedForce, stretch: float) -> Array:
         """Return the force that a model makes of this at its samples, seals stretched at first, shape (m,) [N]."""

@@ -50,7 +50,6 @@ _ROUGH = (1e-3, 8)  # tolerance and steps of the search from each start
 _FINE = (1e-6, 30)
 _FINEST = (1e-8, 60)
 _IMMATERIAL = 1e-4  # share of the force's span below which nothing is looked for: simulated forces have no noise
-_OF_SPEED = ('stribeck_friction',)  # effects that show in how the force changes with the speed alone
 _CONSTANT = ('force_offset',)  # effects that another area is as good as, at one set-point
 _SMOOTHED = 25  # samples
 _AHEAD = 5  # samples before a stroke into which its smoothed acceleration reaches
@@ -180,9 +179,7 @@ class _Fitting:
         self.area = area if self.area_is_told else likely_area(experiments, masks, factor)
 
     def may_tell(self, effect: str) -> bool:
-        """Return whether these recordings may tell an effect from the sampling's and the area's doing."""
-        if effect in _OF_SPEED:
-            return any(one.resolves_rate for one in self.experiments)
+        """Return whether these recordings may tell an effect from the area's doing."""
         return self.area_is_told or effect not in _CONSTANT
 
     def fit(self, effects: Effects, tolerance: float, steps: int, *, estimated: bool = False) -> ForceFit:

@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint 31373e96c17f1897; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint a4fc1f9e3cbcaabd; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -144,10 +144,10 @@ OFFSET_ROW = 48
 SIGNAL_ROW = SIGNAL // COUNT
 """Row of what the pressure sensor reads [Pa]."""
 
-FORCE_STATES = 1
+FORCE_STATES = 2
 """States of the effects on the force."""
 
-SLID = 1
+SLID = 2
 """Where, behind these, the displacement stands that the seals slid to last [m]."""
 
 
@@ -471,6 +471,8 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
     travel = x - state[SLID]
     if on[1]:
         (state[0],) = seal_friction.slide(travel, state[0], a[2], a[3], a[4], a[5])
+    if on[2]:
+        (state[1],) = stribeck_friction.slide(travel, state[1], a[6], a[7], a[8])
     state[SLID] = x
     moment = ForceMoment(time, x, rate, acceleration, p_a, p_opposing, ambient)
     force = area_times_factor * (p_a - p_opposing)
@@ -479,9 +481,9 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
     if on[1]:
         force = seal_friction.force(force, moment, state[0], a[2], a[3], a[4], a[5])
     if on[2]:
-        force = stribeck_friction.force(force, moment, a[6], a[7])
+        force = stribeck_friction.force(force, moment, state[1], a[6], a[7], a[8])
     if on[3]:
-        force = force_offset.force(force, moment, a[8])
+        force = force_offset.force(force, moment, a[9])
     return force
 
 

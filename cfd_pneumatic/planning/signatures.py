@@ -265,12 +265,8 @@ def _of_force(
     def changes(effect: str, ones: Sequence[tuple[float, ...]]) -> Array:
         return np.column_stack([force({**device.force_effects, effect: own}) - experiment.force for own in ones])
 
-    untold = {
-        'stribeck_friction': not experiment.resolves_rate,
-        'moving_mass': not experiment.resolves_acceleration,
-    }
     missing = {name: one for name, one in FORCE_EFFECTS.items() if name not in device.force_effects}
-    hidden = tuple(name for name in missing if untold.get(name, False))
+    hidden = () if experiment.resolves_acceleration else tuple({'moving_mass'} & missing.keys())
     visible = {name: one for name, one in missing.items() if name not in hidden}
     own = fitted.jacobian
     forms, columns = _formed(visible, data, sensing.force_noise, own, changes)

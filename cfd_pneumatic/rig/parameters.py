@@ -133,6 +133,12 @@ class Seal(NamedTuple):
     presliding: float = 5e-5
     """Displacement over which the friction turns round after a reversal [m] (Dahl)."""
 
+    breakaway: float = 0.0
+    """What Coulomb friction has more when the piston hardly moves [N] (Stribeck)."""
+
+    stribeck_speed: float = 5e-3
+    """Speed at which that has fallen to 1 / e [m/s]."""
+
 
 class RigParameters(NamedTuple):
     """The whole rig: cylinder A grows with +x, cylinder B shrinks."""
@@ -194,6 +200,7 @@ MAY_BE_ZERO = frozenset(
         'coulomb',
         'coulomb_per_pressure',
         'viscous',
+        'breakaway',
         'lost_motion',
         'leak_conductance',
         'leak_admittance',

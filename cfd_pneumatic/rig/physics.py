@@ -292,7 +292,8 @@ def rubbed(stretch: float, path: float, seal: Seal) -> float:
 @compiled
 def friction(stretch: float, velocity: float, gauge_pressures: float, seal: Seal) -> float:
     """Return the friction [N] against +x; `gauge_pressures` is both cylinders' sum [Pa], velocity in m/s."""
-    return (seal.coulomb + seal.coulomb_per_pressure * gauge_pressures) * stretch + seal.viscous * velocity
+    sticking = seal.breakaway * math.exp(-((velocity / seal.stribeck_speed) ** 2))
+    return (seal.coulomb + seal.coulomb_per_pressure * gauge_pressures + sticking) * stretch + seal.viscous * velocity
 
 
 @compiled

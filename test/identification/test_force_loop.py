@@ -76,6 +76,8 @@ def estimates_of(closure):
     [
         ('seal_friction', 'surface_following'),
         ('seal_friction', 'out_and_back'),
+        ('stribeck_friction', 'surface_following'),
+        ('stribeck_friction', 'out_and_back'),
         ('force_offset', 'surface_following'),
         ('force_offset', 'out_and_back'),
         ('moving_mass', 'surface_following'),
@@ -278,7 +280,7 @@ def test_a_real_cylinders_force_at_one_pressure(run, capsys):
             f'{closure.before["test"].rmse:.2f} to {after:.2f} N',
             end='',
         )
-    assert closure.effects[0] == 'seal_friction'
+    assert 'seal_friction' in closure.effects
     assert not estimates_of(closure)['area'].identifiable
     assert closure.fit.area == BORE
     assert after < (4.0 if 'Kidney' in run else 1.1)

@@ -134,16 +134,20 @@ def test_a_stretch_does_not_depend_on_the_step_and_stays_bounded(stretch, travel
     assert math.copysign(1.0, travel) * (whole - stretch) >= -1e-15
 
 
-def test_stribeck_friction_is_largest_at_its_speed():
+def test_stribeck_friction_falls_with_the_speed():
+    """On a way one way, over which the seal is stretched all the time."""
     speed, breakaway = 8e-3, 1.3
-    model = ExtendedForce(AREA, {'stribeck_friction': (breakaway, speed)}, AMBIENT)
-    rates = speed * np.linspace(-5.0, 5.0, TIMES.size)
+    model = ExtendedForce(AREA, {'stribeck_friction': (breakaway, speed, 1e-4)}, AMBIENT)
+    rates = speed * np.linspace(0.0, 5.0, TIMES.size)
     still = np.zeros(TIMES.size)
-    held_back = AREA * (A - B) - model.simulate(TIMES, still, rates, still, A, B)
-    assert np.max(held_back) == pytest.approx(breakaway, rel=1e-6)
-    assert rates[np.argmax(held_back)] == pytest.approx(speed)
-    np.testing.assert_allclose(held_back, -held_back[::-1], atol=1e-9)
-    assert np.all(np.abs(held_back[np.abs(rates) > 4.0 * speed]) < 0.01 * breakaway)
+    held_back = AREA * (A - B) - model.simulate(TIMES, np.cumsum(rates) * 1e-3, rates, still, A, B, stretch=1.0)
+    np.testing.assert_allclose(held_back, breakaway * np.exp(-(np.linspace(0.0, 5.0, TIMES.size) ** 2)), atol=1e-9)
+
+
+def test_stribeck_friction_turns_round_as_seal_friction_does():
+    presliding = 3e-4
+    slow = change({'stribeck_friction': (1.0, 1e3, presliding)})
+    np.testing.assert_allclose(slow, change({'seal_friction': (1.0, 0.0, 0.0, presliding)}), atol=1e-6)
 
 
 def test_one_sample_at_a_time_gives_the_recording():

@@ -16,7 +16,7 @@ AMPLITUDE, OMEGA = 2e-3, 2.0 * math.pi * 1.5
 STRONG = {
     'moving_mass': (0.4, 0.3),
     'seal_friction': (2.0, 2e-5, 40.0, 1e-4),
-    'stribeck_friction': (1.0, 5e-3),
+    'stribeck_friction': (1.0, 5e-3, 3e-5),
     'force_offset': (-0.7,),
 }
 CASES = [*({name: own} for name, own in STRONG.items()), STRONG]
@@ -81,15 +81,15 @@ def test_for_a_smooth_motion_it_lags_by_no_more_than_a_step(effects):
 
     The mean speed is that of half a step before, and wrong by half a step times the acceleration at most; the
     acceleration comes as late as a step, and is wrong by a step times the jerk. Friction grows by no more than the
-    viscous coefficient, and Stribeck's by e^0.5 breakaway / speed, for each m/s.
+    viscous coefficient, and Stribeck's by (2 / e)^0.5 breakaway / speed, for each m/s.
     """
     live = LiveDevice(make_device(effects), max_gap=0.1)
     states = follow(live)
     expected = recorded(effects, states, RATE, -(OMEGA**2) * X)
     longest = np.max(STEPS)
     speed_error = 0.5 * longest * AMPLITUDE * OMEGA**2
-    breakaway, speed = effects.get('stribeck_friction', (0.0, 1.0))
-    slope = effects.get('seal_friction', (0.0,) * 4)[2] + math.exp(0.5) * breakaway / speed
+    breakaway, speed, _ = effects.get('stribeck_friction', (0.0, 1.0, 1.0))
+    slope = effects.get('seal_friction', (0.0,) * 4)[2] + math.sqrt(2.0 / math.e) * breakaway / speed
     tolerance = slope * speed_error + effects.get('moving_mass', (0.0,))[0] * longest * AMPLITUDE * OMEGA**3 + 1e-9
     moving = slice(2, None)  # at first it rests
     np.testing.assert_allclose(forces(live, states)[moving], expected[moving], rtol=0.0, atol=tolerance)

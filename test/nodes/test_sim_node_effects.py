@@ -36,7 +36,7 @@ PLAY = {
 
 FORCE_PLAY = {
     'seal_friction': (2.0, 2e-5, 40.0, 1e-4),
-    'stribeck_friction': (1.0, 5e-3),
+    'stribeck_friction': (1.0, 5e-3, 3e-5),
     'force_offset': (-0.7,),
     'moving_mass': (0.4, 0.3),
 }

@@ -147,6 +147,13 @@ def test_friction_turns_round_after_a_reversal() -> None:
     assert physics.rubbed(turning, -2e-3, seal) == pytest.approx(-1.0)
 
 
+def test_a_slow_seal_rubs_more() -> None:
+    seal = Seal(coulomb=2.0, coulomb_per_pressure=0.0, viscous=0.0, breakaway=1.0, stribeck_speed=1e-2)
+    assert physics.friction(1.0, 0.0, 1e5, seal) == pytest.approx(3.0)
+    assert physics.friction(-1.0, -1e-2, 1e5, seal) == pytest.approx(-2.0 - 1.0 / math.e)
+    assert physics.friction(1.0, 0.1, 1e5, seal) == pytest.approx(2.0)
+
+
 @settings(deadline=None)
 @given(st.floats(-1.0, 1.0), st.lists(st.floats(-1e-3, 1e-3), max_size=10))
 def test_friction_stays_within_coulomb(stretch: float, paths: list[float]) -> None:

@@ -20,10 +20,16 @@ def force(value, moment, stretch, coulomb, per_pressure, viscous, presliding):
 
 
 @kernel
-def slide(travel, stretch, coulomb, per_pressure, viscous, presliding):
-    """Return the seal's stretch, -1 to 1; Dahl's model is linear in the displacement, so that this is exact."""
+def stretched(travel, stretch, presliding):
+    """Return a seal's stretch, -1 to 1, behind a travel one way: exact, as Dahl's model is linear in it."""
     direction = math.copysign(1.0, travel)
-    return (direction + (stretch - direction) * math.exp(-abs(travel) / presliding),)
+    return direction + (stretch - direction) * math.exp(-abs(travel) / presliding)
+
+
+@kernel
+def slide(travel, stretch, coulomb, per_pressure, viscous, presliding):
+    """Return the seal's stretch, -1 to 1."""
+    return (stretched(travel, stretch, presliding),)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:

@@ -206,6 +206,15 @@ def seal_friction(coulomb: float, situation: Situation) -> Changes:
     }
 
 
+def stribeck_friction(breakaway: float, situation: Situation) -> Changes:
+    """Let the seals rub where they move slowly."""
+    return {
+        'seal.breakaway': breakaway,
+        'seal.stribeck_speed': situation.between(3e-3, 2e-2),
+        'seal.presliding': situation.between(5e-6, 3e-5),
+    }
+
+
 def force_offset(offset: float, situation: Situation) -> Changes:
     """Take the load cell's zero away."""
     return {'pickup.force_offset': offset * situation.sign()}
@@ -279,6 +288,7 @@ LIBRARY = {
 
 ON_FORCE = {
     'seal_friction': Effect(0.05, 5.0, 'N', 'Coulomb friction without pressure', seal_friction),
+    'stribeck_friction': Effect(0.1, 5.0, 'N', 'excess where the piston hardly moves', stribeck_friction),
     'force_offset': Effect(0.05, 5.0, 'N', 'offset', force_offset),
     'moving_mass': Effect(0.03, 0.4, 'kg', 'mass', moving_mass),
 }
