@@ -22,7 +22,7 @@ from panel_scores import goals
 from provenance import ROOT, code_version, machine
 
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, NOISES
+from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, NOISES, ON_FORCE
 
 SEEDS = {
     'effects': (10, 10, 10),
@@ -30,6 +30,8 @@ SEEDS = {
     'leave_one_out': (5, 5, 5),
     'clean': (80, 80, 40),
     'pairs': (100, 100, 50),
+    'force': (10, 10, 10),
+    'clean_force': (40, 40, 20),
 }
 """How many by kind and schedule: for each effect or noise, or of pairs."""
 
@@ -39,6 +41,8 @@ QUICK_SEEDS = {
     'leave_one_out': (1, 1, 0),
     'clean': (10, 5, 2),
     'pairs': (10, 10, 1),
+    'force': (2, 2, 2),
+    'clean_force': (5, 5, 2),
 }
 
 
@@ -86,7 +90,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument('--schedules', type=_some_of(SCHEDULES), default=SCHEDULES, help=f'of {",".join(SCHEDULES)}')
     parser.add_argument(
         '--effects',
-        type=_some_of((*LIBRARY, *FOREIGN, *NOISES)),
+        type=_some_of((*LIBRARY, *ON_FORCE, *FOREIGN, *NOISES)),
         help='only these; with clean, kinds of noise; pairs of which both are among them',
     )
     parser.add_argument(

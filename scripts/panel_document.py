@@ -12,7 +12,7 @@ from documents import NOTES, table
 from panel_rows import FIRST_SEED, KINDS, SCHEDULES, VISIBLE, Row
 from panel_scores import FLOOR_TOLERANCE, GROUPS, RIGHT, answer, found_both, goals, listed, share
 
-from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, NOISES
+from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, NOISES, ON_FORCE
 
 
 def document(rows: Sequence[Row], how: Mapping[str, str], picture: str | None, notes: str) -> str:
@@ -36,6 +36,7 @@ def document(rows: Sequence[Row], how: Mapping[str, str], picture: str | None, n
         ),
         *_clean_section([row for row in drawn if row.kind == 'clean']),
         *_pairs_section([row for row in drawn if row.kind == 'pairs']),
+        *_force_section([row for row in drawn if row.kind in ('force', 'clean_force')]),
         _errors_section(drawn),
         _listed_section(),
         *_refused_section(drawn),
@@ -92,17 +93,31 @@ def _confusion_section(rows: Sequence[Row], schedule: str) -> list[str]:
     if not every:
         return []
     lines.append(_confusion_line('**all**', every))
-    header = ['effect', 'draws', 'nobody could see', 'visible']
-    header += ['right', 'listed alternative', 'other', 'no name', 'named instead']
-    header += ['more than the one', '`unexplained` beside a name', 'before', 'after']
     return [
         f'## `{schedule}`: effect by answer\n\n'
         'By the first name among visible draws. *Nobody could see*: draws of which no method could tell, and the names '
         'that some got all the same. *Listed alternative*: the effect is named as one of those that the recording '
         "can't tell from the first name, and the pair is listed below. *No name*: none missing / `unexplained` / "
         'refused. *Before* and *after*: RMSE on the test part over the oracle floor, median / 90th '
-        'percentile of visible draws.\n\n' + table(header, lines)
+        'percentile of visible draws.\n\n' + table(['effect', *ANSWERED], lines)
     ]
+
+
+ANSWERED = (
+    'draws',
+    'nobody could see',
+    'visible',
+    'right',
+    'listed alternative',
+    'other',
+    'no name',
+    'named instead',
+    'more than the one',
+    '`unexplained` beside a name',
+    'before',
+    'after',
+)
+"""Columns of `_confusion_line` behind the first."""
 
 
 def _confusion_line(label: str, rows: Sequence[Row]) -> list[object]:
@@ -220,6 +235,28 @@ def _clean_section(rows: Sequence[Row]) -> list[str]:
     ]
 
 
+def _force_section(rows: Sequence[Row]) -> list[str]:
+    """Return how the loop on the contact force answered."""
+    lines = []
+    for schedule, effect in itertools.product(SCHEDULES, ON_FORCE):
+        some = [row for row in rows if row.schedule == schedule and row.effects == (effect,)]
+        if some:
+            lines.append([f'`{schedule}`', *_confusion_line(f'`{effect}`', some)])
+    clean = [row for row in rows if row.kind == 'clean_force']
+    if not rows:
+        return []
+    named = [row for row in clean if row.named]
+    unexplained = sum(row.verdict == 'unexplained' for row in clean)
+    return [
+        '## The contact force\n\nDevices whose pressures are as the model has them, with one effect on the measured '
+        'force; the piston area is given. Columns as above.\n\n'
+        + table(['schedule', 'effect', *ANSWERED], lines)
+        + f'\n\nOf {len(clean)} recordings of devices with no effect {len(named)} get a name'
+        + (f' ({_names(named)})' if named else '')
+        + f', {unexplained} end `unexplained`.'
+    ]
+
+
 def _pairs_section(rows: Sequence[Row]) -> list[str]:
     if not rows:
         return []
@@ -276,7 +313,7 @@ def _errors_section(rows: Sequence[Row]) -> str:
     lines = []
     for kind, schedule in itertools.product(KINDS, SCHEDULES):
         some = [row for row in rows if row.kind == kind and row.schedule == schedule and math.isfinite(row.after)]
-        seen = [row for row in some if row.visible or kind == 'clean']
+        seen = [row for row in some if row.visible or kind.startswith('clean')]
         if some:
             lines.append(
                 [

@@ -15,14 +15,14 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from provenance import commit
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Fit, Options, identify
 from cfd_pneumatic.identification.experiment import Experiment
@@ -30,13 +30,25 @@ from cfd_pneumatic.identification.extension import Extension, extend
 from cfd_pneumatic.identification.loop import Closure, close_loop
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.identification.starts import starting_data
+from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, NOISES, Draw, draw, draw_textbook, oracle_residual
+from cfd_pneumatic.rig import Cylinder
+from cfd_pneumatic.rig.panel import (
+    FOREIGN,
+    LIBRARY,
+    NOISES,
+    ON_FORCE,
+    Draw,
+    draw,
+    draw_textbook,
+    force_oracle_residual,
+    oracle_residual,
+)
 
 CYLINDER = 'cylinder_a'
 
-KINDS = ('effects', 'foreign', 'leave_one_out', 'clean', 'pairs')
+KINDS = ('effects', 'foreign', 'leave_one_out', 'clean', 'pairs', 'force', 'clean_force')
 
 SCHEDULES = ('paper_step', 'out_and_back', 'surface_following')
 
@@ -56,7 +68,7 @@ class Job(NamedTuple):
     """One recording to be drawn and identified."""
 
     kind: str
-    effects: tuple[str, ...]  # the kind of noise where the kind is 'clean'
+    effects: tuple[str, ...]  # the kind of noise where the kind is 'clean'; none where it is 'clean_force'
     schedule: str
     seed: int
 
@@ -143,8 +155,8 @@ def jobs_of(
             if kind == 'pairs':
                 subjects = [PAIRS[seed % len(PAIRS)]]
             else:
-                names = {'foreign': FOREIGN, 'clean': NOISES}.get(kind, LIBRARY)
-                subjects = [(name,) for name in names]
+                names = {'foreign': FOREIGN, 'clean': NOISES, 'force': ON_FORCE}.get(kind, LIBRARY)
+                subjects = [()] if kind == 'clean_force' else [(name,) for name in names]
             jobs += [Job(kind, subject, schedule, seed) for subject in subjects]
     if effects is not None:
         jobs = [job for job in jobs if set(job.effects) <= set(effects)]
@@ -161,19 +173,29 @@ def measure(job: Job) -> Row:
     except InputError as error:
         return Row(*job, verdict='not_drawn', why=str(error))
     try:
-        return _identified(job, drawn)
+        return _identified_force(job, drawn) if job.kind in ('force', 'clean_force') else _identified(job, drawn)
     except Exception as error:  # counted as a failure: one recording must not end the run
         return Row(*job, verdict='refused', why=f'{type(error).__name__}: {error}')
 
 
 def recording_of(drawn: Draw) -> Recording:
     """Return cylinder A of a draw, as a user would hand it in."""
+    return _recording(drawn, [CYLINDER], None)
+
+
+def force_recording_of(drawn: Draw) -> Recording:
+    """Return both cylinders and the contact force of a draw, as a user would hand them in."""
+    return _recording(drawn, CYLINDERS, Signal(drawn.recording.times, drawn.recording.force))
+
+
+def _recording(drawn: Draw, names: Sequence[str], force: Signal | None) -> Recording:
     got = drawn.recording
-    setpoint = got.setpoints[:, 0]
-    changes = np.diff(setpoint, prepend=np.nan) != 0.0
     begins = np.concatenate([got.times[:1], got.times[:-1]])  # an entry acts from the sample before
-    cylinder = CylinderSignals(Signal(got.times, got.pressures[:, 0]), Signal(begins[changes], setpoint[changes]))
-    return Recording('recording', 0, Signal(got.times, got.displacement), {CYLINDER: cylinder}, None, ())
+    cylinders = {}
+    for name, pressure, setpoint in zip(names, got.pressures.T, got.setpoints.T):
+        changes = np.diff(setpoint, prepend=np.nan) != 0.0
+        cylinders[name] = CylinderSignals(Signal(got.times, pressure), Signal(begins[changes], setpoint[changes]))
+    return Recording('recording', 0, Signal(got.times, got.displacement), cylinders, force, ())
 
 
 def _identified(job: Job, drawn: Draw) -> Row:
@@ -189,10 +211,46 @@ def _identified(job: Job, drawn: Draw) -> Row:
     seconds = time.perf_counter() - began
 
     (experiment,) = result.experiments
-    left = oracle_residual(drawn)
     before, after = (experiment.pressure - one.simulated[0] for one in (result.fit, closure))
-    test = experiment.part == PARTS.index('test')
-    oracles_test = identification.splits[0].part_of(recording.displacement.times) == PARTS.index('test')
+    left = oracle_residual(drawn)
+    of_oracle = identification.splits[0].part_of(recording.displacement.times)
+    row = _row_of(job, drawn, closure, before, after, experiment.part, left, of_oracle)
+    floor = _rms(left)
+    return replace(
+        row,
+        noise=closure.noise.std / floor,
+        beside=_beside(job.effects, result.experiments, result.fit, closure, floor) if job.kind == 'pairs' else {},
+        seconds=seconds,
+    )
+
+
+def _identified_force(job: Job, drawn: Draw) -> Row:
+    recording = force_recording_of(drawn)
+    began = time.perf_counter()
+    identification = identify([recording], Options(close_loop=True, area=Cylinder().area))
+    seconds = time.perf_counter() - began
+    closure = identification.force
+    assert closure is not None
+    (experiment,) = closure.experiments
+    before, after = (experiment.force - one[0] for one in (closure.simulated_before, closure.simulated))
+    left = force_oracle_residual(drawn)
+    of_oracle = identification.splits[0].part_of(recording.displacement.times)
+    row = _row_of(job, drawn, closure, before, after, experiment.part, left, of_oracle)
+    return replace(row, noise=closure.noise_floor / _rms(left), seconds=seconds)
+
+
+def _row_of(
+    job: Job,
+    drawn: Draw,
+    closure: Conclusion,
+    before: np.ndarray,
+    after: np.ndarray,
+    part: np.ndarray,
+    left: np.ndarray,
+    of_oracle: np.ndarray,
+) -> Row:
+    """Return the answer; residuals stand beside what the oracle has left, each with the parts of its samples."""
+    test, oracles_test = part == PARTS.index('test'), of_oracle == PARTS.index('test')
     tested = bool(np.any(test))
     if not tested:
         test[:], oracles_test[:] = True, True
@@ -207,9 +265,6 @@ def _identified(job: Job, drawn: Draw) -> Row:
         before_test=_rms(before[test]) / floor_test,
         after_test=_rms(after[test]) / floor_test,
         tested=tested,
-        noise=closure.noise.std / floor,
-        beside=_beside(job.effects, result.experiments, result.fit, closure, floor) if job.kind == 'pairs' else {},
-        seconds=seconds,
         strengths=drawn.truth.strengths,
     )
 

@@ -11,14 +11,14 @@ import numpy as np
 from panel_rows import SCHEDULES, Row
 
 from cfd_pneumatic.model.effects import FAMILIES
-from cfd_pneumatic.rig.panel import LIBRARY, NOISES
+from cfd_pneumatic.rig.panel import LIBRARY, NOISES, ON_FORCE
 
 FLOOR_TOLERANCE = 0.05
 
 GROUPS = tuple(
     (family, found)
     for family, found in (
-        (family, tuple(name for name in LIBRARY if name in names)) for family, names in FAMILIES.items()
+        (family, tuple(name for name in (*LIBRARY, *ON_FORCE) if name in names)) for family, names in FAMILIES.items()
     )
     if found
 )
@@ -144,12 +144,23 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
             part = share(some, lambda row: bool(row.named))
             what = f'clean textbook recordings, {noise} noise: a name'
             found.append(Goal(what, 'at most 2 %', str(part), part.total, part.value <= 0.02))
+    some = [row for row in rows if row.kind == 'clean_force']
+    if some:
+        part = share(some, lambda row: bool(row.named))
+        what = 'contact force of healthy devices: a name'
+        found.append(Goal(what, 'at most 2 %', str(part), part.total, part.value <= 0.02))
     for kind, what, least in (
         ('foreign', 'effects outside the library: `unexplained`; visible draws', 0.90),
         ('leave_one_out', 'leave-one-out: `unexplained`; visible draws', 0.80),
     ):
         some = [row for row in rows if row.kind == kind and row.visible]
         at_least(what, least, some, lambda row: row.verdict == 'unexplained')
+    at_least(
+        'contact force: right name first, or a listed alternative; visible draws',
+        0.90,
+        [row for row in rows if row.kind == 'force' and row.visible],
+        lambda row: answer(row) in RIGHT,
+    )
     pairs = [row for row in rows if row.kind == 'pairs' and row.both_visible]
     at_least('two effects: both found; pairs that show beside each other', 0.85, pairs, found_both)
     at_least(

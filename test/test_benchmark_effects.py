@@ -13,9 +13,9 @@ import panel_scores
 import provenance
 import pytest
 from panel_rows import Job, Row
-from panel_scores import Share
+from panel_scores import RIGHT, Share
 
-from cfd_pneumatic.rig.panel import LIBRARY
+from cfd_pneumatic.rig.panel import LIBRARY, ON_FORCE
 
 LEAK = Row(
     'effects',
@@ -42,6 +42,8 @@ PAIR = replace(
     beside={'leakage': 1.9, 'sensor_lag': 2.0},
 )
 
+RUBS = replace(LEAK, kind='force', effects=('seal_friction',), named=('seal_friction',))
+
 
 def alternative(true: str, first: str) -> Row:
     """Return an answer that has the true effect among its alternatives."""
@@ -57,6 +59,11 @@ def alternative(true: str, first: str) -> Row:
         (alternative('transport_delay', 'sensor_lag'), 'listed alternative'),
         (alternative('lost_motion', 'valve_hysteresis'), 'listed alternative'),
         (alternative('leakage', 'sensor_lag'), 'unlisted alternative'),
+        (
+            replace(RUBS, named=('moving_mass',), alternatives={'moving_mass': ('seal_friction',)}),
+            'unlisted alternative',
+        ),
+        (replace(RUBS, named=('stribeck_friction',), alternatives={'stribeck_friction': RUBS.effects}), RIGHT[1]),
         (replace(LEAK, named=('droop',)), 'wrong name'),
         (replace(LEAK, named=('droop', 'leakage')), 'wrong name'),
         (replace(LEAK, verdict='no_missing_effect', named=()), 'no name'),
@@ -72,7 +79,7 @@ def test_pairs_are_listed_both_ways_and_only_within_a_family():
     assert panel_scores.listed('droop', 'sensor_lag')
     assert panel_scores.listed('sensor_lag', 'droop')
     assert not panel_scores.listed('leakage', 'sensor_lag')
-    assert {name for _, names in panel_scores.GROUPS for name in names} <= LIBRARY.keys()
+    assert {name for _, names in panel_scores.GROUPS for name in names} <= {*LIBRARY, *ON_FORCE}
 
 
 def test_what_nobody_could_see_does_not_count():
@@ -120,6 +127,8 @@ def test_the_goals_stand_beside_what_was_measured():
         replace(LEAK, kind='clean', effects=('white',), named=(), verdict='no_missing_effect', before=1.0),
         PAIR,
         replace(PAIR, named=('sensor_lag', 'leakage', 'droop')),
+        RUBS,
+        replace(RUBS, kind='clean_force', effects=()),
     ]
     found = {goal.what: goal for goal in panel_scores.goals(rows)}
 
@@ -133,6 +142,8 @@ def test_the_goals_stand_beside_what_was_measured():
     assert met('effects outside')
     assert not met('leave-one-out')
     assert met('two effects: both')
+    assert met('contact force: right')
+    assert not met('contact force of healthy')
     assert not met('two effects: exactly')
 
 
@@ -143,11 +154,14 @@ def test_the_document_has_a_line_for_each_effect():
     rows += [replace(PAIR, named=('droop',), seed=1001), replace(PAIR, verdict='not_drawn', seed=1002)]
     rows += [replace(LEAK, kind=kind, effects=('mains_hum',)) for kind in ('foreign',)]
     rows += [replace(LEAK, kind='clean', effects=('coloured',)), replace(LEAK, kind='leave_one_out', named=('droop',))]
+    rows += [RUBS, replace(RUBS, kind='clean_force', effects=(), named=())]
     how = {'command': 'make benchmark-effects', 'machine': 'a machine'}
     text = panel_document.document(rows, how, 'picture.svg', '## Notes\n\nBy hand.')
     assert '| `leakage` | 2 | 1 (droop 1) | 1 | 1 | 0 | 0 | 0 / 0 / 0 |' in text
     assert '| `sensor_lag` | 1 | 0 | 1 | 0 | 1 | 0 | 0 / 0 / 0 |' in text
     assert '| `heat_transfer` | 1 | 0 | 1 | 0 | 0 | 0 | 0 / 0 / 1 |' in text
+    assert '| `out_and_back` | `seal_friction` | 1 | 0 | 1 | 1 |' in text
+    assert 'Of 1 recordings of devices with no effect 0 get a name, 0 end' in text
     assert 'ValueError: NaN' in text
     assert '1 pairs' in text
     assert 'commit 1234567 (program text abc)' in text
@@ -209,9 +223,21 @@ def test_the_recordings_of_a_run():
     jobs = panel_rows.jobs_of(['effects', 'clean', 'pairs'], ['paper_step'], lambda kind, schedule: range(1000, 1002))
     assert len(jobs) == len(set(jobs)) == 2 * (len(LIBRARY) + 3 + 1)
     assert [job.seed for job in jobs] == sorted(job.seed for job in jobs)
+    jobs = panel_rows.jobs_of(['force', 'clean_force'], ['paper_step'], lambda kind, schedule: range(1))
+    assert {job.effects for job in jobs} == {(), *((name,) for name in ON_FORCE)}
     some = panel_rows.jobs_of(['effects', 'foreign'], ['paper_step'], lambda kind, schedule: range(1), ['droop'])
     assert some == [Job('effects', ('droop',), 'paper_step', 0)]
     assert len({frozenset(pair) for pair in panel_rows.PAIRS}) == len(panel_rows.PAIRS) == 153
+
+
+@pytest.mark.parametrize('effects', [('force_offset',), ()])
+def test_the_contact_force_is_measured(effects):
+    row = panel_rows.measure(Job('force' if effects else 'clean_force', effects, 'out_and_back', 45))
+    assert row.named == effects
+    assert row.verdict == ('effect_added' if effects else 'no_missing_effect')
+    assert row.visible is bool(effects)
+    assert row.after_test == pytest.approx(1.0, abs=0.05)
+    assert row.noise == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_program_text_alone_makes_a_version(tmp_path, monkeypatch):

@@ -18,6 +18,7 @@ from cfd_pneumatic.rig.panel.drawing import NOISES, Draw, PanelRecording, PanelT
 from cfd_pneumatic.rig.panel.floors import (
     baseline_rmse,
     force_baseline_rmse,
+    force_oracle_residual,
     force_oracle_rmse,
     oracle_residual,
     oracle_rmse,
@@ -40,6 +41,7 @@ __all__ = [
     'draw',
     'draw_textbook',
     'force_baseline_rmse',
+    'force_oracle_residual',
     'force_oracle_rmse',
     'oracle_residual',
     'oracle_rmse',

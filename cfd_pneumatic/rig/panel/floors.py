@@ -36,10 +36,15 @@ def baseline_rmse(draw: Draw) -> float:
 
 def force_oracle_rmse(draw: Draw) -> float:
     """Return the RMSE of the force against the true device's, given the measured pressures [N]."""
+    return _rms(force_oracle_residual(draw))
+
+
+def force_oracle_residual(draw: Draw) -> NDArray[np.float64]:
+    """Return what the true device, given the measured pressures, leaves of the force [N], (n,)."""
     device = draw.truth.device
     offset = device.rig.pickup.force_offset if isinstance(device, Specimen) else 0.0
     thrust = _thrust(draw.recording.pressures) - _thrust(draw.truth.samples.pressures)
-    return _rms(draw.recording.force - draw.truth.samples.force - offset - thrust)
+    return draw.recording.force - draw.truth.samples.force - offset - thrust
 
 
 def force_baseline_rmse(draw: Draw) -> float:
