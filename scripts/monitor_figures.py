@@ -361,7 +361,8 @@ def duration(seconds: float) -> str:
     """Return a time as people say it."""
     for unit, size in (('days', DAY), ('h', 3600.0), ('min', 60.0)):
         if seconds >= size:
-            return f'{seconds / size:.3g} {unit}'
+            number = f'{seconds / size:.3g}'
+            return f'{number} {unit.rstrip("s") if number == "1" else unit}'
     return f'{seconds:.3g} s'
 
 
