@@ -459,6 +459,7 @@ def picture(results: dict) -> str:
             right.loglog(steps, medians, color=dots.get_color(), linewidth=1.0)
         right.set(xlabel='size over the smallest', ylabel='delay [s]')
         right.set_title('Delays at one false alarm a day')
+        right.set_ylim(top=20.0 * PATIENCE)  # leaves room for the legend
         right.legend(loc='upper right')
         stream = io.StringIO()
         figure.savefig(stream, format='svg', metadata={'Date': None})
