@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 _FIRST_DAMPING = 1e-3
 _LARGEST_DAMPING = 1e12
 _LEAST_SCALE = 1e-12  # of the largest, for an unknown on which nothing depends
+_LEAST = 1e-200  # of what may be inverted, where nothing depends on any
 _MOST_CHANGES = 4  # of what is held, for each unknown
 _LONGEST_STEP = 2.0  # in any unknown: a factor of seven where it is a logarithm
 
@@ -133,7 +134,7 @@ def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array
     """
     size = gradient.size
     scale = np.diag(normal)
-    inner = normal + damping * np.diag(np.maximum(scale, _LEAST_SCALE * max(np.max(scale), 1e-300)))
+    inner = normal + damping * np.diag(np.maximum(scale, _LEAST_SCALE * max(np.max(scale), _LEAST)))
     step = np.zeros(size)
     held = ((down >= 0.0) & (gradient > 0.0)) | ((up <= 0.0) & (gradient < 0.0))
     for _ in range(_MOST_CHANGES * size):
