@@ -45,7 +45,8 @@ setup(
         ],
         # For identify_bag --each.
         'plant': ['dask>=2023.1', 'distributed>=2023.1', 'pyarrow>=12'],
-        'test': ['catkin_pkg', 'hypothesis', 'mpmath', 'pytest', 'pytest-xdist'],  # colcon runs pytest because it stands here
+        # colcon runs pytest because it stands here.
+        'test': ['catkin_pkg', 'hypothesis', 'mpmath', 'pytest', 'pytest-xdist'],
         'benchmark': ['casadi', 'lmfit', 'mcap-ros2-support', 'pytest-benchmark'],
         # Of ament's linters PyPI lacks copyright; xmllint wants the web, and pep257 takes attributes for sections.
         'lint': ['flake8', 'mypy', 'ros-jazzy-ament-flake8', 'ruff', 'types-PyYAML'],
