@@ -45,6 +45,7 @@ class Chromium:
             [PROGRAM, *_FLAGS, f'--user-data-dir={self._home}', 'about:blank'],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
+            env={**os.environ, 'TMPDIR': self._home},
             pass_fds=(3, 4),
             preexec_fn=lambda: [os.dup2(end, number) for end, number in zip(ends, (3, 4))],
             start_new_session=True,

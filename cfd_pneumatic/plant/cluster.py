@@ -38,7 +38,7 @@ def local_cluster(workers: int) -> Iterator[Client]:
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
-            dashboard_address=None,
+            dashboard_address='127.0.0.1:0',  # any free port: another cluster on this computer may have the usual one
             silence_logs=logging.CRITICAL,
         )
     with cluster, Client(cluster) as client:

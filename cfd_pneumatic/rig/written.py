@@ -59,12 +59,19 @@ def _columns(path: Path) -> NDArray[np.float64]:
         raise InputError(f'cannot read the schedule {path}: {reason}; give one that plan_experiment wrote') from error
     if tuple(head.split(',')) != SCHEDULE_COLUMNS:
         raise InputError(f'{path} is no schedule: its first line is to be {",".join(SCHEDULE_COLUMNS)}')
+    if len(rows) < 2:
+        raise InputError(f'{path}: a schedule is to have two rows or more of {len(SCHEDULE_COLUMNS)} numbers')
     try:
-        values = np.array([[float(cell) for cell in row.split(',')] for row in rows])
+        values = np.array([_numbers(row) for row in rows])
     except ValueError as error:
         raise InputError(f'{path}: each row of a schedule is to have {len(SCHEDULE_COLUMNS)} numbers') from error
-    if values.ndim != 2 or values.shape[1] != len(SCHEDULE_COLUMNS) or len(values) < 2:
-        raise InputError(f'{path}: a schedule is to have two rows or more of {len(SCHEDULE_COLUMNS)} numbers')
     if not np.all(np.isfinite(values)) or values[0, 0] != 0.0 or not np.all(np.diff(values[:, 0]) > 0.0):
         raise InputError(f'{path}: a schedule is to have finite numbers, and times that increase from 0 on')
     return values.T
+
+
+def _numbers(row: str) -> list[float]:
+    numbers = [float(cell) for cell in row.split(',')]
+    if len(numbers) != len(SCHEDULE_COLUMNS):
+        raise ValueError(f'{len(numbers)} numbers')
+    return numbers

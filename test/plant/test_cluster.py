@@ -66,6 +66,12 @@ def test_workers_leave_interrupts_to_the_program(client, tmp_path):
     assert dict(results(client, work, [1, 2])) == {1: '11', 2: '22'}
 
 
+def test_two_clusters_on_one_computer_do_not_complain(client, recwarn):
+    with local_cluster(1) as other:
+        assert dict(results(other, work, [1])) == dict(results(client, work, [1]))
+    assert [str(one.message) for one in recwarn if 'already in use' in str(one.message)] == []
+
+
 def test_no_scheduler_at_the_address(monkeypatch):
     with socket.socket() as free:
         free.bind(('127.0.0.1', 0))
