@@ -26,6 +26,7 @@ from cfd_pneumatic.identification.force import (
     starting_force_data,
 )
 from cfd_pneumatic.identification.force_experiment import ForceExperiment
+from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.influences import Influences
 from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH, EffectSearch, Found, Trial
 from cfd_pneumatic.identification.noise import Noise, noise_of, rounding_step, runs_at_rest, sample_noise
@@ -36,6 +37,7 @@ from cfd_pneumatic.identification.verdict import (
     PartError,
     compared,
     next_experiment,
+    not_added,
     part_errors,
     shortage_of,
     verdict_of,
@@ -132,11 +134,17 @@ def close_force_loop(
             alternatives = dict(found.alternatives)
             if 'force_offset' in fit.effects and 'moving_mass' in library and _may_be_weight(fitting, fit):
                 alternatives['force_offset'] = ('moving_mass',)
+    ratio, interval = compared(measured, plain.simulated, fit.simulated, parts) if fit.effects else (None, None)
+    against: list[str] = []
+    if ratio is not None and interval is not None and ratio >= 1.0:
+        clause, tried = not_added(list(fit.effects), ratio, interval, tried)
+        against.append(clause)
+        fit, alternatives, ratio, interval = plain, {}, None, None
     after = tuple(force_residual_tests(experiments, fit.simulated, masks)) if fit.effects else before
     noise = force_noise(experiments, fit.simulated)
     hidden = () if shortage else _invisible(fitting, fit, noise, library)
-    ratio, interval = compared(measured, plain.simulated, fit.simulated, parts) if fit.effects else (None, None)
-    verdict, why = verdict_of(list(fit.effects), alternatives, after, shortage, ratio, interval)
+    against += contradiction(experiments, fit.residuals(experiments), noise.std)
+    verdict, why = verdict_of(list(fit.effects), alternatives, after, shortage, ratio, interval, against)
     return ForceClosure(
         verdict=verdict,
         why=why,

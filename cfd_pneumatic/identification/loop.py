@@ -19,6 +19,7 @@ from cfd_pneumatic.identification.attribution import Search
 from cfd_pneumatic.identification.experiment import Experiment
 from cfd_pneumatic.identification.extension import Extension, extend, tangent
 from cfd_pneumatic.identification.fit import Estimate, Fit
+from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.judgement import Trial
 from cfd_pneumatic.identification.noise import Noise, precision, pressure_noise
 from cfd_pneumatic.identification.residuals import explained, residual_tests
@@ -28,6 +29,7 @@ from cfd_pneumatic.identification.verdict import (
     Conclusion,
     compared,
     next_experiment,
+    not_added,
     shortage_of,
     verdict_of,
 )
@@ -103,11 +105,17 @@ def close_loop(
             if not _finite(found.simulate(experiments, ambient_pressure)):
                 found = rough
     simulated = found.simulate(experiments, ambient_pressure) if found.effects else list(baseline.simulated)
+    ratio, interval = compared(measured, baseline.simulated, simulated, parts) if found.effects else (None, None)
+    against: list[str] = []
+    if ratio is not None and interval is not None and ratio >= 1.0:
+        clause, tried = not_added(list(found.effects), ratio, interval, tried)
+        against.append(clause)
+        found, simulated, alternatives, ratio, interval = begin, list(baseline.simulated), {}, None, None
     noise = pressure_noise(experiments, simulated, found.gains[0])
     after = tuple(residual_tests(experiments, simulated, masks, noise)) if found.effects else before
     hidden = invisible(experiments, masks, ambient_pressure, found, simulated, noise, library) if not shortage else ()
-    ratio, interval = compared(measured, baseline.simulated, simulated, parts) if found.effects else (None, None)
-    verdict, why = verdict_of(list(found.effects), alternatives, after, shortage, ratio, interval)
+    against += contradiction(experiments, [one - other for one, other in zip(measured, simulated)], noise.std)
+    verdict, why = verdict_of(list(found.effects), alternatives, after, shortage, ratio, interval, against)
     return Closure(
         verdict=verdict,
         why=why,

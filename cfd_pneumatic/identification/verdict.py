@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.fit import Estimate
 from cfd_pneumatic.identification.judgement import Trial
-from cfd_pneumatic.identification.residuals import Test, explained
+from cfd_pneumatic.identification.residuals import Test
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.model.effects import Effect
 from cfd_pneumatic.recording import spool
@@ -132,8 +132,9 @@ def verdict_of(
     shortage: str | None,
     ratio: float | None,
     interval: tuple[float, float] | None,
+    against: Sequence[str] = (),
 ) -> tuple[str, str]:
-    """Return the verdict and the sentence that says it."""
+    """Return the verdict and the sentence that says it; clauses of `against` withdraw it."""
     if shortage is not None:
         return 'insufficient_data', shortage
     named = ' and '.join(
@@ -141,14 +142,26 @@ def verdict_of(
         for name in effects
     )
     falls = '' if ratio is None or interval is None else f'; with it the error {_change(ratio, interval)}'
-    if not explained(tests):
-        failed = ', '.join(test.what for test in tests if test.decisive and not test.passed)
-        if effects:
-            return 'unexplained', f'the model lacks {named}{falls}, and something that is not known here ({failed})'
-        return 'unexplained', f'the model lacks something that is none of the effects known here ({failed})'
+    failed = ', '.join(test.what for test in tests if test.decisive and not test.passed)
     if effects:
-        return 'effect_added', f'the model lacks {named}{falls}, and what is left is noise'
-    return 'no_missing_effect', 'what the model leaves is noise: nothing is missing that these recordings could show'
+        why = f'the model lacks {named}{falls}'
+        left = f', and something that is not known here ({failed})' if failed else ', and what is left is noise'
+    elif failed:
+        why, left = 'the model lacks something that is none of the effects known here', f' ({failed})'
+    else:
+        why, left = 'what the model leaves is noise', ': nothing is missing that these recordings could show'
+    if failed or against:
+        return 'unexplained', '; '.join([why + left, *against]) if failed else f'{why}, but {"; ".join(against)}'
+    return 'effect_added' if effects else 'no_missing_effect', why + left
+
+
+def not_added(
+    effects: Sequence[str], ratio: float, interval: tuple[float, float], tried: Sequence[Trial]
+) -> tuple[str, tuple[Trial, ...]]:
+    """Return in a clause that with these effects the error does not fall, and the trials without their acceptance."""
+    clause = f'with {" and ".join(effects)} the error {_change(ratio, interval)}: not added'
+    why = 'with it the error on the test part does not fall'
+    return clause, tuple(replace(one, accepted=False, why=why) if one.accepted else one for one in tried)
 
 
 def _change(ratio: float, interval: tuple[float, float]) -> str:

@@ -19,8 +19,9 @@ from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.experiment import observed_motion
 from cfd_pneumatic.identification.force_experiment import make_force_experiment
 from cfd_pneumatic.identification.force_loop import close_force_loop, force_noise
+from cfd_pneumatic.identification.judgement import Trial
 from cfd_pneumatic.identification.split import PARTS, split_recordings
-from cfd_pneumatic.identification.verdict import VERDICTS, verdict_of
+from cfd_pneumatic.identification.verdict import VERDICTS, not_added, verdict_of
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
 from cfd_pneumatic.model.extended_force import ExtendedForce
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording
@@ -208,12 +209,36 @@ def test_the_verdict_is_put_into_words():
         (None, (), None, None, 'no_missing_effect', 'nothing is missing that these recordings could show'),
         (None, ('force_offset',), 0.25, (0.2, 0.3), 'effect_added', 'error falls to 25 %, and what is left is noise'),
         (None, ('force_offset',), 0.95, (0.8, 1.1), 'effect_added', 'falls to 95 %, which may be chance (80 to 110 %)'),
-        (None, ('force_offset',), 1.02, (0.9, 1.2), 'effect_added', 'does not fall'),
     ):
         found = verdict_of(effects, {}, (), shortage, ratio, interval)
         assert found[0] == verdict
         assert found[0] in VERDICTS
         assert words in found[1]
+
+
+def test_what_withdraws_a_verdict_stands_beside_what_was_found():
+    against = ['from t = 52 s on the error is 6 times what it was: the device or its work changed']
+    for effects, ratio, interval, words in (
+        ((), None, None, 'what the model leaves is noise, but from t = 52 s on'),
+        (
+            ('force_offset',),
+            0.25,
+            (0.2, 0.3),
+            'the model lacks force_offset; with it the error falls to 25 %, but from',
+        ),
+    ):
+        verdict, why = verdict_of(effects, {}, (), None, ratio, interval, against)
+        assert verdict == 'unexplained'
+        assert why.startswith(words)
+
+
+def test_trials_with_which_the_error_does_not_fall_are_not_accepted():
+    tried = [Trial('seal_friction', 100.0, 0.5, 1.0, True, ''), Trial('moving_mass', -9.0, 0.0, 2.0, False, 'no use')]
+    clause, left = not_added(['seal_friction'], 1.67, (1.5, 1.8), tried)
+    assert clause == 'with seal_friction the error does not fall, but is 167 %: not added'
+    assert [trial.accepted for trial in left] == [False, False]
+    assert left[0].why == 'with it the error on the test part does not fall'
+    assert left[1] == tried[1]
 
 
 def test_the_noise_is_seen_beside_what_is_missing():
