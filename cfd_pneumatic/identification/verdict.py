@@ -166,8 +166,9 @@ def not_added(
 
 def _change(ratio: float, interval: tuple[float, float]) -> str:
     change = f'falls to {100.0 * ratio:.0f} %' if ratio < 1.0 else f'does not fall, but is {100.0 * ratio:.0f} %'
-    low, high = (f'{100.0 * edge:.0f}' for edge in interval)
-    return change if interval[1] < 1.0 else f'{change}, which may be chance ({low} to {high} %)'
+    low, high = interval
+    by_chance = f', which may be chance ({100.0 * low:.0f} to {100.0 * high:.0f} %)' if low <= 1.0 <= high else ''
+    return change + by_chance
 
 
 def next_experiment(hidden: Sequence[str], library: Mapping[str, Effect], shortage: str | None) -> str:
