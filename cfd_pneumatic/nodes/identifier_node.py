@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.clock import Clock, ClockType
@@ -40,6 +39,7 @@ from cfd_pneumatic.nodes.parameters import number, switch, text, texts
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.reporting import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.reporting.wording import sentence, title
+from cfd_pneumatic.yaml_files import read_yaml
 
 _PERIOD = 0.1  # how often the fit's process is looked after [s]
 _POLL = 0.01  # [s]
@@ -333,7 +333,7 @@ class ParameterTransfer:
         self._identified = identified
         self._values = {
             name: value
-            for name, value in _flat(yaml.safe_load(file.read_text(encoding='utf-8'))['/**']['ros__parameters'])
+            for name, value in _flat(read_yaml(file)['/**']['ros__parameters'])
             if not name.endswith(f'.{_AT_START}')
         }
         self._clients = {

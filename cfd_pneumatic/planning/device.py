@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, PISTON_AREA
@@ -18,6 +17,7 @@ from cfd_pneumatic.model import NAMES, TABLE_1, OperatingPoints
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
 from cfd_pneumatic.planning.limits import Sensing
 from cfd_pneumatic.units import PSI
+from cfd_pneumatic.yaml_files import read_yaml
 
 Array = NDArray[np.float64]
 Effects = Mapping[str, tuple[float, ...]]
@@ -112,13 +112,7 @@ def read_device(path: Path) -> PlannedDevice:
         If the file can't be read, describes no cylinder, or a value is none that the model takes.
 
     """
-    try:
-        document = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}; give a parameter file of sim_node') from error
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f'{path} is no YAML: give a parameters.yaml as identify_bag writes it') from error
-    entries = _Entries(path, _flat(_ros_parameters(document)))
+    entries = _Entries(path, _flat(_ros_parameters(read_yaml(path))))
     present = [name for name in CYLINDERS if entries.below(name) and entries.enabled(f'{name}.enabled', True)]
     if not present:
         raise InputError(

@@ -37,6 +37,8 @@ For a table, with columns by number (from 1 on) or, where there are header rows,
     cylinder_a:
       pressure: {column: 6, unit: bar, reference: gauge}
 
+All rows of a table have the same number of fields, as many as the header has names; numbers have decimal points.
+
 A number becomes ``sign * (scale * raw + offset)`` in `unit`. `displacement` and the pressure of a cylinder are needed,
 the rest is optional. A `setpoint` acts from its time on; a `setpoint_applied` acted up to its time, since the one
 before. A topic without a leading slash is relative to the namespace that the reader is given. An array's entry that has
@@ -51,15 +53,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-import yaml
-
 from cfd_pneumatic import units
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.channels import Channel, Role
 from cfd_pneumatic.recording.fields import parse_path
 from cfd_pneumatic.recording.table import TableFormat
-from cfd_pneumatic.recording.wording import reason_of
+from cfd_pneumatic.yaml_files import read_yaml
 
 _QUANTITIES: Mapping[str, str] = {
     'displacement': 'length',
@@ -116,12 +116,7 @@ def read_mapping(path: Path | str) -> ChannelMapping:
 
     """
     path = Path(path)
-    try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise InputError(f'cannot read the mapping file {path}: {error.strerror}') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f'{path} is not YAML: {reason_of(error)}') from error
+    content = read_yaml(path)
     try:
         return _mapping(path, _Entry('', content))
     except InputError as error:
@@ -268,11 +263,18 @@ def _channel(entry: _Entry, role: Role, cylinder: str | None, table: TableFormat
         field=_path(entry, 'field'),
         stamp=_path(entry, 'stamp'),
         stamp_unit=entry.unit('time', 'stamp_unit') if 'stamp_unit' in entry else 1.0,
-        gain=entry.number('scale', 1.0) * unit,
+        gain=_scale(entry) * unit,
         bias=entry.number('offset', 0.0) * unit,
         gauge=pressure and entry.choice('reference', ('gauge', 'absolute')) == 'gauge',
         time_offset=entry.number('time_offset', 0.0),
     )
+
+
+def _scale(entry: _Entry) -> float:
+    scale = entry.number('scale', 1.0)
+    if scale == 0.0:
+        raise entry.error('scale must not be 0: it is what one raw unit is in `unit`')
+    return scale
 
 
 def _path(entry: _Entry, key: str) -> str | None:

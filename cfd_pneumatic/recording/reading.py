@@ -73,7 +73,7 @@ def read_recording(
         raise InputError(f'the force has no axis {force_axis!r}: choose one of {", ".join(FORCE_AXES)}')
     try:
         if mapping is not None and mapping.table is not None:
-            samples, notes = read_table(path, mapping.table, mapping.channels), list[str]()
+            samples, notes = read_table(path, mapping.table, mapping.channels)
         else:
             folder = None if spool is None else Path(spool)
             samples, notes = _read_bag(path, mapping, namespace, Defaults(joint, force_axis), folder)

@@ -129,7 +129,11 @@ def test_dotted_names_and_a_single_cylinder_are_read(tmp_path):
         ('    cylinder_a:\n      k_x: [-1.0]\n      setpoints: [1.0]\n', 'cylinder_a.k_x[0] = -1 is outside'),
         ('    cylinder_a:\n      leakage: {enabled: 1}\n', 'cylinder_a.leakage.enabled is 1: give true or false'),
         ('    cylinder_a:\n      leakage: {enabled: true, conductance: -1.0}\n', 'conductance = -1 is outside 0 to'),
-        ('    cylinder_a: [\n', 'is no YAML'),
+        ('    cylinder_a: [\n', 'is not YAML'),
+        (
+            '    cylinder_a:\n      k_x: [4.0e+6]\n      k_x: [5.0e+6]\n',
+            "line 5: the key 'k_x' stands in line 4 already: leave one out",
+        ),
     ],
 )
 def test_a_bad_parameter_file_is_one_line(tmp_path, capsys, text, message):

@@ -72,6 +72,91 @@ def test_bad_input_ends_with_one_line_and_earlier_output_stays(folder):
     assert sorted(os.listdir(folder)) == ['mapping.yaml', 'out', 'run.csv']
 
 
+NAMED = """\
+table: {time: {column: t, unit: ms}, delimiter: comma, header_rows: 1}
+displacement: {column: x, unit: mm}
+cylinder_a:
+  pressure: {column: p, unit: bar, reference: gauge}
+"""
+CHECK = 'check delimiter and header_rows in the mapping; numbers must have decimal points, not commas'
+BY_NUMBER = NAMED.replace('column: t', 'column: 1').replace('column: x', 'column: 2').replace('column: p', 'column: 3')
+REFUSED = {
+    'decimal commas': (
+        NAMED,
+        't,x,p,f\n0,000,0,000,2,000,1\n2,000,0,001,2,011,1\n',
+        f'run.csv: line 2 has 7 fields, but the header has 4 names: {CHECK}',
+    ),
+    'decimal commas, columns by number': (
+        BY_NUMBER,
+        't,x,p\n0,000,0,000,2,000\n2,000,0,001,2,011\n',
+        f'run.csv: line 2 has 6 fields, but the header has 3 names: {CHECK}',
+    ),
+    'decimal commas in some rows, no header': (
+        BY_NUMBER.replace('header_rows: 1', 'header_rows: 0'),
+        '0,1,2\n10,1,5,2\n20,2,2\n',
+        f'run.csv: line 2 has 4 fields, but the first row has 3: {CHECK}',
+    ),
+    'a field too few': (
+        NAMED,
+        't,x,p,f\n0,1,2,3\n\n# a remark\n10,1,3\n20,1,2,3\n',
+        f'run.csv: line 5 has 3 fields, but the header has 4 names: {CHECK}',
+    ),
+    'a name too few': (
+        NAMED,
+        't,x,p\n1,0,1,2\n2,10,1,2\n',  # as R writes the names of rows
+        f'run.csv: line 2 has 4 fields, but the header has 3 names: {CHECK}',
+    ),
+    'two rows in one line': (
+        MAPPING,
+        '0 1 2 2 0\n10 1 2 2 020 1 2 2 0\n',
+        f'run.csv: line 2 has 9 fields, but the first row has 5: {CHECK}',
+    ),
+    'a name twice': (
+        NAMED,
+        't,x,p,p\n0,1,2,3\n10,1,2,3\n',
+        "run.csv: has 2 columns 'p': give the number of the one that is meant",
+    ),
+    'a key twice': (
+        f'{NAMED}displacement: {{column: x, unit: m}}\n',
+        't,x,p\n0,1,2\n10,1,2\n',
+        "mapping.yaml: line 5: the key 'displacement' stands in line 2 already: leave one out",
+    ),
+    'scale 0': (
+        NAMED.replace('unit: mm', 'unit: mm, scale: 0'),
+        't,x,p\n0,1,2\n10,1,2\n',
+        'mapping.yaml: displacement: scale must not be 0: it is what one raw unit is in `unit`',
+    ),
+    'a name that csv does not take': (
+        NAMED,
+        f't,x,p,{"f" * 200_000}\n0,1,2,3\n',
+        f'run.csv: cannot be read as a table: field larger than field limit (131072); {CHECK}',
+    ),
+}
+
+
+@pytest.mark.parametrize(('mapping', 'rows', 'message'), REFUSED.values(), ids=REFUSED.keys())
+def test_what_would_be_read_wrongly_is_refused_with_one_line(folder, mapping, rows, message):
+    (folder / 'run.csv').write_text(rows)
+    (folder / 'mapping.yaml').write_text(mapping)
+    done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
+    assert (done.returncode, done.stdout, done.stderr) == (2, '', f'csv_to_bag: error: {message}\n')
+    assert sorted(os.listdir(folder)) == ['mapping.yaml', 'run.csv']
+
+
+def test_rows_that_are_left_out_are_said(folder):
+    """Without a time, and cut off where the logger was: 130 bar may have been 1300."""
+    with (folder / 'run.csv').open('a') as rows:
+        rows.write('nan 1 1 1 1\ninf 1 1 1 1\n500 1 1 1 1\n510 1 130')
+    done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
+    assert (done.returncode, done.stderr) == (0, '')
+    said = done.stdout.splitlines()
+    assert said[0] == 'bag: displacement 51, force 51, cylinder_a pressure 51, cylinder_a setpoint 3'
+    assert said[1:] == [
+        '  the last row has no line end and may be cut: left out',
+        '  time: dropped 2 rows not finite',
+    ]
+
+
 def test_a_bag_that_is_there_is_kept_or_replaced(folder):
     arguments = ('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
     assert csv_to_bag(folder, *arguments).returncode == 0

@@ -156,6 +156,22 @@ BAD = {
         GOOD.replace('unit: m', 'unit: m, scale: 1/0'),
         "displacement: scale must be a number, not '1/0'",
     ),
+    'scale 0': (
+        GOOD.replace('unit: m', 'unit: m, scale: 0/5'),
+        'displacement: scale must not be 0: it is what one raw unit is in `unit`',
+    ),
+    'scale without end': (
+        GOOD.replace('unit: m', 'unit: m, scale: .inf'),
+        'displacement: scale must be a number, not inf',
+    ),
+    'a key twice': (
+        GOOD.replace('unit: m', 'unit: m, unit: mm'),
+        "line 1: the key 'unit' stands in line 1 already: leave one out",
+    ),
+    'an entry twice': (
+        f'{GOOD}displacement: {{topic: other, unit: mm}}\n',
+        "line 4: the key 'displacement' stands in line 1 already: leave one out",
+    ),
     'offset': (GOOD.replace('unit: m', 'unit: m, offset: .nan'), 'displacement: offset must be a number, not nan'),
     'field path': (
         GOOD.replace('unit: m', "unit: m, field: 'a..b'"),
@@ -194,7 +210,7 @@ def test_a_bad_mapping_is_told_by_file_entry_and_key(tmp_path, text, message):
 
 
 def test_a_mapping_that_is_not_there_or_not_yaml(tmp_path):
-    with pytest.raises(InputError, match=r'^cannot read the mapping file .*/none.yaml: No such file or directory$'):
+    with pytest.raises(InputError, match=r'^cannot read .*/none.yaml: No such file or directory$'):
         read_mapping(tmp_path / 'none.yaml')
     with pytest.raises(InputError, match=r'^.*/mapping.yaml is not YAML: while parsing [^\n]*$'):
         written(tmp_path, 'a: [1,')

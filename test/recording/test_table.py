@@ -68,11 +68,42 @@ def test_rows_that_are_not_finite_are_dropped(tmp_path):
     found = read(tmp_path, ROWS + 'nan 1 1\n30 nan 4.0\n')
     assert len(found.displacement) == 3
     assert len(found.cylinders['cylinder_a'].pressure) == 4
-    assert found.health == ('displacement: dropped 1 sample not finite',)
+    assert found.health == ('time: dropped 1 row not finite', 'displacement: dropped 1 sample not finite')
+
+
+LAYOUTS = {
+    'empty fields at the end': ('comma', 't,x,note,p,\n0,1,,2\n10,1,,3,\n20,1,,4,,\n'),
+    'empty fields between tabs': ('tab', 't\tx\tnote\tp\tmore\n0\t1\t\t2\t\n10\t1\t\t3\t\n20\t1\t\t4\t\n'),
+    'delimiters in quotes': ('comma', 't,x,note,p\n0,1,"slow, then fast",2\n10,"1","5,5",3\n20,1,-,"4"\n'),
+    'remarks and empty lines': ('space', '# t x note p\n0 1 - 2 # begins\n\n10 1 - 3\n  \n# on\n20 1 - 4\n'),
+    'line ends of Windows': ('comma', 't,x,note,p\r\n0,1,,2\r\n10,1,,3\r\n20,1,,4\r\n'),
+}
+
+
+@pytest.mark.parametrize(('delimiter', 'rows'), LAYOUTS.values(), ids=LAYOUTS.keys())
+def test_how_tables_may_be_laid_out(tmp_path, delimiter, rows):
+    mapping = f"""\
+table: {{time: {{column: t, unit: ms}}, delimiter: {delimiter}, header_rows: 1}}
+displacement: {{column: x, unit: mm}}
+cylinder_a:
+  pressure: {{column: p, unit: bar, reference: absolute}}
+"""
+    found = read(tmp_path, rows, mapping)
+    np.testing.assert_allclose(found.cylinders['cylinder_a'].pressure.values, [2e5, 3e5, 4e5])
+    assert found.health == ()
+
+
+def test_a_header_may_be_a_line_of_text_where_columns_are_given_by_number(tmp_path):
+    found = read(tmp_path, 'press 7, a run of May\n' + ROWS, BY_NUMBER.replace('ms}', 'ms}\n  header_rows: 1'))
+    assert len(found.displacement) == 3
+    mapping = BY_NUMBER.replace('ms}', 'ms}\n  delimiter: comma\n  header_rows: 1')
+    found = read(tmp_path, 'a run of May\n' + ROWS.replace(' ', ','), mapping)
+    assert len(found.displacement) == 3
 
 
 BAD = {
     'no rows': ('', BY_NUMBER, 'holds no samples'),
+    'nothing but a row without its end': ('0 1.0 2.0', BY_NUMBER, 'holds no samples'),
     'all skipped': (
         ROWS,
         BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  skip_rows: 9'),
@@ -108,10 +139,11 @@ def test_a_table_that_cannot_be_read(tmp_path, rows, mapping, message):
     assert str(caught.value) == f'{tmp_path}/run.csv: {message}'
 
 
-@pytest.mark.parametrize('rows', [ROWS + '30 1.0\n', ROWS + '30 1.0 high\n'])
-def test_a_row_that_is_not_numbers(tmp_path, rows):
+@pytest.mark.parametrize('field', ['high', '1,5', ''])
+def test_a_row_that_is_not_numbers(tmp_path, field):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: semicolon')
     with pytest.raises(InputError, match=r'run.csv: cannot be read as a table of numbers: [^\n]+; check delimiter'):
-        read(tmp_path, rows)
+        read(tmp_path, ROWS.replace(' ', ';') + f'30;1.0;{field}\n', mapping)
 
 
 def test_a_table_that_is_not_there_or_not_text(tmp_path):
@@ -134,7 +166,7 @@ def test_a_table_without_a_mapping(tmp_path):
     )
 
 
-MEASURED_RUNS = sorted(MEASURED.glob('*/*.csv'))
+MEASURED_RUNS = sorted(MEASURED.glob('friction/*.csv'))
 
 
 @pytest.mark.skipif(not MEASURED_RUNS, reason='the measured data are not there: set CFD_PNEUMATIC_DATA to their folder')
