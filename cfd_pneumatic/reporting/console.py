@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cfd_pneumatic.identification.fit import Fit
+from cfd_pneumatic.identification.fit import Estimate
 from cfd_pneumatic.identification.identify import CylinderResult, Identification
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.model import NAMES, SPECS
@@ -26,8 +26,8 @@ def print_report(identification: Identification, console: Console) -> None:
         for note in _merged(recording.health):
             console.print(f'{recording.name}: {note}', style='yellow', highlight=False)
     for cylinder, result in identification.cylinders.items():
-        for point in result.schedule:
-            console.print(_parameter_table(cylinder, point.setpoint, point.fit))
+        for title, estimates in _reported_gains(cylinder, result):
+            console.print(_parameter_table(title, estimates))
         for note in result.notes:
             console.print(note, style='yellow', highlight=False)
         console.print(_error_table(cylinder, result))
@@ -115,12 +115,22 @@ def _merged(notes: Sequence[str]) -> list[str]:
     return [f'{", ".join(names)}: {what}' if any(names) else what for what, names in signals.items()]
 
 
-def _parameter_table(cylinder: str, setpoint: float, fit: Fit) -> Table:
-    title = f'{cylinder} at {setpoint / 1e3:.1f} kPa ({setpoint / PSI:.2f} psi) gauge'
+def _reported_gains(cylinder: str, result: CylinderResult) -> list[tuple[str, Sequence[Estimate]]]:
+    """Return the gains of the model that is reported, which `parameters.yaml` holds, each set with its title."""
+    if result.closure is not None and result.closure.effects:
+        title = f'{cylinder} at every set-point, beside {", ".join(result.closure.effects)}'
+        return [(title, result.closure.estimates[: len(SPECS)])]
+    return [
+        (f'{cylinder} at {point.setpoint / 1e3:.1f} kPa ({point.setpoint / PSI:.2f} psi) gauge', point.fit.estimates)
+        for point in result.schedule
+    ]
+
+
+def _parameter_table(title: str, estimates: Sequence[Estimate]) -> Table:
     table = Table(title=title, title_justify='left')
     for heading in ('parameter', 'value', 'standard error', '95 % interval', 'unit', "in the paper's unit"):
         table.add_column(heading, justify='left' if heading in ('parameter', 'unit') else 'right')
-    for spec, estimate in zip(SPECS, fit.estimates):
+    for spec, estimate in zip(SPECS, estimates):
         if estimate.value is None or estimate.std is None or estimate.interval is None:
             table.add_row(spec.name, 'not identifiable', '', '', '', '')
             continue
@@ -133,7 +143,7 @@ def _parameter_table(cylinder: str, setpoint: float, fit: Fit) -> Table:
             spec.unit,
             f'{estimate.value / spec.paper_factor:.4g} {spec.paper_unit}',
         )
-    reasons = [f'{name}: {estimate.reason}' for name, estimate in zip(NAMES, fit.estimates) if estimate.reason]
+    reasons = [f'{name}: {estimate.reason}' for name, estimate in zip(NAMES, estimates) if estimate.reason]
     if reasons:
         table.caption = '\n'.join(reasons)
         table.caption_justify = 'left'
@@ -141,7 +151,8 @@ def _parameter_table(cylinder: str, setpoint: float, fit: Fit) -> Table:
 
 
 def _error_table(cylinder: str, result: CylinderResult) -> Table:
-    table = Table(title=f'{cylinder}: simulated against measured pressure', title_justify='left')
+    without = ', without effects' if result.closure is not None and result.closure.effects else ''
+    table = Table(title=f'{cylinder}: simulated against measured pressure{without}', title_justify='left')
     for heading in ('part', 'samples', 'RMSE, Pa', 'RMSE, mpsi', 'NRMSE, % of span'):
         table.add_column(heading, justify='left' if heading == 'part' else 'right')
     for index, part in enumerate(PARTS):

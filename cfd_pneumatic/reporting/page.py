@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cfd_pneumatic import __version__
-from cfd_pneumatic.identification import Estimate, Identification, PartError
+from cfd_pneumatic.identification import CylinderResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.residuals import Test
 from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.model import SPECS
@@ -55,7 +55,14 @@ def report_page(identification: Identification, outcomes: Sequence[Outcome]) -> 
         parts=PARTS,
         effects=EFFECTS,
         next_plan=next_plan(identification),
+        scheduled=[name for name, result in identification.cylinders.items() if _has_schedule(result)],
     )
+
+
+def _has_schedule(result: CylinderResult) -> bool:
+    """Return whether the model that is reported has other gains than the one fit to all set-points."""
+    found = result.closure is not None and bool(result.closure.effects)
+    return not found and any(point.fit is not result.fit for point in result.schedule)
 
 
 def _section(outcome: Outcome) -> dict[str, Any]:

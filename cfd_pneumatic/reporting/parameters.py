@@ -22,10 +22,11 @@ def parameter_file(identification: Identification) -> str:
     """
     Return the file's text.
 
-    A parameter that is identifiable at no set-point is left out with a comment; `sim_node` then takes Table 1's. One
-    identifiable at some set-points only is held from the nearest of those. Where closing the loop found effects, they
-    are on, and the gains are those fitted beside them, at every set-point and whether identifiable or not: only
-    together do they simulate what was reported.
+    A parameter that is identifiable at no set-point is left out, with the value that the fit used in a comment:
+    `sim_node` takes Table 1's, since the recordings hardly depend on it and what a fit made of that may be anything, a
+    bound too. One identifiable at some set-points only is held from the nearest of those. Where closing the loop found
+    effects, they are on, and the gains are those fitted beside them, at every set-point and whether identifiable or
+    not: only together do they simulate what was reported.
     """
     lines = ['/**:', '  ros__parameters:', f'    ambient_pressure: {_float(identification.ambient_pressure)}  # Pa']
     highest = max(point.setpoint for result in identification.cylinders.values() for point in result.schedule)
@@ -55,12 +56,18 @@ def _schedule_lines(result: CylinderResult) -> list[str]:
     """Return the gains at each set-point."""
     lines = _setpoint_lines([point.setpoint for point in result.schedule])
     for rank, spec in enumerate(SPECS):
-        values = _held([point.fit.estimates[rank] for point in result.schedule])
+        estimates = [point.fit.estimates[rank] for point in result.schedule]
+        values = _held(estimates)
         if values is None:
-            reason = result.schedule[0].fit.estimates[rank].reason
-            lines.append(f'      # {spec.name} is not identifiable and left out: {reason}')
+            used = _floats([point.fit.gains[rank] for point in result.schedule])
+            lines.append(
+                f"      # {spec.name} is not identifiable and left out, sim_node takes Table 1's; the fit used {used} "
+                f'{spec.unit}: {estimates[0].reason}'
+            )
         else:
-            lines.append(f'      {spec.name}: {_floats(values)}  # {spec.unit}')
+            untold = [point.setpoint for point, one in zip(result.schedule, estimates) if not one.identifiable]
+            doubt = f'; not identifiable and held from the nearest at {_floats(untold)} Pa' if untold else ''
+            lines.append(f'      {spec.name}: {_floats(values)}  # {spec.unit}{doubt}')
     return lines
 
 
@@ -71,7 +78,7 @@ def _extended_lines(result: CylinderResult, closure: Closure, ambient_pressure: 
     )
     lines = _setpoint_lines([float(np.mean(levels)) - ambient_pressure])
     for spec, value, estimate in zip(SPECS, closure.extension.gains.tolist(), closure.estimates):
-        doubt = '' if estimate.reason is None else f'; not identifiable ({estimate.reason})'
+        doubt = '' if estimate.reason is None else f'; not identifiable, as the fit used it: {estimate.reason}'
         lines.append(f'      {spec.name}: {_floats([_within(value, spec.lower, spec.upper)])}  # {spec.unit}{doubt}')
     return lines + _effect_lines(closure.extension.effects, PRESSURE_EFFECTS)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 
@@ -14,6 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from cfd_pneumatic.commands.identify_bag import main
 from cfd_pneumatic.commands.record_rig import main as record_rig
+from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.recording import BagWriter, messages
 
 
@@ -105,6 +107,76 @@ def test_operating_points_of_a_bag_with_two_set_points(bag, tmp_path):
     report = json.loads((tmp_path / 'report.json').read_text())
     setpoints = [point['setpoint_pa'] for point in report['cylinders']['cylinder_a']['schedule']]
     np.testing.assert_allclose(setpoints, [34_473.8, 68_947.6], rtol=0.01)
+
+
+def printed_gains(text, cylinder):
+    """Return for each table of a cylinder's gains its title, and value and standard error of each gain as printed."""
+    titles = rf'^({cylinder} at [^\n]*?) *$(.*?)(?=^cylinder_)'
+    rows = r'│ (k_x|k_sv|k_v|tau) +│ +(not identifiable|[^ │]+) +│ +([^ │]*) *│'
+    return [
+        (title, {name: (value, std) for name, value, std in re.findall(rows, table)})
+        for title, table in re.findall(titles, text, re.MULTILINE | re.DOTALL)
+    ]
+
+
+def as_printed(estimates):
+    """Return values and standard errors of a report as the console shows them."""
+    return {
+        name: (f'{one["value"]:.4g}', f'{one["std"]:.2g}') if one['identifiable'] else ('not identifiable', '')
+        for name, one in estimates.items()
+    }
+
+
+def test_console_report_and_file_give_the_gains_of_the_model_that_is_reported(tmp_path, capsys):
+    """Of B beside its effect, the same at every set-point; of A, which has none, at each set-point."""
+    faults = ['--device', 'paper', '--faults', 'effects_b.dead_band=300']
+    assert record_rig(['out_and_back', *faults, '--output', str(tmp_path / 'bag')]) == 0
+    capsys.readouterr()
+    assert main([str(tmp_path / 'bag'), '--close-loop', '--per-setpoint', '--output', str(tmp_path / 'out')]) == 0
+    printed = capsys.readouterr().out
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())['cylinders']
+    written = yaml.safe_load((tmp_path / 'out' / 'parameters.yaml').read_text())['/**']['ros__parameters']
+
+    block = report['cylinder_b']
+    assert block['effects'] == ['valve_dead_band']
+    assert block['parameters_after']['k_v']['value'] != block['parameters']['k_v']['value']
+    ((title, gains),) = printed_gains(printed, 'cylinder_b')
+    assert title == 'cylinder_b at every set-point, beside valve_dead_band'
+    assert gains == as_printed(block['parameters_after'])
+    assert 'cylinder_b: simulated against measured pressure, without effects' in printed
+    for name in NAMES:
+        assert written['cylinder_b'][name] == [block['parameters_after'][name]['value']]
+    assert written['cylinder_b']['valve_dead_band']['enabled'] is True
+    page = (tmp_path / 'out' / 'report.html').read_text()
+    assert page.count('<code>parameters.yaml</code> holds those with effects') == 1
+    assert page.count('<code>parameters.yaml</code> holds a fit to each') == 1
+
+    block = report['cylinder_a']
+    assert block['effects'] == []
+    tables = printed_gains(printed, 'cylinder_a')
+    assert [re.search(r'at (\S+) kPa', title)[1] for title, _ in tables] == ['34.5', '68.9']
+    assert [gains for _, gains in tables] == [as_printed(point['parameters']) for point in block['schedule']]
+    for name in NAMES:
+        assert written['cylinder_a'][name] == [point['parameters'][name]['value'] for point in block['schedule']]
+
+
+def test_a_gain_that_is_not_identifiable_is_so_everywhere(tmp_path, capsys):
+    assert record_rig(['paper_step', '--device', 'paper', '--output', str(tmp_path / 'bag')]) == 0
+    capsys.readouterr()
+    assert main([str(tmp_path / 'bag'), '--output', str(tmp_path / 'out')]) == 0
+    printed = capsys.readouterr().out
+    report = json.loads((tmp_path / 'out' / 'report.json').read_text())['cylinders']
+    text = (tmp_path / 'out' / 'parameters.yaml').read_text()
+    written = yaml.safe_load(text)['/**']['ros__parameters']
+    for cylinder, untold in ('cylinder_a', []), ('cylinder_b', ['k_sv']):
+        estimates = report[cylinder]['parameters']
+        assert [name for name in NAMES if not estimates[name]['identifiable']] == untold
+        ((_, gains),) = printed_gains(printed, cylinder)
+        assert gains == as_printed(estimates)
+        told = {name: [estimates[name]['value']] for name in NAMES if name not in untold}
+        assert {name: written[cylinder][name] for name in NAMES if name in written[cylinder]} == told
+    (line,) = (line for line in text.splitlines() if line.lstrip().startswith('# k_sv'))
+    assert re.search(r"not identifiable and left out, sim_node takes Table 1's; the fit used \[\S+\] 1/s: ", line)
 
 
 def test_progress_as_lines_for_programs(bag, tmp_path, capsys):

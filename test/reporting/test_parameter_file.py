@@ -88,7 +88,7 @@ def test_a_gain_that_is_not_identifiable_beside_effects_is_held_and_said():
     estimates = (*result.closure.estimates[:2], doubtful, *result.closure.estimates[3:])
     changed = replace(result, closure=replace(result.closure, estimates=estimates))
     text = parameter_file(replace(closed(), cylinders={'cylinder_a': changed}))
-    assert 'not identifiable (not seen)' in text
+    assert 'not identifiable, as the fit used it: not seen' in text
     block = yaml.safe_load(text)['/**']['ros__parameters']['cylinder_a']
     assert block['k_v'] == [result.closure.extension.gains[2]]
 
