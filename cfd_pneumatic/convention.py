@@ -30,6 +30,12 @@ SUPPLY_PRESSURE = 517_106.8
 PISTON_AREA = 1.14e-3
 """Default area of either piston [m^2]."""
 
+AREAS = (1e-6, 1.0)
+"""The smallest and the largest area of a piston that is believed [m^2]."""
+
+FACTORS = (-1e3, 1e3)
+"""The smallest and the largest geometric factor that is believed, contact force over piston force [-]."""
+
 SCHEDULE_COLUMNS = ('time_s', 'displacement_m', 'velocity_m_per_s', 'cylinder_a_setpoint_pa', 'cylinder_b_setpoint_pa')
 """Head of a schedule in a file: set-points are gauge and hold from their time on."""
 

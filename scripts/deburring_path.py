@@ -57,7 +57,7 @@ def follow_path(arguments: Sequence[str] | None = None) -> None:
     along, error = example() if options.path is None else read_path(options.path)
     course = piston_course(along, error, options.feed)
     device = as_model(options.parameters)
-    setpoints = device.geometry.setpoints(options.force, options.bias, single=False)
+    setpoints = device.setpoints(options.force, options.bias)
     if not all(0.0 <= one <= SUPPLY_PRESSURE for one in setpoints):
         raise InputError(
             f'--force {options.force:g} N about --bias {options.bias:g} Pa needs set-points of '

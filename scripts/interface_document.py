@@ -170,7 +170,7 @@ def _topics(nodes: Mapping[str, Sequence[Node]]) -> Iterator[str]:
     yield (
         f'Names are relative but for those that begin with `/`: a namespace tells the device from its simulator. `~` '
         f'is the name of the node, `{EITHER}` is {" and ".join(f"`{name}`" for name in CYLINDERS)}, of which '
-        '`sim_node` and `monitor_node` open the second only with `cylinder_b.enabled`. *Depth* is the length of the '
+        '`sim_node` and `monitor_node` open only those with `cylinder_*.enabled`. *Depth* is the length of the '
         'queue in messages. QoS can be overridden by parameters: '
         '`qos_overrides./cfd/sim/piston_state.subscription.reliability`, and so on.'
     )

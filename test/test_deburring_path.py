@@ -25,7 +25,7 @@ def table(along, error):
 def forces(along, error):
     """Return what a model of the device predicts along a path [N]."""
     device = example.as_model(None)
-    setpoints = device.geometry.setpoints(FORCE, 70e3, single=False)
+    setpoints = device.setpoints(FORCE, 70e3)
     return example.predict(device, example.piston_course(np.array(along), np.array(error), 0.05), setpoints)
 
 

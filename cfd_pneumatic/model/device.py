@@ -31,7 +31,7 @@ class ForceGeometry:
     geometric_factor
         Contact force over piston force, from the linkage [-].
     ambient_pressure
-        Pressure that takes cylinder B's place where there is only one [Pa].
+        Absolute pressure that a missing cylinder counts as [Pa].
 
     """
 
@@ -39,21 +39,9 @@ class ForceGeometry:
     geometric_factor: float
     ambient_pressure: float
 
-    def contact_force(self, pressure_a: float, pressure_b: float | None) -> float:
-        """Return the force on the workpiece [N] from absolute pressures [Pa]; B is None in a single cylinder."""
-        opposing = self.ambient_pressure if pressure_b is None else pressure_b
-        return (pressure_a - opposing) * self.area * self.geometric_factor
-
-    def setpoints(self, force: float, bias: float, single: bool) -> tuple[float, float]:
-        """
-        Return gauge set-points (A, B) [Pa] that give a contact force at rest.
-
-        Two cylinders share the difference about the `bias` pressure [Pa]; a single one takes it all.
-        """
-        difference = force / (self.area * self.geometric_factor)
-        if single:
-            return difference, 0.0
-        return bias + 0.5 * difference, bias - 0.5 * difference
+    def contact_force(self, pressure_a: float, pressure_b: float) -> float:
+        """Return the force on the workpiece [N] from absolute pressures [Pa]."""
+        return (pressure_a - pressure_b) * self.area * self.geometric_factor
 
 
 @dataclass(frozen=True)
@@ -81,9 +69,9 @@ class ForceState:
 
 
 class DeviceState(NamedTuple):
-    """States of both cylinders and of the force; B is None in a single-cylinder device, the force without effects."""
+    """States of both cylinders and of the force; None for a cylinder that is missing, and a force without effects."""
 
-    a: CylinderState
+    a: CylinderState | None
     b: CylinderState | None
     force: ForceState | None = None
 
@@ -91,13 +79,14 @@ class DeviceState(NamedTuple):
     def is_finite(self) -> bool:
         """Whether it is made of finite numbers; effects can be so strong that it isn't."""
         forces = () if self.force is None else (*self.force.values, self.force.contact_force)
-        return self.a.is_finite and (self.b is None or self.b.is_finite) and all(map(math.isfinite, forces))
+        present = (one for one in (self.a, self.b) if one is not None)
+        return all(one.is_finite for one in present) and all(map(math.isfinite, forces))
 
 
 @dataclass(frozen=True)
 class Device:
     """
-    Two opposing cylinders on one piston, or one against ambient (B is None): +x grows A and shrinks B.
+    Two opposing cylinders on one piston, or one against ambient pressure (the other is None): +x grows A, shrinks B.
 
     Attributes
     ----------
@@ -114,23 +103,43 @@ class Device:
     Raises
     ------
     ValueError
-        If there is no such effect on the force, or it has another number of parameters.
+        If there is no cylinder, no such effect on the force, or it has another number of parameters.
 
     """
 
-    a: Cylinder
+    a: Cylinder | None
     b: Cylinder | None
     geometry: ForceGeometry
     force_effects: Mapping[str, Sequence[float]] = field(default_factory=dict)
     seal_play: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the effects."""
+        """Check that there is a cylinder, and the effects."""
+        if not self.cylinders:
+            raise ValueError('a device has at least one cylinder')
         check_effects(self.force_effects, FORCE_EFFECTS, 'force')
+
+    @property
+    def cylinders(self) -> dict[str, Cylinder]:
+        """Those that it has, by their names."""
+        return {name: one for name, one in zip(DIRECTIONS, (self.a, self.b)) if one is not None}
+
+    def setpoints(self, force: float, bias: float) -> tuple[float, float]:
+        """
+        Return gauge set-points (A, B) [Pa] that give a contact force [N] at rest.
+
+        Two cylinders share the difference about the `bias` pressure [Pa]; a single one takes it all.
+        """
+        difference = force / (self.geometry.area * self.geometry.geometric_factor)
+        if self.b is None:
+            return difference, 0.0
+        if self.a is None:
+            return 0.0, -difference
+        return bias + 0.5 * difference, bias - 0.5 * difference
 
     def at_rest(self, setpoint_a: float, setpoint_b: float, position: float = 0.0) -> DeviceState:
         """Return the equilibrium at absolute set-points [Pa], the piston resting at a displacement [m]."""
-        a = self.a.at_rest(setpoint_a, DIRECTIONS['cylinder_a'] * position)
+        a = None if self.a is None else self.a.at_rest(setpoint_a, DIRECTIONS['cylinder_a'] * position)
         b = None if self.b is None else self.b.at_rest(setpoint_b, DIRECTIONS['cylinder_b'] * position)
         still = Movement(0.0, math.inf, position, position)
         return self._with_force(DeviceState(a, b), still, None)
@@ -144,8 +153,9 @@ class Device:
         the middle of this; it comes a step late, and is zero in a first movement. An effect that was not on in `state`
         starts at rest there.
         """
-        a = self.a.step(state.a, movement.along(DIRECTIONS['cylinder_a']), setpoint_a)
-        b = None
+        a = b = None
+        if self.a is not None and state.a is not None:
+            a = self.a.step(state.a, movement.along(DIRECTIONS['cylinder_a']), setpoint_a)
         if self.b is not None and state.b is not None:
             b = self.b.step(state.b, movement.along(DIRECTIONS['cylinder_b']), setpoint_b)
         return self._with_force(DeviceState(a, b), movement, state.force)
@@ -170,8 +180,7 @@ class Device:
             float(min(max(values[SLID], movement.end - self.seal_play), movement.end + self.seal_play)),
             movement.rate,
             acceleration,
-            state.a.p,
-            state.b.p if state.b else geometry.ambient_pressure,
+            *self._pressures(state),
             geometry.ambient_pressure,
             geometry.area * geometry.geometric_factor,
             values,
@@ -185,4 +194,9 @@ class Device:
         """Return the force on the workpiece [N]: the chambers' pressures make it, not the sensors' readings."""
         if state.force is not None:
             return state.force.contact_force
-        return self.geometry.contact_force(state.a.p, state.b.p if state.b else None)
+        return self.geometry.contact_force(*self._pressures(state))
+
+    def _pressures(self, state: DeviceState) -> tuple[float, float]:
+        """Return the absolute pressures in A and B, ambient for one that is missing [Pa]."""
+        ambient = self.geometry.ambient_pressure
+        return state.a.p if state.a else ambient, state.b.p if state.b else ambient

@@ -175,7 +175,7 @@ class Watch:
         self.alarms: dict[str, Alarm] = {}
         self._ask = ask
         self._live = LiveDevice(device, settings.max_gap)
-        self._cylinders = convention.CYLINDERS[: 1 if device.b is None else 2]
+        self._cylinders = tuple(device.cylinders)
         self._predictions: deque[Prediction] = deque()
         self._window = Window(settings.window)
         self._piston_clock = Clock(convention.PISTON_STATE, settings.max_gap)
@@ -217,7 +217,7 @@ class Watch:
         position
             Piston displacement [m].
         setpoints
-            Absolute set-points that acted up to it [Pa].
+            Absolute set-points of A and B that acted up to it [Pa].
         now
             Steady time [s].
 
@@ -239,7 +239,7 @@ class Watch:
             self._note(fault, now)
         if setpoints != self._setpoints:
             self._setpoints, self._setpoints_changed = setpoints, stamp
-            for name, setpoint in zip(self._cylinders, setpoints):
+            for name, setpoint in zip(convention.CYLINDERS, setpoints):
                 self._window.setpoints[name].take(stamp if before is None else before.stamp, setpoint)
         self._window.displacement.take(stamp, position)
         self._piston_sensor.take(position)

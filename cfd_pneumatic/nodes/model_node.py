@@ -47,12 +47,11 @@ class ModelNode(Node):
         """Declare parameters and compile the model."""
         super().__init__(name, **kwargs)
         self._declare_parameters()
-        self._single = not self._value('cylinder_b.enabled')
-        self._cylinders = convention.CYLINDERS[:1] if self._single else convention.CYLINDERS
         self._device = self._make_device({})
-        self._setpoints = [self._value(f'{cylinder}.initial_setpoint') for cylinder in convention.CYLINDERS]
-        for index, cylinder in enumerate(self._cylinders):
-            refusal = self._refusal(self._setpoints[index])
+        self._cylinders = tuple(self._device.cylinders)
+        self._setpoints = {name: self._value(f'{name}.initial_setpoint') for name in convention.CYLINDERS}
+        for cylinder in self._cylinders:
+            refusal = self._refusal(self._setpoints[cylinder])
             if refusal is not None:
                 raise InputError(f'{cylinder}.initial_setpoint is {refusal}')
         self._health = InputHealth(self, convention.PISTON_STATE)
@@ -83,8 +82,12 @@ class ModelNode(Node):
                 "x, 'y' (in quotes: YAML takes a bare y for true) or z",
             ),
         )
-        declare('area', convention.PISTON_AREA, number('m^2', 1e-6, 1.0, 'piston area of either cylinder'))
-        declare('geometric_factor', 1.0, number('-', -1e3, 1e3, 'contact force over piston force, from the linkage'))
+        declare('area', convention.PISTON_AREA, number('m^2', *convention.AREAS, 'piston area of either cylinder'))
+        declare(
+            'geometric_factor',
+            1.0,
+            number('-', *convention.FACTORS, 'contact force over piston force, from the linkage'),
+        )
         declare(
             'ambient_pressure',
             convention.AMBIENT_PRESSURE,
@@ -97,8 +100,12 @@ class ModelNode(Node):
         )
         declare('max_gap', 1.0, number('s', 1e-3, 1e3, 'a longer step between samples starts the model anew'))
         declare('timeout', 0.5, number('s', 1e-2, 1e3, 'silence of piston_state that /diagnostics calls an error'))
-        declare('cylinder_b.enabled', True, switch('false: one cylinder against ambient pressure', read_only=True))
         for cylinder in convention.CYLINDERS:
+            declare(
+                f'{cylinder}.enabled',
+                True,
+                switch('false: there is none, and ambient pressure takes its place in the force', read_only=True),
+            )
             declare_operating_points(self, cylinder)
             declare_effects(self, cylinder, PRESSURE_EFFECTS)
             declare(
@@ -125,13 +132,17 @@ class ModelNode(Node):
         ambient = self._value('ambient_pressure', changes)
         a, b = (
             Cylinder(operating_points(self, name, changes), ambient, effects(self, name, PRESSURE_EFFECTS, changes))
+            if self._value(f'{name}.enabled')
+            else None
             for name in convention.CYLINDERS
         )
+        if a is None and b is None:
+            raise InputError('cylinder_a.enabled and cylinder_b.enabled are both false: leave one of them true')
         geometry = ForceGeometry(*(self._value(name, changes) for name in _GEOMETRY))
         if geometry.geometric_factor == 0.0:
             raise InputError('geometric_factor is 0: no force could be set or derived')
         force_effects = effects(self, convention.CONTACT_FORCE, FORCE_EFFECTS, changes)
-        return Device(a, None if self._single else b, geometry, force_effects, self._value(_SEAL_PLAY, changes))
+        return Device(a, b, geometry, force_effects, self._value(_SEAL_PLAY, changes))
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters as every node does, but say which one is of a wrong type."""
@@ -163,12 +174,12 @@ class ModelNode(Node):
 
     # topics
 
-    def _on_setpoint(self, index: int, message: Float64) -> None:
+    def _on_setpoint(self, cylinder: str, message: Float64) -> None:
         refusal = self._refusal(message.data)
         if refusal is not None:
-            self._ignore_setpoint(f'{convention.setpoint_topic(self._cylinders[index])} {refusal}')
+            self._ignore_setpoint(f'{convention.setpoint_topic(cylinder)} {refusal}')
             return
-        self._setpoints[index] = message.data
+        self._setpoints[cylinder] = message.data
 
     def _refusal(self, setpoint: float) -> str | None:
         """Return why a gauge set-point [Pa] cannot act, or None."""
@@ -210,14 +221,13 @@ class ModelNode(Node):
         raise NotImplementedError
 
     def _absolute_setpoints(self) -> tuple[float, float]:
-        device = self._device
-        for index, cylinder in enumerate((device.a, device.b)):
-            if cylinder is not None and not cylinder.parameters.covers(self._setpoints[index]):
+        for name, cylinder in self._device.cylinders.items():
+            if not cylinder.parameters.covers(self._setpoints[name]):
                 self._health.warn(
-                    f'operating points {index}',
-                    f'{self._cylinders[index]}: set-point {self._setpoints[index]:.0f} Pa lies outside the operating '
+                    f'operating points of {name}',
+                    f'{name}: set-point {self._setpoints[name]:.0f} Pa lies outside the operating '
                     f'points {cylinder.parameters.setpoints[0]:.0f} to {cylinder.parameters.setpoints[-1]:.0f} Pa: '
                     'the nearest gains are held',
                 )
-        ambient = device.geometry.ambient_pressure
-        return self._setpoints[0] + ambient, self._setpoints[1] + ambient
+        ambient = self._device.geometry.ambient_pressure
+        return self._setpoints['cylinder_a'] + ambient, self._setpoints['cylinder_b'] + ambient

@@ -117,8 +117,8 @@ class MonitorNode(ModelNode):
         self._orient({})
         self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
-        for index, name in enumerate(self._cylinders):
-            on_setpoint = partial(self._on_setpoint, index)
+        for name in self._cylinders:
+            on_setpoint = partial(self._on_setpoint, name)
             listen_to(self, Float64, convention.setpoint_topic(name), on_setpoint, COMMAND_QOS)
         listen_to(self, JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, raw=True)
         for name in self._cylinders:

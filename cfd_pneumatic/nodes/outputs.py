@@ -57,6 +57,7 @@ class Outputs:
             [publish_on(node, FluidPressure, below + topic(name), qos) for name in cylinders]
             for topic in (convention.pressure_topic, convention.setpoint_applied_topic)
         )
+        self._present = [convention.CYLINDERS.index(name) for name in cylinders]
         self._force_out = publish_on(node, WrenchStamped, below + force_topic, qos)
         self.orient('', 'x')
 
@@ -71,9 +72,9 @@ class Outputs:
         self._publish(self._pressures_out, pressures)
         self._force_out.publish(self._force.filled(force))
 
-    def publish_applied(self, setpoints: Iterable[float]) -> None:
-        """Publish the absolute set-points [Pa] that acted up to the sample that was published last."""
-        self._publish(self._applied_out, setpoints)
+    def publish_applied(self, setpoints: Sequence[float]) -> None:
+        """Publish those of the absolute set-points (A, B) [Pa] that acted up to the sample that was published last."""
+        self._publish(self._applied_out, (setpoints[index] for index in self._present))
 
     def _publish(self, publishers: Sequence[Publisher], pressures: Iterable[float]) -> None:
         for publisher, pressure in zip(publishers, pressures):

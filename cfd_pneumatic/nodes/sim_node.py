@@ -72,9 +72,9 @@ class SimNode(ModelNode):
         self._outputs.orient(self._value('frame_id'), self._value('axis'))
         self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
-        for index, name in enumerate(self._cylinders):
+        for name in self._cylinders:
             topic = convention.setpoint_topic(name)
-            listen_to(self, Float64, topic, partial(self._on_setpoint, index), COMMAND_QOS)
+            listen_to(self, Float64, topic, partial(self._on_setpoint, name), COMMAND_QOS)
         listen_to(self, Float64, convention.FORCE_SETPOINT, self._on_force_setpoint, COMMAND_QOS)
         listen_to(self, JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, raw=True)
         self.create_service(Trigger, '~/reset', self._on_reset)
@@ -83,15 +83,16 @@ class SimNode(ModelNode):
         self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
 
     def _on_force_setpoint(self, message: Float64) -> None:
-        pair = self._live.device.geometry.setpoints(message.data, self._value('bias_pressure'), self._single)
-        for name, setpoint in zip(self._cylinders, pair):
-            refusal = self._refusal(setpoint)
+        pair = self._device.setpoints(message.data, self._value('bias_pressure'))
+        wanted = dict(zip(convention.CYLINDERS, pair))
+        for name in self._cylinders:
+            refusal = self._refusal(wanted[name])
             if refusal is not None:
                 self._ignore_setpoint(
                     f'force_setpoint {message.data:g} N needs {convention.setpoint_topic(name)} {refusal}'
                 )
                 return
-        self._setpoints[:] = pair
+        self._setpoints.update(wanted)
 
     def _commit(self, stamp: int, position: float) -> None:
         last = self._live.committed
@@ -149,15 +150,13 @@ class SimNode(ModelNode):
 
     def _publish_diagnostics(self) -> None:
         values = {key: str(self._health.counts[key]) for key in _COUNTED}
-        for name, setpoint in zip(self._cylinders, self._setpoints):
-            values[f'{name} set-point, gauge [Pa]'] = f'{setpoint:.1f}'
-        for name, cylinder in zip(self._cylinders, (self._live.device.a, self._live.device.b)):
-            if cylinder is not None:
-                values[f'{name} effects'] = ', '.join(cylinder.effects) or 'none'
+        for name, cylinder in self._device.cylinders.items():
+            values[f'{name} set-point, gauge [Pa]'] = f'{self._setpoints[name]:.1f}'
+            values[f'{name} effects'] = ', '.join(cylinder.effects) or 'none'
         values[f'{convention.CONTACT_FORCE} effects'] = ', '.join(self._live.device.force_effects) or 'none'
         committed = self._live.committed
         if committed is not None:
-            for name, state in zip(self._cylinders, (committed.state.a, committed.state.b)):
+            for name, state in zip(convention.CYLINDERS, (committed.state.a, committed.state.b)):
                 if state is not None:
                     values[f'{name} pressure, absolute [Pa]'] = f'{state.reading:.1f}'
         verdict = self._health.verdict(self._value('timeout'))

@@ -115,9 +115,7 @@ def all_signatures(proposal: Proposal, device: PlannedDevice, sensing: Sensing) 
         _of_pressure(name, experiments[name], device.cylinders[name], device.ambient_pressure, sensing)
         for name in experiments
     ]
-    if 'cylinder_a' in experiments:
-        found.append(_of_force(proposal, experiments, device, sensing))
-    return found
+    return [*found, _of_force(proposal, experiments, device, sensing)]
 
 
 def split_of(proposal: Proposal, sensing: Sensing) -> Split:
@@ -225,7 +223,7 @@ def _of_force(
 ) -> Signatures:
     still = np.full(proposal.times.size, device.ambient_pressure)
     pressures = [experiments[name].pressure if name in experiments else still for name in CYLINDERS]
-    levels = [one.setpoint for one in experiments.values()]
+    levels = [experiments[name].setpoint if name in experiments else still for name in CYLINDERS]
 
     def force(effects: Mapping[str, Sequence[float]]) -> Array:
         model = ExtendedForce(device.area * device.factor, effects, device.ambient_pressure)
@@ -242,8 +240,8 @@ def _of_force(
         opposing=pressures[1],
         samples=np.arange(proposal.times.size),
         force=force(device.force_effects),
-        level=levels[0] - (levels[1] if len(levels) > 1 else still),
-        part=experiments['cylinder_a'].part,
+        level=levels[0] - levels[1],
+        part=split_of(proposal, sensing).part_of(proposal.times),
     )
     everything = [np.ones(proposal.times.size, dtype=np.bool_)]
     fitted = fit_force(

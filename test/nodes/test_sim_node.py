@@ -37,6 +37,7 @@ from cfd_pneumatic.convention import (
 )
 from cfd_pneumatic.model import NAMES, SPECS, TABLE_1, Cylinder, Device, ForceGeometry, LiveDevice, OperatingPoints
 from cfd_pneumatic.nodes.messages import stamp_message
+from cfd_pneumatic.recording import read_mapping, read_recording
 from cfd_pneumatic.units import PSI
 
 PRESSURE_A, PRESSURE_B = map(pressure_topic, CYLINDERS)
@@ -195,20 +196,29 @@ def test_the_force_lies_along_the_chosen_axis(sim: SimClient) -> None:
     assert force.y == pytest.approx(2 * PSI * AREA)
 
 
-def test_one_cylinder_works_against_ambient_pressure(graph: Graph) -> None:
+@pytest.mark.parametrize(('present', 'missing', 'sign'), [(*CYLINDERS, 1.0), (*CYLINDERS[::-1], -1.0)])
+def test_one_cylinder_works_against_ambient_pressure(graph: Graph, present: str, missing: str, sign: float) -> None:
     namespace = unique_namespace()
-    parameters = {'cylinder_b.enabled': False, 'ambient_pressure': 9.0e4, 'geometric_factor': 2.0}
+    parameters = {f'{missing}.enabled': False, 'ambient_pressure': 9.0e4, 'geometric_factor': 2.0}
     with graph.run('sim_node', ros_arguments(namespace, parameters)):
-        sim = SimClient(graph, namespace, cylinders=CYLINDERS[:1]).meet()
-        assert sim.sample(START, 0.0)[CONTACT_FORCE].x == pytest.approx(SET * AREA * 2.0)
+        sim = SimClient(graph, namespace, cylinders=[present]).meet()
+        assert sim.sample(START, 0.0)[CONTACT_FORCE].x == pytest.approx(sign * SET * AREA * 2.0)
         topics = {topic for topic, _ in graph.node.get_topic_names_and_types() if topic.startswith(namespace)}
-        assert not any('cylinder_b' in topic for topic in topics)
-        sim.force_setpoint(300.0)
-        applied = graph.until(
-            lambda: (answer := sim.answer(sim.stamp)) and answer[APPLIED_A] != 9.0e4 + SET and answer[APPLIED_A],
-            doing=lambda: sim.send(sim.stamp + MILLISECOND, 0.0),
-        )
-        assert applied == pytest.approx(9.0e4 + 300.0 / AREA / 2.0), 'it takes all of the difference'
+        assert not any(missing in topic for topic in topics)
+        status = graph.next_diagnostics(sim.node, lambda _: True)
+        assert not any(missing in value.key for value in status.values)
+
+        def applied(but: float) -> float:
+            topic = setpoint_applied_topic(present)
+            return graph.until(
+                lambda: (answer := sim.answer(sim.stamp)) and answer[topic] != 9.0e4 + but and answer[topic],
+                doing=lambda: sim.send(sim.stamp + MILLISECOND, 0.0),
+            )
+
+        sim.setpoint(0, SET / 2.0)
+        assert applied(but=SET) == pytest.approx(9.0e4 + SET / 2.0)
+        sim.force_setpoint(sign * 300.0)
+        assert applied(but=SET / 2.0) == pytest.approx(9.0e4 + 300.0 / AREA / 2.0), 'it takes all of the difference'
 
 
 def test_topics_have_the_promised_types_and_qos_and_one_publisher_beside_a_device(graph: Graph) -> None:
@@ -526,6 +536,8 @@ BAD_FILES = (
     (GAINS.format('setpoints: [3.0, 2.0]'), 'cylinder_a: setpoints must be finite and strictly increasing'),
     (GAINS.format('tau: [.nan, 0.1, 0.1, 0.1]'), 'cylinder_a.tau[0] = nan is outside'),
     (GAINS.format('initial_setpoint: 1.0e6'), 'cylinder_a.initial_setpoint is 1000000 Pa, above the supply pressure'),
+    ('    cylinder_a:\n      enabled: false\n    cylinder_b:\n      enabled: false\n',
+     'cylinder_a.enabled and cylinder_b.enabled are both false: leave one of them true'),
     ('    axis: w\n', "axis 'w' is not one of x, y, z"),
     ('    axis: y\n', 'expecting type \'STRING\': axis (quote it'),
     ('    max_gap: 1\n', "'max_gap' to '1' of type 'INTEGER', expecting type 'DOUBLE': max_gap (write 1.0 for 1)"),
@@ -560,8 +572,11 @@ def test_what_a_measured_run_at_7_bar_gave_runs_as_it_is(graph: Graph, tmp_path:
     assert identify_bag([str(run), '--mapping', str(MAPPING), '--output', str(tmp_path), '--progress', 'none']) == 0
     namespace = unique_namespace()
     with graph.run('sim_node', [*ros_arguments(namespace), '--params-file', str(tmp_path / 'parameters.yaml')]):
-        answer = SimClient(graph, namespace).meet().sample(START, 0.0)
+        answer = SimClient(graph, namespace, cylinders=CYLINDERS[:1]).meet().sample(START, 0.0)
         assert answer[PRESSURE_A] == pytest.approx(AMBIENT_PRESSURE + 7e5, rel=0.02)
+        measured = read_recording(run, mapping=read_mapping(MAPPING)).force
+        assert measured is not None
+        assert answer[CONTACT_FORCE].x == pytest.approx(np.mean(measured.values), rel=0.05)
 
 
 # the program
