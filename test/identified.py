@@ -10,7 +10,7 @@ from types import MappingProxyType, SimpleNamespace
 import numpy as np
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
-from cfd_pneumatic.identification import Estimate, Identification, Options, PartError, identify
+from cfd_pneumatic.identification import Estimate, Geometry, Identification, Options, PartError, identify
 from cfd_pneumatic.identification.experiment import observed_motion
 from cfd_pneumatic.identification.force_experiment import ForceExperiment, make_force_experiment
 from cfd_pneumatic.identification.judgement import Trial
@@ -59,6 +59,7 @@ def closed_on_two() -> Identification:
 
 def _without_force(identification: Identification) -> Identification:
     object.__setattr__(identification, 'force', None)
+    object.__setattr__(identification, 'geometry', Geometry())
     return identification
 
 
@@ -119,7 +120,7 @@ def with_force(identification: Identification) -> Identification:
         simulated_before=before,
         simulated=after,
     )
-    changed = replace(identification)
+    changed = replace(identification, geometry=Geometry(AREA, 1.0))
     object.__setattr__(changed, 'force', closure)
     return changed
 

@@ -22,7 +22,7 @@ from rich.progress import (
 )
 
 from cfd_pneumatic.commands.program import parser_of, run
-from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.split import FRACTIONS
@@ -83,6 +83,19 @@ def make_parser() -> argparse.ArgumentParser:
         metavar='PA',
         help='absolute ambient pressure [Pa] (default: %(default)s)',
     )
+    parser.add_argument(
+        '--area',
+        type=float,
+        metavar='M2',
+        help='area of either piston [m^2]: it is held where a measured force at one set-point does not tell it '
+        '(default: what makes that force)',
+    )
+    parser.add_argument(
+        '--geometric-factor',
+        type=float,
+        metavar='RATIO',
+        help='contact force over piston force [-], from the linkage (default: it counts as a part of the area)',
+    )
     plant = parser.add_argument_group(
         'a plant',
         'Needs Dask: pip install "cfd_pneumatic[plant]". Writes results.csv, results.parquet, index.html, and a folder '
@@ -132,6 +145,8 @@ def _identify(args: Sequence[str] | None) -> None:
         fractions=arguments.split,
         ambient_pressure=_ambient_pressure(arguments),
         close_loop=arguments.close_loop,
+        area=_area(arguments),
+        geometric_factor=_geometric_factor(arguments),
     )
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     if arguments.each:
@@ -214,6 +229,20 @@ def _ambient_pressure(arguments: argparse.Namespace) -> float:
     if not 1e4 <= pressure <= 2e5:
         raise InputError(f'--ambient-pressure {pressure:g} Pa is outside 1e4 to 2e5 Pa')
     return pressure
+
+
+def _area(arguments: argparse.Namespace) -> float | None:
+    area: float | None = arguments.area
+    if area is not None and not AREAS[0] <= area <= AREAS[1]:
+        raise InputError(f'--area {area:g} m^2 is outside {AREAS[0]:g} to {AREAS[1]:g} m^2')
+    return area
+
+
+def _geometric_factor(arguments: argparse.Namespace) -> float | None:
+    factor: float | None = arguments.geometric_factor
+    if factor is not None and not (FACTORS[0] <= factor <= FACTORS[1] and factor != 0.0):
+        raise InputError(f'--geometric-factor {factor:g} is 0 or outside {FACTORS[0]:g} to {FACTORS[1]:g}')
+    return factor
 
 
 if __name__ == '__main__':

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from cfd_pneumatic.convention import AREAS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.fit import Estimate
 from cfd_pneumatic.identification.force_experiment import ForceExperiment
@@ -278,18 +279,23 @@ def fit_force(
     Raises
     ------
     InputError
-        If the force falls with the pressure, or nothing tells the area.
+        If the force falls with the pressure, nothing tells the area, or it is none that a piston has.
 
     """
     several_levels = hold_several_levels(experiments, masks)
     if several_levels:
-        slope = _slope(experiments, masks) / factor
+        slope = _slope(experiments, masks, factor)
         area = slope if area is None else area
     elif area is None:
         raise InputError('at one set-point the force does not tell the piston area: give it, or record a second one')
     search = _Search(experiments, masks, ambient_pressure, area, several_levels, factor, effects)
     point = search.run(tolerance, steps)
     found, own, stretches = search.unpack(point)
+    if not AREAS[0] <= found <= AREAS[1]:
+        raise InputError(
+            f'the force makes the piston area {found:.3g} m^2, outside {AREAS[0]:g} to {AREAS[1]:g} m^2: check the '
+            'units of force and pressure'
+        )
     residuals, jacobian = search.tangent(point)
     estimates = _estimates(search, point, jacobian, residuals) if estimated else []
     if estimated and not several_levels:
@@ -309,6 +315,22 @@ def fit_force(
         cost=float(residuals @ residuals),
         jacobian=jacobian,
     )
+
+
+def fit_area(
+    experiments: Sequence[ForceExperiment],
+    masks: Sequence[Mask],
+    ambient_pressure: float,
+    area: float | None,
+    factor: float,
+) -> ForceFit:
+    """
+    Return the fit without effects: as `fit_force`, but an area that nobody gave is held at the likely one.
+
+    Experiments that are `thin` will do.
+    """
+    likely = likely_area(experiments, masks, factor) if area is None else area
+    return fit_force(experiments, masks, ambient_pressure, likely, factor, {})
 
 
 def hold_several_levels(experiments: Sequence[ForceExperiment], masks: Sequence[Mask]) -> bool:
@@ -337,11 +359,11 @@ def likely_area(experiments: Sequence[ForceExperiment], masks: Sequence[Mask], f
     return area
 
 
-def _slope(experiments: Sequence[ForceExperiment], masks: Sequence[Mask]) -> float:
-    """Return by how much the force grows with the pressures' difference [N/Pa]."""
+def _slope(experiments: Sequence[ForceExperiment], masks: Sequence[Mask], factor: float) -> float:
+    """Return by how much the piston's force grows with the pressures' difference [m^2]."""
     differences = np.concatenate([one.difference[mask] for one, mask in zip(experiments, masks)])
     forces = np.concatenate([one.force[mask] for one, mask in zip(experiments, masks)])
-    slope = float(np.polyfit(differences, forces, 1)[0])
+    slope = float(np.polyfit(differences, forces, 1)[0]) / factor
     if slope <= 0.0:
         raise InputError('the force falls while the pressure difference grows: check the sign of the force')
     return slope

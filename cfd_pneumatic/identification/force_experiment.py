@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import on_clock
 from cfd_pneumatic.identification.motion import Motion
@@ -18,6 +19,7 @@ from cfd_pneumatic.identification.split import PARTS, Split
 from cfd_pneumatic.identification.travel import reversals, travelled
 from cfd_pneumatic.model.extended_force import ExtendedForce
 from cfd_pneumatic.recording import Recording, Signal
+from cfd_pneumatic.recording.spool import give_back, thinned
 
 Array = NDArray[np.float64]
 
@@ -49,14 +51,14 @@ class ForceExperiment:
     displacement, rate, acceleration
         Smoothed motion, +x grows cylinder A, shape (n,) [m, m/s, m/s^2].
     pressure, opposing
-        Measured absolute pressure in the cylinders A and B, or ambient where there is no B, shape (n,) [Pa].
+        Measured absolute pressure in the cylinders A and B, ambient where one was not recorded, shape (n,) [Pa].
     samples
         Grid indices of the force samples, shape (m,).
     force
         Measured contact force, shape (m,) [N].
     level
-        Set-point of A less that of B at each force sample, or its median pressure where none was recorded, shape (m,)
-        [Pa].
+        Set-point of A less that of B at each force sample, shape (m,) [Pa]; the median pressure where no set-point was
+        recorded, ambient where no pressure was.
     part
         Index into `split.PARTS` of each force sample, shape (m,).
 
@@ -78,6 +80,11 @@ class ForceExperiment:
     def sample_times(self) -> Array:
         """Times of the force samples, shape (m,) [s]."""
         return self.times[self.samples]
+
+    @property
+    def fitted(self) -> NDArray[np.bool_]:
+        """Which force samples a model is fitted to, those before the test part, shape (m,)."""
+        return self.part < PARTS.index('test')
 
     def until(self, part: str) -> ForceExperiment:
         """Return the experiment without the force samples that come after a part."""
@@ -116,28 +123,41 @@ class ForceExperiment:
 
 
 def make_force_experiment(
-    recording: Recording, motion: Motion, split: Split, ambient_pressure: float
+    recording: Recording, motion: Motion, split: Split, ambient_pressure: float, *, thin: bool = False
 ) -> ForceExperiment:
     """
     Return what makes the contact force in a recording.
 
+    Parameters
+    ----------
+    recording
+        What was recorded.
+    motion
+        Its smoothed displacement.
+    split
+        Where it is cut.
+    ambient_pressure
+        Absolute [Pa].
+    thin
+        Hold what tells the area alone: some samples of a long recording, and no motion.
+
     Raises
     ------
     InputError
-        If the force or the pressure of cylinder A is not recorded, they hardly overlap with the displacement in time,
-        or the force never changes.
+        If the force is not recorded, it hardly overlaps with displacement and pressures in time, or it never changes.
 
     """
     if recording.force is None:
         raise InputError(f'{recording.name}: no force was recorded')
-    if 'cylinder_a' not in recording.cylinders:
-        raise InputError(f'{recording.name}: the force needs cylinder_a/pressure, which was not recorded')
-    force_times = on_clock(recording.force.times, motion)
+    stamps, force = recording.force.times, recording.force.values
+    if thin:
+        stamps, force = thinned(stamps), thinned(force)
+    force_times = on_clock(stamps, motion)
     pressures = {name: _read_on(motion, signals.pressure) for name, signals in recording.cylinders.items()}
     first = max(motion.times[0], *(pressure.times[0] for pressure in pressures.values()))
     last = min(motion.times[-1], *(pressure.times[-1] for pressure in pressures.values()))
     within = (force_times >= first) & (force_times <= last)
-    force_times, force = force_times[within], recording.force.values[within]
+    force_times, force = force_times[within], force[within]
     if force.size < _FEWEST_SAMPLES:
         raise InputError(
             f'{recording.name}: only {force.size} samples of the force lie between the first and the last sample of '
@@ -145,20 +165,26 @@ def make_force_experiment(
         )
     if np.ptp(force) == 0.0:
         raise InputError(f'{recording.name}: the force never changes ({force[0]:g} N): is its sensor connected?')
-    moved = np.concatenate([motion.times, reversals(motion)])
-    times = np.union1d(moved[(moved >= force_times[0]) & (moved <= force_times[-1])], force_times)
+    if thin:
+        times = force_times
+        displacement = rate = acceleration = np.zeros(times.size)
+    else:
+        moved = np.concatenate([motion.times, reversals(motion)])
+        times = np.union1d(moved[(moved >= force_times[0]) & (moved <= force_times[-1])], force_times)
+        displacement = travelled(motion, recording.displacement.values, times)
+        rate, acceleration = motion.rate_at(times), motion.acceleration_at(times)
+    pressure, opposing = (
+        _pressure_at(times, pressures[name]) if name in pressures else np.full(times.size, ambient_pressure)
+        for name in CYLINDERS
+    )
     return ForceExperiment(
         recording=recording.name,
         times=times,
-        displacement=travelled(motion, recording.displacement.values, times),
-        rate=motion.rate_at(times),
-        acceleration=motion.acceleration_at(times),
-        pressure=_pressure_at(times, pressures['cylinder_a']),
-        opposing=(
-            _pressure_at(times, pressures['cylinder_b'])
-            if 'cylinder_b' in pressures
-            else np.full(times.size, ambient_pressure)
-        ),
+        displacement=displacement,
+        rate=rate,
+        acceleration=acceleration,
+        pressure=pressure,
+        opposing=opposing,
         samples=np.searchsorted(times, force_times),
         force=force,
         level=_level_at(force_times, recording, 'cylinder_a', motion, ambient_pressure)
@@ -174,7 +200,9 @@ def _read_on(motion: Motion, signal: Signal) -> Signal:
 
 def _pressure_at(times: Array, pressure: Signal) -> Array:
     """Return a measured pressure, straight between its samples [Pa]."""
-    return np.interp(times, pressure.times, pressure.values)
+    found = np.interp(times, pressure.times, pressure.values)
+    give_back(pressure.times, pressure.values)
+    return found
 
 
 def _level_at(times: Array, recording: Recording, cylinder: str, motion: Motion, otherwise: float) -> Array:
@@ -183,6 +211,6 @@ def _level_at(times: Array, recording: Recording, cylinder: str, motion: Motion,
         return np.full(times.size, otherwise)
     signals = recording.cylinders[cylinder]
     if signals.setpoint is None:
-        return np.full(times.size, float(np.median(signals.pressure.values)))
+        return np.full(times.size, float(np.median(thinned(signals.pressure.values))))
     held = np.searchsorted(motion.on_clock(signals.setpoint.times), times, side='right') - 1
     return signals.setpoint.values[np.maximum(held, 0)]

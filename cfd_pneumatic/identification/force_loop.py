@@ -118,7 +118,7 @@ def close_force_loop(
         If the force falls with the pressure.
 
     """
-    masks = [one.part < PARTS.index('test') for one in experiments]
+    masks = [one.fitted for one in experiments]
     measured, parts = [one.force for one in experiments], [one.part for one in experiments]
     search = ForceSearch(experiments, ambient_pressure, area, factor, library)
     fitting = _Fitting(experiments, masks, ambient_pressure, area, factor)
@@ -244,7 +244,7 @@ class ForceSearch(EffectSearch[_Model]):
         factor: float,
         library: Mapping[str, Effect],
     ) -> None:
-        learn = [one.until('validation') for one in experiments if np.any(one.part < PARTS.index('test'))]
+        learn = [one.until('validation') for one in experiments if np.any(one.fitted)]
         masks = [one.part == PARTS.index('train') for one in learn]
         self.experiments = learn
         self.library = library

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.experiment import Experiment, make_experiment, observed_motion
 from cfd_pneumatic.identification.fit import Fit, fit
+from cfd_pneumatic.identification.force import fit_area
 from cfd_pneumatic.identification.force_experiment import make_force_experiment
 from cfd_pneumatic.identification.force_loop import ForceClosure, close_force_loop
 from cfd_pneumatic.identification.loop import Closure, close_loop
@@ -47,9 +48,9 @@ class Options:
     close_loop
         Search for physical effects that the model lacks, in the force too where it was recorded.
     area
-        About how large cylinder A's piston is [m^2]; None if nobody knows.
+        About how large either piston is [m^2]; None if nobody knows.
     geometric_factor
-        Contact force over piston force, from the linkage [-].
+        Contact force over piston force, from the linkage [-]; None if nobody knows: then it is in the area.
 
     """
 
@@ -58,7 +59,28 @@ class Options:
     ambient_pressure: float = AMBIENT_PRESSURE
     close_loop: bool = False
     area: float | None = None
-    geometric_factor: float = 1.0
+    geometric_factor: float | None = None
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """
+    How pressures make the contact force, as far as the recordings told it or somebody gave it.
+
+    Attributes
+    ----------
+    area
+        Of either piston [m^2]; None where nobody knows.
+    factor
+        Contact force over piston force that the area goes with [-]; None where nobody knows.
+    note
+        Why the area is not the recordings' own, or not known, for people to read; None where there is nothing to say.
+
+    """
+
+    area: float | None = None
+    factor: float | None = None
+    note: str | None = None
 
 
 @dataclass(frozen=True)
@@ -128,7 +150,9 @@ class Identification:
     force
         What came of closing the loop on the contact force; None where it wasn't asked for or no force was recorded.
     no_force
-        Why it was not closed on a force that was recorded, or None.
+        Why a force that was recorded told nothing, or None.
+    geometry
+        How pressures make the contact force.
 
     """
 
@@ -139,6 +163,7 @@ class Identification:
     ambient_pressure: float
     force: ForceClosure | None = None
     no_force: str | None = None
+    geometry: Geometry = Geometry()
 
 
 def _no_progress(_what: str, _share: float) -> None:
@@ -173,26 +198,35 @@ def identify(
             results[cylinder] = _identify_cylinder(experiments, options)
         except InputError as error:
             raise InputError(f'{cylinder}: {error}') from error
-    force, no_force = _close_on_force(recordings, motions, splits, options)
+    force, no_force, geometry = _identify_force(recordings, motions, splits, options)
     progress('done', 1.0)
-    return Identification(tuple(recordings), tuple(splits), no_test, results, options.ambient_pressure, force, no_force)
+    return Identification(
+        tuple(recordings), tuple(splits), no_test, results, options.ambient_pressure, force, no_force, geometry
+    )
 
 
-def _close_on_force(
+def _identify_force(
     recordings: Sequence[Recording], motions: Sequence[Motion], splits: Sequence[Split], options: Options
-) -> tuple[ForceClosure | None, str | None]:
-    """Return what came of closing the loop on the recorded force, or why it was not closed."""
-    if not options.close_loop or all(recording.force is None for recording in recordings):
-        return None, None
+) -> tuple[ForceClosure | None, str | None, Geometry]:
+    """Return what came of closing the loop on the recorded force, why it told nothing, and what makes the force."""
+    given = Geometry(options.area, options.geometric_factor, None if options.area is None else 'as given')
+    if all(recording.force is None for recording in recordings):
+        return None, None, given
+    factor = 1.0 if options.geometric_factor is None else options.geometric_factor
+    known = (options.ambient_pressure, options.area, factor)
     try:
         experiments = [
-            make_force_experiment(recording, motion, split, options.ambient_pressure)
+            make_force_experiment(recording, motion, split, options.ambient_pressure, thin=not options.close_loop)
             for recording, motion, split in zip(recordings, motions, splits)
             if recording.force is not None
         ]
-        return close_force_loop(experiments, options.ambient_pressure, options.area, options.geometric_factor), None
+        closure = close_force_loop(experiments, *known) if options.close_loop else None
+        fit = fit_area(experiments, [one.fitted for one in experiments], *known) if closure is None else closure.fit
     except InputError as error:  # what the pressures tell stands without it
-        return None, f'force: {error}'
+        no_force = f'force: {error}'
+        return None, no_force, given if options.area is not None else replace(given, note=no_force)
+    (area,) = (estimate for estimate in fit.estimates if estimate.name == 'area')
+    return closure, None, Geometry(fit.area, fit.factor, area.reason)
 
 
 def _identify_cylinder(experiments: Sequence[Experiment], options: Options) -> CylinderResult:

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import yaml
 
-from cfd_pneumatic.convention import CONTACT_FORCE, SUPPLY_PRESSURE
-from cfd_pneumatic.identification import CylinderResult, Estimate, Identification
+from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS, SUPPLY_PRESSURE
+from cfd_pneumatic.identification import CylinderResult, Estimate, Geometry, Identification
 from cfd_pneumatic.identification.loop import Closure
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
-from cfd_pneumatic.reporting.outcome import Outcome, force_effects, force_outcome
+from cfd_pneumatic.reporting.outcome import force_effects
 
 _SEAL_PLAY = 3.0  # standard deviations of the displacement's noise, as `sim_node` describes it
 _LARGEST_SEAL_PLAY = 1e-3  # that `sim_node` takes [m]
@@ -26,7 +26,8 @@ def parameter_file(identification: Identification) -> str:
     `sim_node` takes Table 1's, since the recordings hardly depend on it and what a fit made of that may be anything, a
     bound too. One identifiable at some set-points only is held from the nearest of those. Where closing the loop found
     effects, they are on, and the gains are those fitted beside them, at every set-point and whether identifiable or
-    not: only together do they simulate what was reported.
+    not: only together do they simulate what was reported. A cylinder that was not recorded is switched off: the force
+    was made without it. The area is there whenever the force or somebody told it, identifiable or held.
     """
     lines = ['/**:', '  ros__parameters:', f'    ambient_pressure: {_float(identification.ambient_pressure)}  # Pa']
     highest = max(point.setpoint for result in identification.cylinders.values() for point in result.schedule)
@@ -34,12 +35,14 @@ def parameter_file(identification: Identification) -> str:
         lines.append(
             f'    supply_pressure: {_float(1.2 * highest)}  # Pa, gauge; not measured, leaves room for set-points'
         )
-    force = force_outcome(identification)
-    if force is not None:
-        lines += _area_lines(force)
-    for cylinder, result in identification.cylinders.items():
-        lines += [f'    {cylinder}:', *_cylinder_lines(result, identification.ambient_pressure)]
-    if force is not None and force.findings.effects:
+    lines += _geometry_lines(identification.geometry)
+    for cylinder in CYLINDERS:
+        lines.append(f'    {cylinder}:')
+        if cylinder in identification.cylinders:
+            lines += _cylinder_lines(identification.cylinders[cylinder], identification.ambient_pressure)
+        else:
+            lines.append('      enabled: false  # its pressure was not recorded: ambient pressure takes its place')
+    if force_effects(identification):
         lines += _force_lines(identification)
     text = '\n'.join(lines) + '\n'
     yaml.safe_load(text)
@@ -102,13 +105,17 @@ def _effect_lines(effects: Mapping[str, Sequence[float]], library: Mapping[str, 
     return lines
 
 
-def _area_lines(force: Outcome) -> list[str]:
-    area = next((estimate for estimate in force.gains if estimate.name == 'area'), None)
-    if area is None:
-        return []
-    if area.value is None:
-        return [f'    # area is not identifiable and left out: {area.reason}']
-    return [f'    area: {_float(area.value)}  # {area.unit}']
+def _geometry_lines(geometry: Geometry) -> list[str]:
+    """Return area and geometric factor, as far as they are known: the force is their product times the pressure."""
+    lines = []
+    if geometry.area is not None:
+        note = '' if geometry.note is None else f'; {geometry.note}'
+        lines.append(f'    area: {_float(geometry.area)}  # m^2{note}')
+    elif geometry.note is not None:
+        lines.append(f'    # area is left out: {geometry.note}')
+    if geometry.factor is not None:
+        lines.append(f'    geometric_factor: {_float(geometry.factor)}  # -; only its product with the area shows')
+    return lines
 
 
 def _force_lines(identification: Identification) -> list[str]:

@@ -190,6 +190,21 @@ def test_a_missing_bag(capsys, output, tmp_path):
     assert 'nowhere' in refusal(capsys, output, tmp_path / 'nowhere.mcap')
 
 
+@pytest.mark.parametrize(
+    ('argument', 'words'),
+    [
+        ('--area=0', '--area 0 m^2 is outside 1e-06 to 1 m^2'),
+        ('--area=nan', '--area nan m^2 is outside'),
+        ('--area=1140', '--area 1140 m^2 is outside'),
+        ('--geometric-factor=0', '--geometric-factor 0 is 0 or outside -1000 to 1000'),
+        ('--geometric-factor=nan', '--geometric-factor nan is'),
+        ('--geometric-factor=-2e3', '--geometric-factor -2000 is'),
+    ],
+)
+def test_a_geometry_that_is_none(bag, capsys, output, argument, words):
+    assert words in refusal(capsys, output, bag, argument)
+
+
 def test_an_empty_bag(capsys, output, tmp_path):
     with BagWriter(tmp_path / 'empty') as writer:
         writer.add_topic('/cfd/device/piston_state', messages.JOINT_STATE)

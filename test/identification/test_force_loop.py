@@ -15,7 +15,7 @@ from drawn import recorded, recording_of
 from measured import MAPPING, ROOT, needs_measured_data
 from reference import AMBIENT
 
-from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.identification import Geometry, Options, identify
 from cfd_pneumatic.identification.experiment import observed_motion
 from cfd_pneumatic.identification.force_experiment import make_force_experiment
 from cfd_pneumatic.identification.force_loop import close_force_loop, force_noise
@@ -254,7 +254,36 @@ def test_identify_closes_the_loop_on_the_force_too():
     assert found.no_force is None
     assert found.force.effects == ('force_offset',)
     assert found.force.fit.factor == 1.0
+    assert found.geometry == Geometry(AREA, 1.0, estimates_of(found.force)['area'].reason)
     assert identify([both_cylinders(drawn)]).force is None
+
+
+def test_the_area_is_known_without_closing_the_loop():
+    """At one set-point it makes the force; a linkage's factor is in it, unless it is given."""
+    recording = both_cylinders(draw(None, 'paper_step', 6))
+    geared = replace(recording, force=Signal(recording.force.times, 1.5 * recording.force.values))
+    geometry = identify([geared]).geometry
+    assert geometry.area == pytest.approx(1.5 * AREA, rel=0.01)
+    assert geometry.factor == 1.0
+    assert 'one set-point' in geometry.note
+    for factor in (1.5, -1.5):
+        force = Signal(recording.force.times, factor * recording.force.values)
+        known = identify([replace(recording, force=force)], Options(geometric_factor=factor)).geometry
+        assert known.factor == factor
+        assert known.area == pytest.approx(AREA, rel=0.01)
+    given = Options(area=2e-3, geometric_factor=1.5)
+    assert identify([geared], given).geometry.area == 2e-3
+    assert identify([replace(recording, force=None)], given).geometry == Geometry(2e-3, 1.5, 'as given')
+    assert identify([replace(recording, force=None)]).geometry == Geometry()
+
+
+@pytest.mark.parametrize('factor', [1.5, -1.5])
+def test_several_set_points_tell_the_area(factor):
+    recording = both_cylinders(draw(None, 'out_and_back', 7))
+    force = Signal(recording.force.times, factor * recording.force.values)
+    geometry = identify([replace(recording, force=force)], Options(geometric_factor=factor)).geometry
+    assert geometry.area == pytest.approx(AREA, rel=5e-3)
+    assert geometry.note is None
 
 
 def test_a_force_that_can_not_be_used_does_not_cost_the_pressures():
@@ -263,11 +292,16 @@ def test_a_force_that_can_not_be_used_does_not_cost_the_pressures():
     for broken, message in (
         (Signal(force.times, 0.0 * force.values), 'never changes'),
         (Signal(force.times, -force.values), 'sign'),
+        (Signal(force.times, 1e-4 * force.values), 'units'),
     ):
-        found = identify([replace(recording, force=broken)], Options(close_loop=True))
-        assert found.force is None
-        assert message in found.no_force
-        assert found.cylinders['cylinder_a'].closure is not None
+        for options in (Options(), Options(close_loop=True)):
+            found = identify([replace(recording, force=broken)], options)
+            assert found.force is None
+            assert message in found.no_force
+            assert found.geometry == Geometry(note=found.no_force)
+            assert (found.cylinders['cylinder_a'].closure is not None) == options.close_loop
+    dead = replace(recording, force=Signal(force.times, 0.0 * force.values))
+    assert identify([dead], Options(area=AREA)).geometry == Geometry(AREA, None, 'as given')
 
 
 @needs_measured_data

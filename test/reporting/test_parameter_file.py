@@ -9,8 +9,11 @@ import pytest
 import yaml
 from identified import AREA, closed, open_loop, with_force
 
+from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.identification import Geometry
 from cfd_pneumatic.model import NAMES, Cylinder, OperatingPoints
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS
+from cfd_pneumatic.planning.device import read_device
 from cfd_pneumatic.reporting import parameter_file
 
 
@@ -91,6 +94,42 @@ def test_a_gain_that_is_not_identifiable_beside_effects_is_held_and_said():
     assert 'not identifiable, as the fit used it: not seen' in text
     block = yaml.safe_load(text)['/**']['ros__parameters']['cylinder_a']
     assert block['k_v'] == [result.closure.extension.gains[2]]
+
+
+@pytest.mark.parametrize(('present', 'missing'), [CYLINDERS, CYLINDERS[::-1]])
+def test_a_cylinder_that_was_not_recorded_is_switched_off(present, missing):
+    alone = replace(open_loop(), cylinders={present: open_loop().cylinders[present]})
+    found = parameters_of(alone)
+    assert found[missing] == {'enabled': False}
+    assert found[present] == parameters_of(open_loop())[present]
+    assert 'enabled' not in found[present]
+
+
+@pytest.mark.parametrize(
+    ('geometry', 'lines'),
+    [
+        (Geometry(), []),
+        (Geometry(factor=-1.5), ['geometric_factor: -1.5']),
+        (Geometry(1e-3, None, 'as given'), ['area: 0.001  # m^2; as given']),
+        (Geometry(5e-5, 1.0), ['area: 5.0e-05  # m^2\n', 'geometric_factor: 1.0']),
+        (Geometry(note='force: it never changes'), ['# area is left out: force: it never changes']),
+    ],
+)
+def test_the_geometry_stands_as_far_as_it_is_known(geometry, lines):
+    one = replace(open_loop(), geometry=geometry)
+    text = parameter_file(one)
+    assert all(line in text for line in lines)
+    assert parameters_of(one).get('area') == geometry.area
+    assert parameters_of(one).get('geometric_factor') == geometry.factor
+
+
+def test_a_device_of_one_cylinder_can_be_planned_for(tmp_path):
+    file = tmp_path / 'parameters.yaml'
+    cylinders = {'cylinder_b': open_loop().cylinders['cylinder_b']}
+    file.write_text(parameter_file(replace(open_loop(), cylinders=cylinders, geometry=Geometry(5e-4, 1.5))))
+    device = read_device(file)
+    assert set(device.cylinders) == {'cylinder_b'}
+    assert (device.area, device.factor) == (5e-4, 1.5)
 
 
 def test_effects_on_the_force_stand_below_contact_force():
