@@ -46,7 +46,7 @@ _POLL = 0.01  # [s]
 _PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
 _ASK_AGAIN = 1.0  # a request to set or get parameters is repeated after this time [s]
 _SERVICE_WAIT = 5.0  # how long a target of `apply_to` may take to appear or answer [s]
-_AT_START = 'initial_setpoint'  # is in the file for a node that is about to start
+_AT_START = ('initial_setpoint', 'enabled')  # of a cylinder; in the file for a node that is about to start
 CANCELLED = 'cancelled: earlier outputs are untouched'
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -181,6 +181,26 @@ class IdentifierNode(Node):
             convention.AMBIENT_PRESSURE,
             number('Pa', 1e4, 2e5, 'absolute pressure that gauge pressures are counted from'),
         )
+        declare(
+            'area',
+            0.0,
+            number(
+                'm^2',
+                0.0,
+                convention.AREAS[1],
+                'area of either piston, held where a measured force at one set-point does not tell it; 0: not known, '
+                'what makes that force',
+            ),
+        )
+        declare(
+            'geometric_factor',
+            0.0,
+            number(
+                '-',
+                *convention.FACTORS,
+                'contact force over piston force, from the linkage; 0: not known, it counts as a part of the area',
+            ),
+        )
         declare('apply_to', '', text('node whose parameters the result sets, e.g. /cfd/sim/sim_node; empty: none'))
         declare('split', '60/20/20', text('percent of train, validation and test'))
 
@@ -210,7 +230,8 @@ class IdentifierNode(Node):
             f'--split={self._value("split")}',
             f'--ambient-pressure={self._value("ambient_pressure")!r}',
         ]
-        arguments += [f'--{name}={self._value(name)}' for name in ('mapping', 'namespace') if self._value(name)]
+        given = ('mapping', 'namespace', 'area', 'geometric_factor')
+        arguments += [f'--{name.replace("_", "-")}={self._value(name)}' for name in given if self._value(name)]
         arguments += [f'--{name.replace("_", "-")}' for name in ('per_setpoint', 'close_loop') if self._value(name)]
         return Job([*arguments, '--', *bags], Path(output), target)
 
@@ -321,9 +342,10 @@ class ParameterTransfer:
     """
     Setting a parameter file on another node, all at once or not at all.
 
-    Whatever the file holds is set. Of the effects in what was identified, those that it does not hold are switched off:
-    its gains were fitted without them. A gain that was not identifiable stands in no file; it is taken from the target,
-    at the new set-points, because its list has to be as long as theirs.
+    Whatever the file holds is set, but for what a node takes at its start alone. Of the effects in what was identified,
+    those that it does not hold are switched off: its gains were fitted without them. A gain that was not identifiable
+    stands in no file; it is taken from the target, at the new set-points, because its list has to be as long as theirs.
+    A target that has a cylinder more or less than the file keeps it, which is said.
     """
 
     def __init__(self, node: Node, target: str, file: Path, identified: Sequence[str]) -> None:
@@ -331,11 +353,13 @@ class ParameterTransfer:
         self._node = node
         self._target = target.rstrip('/')
         self._identified = identified
-        self._values = {
-            name: value
-            for name, value in _flat(read_yaml(file)['/**']['ros__parameters'])
-            if not name.endswith(f'.{_AT_START}')
+        self._file = file
+        values = dict(_flat(read_yaml(file)['/**']['ros__parameters']))
+        self._switches = {
+            name: values.get(name, True) for name in (f'{cylinder}.enabled' for cylinder in convention.CYLINDERS)
         }
+        at_start = {f'{cylinder}.{name}' for cylinder in convention.CYLINDERS for name in _AT_START}
+        self._values = {name: value for name, value in values.items() if name not in at_start}
         self._clients = {
             service.Request: node.create_client(service, f'{self._target}/{name}')
             for service, name in (
@@ -381,16 +405,24 @@ class ParameterTransfer:
             if cylinder in self._identified
             for name in ('setpoints', *NAMES)
         ]
-        if not {*self._values, *gains}.issubset(known):
+        if not {*self._values, *self._switches, *gains}.issubset(known):
             return DiagnosticStatus.ERROR, f'{self._target} (parameter apply_to) is no sim_node'
-        held = (yield GetParameters.Request(names=gains)).values
+        held = (yield GetParameters.Request(names=[*gains, *self._switches])).values
         present = {name: list(value.double_array_value) for name, value in zip(gains, held)}
+        differ = [
+            f'{name} is {str(value.bool_value).lower()} there'
+            for (name, wanted), value in zip(self._switches.items(), held[len(gains) :])
+            if value.bool_value != wanted
+        ]
         values = {**self._switched_off(known), **self._completed(present), **self._values}
         parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         result = (yield SetParametersAtomically.Request(parameters=parameters)).result
         if not result.successful:
             return DiagnosticStatus.ERROR, f'{self._target} refused the parameters: {result.reason}'
-        return DiagnosticStatus.OK, f'parameters set on {self._target}'
+        done = f'parameters set on {self._target}'
+        if differ:
+            return DiagnosticStatus.WARN, f'{done}, but {" and ".join(differ)}: start it with {self._file}'
+        return DiagnosticStatus.OK, done
 
     def _switched_off(self, known: Sequence[str]) -> dict[str, bool]:
         """Return the switches of all effects in what was identified, off: `cylinder_a.EFFECT.enabled`."""

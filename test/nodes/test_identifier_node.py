@@ -116,7 +116,9 @@ def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, t
     target = f'{simulator}/sim_node'
     with (
         graph.run('sim_node', ros_arguments(simulator)),
-        identifier(graph, bags=listed(bag), output_dir=output, apply_to=target) as node,
+        identifier(
+            graph, bags=listed(bag), output_dir=output, apply_to=target, area=7e-4, geometric_factor=1.5
+        ) as node,
     ):
         effects = ('cylinder_a.leakage', 'cylinder_b.leakage', 'contact_force.force_offset')
         switches = [f'{effect}.enabled' for effect in effects]
@@ -126,7 +128,10 @@ def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, t
         assert not second.success
         assert second.message == 'refused: an identification is running; ~/cancel ends it'
         node.progress(0.0)
-        node.status(f'parameters set on {target}')
+        status = node.status(f'parameters set on {target}')
+        assert f', but cylinder_b.enabled is true there: start it with {output}/parameters.yaml.' in status.message
+        assert status.level == DiagnosticStatus.WARN
+        assert graph.get(target, 'area', 'geometric_factor', 'cylinder_b.enabled') == [7e-4, 1.5, True]
         report = node.result()
         assert report == json.loads((output / 'report.json').read_text())
         assert report['schema'] == 1
@@ -167,7 +172,8 @@ def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(graph: Gra
         graph.node.create_service(GetParameters, f'{namespace}/{name}/get_parameters', get)
         graph.node.create_service(SetParametersAtomically, f'{namespace}/{name}/set_parameters_atomically', refuse)
 
-    serve('stubborn', 'ambient_pressure', *(f'cylinder_a.{name}' for name in ('setpoints', *NAMES)))
+    switches = ('cylinder_a.enabled', 'cylinder_b.enabled')
+    serve('stubborn', 'ambient_pressure', *switches, *(f'cylinder_a.{name}' for name in ('setpoints', *NAMES)))
     serve('stranger', 'use_sim_time')
     with identifier(graph, bags=listed(bag), output_dir=tmp_path) as node:
         for target, words in (
