@@ -19,7 +19,7 @@ from cfd_pneumatic.identification.split import PARTS, Split
 from cfd_pneumatic.identification.travel import reversals, travelled
 from cfd_pneumatic.model.extended_force import ExtendedForce
 from cfd_pneumatic.recording import Recording, Signal
-from cfd_pneumatic.recording.spool import give_back, thinned
+from cfd_pneumatic.recording.spool import PART, parts, thinned
 
 Array = NDArray[np.float64]
 
@@ -151,7 +151,7 @@ def make_force_experiment(
         raise InputError(f'{recording.name}: no force was recorded')
     stamps, force = recording.force.times, recording.force.values
     if thin:
-        stamps, force = thinned(stamps), thinned(force)
+        stamps, force = thinned(stamps, PART), thinned(force, PART)
     force_times = on_clock(stamps, motion)
     pressures = {name: _read_on(motion, signals.pressure) for name, signals in recording.cylinders.items()}
     first = max(motion.times[0], *(pressure.times[0] for pressure in pressures.values()))
@@ -199,9 +199,14 @@ def _read_on(motion: Motion, signal: Signal) -> Signal:
 
 
 def _pressure_at(times: Array, pressure: Signal) -> Array:
-    """Return a measured pressure, straight between its samples [Pa]."""
-    found = np.interp(times, pressure.times, pressure.values)
-    give_back(pressure.times, pressure.values)
+    """Return a measured pressure at times between its first sample and its last, straight between samples [Pa]."""
+    found = np.empty(times.size)
+    done = 0
+    for part in parts(pressure.times, pressure.values):
+        piece = slice(max(part.start - 1, 0), part.stop)
+        until = int(np.searchsorted(times, pressure.times[part.stop - 1], side='right'))
+        found[done:until] = np.interp(times[done:until], pressure.times[piece], pressure.values[piece])
+        done = until
     return found
 
 

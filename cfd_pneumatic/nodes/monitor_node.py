@@ -93,7 +93,11 @@ class MonitorNode(ModelNode):
             pressure_tolerance=None if pressure < 0.0 else pressure,
             force_tolerance=None if force < 0.0 else force,
         )
-        options = Options(ambient_pressure=self._value('ambient_pressure', changes), close_loop=True)
+        options = Options(
+            ambient_pressure=self._value('ambient_pressure', changes),
+            close_loop=True,
+            geometric_factor=self._value('geometric_factor', changes),
+        )
         return Watch(self._device, settings, partial(self._worker.diagnose, options=options))
 
     def _adopt(self, changes: Mapping[str, Any]) -> None:

@@ -149,9 +149,9 @@ def dot(one: NDArray[Any], other: NDArray[Any]) -> float:
     return sum(float(one[part] @ other[part]) for part in parts(one, other))
 
 
-def thinned(values: NDArray[Any]) -> NDArray[Any]:
-    """Return every so many-th value, in memory: all of a short array, a million and some of a long one."""
-    every = -(-len(values) // _THINNED)
+def thinned(values: NDArray[Any], most: int = _THINNED) -> NDArray[Any]:
+    """Return every so many-th value, in memory: all of a short array, so many and some of a long one."""
+    every = -(-len(values) // most)
     if every <= 1:
         return values
     return np.concatenate([values[part][::every].copy() for part in parts(values)])

@@ -17,14 +17,16 @@ from reference import AMBIENT
 
 from cfd_pneumatic.identification import Geometry, Options, identify
 from cfd_pneumatic.identification.experiment import observed_motion
+from cfd_pneumatic.identification.force import fit_area
 from cfd_pneumatic.identification.force_experiment import make_force_experiment
 from cfd_pneumatic.identification.force_loop import close_force_loop, force_noise
 from cfd_pneumatic.identification.judgement import Trial
+from cfd_pneumatic.identification.motion import Motion
 from cfd_pneumatic.identification.split import PARTS, split_recordings
 from cfd_pneumatic.identification.verdict import VERDICTS, not_added, verdict_of
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
 from cfd_pneumatic.model.extended_force import ExtendedForce
-from cfd_pneumatic.recording import Signal, read_mapping, read_recording
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, read_mapping, read_recording
 from cfd_pneumatic.rig.panel import draw, force_oracle_rmse
 
 AREA = 1.14e-3
@@ -343,3 +345,23 @@ def test_a_real_cylinders_force_at_one_pressure(run, capsys):
     assert not estimates_of(closure)['area'].identifiable
     assert closure.fit.area == BORE
     assert after < (4.0 if 'Kidney' in run else 1.1)
+
+
+def test_a_part_of_a_long_recording_tells_the_area():
+    times = 1e-3 * np.arange(150_000)
+    motion = Motion(times, *[np.sin(times)] * 4, reach=2.0, noise=1e-6, order=2, deviance=0.0, stamps=times)
+    pressure = AMBIENT + 1e5 + 1e4 * np.sin(times + 0.3)
+    recording = Recording(
+        name='long',
+        epoch=0,
+        displacement=Signal(times, motion.displacement),
+        cylinders={'cylinder_b': CylinderSignals(Signal(times, pressure), None)},
+        force=Signal(times + 3e-4, AREA * (AMBIENT - np.interp(times + 3e-4, times, pressure))),
+        health=(),
+    )
+    (split,), _ = split_recordings([np.arange(0.0, 150.0, 3.0)])
+    experiment = make_force_experiment(recording, motion, split, AMBIENT, thin=True)
+    assert 20_000 < experiment.force.size < 100_000
+    assert experiment.part[-1] == TEST
+    fit = fit_area([experiment], [experiment.fitted], AMBIENT, None, 1.0)
+    assert fit.area == pytest.approx(AREA, rel=1e-9)
