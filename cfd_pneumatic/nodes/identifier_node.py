@@ -46,6 +46,12 @@ _POLL = 0.01  # [s]
 _PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
 _ASK_AGAIN = 1.0  # a request to set or get parameters is repeated after this time [s]
 _SERVICE_WAIT = 5.0  # how long a target of `apply_to` may take to appear or answer [s]
+_TRANSFER = {
+    ListParameters: 'list_parameters',
+    GetParameters: 'get_parameters',
+    SetParametersAtomically: 'set_parameters_atomically',
+}
+"""The services of the target of `apply_to`, and their names."""
 _AT_START = ('initial_setpoint', 'enabled')  # of a cylinder; in the file for a node that is about to start
 CANCELLED = 'cancelled: earlier outputs are untouched'
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -221,7 +227,9 @@ class IdentifierNode(Node):
         if target:
             try:
                 validate_topic_name(target)
-            except InvalidTopicNameException as error:
+                for service in _TRANSFER.values():
+                    self.resolve_service_name(f'{target.rstrip("/")}/{service}')
+            except (InvalidTopicNameException, RuntimeError) as error:
                 raise InputError(
                     f"parameter 'apply_to' is {target!r}: give a node's name, /cfd/sim/sim_node"
                 ) from error
@@ -241,11 +249,12 @@ class IdentifierNode(Node):
             response.message = 'refused: an identification is running; ~/cancel ends it'
             return response
         try:
-            self._job = self._make_job()
-        except InputError as error:
+            job = self._make_job()
+            self._fit = FitProcess(job.arguments)
+        except (InputError, OSError) as error:  # a path may be too long for the system
             response.message = f'refused: {error}'
             return response
-        self._fit = FitProcess(self._job.arguments)
+        self._job = job
         self._report = {}
         self._tell(DiagnosticStatus.OK, 'identifying')
         response.success = True
@@ -362,11 +371,7 @@ class ParameterTransfer:
         self._values = {name: value for name, value in values.items() if name not in at_start}
         self._clients = {
             service.Request: node.create_client(service, f'{self._target}/{name}')
-            for service, name in (
-                (ListParameters, 'list_parameters'),
-                (GetParameters, 'get_parameters'),
-                (SetParametersAtomically, 'set_parameters_atomically'),
-            )
+            for service, name in _TRANSFER.items()
         }
         self._deadline = time.monotonic() + _SERVICE_WAIT
         self._dialogue = self._talk()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cfd_pneumatic.nodes.messages import is_time
 from cfd_pneumatic.recording.fields import FieldPath, Step
 from cfd_pneumatic.recording.layout import Layout, LayoutError, Place, Serialization
 from cfd_pneumatic.recording.messages import FLUID_PRESSURE, JOINT_STATE, NANOSECONDS, WRENCH_STAMPED, standard_types
@@ -36,14 +37,19 @@ class SampleReader:
         """Names of the entries in the last message, as JointState has them."""
         return [] if self._layout is None else self._layout.names()
 
-    def read(self, message: bytes) -> tuple[int, float] | None:
-        """Return stamp [ns] and number; None where the message has no such number, or is no message of its type."""
+    def read(self, message: bytes) -> tuple[int | None, float] | None:
+        """
+        Return stamp [ns] and number; None where the message has no such number, or is no message of its type.
+
+        The stamp is None where it is no time.
+        """
         if self._layout is None or not self._layout.fits(message):
             self._learn(message)
         if self._places is None:
             return None
         seconds, nanoseconds, number = (place.number(message) for place in self._places)
-        return int(seconds) * NANOSECONDS + int(nanoseconds), number
+        stamp = int(seconds) * NANOSECONDS + int(nanoseconds) if is_time(seconds, nanoseconds) else None
+        return stamp, number
 
     def _learn(self, message: bytes) -> None:
         """Find out where stamp and number are."""

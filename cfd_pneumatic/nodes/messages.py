@@ -18,13 +18,23 @@ OUTPUT_QOS = QoSProfile(depth=_DEPTH)
 
 AXES = ('x', 'y', 'z')
 
+_SECOND = 1_000_000_000  # [ns]
+
+LATEST = 2**31 * _SECOND - 1
+"""The last stamp that fits into a message [ns]."""
+
 
 def nanoseconds(stamp: Time) -> int:
     """Return a stamp as one number [ns]."""
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return int(stamp.sec) * _SECOND + int(stamp.nanosec)
+
+
+def is_time(seconds: float, rest: float) -> bool:
+    """Tell whether a stamp's seconds [s] and nanoseconds [ns] are a time: none before 1970, and no second of rest."""
+    return seconds >= 0 and rest < _SECOND
 
 
 def stamp_message(stamp: int) -> Time:
     """Return a stamp [ns] as a message."""
-    seconds, rest = divmod(stamp, 1_000_000_000)
+    seconds, rest = divmod(stamp, _SECOND)
     return Time(sec=seconds, nanosec=rest)

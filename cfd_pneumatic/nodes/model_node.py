@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -14,7 +16,7 @@ from std_msgs.msg import Float64
 from cfd_pneumatic import convention
 from cfd_pneumatic.compiling import announced
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.model import Cylinder, Device, ForceGeometry, warm_up
+from cfd_pneumatic.model import NAMES, Cylinder, Device, ForceGeometry, warm_up
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.nodes.health import InputHealth
 from cfd_pneumatic.nodes.inputs import joint_reader
@@ -33,6 +35,8 @@ from cfd_pneumatic.units import PSI
 
 _SEAL_PLAY = f'{convention.CONTACT_FORCE}.seal_play'
 _FARTHEST = 1e3  # no piston is [m]; a number beyond would take the model out of floating point's range
+_NAMES = reprlib.Repr()  # of the joints in a message, which may be any number of any length
+_NAMES.maxlist, _NAMES.maxstring = 20, 80
 _GEOMETRY = ('area', 'geometric_factor', 'ambient_pressure')
 
 
@@ -49,6 +53,8 @@ class ModelNode(Node):
         self._declare_parameters()
         self._device = self._make_device({})
         self._cylinders = tuple(self._device.cylinders)
+        wanted = ['area', *(f'{cylinder}.{gain}' for cylinder in self._cylinders for gain in NAMES)]
+        self._defaults = [name for name in wanted if name not in self._parameter_overrides]
         self._setpoints = {name: self._value(f'{name}.initial_setpoint') for name in convention.CYLINDERS}
         for cylinder in self._cylinders:
             refusal = self._refusal(self._setpoints[cylinder])
@@ -56,6 +62,11 @@ class ModelNode(Node):
                 raise InputError(f'{cylinder}.initial_setpoint is {refusal}')
         self._health = InputHealth(self, convention.PISTON_STATE)
         self._piston = joint_reader(self._value('joint'))
+        instead = "the paper's Table 1 and the default area stand in for them"
+        if self._defaults == wanted:
+            self.get_logger().info(f'no gains and no area are given: {instead}')
+        elif self._defaults:
+            self.get_logger().warning(f'not given: {self._told_defaults()}; {instead}')
         with announced(self._on_compiling):
             self._warm_up()
 
@@ -159,8 +170,24 @@ class ModelNode(Node):
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         self._piston = joint_reader(self._value('joint', changes))
+        self._defaults = [name for name in self._defaults if name not in changes or self._is_kept(name, changes)]
         self._adopt(changes)
         return SetParametersResult(successful=True)
+
+    def _is_kept(self, gain: str, changes: Mapping[str, Any]) -> bool:
+        """
+        Tell whether a gain only follows its cylinder's set-points, as it was at them.
+
+        So `identifier_node` sets a gain that was not identifiable: it remains a default.
+        """
+        setpoints = f'{gain.partition(".")[0]}.setpoints'
+        return setpoints in changes and np.array_equal(
+            changes[gain], np.interp(changes[setpoints], self._value(setpoints), self._value(gain))
+        )
+
+    def _told_defaults(self) -> str:
+        """Return which of the gains and the area nobody gave."""
+        return ', '.join(self._defaults) or 'none'
 
     def _adopt(self, changes: Mapping[str, Any]) -> None:
         """Use `_device` from now on, and what else has changed."""
@@ -200,15 +227,25 @@ class ModelNode(Node):
         if told is None or not abs(told[1]) <= _FARTHEST:  # neither is NaN
             self._health.counts['ignored samples'] += 1
             joint = self._value('joint')
-            named = ', '.join(map(repr, self._piston.names)) or 'none'
+            named = _NAMES.repr(self._piston.names)[1:-1] or 'none'
             self._health.bad(f'{convention.PISTON_STATE} has no usable position of joint {joint!r} (joints: {named})')
             return
+        stamp = self._stamp(told[0], convention.PISTON_STATE)
+        if stamp is None:
+            self._health.bad(no_time(convention.PISTON_STATE))
+            return
         self._health.good()
-        stamp, position = told
-        self._commit(self._stamp(stamp, convention.PISTON_STATE), position)
+        self._commit(stamp, told[1])
 
-    def _stamp(self, stamp: int, topic: str) -> int:
-        """Return a message's stamp [ns]; the time of receipt where it has none, as from a bare `ros2 topic pub`."""
+    def _stamp(self, stamp: int | None, topic: str) -> int | None:
+        """
+        Return a message's stamp [ns]; the time of receipt where it has none, as from a bare `ros2 topic pub`.
+
+        None where it is no time, which is counted.
+        """
+        if stamp is None:
+            self._health.counts['ignored stamps'] += 1
+            return None
         if stamp != 0:
             return stamp
         if not self._health.counts['zero stamps']:
@@ -231,3 +268,8 @@ class ModelNode(Node):
                 )
         ambient = self._device.geometry.ambient_pressure
         return self._setpoints['cylinder_a'] + ambient, self._setpoints['cylinder_b'] + ambient
+
+
+def no_time(topic: str) -> str:
+    """Return what is wrong with a topic whose stamp is ignored."""
+    return f'{topic} has a stamp that is no time: sec is negative, or nanosec a second or more'

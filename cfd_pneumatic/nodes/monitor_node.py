@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -22,7 +21,7 @@ from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, 
 from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.inputs import force_reader, pressure_reader
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
-from cfd_pneumatic.nodes.model_node import ModelNode
+from cfd_pneumatic.nodes.model_node import ModelNode, no_time
 from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs
 from cfd_pneumatic.nodes.parameters import number
 from cfd_pneumatic.nodes.program import run
@@ -31,6 +30,7 @@ from cfd_pneumatic.nodes.topics import listen_to
 _LOOK_PERIOD = 0.1  # how often diagnoses and silence are looked after [s]
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _DAY = 86_400.0  # [s]
+_LARGEST = 1e12  # no pressure is [Pa], no force [N]; a number beyond would take the charts out of floating point's range
 _SHOWN = {'frame_id', 'axis', 'joint'}  # parameters that nothing that was learned depends on
 
 
@@ -151,13 +151,16 @@ class MonitorNode(ModelNode):
 
     def _on_measured(self, channel: str, topic: str, message: bytes) -> None:
         told = self._readers[channel].read(message)
-        if told is None or not math.isfinite(told[1]):
+        if told is None or not abs(told[1]) <= _LARGEST:  # neither is NaN
             self._health.counts['ignored measurements'] += 1
-            self._health.warn(topic, f'ignored: {topic} {told and told[1]}, not a finite number')
+            self._health.warn(topic, f'ignored: {topic} {told and told[1]}, not a number that can be measured')
             return
-        stamp, value = told
+        stamp = self._stamp(told[0], topic)
+        if stamp is None:
+            self._health.warn(topic, f'ignored: {no_time(topic)}')
+            return
         now = time.monotonic()
-        self._watch.measured(channel, self._stamp(stamp, topic), value, now)
+        self._watch.measured(channel, stamp, told[1], now)
         self._publish_residuals(now)
 
     def _publish_residuals(self, now: float) -> None:
@@ -179,7 +182,7 @@ class MonitorNode(ModelNode):
 
     def _publish_diagnostics(self) -> None:
         feed = {key: str(count) for key, count in sorted(self._health.counts.items())}
-        self._say('feed', self._verdict_on_feed(), feed)
+        self._say('feed', self._verdict_on_feed(), feed | {'defaults': self._told_defaults()})
         for name, channel in self._watch.channels().items():
             values = {'times that a chart has rung': str(channel.rings)}
             if channel.baseline is not None:

@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import (
@@ -16,11 +17,14 @@ from rclpy.exceptions import (
     ParameterUninitializedException,
 )
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
-from rclpy.logging import LoggingSeverity, get_logger_level, set_logger_level
+from rclpy.logging import LoggingSeverity, get_logger, get_logger_level, set_logger_level
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.time_source import TimeSource
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.help import help_of
+from cfd_pneumatic.nodes.messages import is_time
 
 try:
     from rclpy.experimental import EventsExecutor
@@ -30,6 +34,7 @@ except ImportError:  # before Jazzy
 _SPIN_FOR = 0.5  # EventsExecutor's own spin() does not return on a signal; spin_once with a limit does [s]
 _SHUTDOWN = 1.0  # how long callbacks may take to end [s]
 _BAD_INPUT = 2
+_THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
 
 _HINTS = {
     'Sequence should be of same type': 'write 1.0 for 1',
@@ -46,6 +51,22 @@ _MISTAKES = (
     NameValidationException,
     ParameterUninitializedException,
 )
+
+
+_take_clock = TimeSource.clock_callback
+
+
+def _take_time(source: TimeSource, message: Any) -> None:
+    """Take a message on `/clock` that is a time; rclpy would end the node over one that is none."""
+    if is_time(message.clock.sec, message.clock.nanosec):
+        _take_clock(source, message)
+    else:
+        get_logger('clock').warning('ignored: /clock is no time', throttle_duration_sec=_THROTTLE)
+
+
+TimeSource.clock_callback = _take_time
+# rclpy would end the node over a parameter of a type that there is not; so it refuses it, as one without a value
+Parameter.Type._missing_ = classmethod(lambda types, _: types.NOT_SET)
 
 
 def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:

@@ -93,7 +93,7 @@ class RecorderNode(Node):
 
 def get_message(type_name: str) -> type:
     """Return the class of a message type such as std_msgs/msg/Float64."""
-    package, _, name = type_name.split('/')
+    package, _, name = type_name.partition('/msg/')  # what is none of ROS's may have any name
     message_type: type = getattr(importlib.import_module(f'{package}.msg'), name)
     return message_type
 

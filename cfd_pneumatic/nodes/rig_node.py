@@ -20,7 +20,7 @@ from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.nodes.messages import COMMAND_QOS, stamp_message
+from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, stamp_message
 from cfd_pneumatic.nodes.outputs import Outputs
 from cfd_pneumatic.nodes.parameters import number, switch, text
 from cfd_pneumatic.nodes.program import run
@@ -297,13 +297,16 @@ class RigNode(Node):
         position = float(sample.displacement[0])
         speed = 0.0 if self._position is None else (position - self._position) / self._period
         self._position = position
+        self._published += 1
+        if stamp > LATEST:
+            self.get_logger().warning('not published: no stamp is left for it', throttle_duration_sec=_THROTTLE)
+            return
         piston = JointState(name=[self._joint], position=[position], velocity=[speed])
         piston.header.stamp = stamp_message(stamp)
         piston.header.frame_id = self._frame
         self._piston_out.publish(piston)
         self._outputs.publish(stamp, sample.pressures[0].tolist(), float(sample.force[0]))
         self._outputs.publish_applied(sample.setpoints[0].tolist())
-        self._published += 1
 
     def _announce(self) -> None:
         """

@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from cfd_pneumatic import convention
 from cfd_pneumatic.model import Arrival, DeviceState, LiveDevice
 from cfd_pneumatic.nodes.health import diagnostics
-from cfd_pneumatic.nodes.messages import COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
+from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, OUTPUT_QOS, SAMPLE_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode
 from cfd_pneumatic.nodes.outputs import Outputs
 from cfd_pneumatic.nodes.parameters import number
@@ -25,7 +25,9 @@ from cfd_pneumatic.nodes.topics import listen_to
 from cfd_pneumatic.units import PSI
 
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
-_COUNTED = ('samples', 'repeated stamps', 'resets', 'ignored samples', 'ignored set-points', 'zero stamps')
+_COUNTED = (
+    'samples', 'repeated stamps', 'resets', 'ignored samples', 'ignored stamps', 'ignored set-points', 'zero stamps'
+)  # fmt: skip
 
 
 class SimNode(ModelNode):
@@ -129,17 +131,18 @@ class SimNode(ModelNode):
         """
         While piston_state is silent show what the pressures do meanwhile, the piston held.
 
-        No longer than `max_gap`, after which the model starts anew anyway, and not where the input is faulty. What was
-        applied is not published: a preview is no sample.
+        No longer than `max_gap`, after which the model starts anew anyway, not where the input is faulty, and not
+        where no stamp is left. What was applied is not published: a preview is no sample.
         """
         committed = self._live.committed
         silence = self._health.silence
         if committed is None or self._health.fault is not None:
             return
-        if self._value('preview_period') <= silence <= self._live.max_gap:
+        stamp = committed.stamp + round(silence * 1e9)
+        if self._value('preview_period') <= silence <= self._live.max_gap and stamp <= LATEST:
             state = self._live.preview(silence, self._absolute_setpoints())
             if state is not None:
-                self._publish(committed.stamp + round(silence * 1e9), state)
+                self._publish(stamp, state)
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Start the model anew, at rest, with the next sample."""
@@ -153,6 +156,7 @@ class SimNode(ModelNode):
         for name, cylinder in self._device.cylinders.items():
             values[f'{name} set-point, gauge [Pa]'] = f'{self._setpoints[name]:.1f}'
             values[f'{name} effects'] = ', '.join(cylinder.effects) or 'none'
+        values['defaults'] = self._told_defaults()
         values[f'{convention.CONTACT_FORCE} effects'] = ', '.join(self._live.device.force_effects) or 'none'
         committed = self._live.committed
         if committed is not None:
