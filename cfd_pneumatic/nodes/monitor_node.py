@@ -30,7 +30,7 @@ from cfd_pneumatic.nodes.topics import listen_to
 _LOOK_PERIOD = 0.1  # how often diagnoses and silence are looked after [s]
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _DAY = 86_400.0  # [s]
-_LARGEST = 1e12  # no pressure is [Pa], no force [N]; a number beyond would take the charts out of floating point's range
+_LARGEST = 1e12  # no pressure is [Pa], no force [N]; beyond, the charts would leave floating point's range
 _SHOWN = {'frame_id', 'axis', 'joint'}  # parameters that nothing that was learned depends on
 
 

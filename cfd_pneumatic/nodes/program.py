@@ -64,9 +64,9 @@ def _take_time(source: TimeSource, message: Any) -> None:
         get_logger('clock').warning('ignored: /clock is no time', throttle_duration_sec=_THROTTLE)
 
 
-TimeSource.clock_callback = _take_time
+TimeSource.clock_callback = _take_time  # type: ignore[method-assign, assignment]
 # rclpy would end the node over a parameter of a type that there is not; so it refuses it, as one without a value
-Parameter.Type._missing_ = classmethod(lambda types, _: types.NOT_SET)
+Parameter.Type._missing_ = classmethod(lambda types, _: types.NOT_SET)  # type: ignore[method-assign, assignment]
 
 
 def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:

@@ -6,14 +6,14 @@ import math
 
 import pytest
 from geometry_msgs.msg import WrenchStamped
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Header
 
 from cfd_pneumatic.nodes.inputs import force_reader, joint_reader, pressure_reader
-from cfd_pneumatic.nodes.messages import nanoseconds, stamp_message
+from cfd_pneumatic.nodes.messages import LATEST, nanoseconds, stamp_message
 
 STAMPS = st.integers(0, 2**31 * 10**9 - 1)
 
@@ -39,6 +39,7 @@ def told_by_rclpy(message: JointState) -> tuple[int, float] | None:
     return (nanoseconds(message.header.stamp), positions['piston']) if 'piston' in positions else None
 
 
+@settings(deadline=None)  # a busy machine may hold up any of them
 @given(st.lists(joint_states(), min_size=1, max_size=12))
 def test_a_joint_is_read_in_whatever_order_messages_come(messages: list[JointState]) -> None:
     reader = joint_reader('piston')
@@ -47,6 +48,7 @@ def test_a_joint_is_read_in_whatever_order_messages_come(messages: list[JointSta
         assert reader.names == list(message.name)
 
 
+@settings(deadline=None)  # a busy machine may hold up any of them
 @given(st.lists(st.tuples(headers(), st.floats()), min_size=1, max_size=5))
 def test_pressures_and_forces_are_read(samples: list[tuple[Header, float]]) -> None:
     pressure, force = pressure_reader(), force_reader('y')
@@ -58,6 +60,20 @@ def test_pressures_and_forces_are_read(samples: list[tuple[Header, float]]) -> N
         message = WrenchStamped(header=header)
         message.wrench.force.x, message.wrench.force.y = 1.0, number
         assert force.read(serialize_message(message)) == told
+
+
+@settings(deadline=None)  # a busy machine may hold up any of them
+@given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1), st.floats())
+@example(2**31 - 1, 10**9 - 1, 0.0)
+@example(2**31 - 1, 2**32 - 1, 0.0)
+@example(-1, 999_999_999, 0.0)
+def test_a_stamp_is_read_where_it_is_a_time(sec: int, rest: int, number: float) -> None:
+    message = FluidPressure(fluid_pressure=number)
+    message.header.stamp.sec, message.header.stamp.nanosec = sec, rest
+    is_time = sec >= 0 and rest < 10**9
+    stamp, _ = pressure_reader().read(serialize_message(message))
+    assert stamp == (nanoseconds(message.header.stamp) if is_time else None)
+    assert stamp is None or 0 <= stamp <= LATEST
 
 
 def test_what_is_no_message_of_the_type_is_no_sample() -> None:

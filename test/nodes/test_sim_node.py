@@ -525,6 +525,40 @@ def test_one_bad_value_of_several_rejects_them_all(sim: SimClient) -> None:
     assert sim.graph.get(sim.node, 'max_gap') == [1.0]
 
 
+@pytest.mark.parametrize(('module', 'part'), [('sim_node', 'input'), ('monitor_node', 'feed')])
+def test_values_that_nobody_gave_are_told(graph: Graph, tmp_path: Path, module: str, part: str) -> None:
+    namespace = unique_namespace()
+    node = f'{namespace}/{module}'
+    gains = [f'{cylinder}.{name}' for cylinder in CYLINDERS for name in NAMES]
+
+    def defaults() -> str:
+        status = graph.next_diagnostics(node, lambda status: status.name.endswith(part))
+        return next(value.value for value in status.values if value.key == 'defaults')
+
+    with graph.run(module, ros_arguments(namespace)) as process:
+        assert defaults() == ', '.join(['area', *gains])
+        assert process.stderr.count('no gains and no area are given') == 1
+    file = tmp_path / 'parameters.yaml'
+    file.write_text("""/**:
+  ros__parameters:
+    cylinder_a: {setpoints: [7.0e+4], k_x: [4.0e+6], k_sv: [90.0], tau: [0.01]}  # k_v was not identifiable
+    cylinder_b: {setpoints: [7.0e+4], k_x: [4.0e+6], k_sv: [90.0], k_v: [20.0]}
+""")
+    with graph.run(module, [*ros_arguments(namespace), '--params-file', str(file)]) as process:
+        assert defaults() == 'area, cylinder_a.k_v, cylinder_b.tau'
+        assert process.stderr.count('not given: area, cylinder_a.k_v, cylinder_b.tau; ') == 1
+        assert graph.set(node, area=1.2e-3).successful
+        assert graph.set(node, cylinder_b__tau=[0.02]).successful
+        assert defaults() == 'cylinder_a.k_v'
+        (kept,) = graph.get(node, 'cylinder_a.k_v')
+        moved = {'setpoints': [6e4, 8e4], 'k_x': [4e6] * 2, 'k_sv': [90.0] * 2, 'k_v': kept * 2, 'tau': [0.01] * 2}
+        moved = {f'cylinder_a__{name}': values for name, values in moved.items()}
+        assert graph.set_atomically(node, **moved).successful
+        assert defaults() == 'cylinder_a.k_v', 'as identifier_node carries it over'
+        assert graph.set(node, cylinder_a__k_v=[20.0, 25.0]).successful
+        assert defaults() == 'none'
+
+
 GAINS = '    cylinder_a:\n      {}\n'
 
 
