@@ -23,7 +23,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document layouts graph-figure interface-document effects-document tutorial-picture kernel lint format colcon test-humble clean
+.PHONY: help setup test fuzz demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document layouts graph-figure interface-document effects-document tutorial-picture kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -34,6 +34,9 @@ setup: $(VENV)/.ready  ## make .venv with all that is needed
 test: $(VENV)/.ready  ## run all tests; ARGS='-k name' goes to pytest
 	@$(PY) -c 'import rclpy' || test '$(findstring jazzy,$(EXTRAS))' = ''
 	$(PY) -m pytest $(ARGS)
+
+fuzz: $(VENV)/.ready  ## run the property tests on random examples, ten times as many
+	$(PY) -m pytest -m hypothesis --hypothesis-profile=random $(ARGS)
 
 demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify the recording
 	@$(PY) scripts/demo.py $(ARGS)

@@ -1,4 +1,4 @@
-"""A ROS graph of its own for the tests, and a word on those that can't run here."""
+"""A ROS graph of its own for the tests, how property tests are run, and a word on those that can't run here."""
 
 from __future__ import annotations
 
@@ -11,12 +11,20 @@ sys.path[:0] = [str(Path(__file__).parents[1] / 'scripts'), str(Path(__file__).p
 
 import pytest  # noqa: E402
 from chromium import PROGRAM, Chromium  # noqa: E402
+from hypothesis import HealthCheck, settings  # noqa: E402
 from ros_environment import isolate  # noqa: E402
 from tutorial import blocks, programs, run  # noqa: E402
 
 from cfd_pneumatic.examples import EXAMPLES  # noqa: E402
 
 isolate()
+
+# How property tests are run: `make test` says the same every time, `make fuzz` looks for examples that nobody has seen.
+# Without deadlines, for a busy machine takes its time. A test that is slow asks for a share of `max_examples`.
+ANY_SPEED = {'deadline': None, 'suppress_health_check': [HealthCheck.too_slow]}
+settings.register_profile('repeatable', derandomize=True, **ANY_SPEED)
+settings.register_profile('random', derandomize=False, max_examples=1000, print_blob=True, **ANY_SPEED)
+settings.load_profile('repeatable')
 
 NEEDS = {'nodes': ('ROS 2', ['rclpy']), 'plant': ('Dask', ['distributed', 'pyarrow'])}
 """Folders of tests that need what not everybody has: its name, and its modules."""

@@ -8,7 +8,7 @@ import deburring_path as example
 import matplotlib.image
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.commands import record_rig
@@ -53,7 +53,6 @@ def test_the_picture_shows_surface_and_force(folder):
     assert np.any(np.ptp(halves[1][:, :, :3], axis=2) > 0.5)  # blue and red curves
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.lists(st.floats(-2e-3, 2e-3), min_size=2, max_size=12), st.floats(0.01, 0.2))
 def test_the_piston_reaches_as_far_as_the_surface_lies_behind(errors, feed):
     along = 0.02 * np.arange(len(errors))

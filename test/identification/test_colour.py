@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
@@ -57,7 +57,6 @@ def test_nothing_has_no_colour(nothing):
     assert autoregression(nothing).size == 0
 
 
-@settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**31), sizes=st.lists(st.integers(0, 30), min_size=1, max_size=4), lags=st.integers(0, 12))
 def test_products_do_not_reach_from_one_series_to_the_next(seed, sizes, lags):
     rng = np.random.default_rng(seed)
@@ -69,7 +68,6 @@ def test_products_do_not_reach_from_one_series_to_the_next(seed, sizes, lags):
     np.testing.assert_allclose(autocovariance(series, lags), expected, atol=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
 @given(coefficient=st.floats(-0.95, 0.95), seed=st.integers(0, 2**31))
 def test_what_is_new_in_each_sample_is_what_it_was_made_of(coefficient, seed):
     made, white = noise([coefficient], seed, samples=50, before=0)
@@ -86,7 +84,6 @@ def test_without_its_own_colour_noise_is_white(coefficients):
         assert np.std(new) == pytest.approx(1.0, rel=0.06)
 
 
-@settings(max_examples=50)
 @given(coefficient=st.floats(0.0, 0.98))
 def test_a_sample_that_remembers_is_worth_less(coefficient):
     """The mean of n samples has the variance of (1 - r) / (1 + r) n independent ones."""

@@ -293,7 +293,7 @@ def test_what_does_not_move_is_left_alone(values):
     np.testing.assert_array_equal(motion.knots(), motion.times)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=settings.default.max_examples // 5)
 @given(
     scale=st.floats(1e-6, 1e6),
     shift=st.floats(-1.0, 1.0),

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drawn import moved, with_pressure
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference import AMBIENT, PSI, step_like
 from scipy.signal import lfilter
@@ -138,7 +138,6 @@ def test_recordings_are_heard_together(memory):
     assert together.std == pytest.approx(STD, rel=3.0 * together.uncertainty)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     step=st.floats(1e-3, 1e3),
     level=st.floats(-1e5, 1e5),
@@ -174,7 +173,6 @@ def test_noise_is_rounded_where_nearly_all_of_it_is(share, rounded):
         assert found.std == pytest.approx(math.hypot(STD, step / math.sqrt(12.0)), rel=0.1)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 2**31),
     size=st.floats(1e-3, 1e3),

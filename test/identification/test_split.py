@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.identification.split import PARTS, split_recordings, stroke_times, turning_points
@@ -13,7 +13,6 @@ def triangle(strokes, samples_each=50, amplitude=1e-2):
     return np.interp(np.linspace(0, strokes, strokes * samples_each + 1), corners, amplitude * (corners % 2))
 
 
-@settings(deadline=None)  # the first one compiles
 @given(st.integers(1, 40), st.floats(1e-4, 1e-1))
 def test_finds_each_reversal(strokes, amplitude):
     points = turning_points(triangle(strokes, amplitude=amplitude), 0.05 * amplitude)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.identification.stamps import regular_clock
@@ -64,7 +64,6 @@ def test_jitter_of_half_a_period_is_no_clock():
     assert regular_clock(np.sort(clock + 0.5 * PERIOD * rng.normal(size=clock.size))) is None
 
 
-@settings(max_examples=25, deadline=None)
 @given(begin=st.floats(-1e3, 1e3), second=st.floats(1e-3, 1e3), samples=st.integers(150, 500), seed=st.integers(0, 99))
 def test_origin_and_unit_of_time_do_not_matter(begin, second, samples, seed):
     clock, rng = ticking(seed, samples)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drawn import moved, with_pressure
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference import AMBIENT, PSI, step_like
 
@@ -50,7 +50,6 @@ def resting(duration, period=PERIOD):
     )
 
 
-@settings(max_examples=60, deadline=None)
 @given(samples=st.integers(-40, 40), noise=st.floats(0.0, 100.0), seed=st.integers(0, 99))
 def test_finds_by_how_much_the_pressure_comes_late_or_early(samples, noise, seed):
     """Against a pressure that spans 7 kPa."""
@@ -64,7 +63,6 @@ def test_a_level_is_no_lag():
     assert found(replace(EXPERIMENT, pressure=SIMULATED + 5e3), SIMULATED)['lag'] == 0.0
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     duration=st.sampled_from([1.0, 3.0, 20.0, 100.0]),
     position=st.floats(0.0, 1.0),

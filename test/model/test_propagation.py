@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from reference import AMBIENT, PSI, pressure_to_thirty_digits
 
@@ -78,14 +78,12 @@ def test_sensitivities_are_the_derivatives(seed):
     assert worst_sensitivity(gains, random_record(seed)) < 1e-5
 
 
-@settings(max_examples=40, deadline=None)
 @given(GAINS, st.integers(0, 1000))
 def test_sensitivities_hold_for_any_gains(gains, seed):
     """More loosely: where the sensed pressure grazes the switch, differences are coarse, derivatives are not."""
     assert worst_sensitivity(gains, random_record(seed)) < 0.03
 
 
-@settings(max_examples=60, deadline=None)
 @given(GAINS, st.integers(0, 1000), st.integers(1, 58))
 def test_a_step_may_be_cut_anywhere(gains, seed, at):
     times, displacement, setpoint = random_record(seed)
@@ -100,7 +98,6 @@ def test_a_step_may_be_cut_anywhere(gains, seed, at):
     np.testing.assert_allclose(cut, whole, rtol=0, atol=1e-6 * np.max(np.abs(whole)))
 
 
-@settings(max_examples=60, deadline=None)
 @given(GAINS, st.integers(0, 1000), st.sampled_from([None, 0.0, 1e-12, 1e-9, 1e-7]))
 def test_stepping_equals_the_whole_recording(gains, seed, rounding):
     """The kernel keeps exponentials from step to step where periods are one but for the rounding of their times."""
@@ -124,7 +121,6 @@ def test_rests_at_the_set_point(gains):
     np.testing.assert_array_equal(simulate(gains, (times, np.full(11, 0.02), setpoint)), setpoint)
 
 
-@settings(deadline=None)
 @given(GAINS)
 def test_a_long_rest_ends_at_the_set_point(gains):
     times = np.array([0.0, 0.01, 1e4])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.monitoring.chart import Chart, Series, usual
@@ -17,7 +17,6 @@ def path(chart: Chart, series: list[float]) -> list[float]:
     return [chart.nearness for value in series if chart.take(np.array([value])) < 2]
 
 
-@settings(deadline=None)  # the first one compiles
 @given(values)
 def test_values_one_by_one_and_all_at_once_are_the_same(series: list[float]) -> None:
     coloured = Series(0.3, np.array([0.5, -0.2]), 1.5, 0.1, 1000)

@@ -35,7 +35,7 @@ def written(proposal: Proposal) -> np.ndarray:
     return np.array([[float(cell) for cell in row.split(',')] for row in rows]).T
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(
     cells(), st.lists(st.sampled_from([one for one in family() if 'creeping' not in one.name]), min_size=1, max_size=3)
 )
@@ -52,7 +52,6 @@ def test_limits_are_kept_exactly(cell, segments):
     assert np.diff(times) == pytest.approx(sensing.period, abs=2e-9)
 
 
-@settings(max_examples=40, deadline=None)
 @given(cells(), st.sampled_from([one for one in family() if 'creeping' not in one.name]))
 def test_a_segment_begins_and_ends_at_rest_at_home(cell, segment):
     limits, sensing, homes, settling = cell

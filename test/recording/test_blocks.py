@@ -54,7 +54,6 @@ def chunked_and_one_by_one(path, topics):
         return by_topic(chunked.blocks(wanted)), by_topic(OneByOne(reader, reader.start_time).blocks(wanted))
 
 
-@settings(deadline=None)
 @given(
     messages=any_messages,
     chunk_size=st.sampled_from([1, 100, 300, 10**6]),
@@ -75,7 +74,7 @@ def test_chunks_give_what_rosbags_gives(tmp_path_factory, messages, chunk_size, 
     assert sum(map(len, chunked.values())) == sum(TOPICS[channel] in topics for channel, _, _ in messages)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=settings.default.max_examples // 3)
 @given(messages=any_messages, topics=st.sets(st.sampled_from(TOPICS), min_size=1))
 def test_rows_give_what_rosbags_gives(tmp_path_factory, messages, topics):
     contents = [Message(TOPICS[channel], FLOAT64, time, payload) for channel, time, payload in messages]

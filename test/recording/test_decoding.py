@@ -4,7 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from recording_cases import press_messages, press_types
 from rosbags.interfaces import Nodetype
@@ -80,7 +80,6 @@ def numbers_in(value, path=''):
 
 @pytest.mark.parametrize('msgtype', MSGTYPES)
 @pytest.mark.parametrize('way', ['little endian', 'big endian', 'ROS 1'])
-@settings(max_examples=30, deadline=None)
 @given(random=st.randoms(use_true_random=True))
 def test_every_number_is_where_rosbags_puts_it(msgtype, way, random):
     message = any_message(random, msgtype)
@@ -165,7 +164,6 @@ def test_a_payload_of_another_type_is_refused(payload, reason):
     assert str(caught.value).startswith(f'{reason}: the bag is damaged, or std_msgs/msg/Float64 is not defined as')
 
 
-@settings(max_examples=50)
 @given(st.binary(max_size=60), st.sampled_from(list(Serialization)))
 def test_no_bytes_make_the_decoder_stumble(payload, serialization):
     decoder = Decoder(PRESS_TYPES, 'acme_msgs/msg/Press', parse_path('analog[3]'), None, serialization)

@@ -42,7 +42,7 @@ def any_recording(draw):
     return Recording('any', epoch, draw(any_signal()), cylinders, draw(st.none() | any_signal()), ())
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=settings.default.max_examples // 4)
 @given(made=any_recording(), storage=st.sampled_from(['mcap', 'sqlite3']))
 def test_what_is_written_is_read_again(tmp_path_factory, made, storage):
     path = tmp_path_factory.mktemp('bags') / 'bag'

@@ -44,7 +44,7 @@ def any_bag(draw):
     return contents
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=settings.default.max_examples // 2)
 @given(contents=any_bag(), part=st.integers(1, 8))
 def test_in_files_and_in_small_parts_a_recording_is_the_same(tmp_path_factory, contents, part):
     folder = tmp_path_factory.mktemp('bags')

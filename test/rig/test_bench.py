@@ -78,7 +78,7 @@ def test_channels_have_noises_of_their_own() -> None:
 
 
 @given(st.lists(st.integers(1, 400), min_size=1, max_size=8))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=settings.default.max_examples // 5)
 def test_a_schedule_played_in_pieces_is_the_same_to_the_last_bit(pieces: list[int]) -> None:
     schedule = out_and_back(repeats=1)
     whole = record(schedule, seed=3)
@@ -110,7 +110,6 @@ def test_set_points_act_up_to_their_sample() -> None:
 
 
 @given(st.floats(-6e-3, 6e-3), st.floats(-6e-3, 6e-3), st.floats(0.01, 1.0), st.floats(0.1, 100.0))
-@settings(max_examples=50, deadline=None)
 def test_a_commanded_piston_arrives_within_its_limits(start: float, end: float, speed: float, rush: float) -> None:
     piston = CommandedPiston(start, 6.35e-3, speed, rush)
     piston.command(end)

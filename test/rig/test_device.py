@@ -36,7 +36,7 @@ def hold(rig: Rig, duration: float, setpoints: tuple[float, float]) -> Truth:
 
 
 @given(st.floats(1e4, 2e5), st.floats(1e4, 2e5), st.floats(-5e-3, 5e-3))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=settings.default.max_examples // 4)
 def test_at_rest_the_rig_stays_at_its_set_points(level_a: float, level_b: float, position: float) -> None:
     truth = hold(Rig((level_a, level_b), position=position), 0.1, (level_a, level_b))
     assert np.all(truth.pressures == AMBIENT_PRESSURE + np.array([level_a, level_b]))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
@@ -65,7 +65,6 @@ def test_stiffness_is_that_of_an_enclosed_gas() -> None:
     assert small_signal(10)[0] == pytest.approx(expected, rel=1e-9)
 
 
-@settings(deadline=None)
 @given(PRESSURES, st.floats(0.01, 0.99), st.floats(0.1, 0.6))
 def test_choked_flow_does_not_feel_the_downstream_pressure(upstream: float, share: float, critical: float) -> None:
     downstream = share * critical * upstream
@@ -73,7 +72,6 @@ def test_choked_flow_does_not_feel_the_downstream_pressure(upstream: float, shar
     assert physics.orifice_flow(1e-8, upstream, downstream, critical, 293.15) == pytest.approx(expected)
 
 
-@settings(deadline=None)
 @given(PRESSURES, PRESSURES, st.floats(0.1, 0.6))
 def test_an_orifice_is_the_same_both_ways_and_never_above_choked(one: float, other: float, critical: float) -> None:
     there = physics.orifice_flow(1e-8, one, other, critical, 293.15)
@@ -83,7 +81,6 @@ def test_an_orifice_is_the_same_both_ways_and_never_above_choked(one: float, oth
     assert abs(there) <= 1e-8 * max(one, other) * physics.REFERENCE_DENSITY * (1 + 1e-12)
 
 
-@settings(deadline=None)
 @given(st.floats(0.1, 0.6))
 def test_flow_function_is_continuous_and_falls(critical: float) -> None:
     ratios = np.linspace(0.0, 1.0, 20_001)
@@ -104,7 +101,6 @@ def test_choked_supply_flow_is_that_of_equation_1() -> None:
     assert flow == pytest.approx(40 * 4.719e-4 * 1.2, rel=0.05), 'the regulator passes 40 scfm'
 
 
-@settings(deadline=None)
 @given(PRESSURES, PRESSURES)
 def test_tube_flow_is_poiseuille(one: float, other: float) -> None:
     mean = 0.5 * (one + other)
@@ -113,7 +109,6 @@ def test_tube_flow_is_poiseuille(one: float, other: float) -> None:
     assert physics.tube_flow(2.5e-4, 0.02, one, other, mean, AIR) == pytest.approx(expected, abs=1e-15)
 
 
-@settings(deadline=None)
 @given(st.floats(1.2e5, 3e5), st.floats(-3e4, 3e4))
 def test_one_valve_at_a_time_is_open_and_only_so_far(setpoint: float, error: float) -> None:
     cylinder = Cylinder(supply_conductance=1e-10, relief_conductance=1e-10)
@@ -154,7 +149,6 @@ def test_a_slow_seal_rubs_more() -> None:
     assert physics.friction(1.0, 0.1, 1e5, seal) == pytest.approx(2.0)
 
 
-@settings(deadline=None)
 @given(st.floats(-1.0, 1.0), st.lists(st.floats(-1e-3, 1e-3), max_size=10))
 def test_friction_stays_within_coulomb(stretch: float, paths: list[float]) -> None:
     for path in paths:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
@@ -162,7 +162,6 @@ def test_a_holes_leak_grows_more_slowly_until_it_is_choked() -> None:
 
 
 @given(st.floats(-6e-3, 6e-3), st.floats(-0.5, 0.5), st.sampled_from([-1.0, 1.0]), st.sampled_from([-1.0, 0.0, 1.0]))
-@settings(deadline=None)
 def test_a_seal_lifts_at_its_end_and_in_its_direction(x: float, v: float, end: float, direction: float) -> None:
     effects = Effects(lift_position=1e-3 * end, lift_width=1e-4, lift_end=end, lift_direction=direction)
     lift = physics.seal_lift(x, v, effects)
@@ -177,7 +176,6 @@ def test_a_seal_lifts_at_its_end_and_in_its_direction(x: float, v: float, end: f
 
 
 @given(st.lists(st.floats(-5e3, 5e3), min_size=1, max_size=20), st.floats(0.0, 2e3))
-@settings(deadline=None)
 def test_play_follows_within_its_width_and_moves_only_when_pushed(targets: list[float], half_width: float) -> None:
     held = 0.0
     for target in targets:
@@ -189,7 +187,6 @@ def test_play_follows_within_its_width_and_moves_only_when_pushed(targets: list[
 
 
 @given(st.floats(-1e4, 1e4), st.floats(0.0, 1e3), st.floats(0.4, 2.5))
-@settings(deadline=None)
 def test_a_valves_characteristic_is_odd_and_rises(error: float, band: float, exponent: float) -> None:
     effects = Effects(dead_band=band, valve_exponent=exponent)
     opened = physics.characteristic(error, effects)
@@ -343,7 +340,6 @@ def test_a_displacement_sensor_that_lags() -> None:
 
 
 @given(st.lists(st.floats(-3e-3, 3e-3), min_size=1, max_size=30), st.floats(1e-6, 1e-3))
-@settings(deadline=None)
 def test_a_piston_hangs_on_its_tool(positions: list[float], gap: float) -> None:
     tool = np.array(positions)
     x, v = Linkage(0.0, gap).drive(tool, np.ones(len(tool)))

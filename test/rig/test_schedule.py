@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.errors import InputError
@@ -81,7 +81,6 @@ def test_a_surface_of_a_minute() -> None:
 
 
 @given(st.floats(2.0, 10.0), st.integers(0, 2**31), st.floats(1.0, 40.0))
-@settings(max_examples=20, deadline=None)
 def test_surfaces_begin_and_end_flat(duration: float, seed: int, bandwidth: float) -> None:
     schedule = surface_following(duration=duration, seed=seed, bandwidth=bandwidth)
     assert schedule.positions[0] == schedule.velocities[0] == 0.0
@@ -97,7 +96,6 @@ def test_a_seed_picks_the_surface() -> None:
 
 
 @given(st.floats(-3e-3, 3e-3), st.floats(-3e-3, 3e-3))
-@settings(deadline=None)
 def test_a_stroke_goes_from_rest_to_rest_smoothly(start: float, end: float) -> None:
     times = np.linspace(-0.01, 0.05, 3001)
     positions, velocities = Stroke.flight(0.0, start, end)(times)
