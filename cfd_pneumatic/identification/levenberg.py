@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 _FIRST_DAMPING = 1e-3
 _LARGEST_DAMPING = 1e12
-_LEAST_SCALE = 1e-12  # of the largest, for an unknown on which nothing depends
+_LEAST_SCALE = 1e-12  # of the largest: of an unknown with a millionth of another's influence slopes are mostly rounding
 _LEAST = 1e-200  # of what may be inverted, where nothing depends on any
 _MOST_CHANGES = 4  # of what is held, for each unknown
 _LONGEST_STEP = 2.0  # in any unknown: a factor of seven where it is a logarithm
@@ -82,7 +82,8 @@ def least_squares(
     Return the point with the least sum of squared residuals that is found from a start, and what the sum is like there.
 
     Damped by the diagonal of the normal matrix (Marquardt, 1963), the damping led by how well the last step was
-    foretold (Nielsen, 1999). An unknown at a bound stays there while the sum falls outwards.
+    foretold (Nielsen, 1999). An unknown at a bound stays there while the sum falls outwards. One that changes the
+    residuals less than a millionth as much as another does is held back, as if nothing depended on it.
 
     Parameters
     ----------
