@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import WrenchStamped
+from graph import PATIENCE
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -43,7 +44,6 @@ from cfd_pneumatic.rig import paper_step, record, written_schedule
 from cfd_pneumatic.units import PSI
 
 NAMESPACE = '/cfd/device'
-PATIENCE = 20.0
 
 
 TYPES = {
@@ -121,7 +121,7 @@ def rig(**parameters: object) -> Iterator[subprocess.Popen]:
     finally:
         process.send_signal(signal.SIGINT)
         try:
-            process.communicate(timeout=5.0)
+            process.communicate(timeout=PATIENCE)
         except subprocess.TimeoutExpired:
             process.kill()  # leaves shared memory behind
             process.communicate()
@@ -178,7 +178,7 @@ def test_a_schedule_announces_its_set_points_with_the_sample_before_they_act(lis
         listener.until(lambda: len(listener.heard[applied]) > 700)
         assert len(set(listener.pressures(applied))) == 2
         process.send_signal(signal.SIGINT)
-        assert process.wait(5.0) == 0
+        assert process.wait(PATIENCE) == 0
     announced = [message.data for message in listener.heard[setpoint_topic('cylinder_a')]]
     assert announced[-1] == pytest.approx(10 * PSI)
     assert set(announced) == {announced[0], announced[-1]}
@@ -205,7 +205,7 @@ def test_without_a_schedule_it_does_as_it_is_told(listener: Listener) -> None:
         command(1.0)
         listener.until(lambda: abs(listener.heard[PISTON_STATE][-1].position[0] - 6.35e-3) < 1e-5)
         process.send_signal(signal.SIGTERM)
-        assert process.wait(5.0) == 0
+        assert process.wait(PATIENCE) == 0
         assert 'ignored: piston_command nan' in process.stderr.read()
     assert set(listener.pressures(setpoint_applied_topic('cylinder_a'))) == {
         AMBIENT_PRESSURE + 5 * PSI, AMBIENT_PRESSURE + 8 * PSI}  # fmt: skip
@@ -235,9 +235,7 @@ def test_what_a_stalled_machine_missed_is_published_afterwards(listener: Listene
         time.sleep(0.5)
         process.send_signal(signal.SIGCONT)
         listener.until(lambda: len(listener.heard[PISTON_STATE]) > 400)
-    gaps = np.diff(listener.stamps()) * 1e-9
-    assert gaps == pytest.approx(2e-3, abs=5e-4)
-    assert np.ptp(listener.stamps()) * 1e-9 == pytest.approx(0.8, abs=0.05)
+    assert np.diff(listener.stamps()) * 1e-9 == pytest.approx(2e-3, abs=5e-4)
 
 
 def test_a_repeated_schedule_has_no_seam(listener: Listener) -> None:
@@ -245,7 +243,7 @@ def test_a_repeated_schedule_has_no_seam(listener: Listener) -> None:
     with rig(schedule='paper_step', repeat=True, start_subscribers=1, start_delay=0.2) as process:
         listener.until(lambda: len(listener.heard[PISTON_STATE]) > 1000)
         process.send_signal(signal.SIGINT)
-        assert process.wait(5.0) == 0
+        assert process.wait(PATIENCE) == 0
     assert np.diff(listener.stamps()) * 1e-9 == pytest.approx(2e-3, abs=5e-4)
     positions = listener.positions()
     assert np.max(np.abs(np.diff(positions[450:850]))) < 2e-5, 'it goes back gently'
