@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares as scipys
 from scipy.optimize import lsq_linear
@@ -69,7 +69,6 @@ def decay(seed, unknowns=4):
     return Counted(residuals, jacobian), truth
 
 
-@settings(max_examples=3 * settings.default.max_examples)
 @given(
     seed=st.integers(0, 2**31),
     unknowns=st.integers(1, 8),
