@@ -14,7 +14,7 @@ from cfd_pneumatic.identification import Options
 from cfd_pneumatic.monitoring import Worker
 from cfd_pneumatic.rig import out_and_back, record
 
-PATIENCE = 60.0
+PATIENCE = 180.0  # on a busy machine [s]
 
 PARENT = """
 import os, time

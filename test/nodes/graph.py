@@ -47,7 +47,7 @@ try:
 except ImportError:
     Executor = SingleThreadedExecutor
 
-PATIENCE = 60.0  # on a busy machine the model takes half of it to be compiled
+PATIENCE = 180.0  # on a busy machine the model takes a third of it to be compiled
 DISCOVERY = 0.5
 QUEUE = QoSProfile(depth=10_000)
 MILLISECOND = 1_000_000

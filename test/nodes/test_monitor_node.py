@@ -51,7 +51,7 @@ sys.exit(run('rig_node', partial(RigNode, draw_specimen(np.random.default_rng(7)
 
 MEASURED = (PISTON_STATE, *map(setpoint_topic, CYLINDERS), *map(pressure_topic, CYLINDERS), MEASURED_FORCE)
 SETTINGS = {'block': 0.05, 'learning': 6.0, 'diagnosis_window': 12.0}
-LONGEST_DIAGNOSIS = 240.0
+LONGEST_DIAGNOSIS = 600.0
 """On a busy machine, to which a diagnosis leaves its turn [s]."""
 
 LEAK = 'effects_a.leak_conductance=1e-10'

@@ -16,7 +16,7 @@ from geometry_msgs.msg import WrenchStamped
 from graph import PATIENCE, Graph
 from tutorial import blocks
 
-LONGEST = 180.0
+LONGEST = 600.0
 """On a busy machine, to which a diagnosis leaves its turn [s]."""
 
 

@@ -34,7 +34,7 @@ from cfd_pneumatic.plant import claimed
 from cfd_pneumatic.plant.table import iso_time
 
 DASK = [sys.executable, '-m', 'dask']
-_PATIENCE = 60.0  # [s]
+_PATIENCE = 600.0  # for a whole plant on a busy machine [s]
 
 
 def finish(process):
