@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.identification.stamps import regular_clock
@@ -65,10 +65,11 @@ def test_jitter_of_half_a_period_is_no_clock():
 
 
 @given(begin=st.floats(-1e3, 1e3), second=st.floats(1e-3, 1e3), samples=st.integers(150, 500), seed=st.integers(0, 99))
+@example(begin=0.0, second=1.0, samples=187, seed=73)  # by chance its steps look as if they were drawn anew
 def test_origin_and_unit_of_time_do_not_matter(begin, second, samples, seed):
     clock, rng = ticking(seed, samples)
     stamps = clock + JITTER * rng.normal(size=samples)
     plain, other = regular_clock(stamps), regular_clock(second * (stamps + begin))
-    assert plain is not None
-    assert other is not None
-    np.testing.assert_allclose(other / second - begin, plain, atol=1e-3 * JITTER)
+    assert (other is None) == (plain is None)
+    if plain is not None:
+        np.testing.assert_allclose(other / second - begin, plain, atol=1e-3 * JITTER)
