@@ -13,10 +13,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal
 
+import mcap.writer
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.interfaces import Connection
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 from cfd_pneumatic.convention import (
     AMBIENT_PRESSURE,
@@ -45,6 +46,42 @@ _BAG_VERSION: Literal[8] = 8
 
 _LAST_STAMP = 2**31
 """Seconds that a stamp can't hold any more."""
+
+
+class _Mcap:
+    """Writes the file of a bag with checksums, which rosbags' own writer leaves out."""
+
+    def __init__(self, path: Path, _: CompressionMode) -> None:
+        self.path = path / f'{path.name}.mcap'
+        self._stream = self.path.open('xb')
+        self._file = mcap.writer.Writer(self._stream, compression=mcap.writer.CompressionType.NONE)
+        self._file.start('ros2')
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[int, int] = {}
+
+    def add_msgtype(self, connection: Connection) -> None:
+        kind = 'ros2msg' if connection.msgdef.format == MessageDefinitionFormat.MSG else 'ros2idl'
+        definition = connection.msgdef.data.encode()
+        self._schemas[connection.msgtype] = self._file.register_schema(connection.msgtype, kind, definition)
+
+    def add_connection(self, connection: Connection, offered_qos_profiles: str) -> None:
+        self._channels[connection.id] = self._file.register_channel(
+            connection.topic,
+            'cdr',
+            self._schemas[connection.msgtype],
+            {'offered_qos_profiles': offered_qos_profiles},
+        )
+
+    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
+        self._file.add_message(self._channels[connection.id], timestamp, bytes(data), timestamp)
+
+    def close(self, _: int, metadata: str) -> None:
+        self._file.add_metadata('rosbag2', {'serialized_metadata': metadata})
+        self._file.finish()  # type: ignore[no-untyped-call]
+        self._stream.close()
+
+    def abort(self) -> None:
+        self._stream.close()
 
 
 class BagWriter:
@@ -79,6 +116,7 @@ class BagWriter:
             self._writer = Writer(
                 self._aside / self.path.name, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()]
             )
+            self._writer.STORAGE_PLUGINS = {**Writer.STORAGE_PLUGINS, StoragePlugin.MCAP: _Mcap}
             self._writer.open()
 
     def add_topic(self, topic: str, msgtype: str) -> None:

@@ -1,8 +1,11 @@
 from __future__ import annotations
 
 import os
+import zlib
 
 import pytest
+from mcap import records
+from mcap.stream_reader import StreamReader
 from recording_cases import EPOCH, assert_same, recording
 
 from cfd_pneumatic.errors import InputError
@@ -32,6 +35,17 @@ def test_a_bag_is_written_message_by_message(tmp_path, storage):
         assert not (tmp_path / 'new' / 'bag').exists()
     assert len(read_recording(tmp_path / 'new' / 'bag').displacement) == 3
     assert os.listdir(tmp_path / 'new') == ['bag']
+
+
+def test_an_mcap_has_checksums(tmp_path):
+    write_recording(tmp_path / 'bag', recording(12_000))
+    with (tmp_path / 'bag' / 'bag.mcap').open('rb') as stream:
+        found = list(StreamReader(stream, emit_chunks=True, validate_crcs=True).records)
+    chunks = [record for record in found if isinstance(record, records.Chunk)]
+    assert len(chunks) > 1
+    for chunk in chunks:
+        assert chunk.uncompressed_crc == zlib.crc32(chunk.data)
+    assert found[-1].summary_crc
 
 
 def test_nothing_is_left_of_a_bag_that_failed(tmp_path):
