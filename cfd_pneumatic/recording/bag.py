@@ -58,15 +58,15 @@ class Topic:
         Its name and message type.
     count : int
         Number of messages.
-    connection : Connection
-        One of its connections, for the definition of its messages.
+    connections : tuple of Connection
+        Its connections, for the definition of its messages.
 
     """
 
     name: str
     msgtype: str
     count: int
-    connection: Connection
+    connections: tuple[Connection, ...]
 
 
 class Bag:
@@ -236,7 +236,8 @@ class Bag:
                         f'topic {name} has messages of {seen.msgtype} and of {connection.msgtype}: split the bag'
                     )
                 count = connection.msgcount + (seen.count if seen else 0)
-                topics[name] = Topic(name, connection.msgtype, count, connection)
+                connections = (*seen.connections, connection) if seen else (connection,)
+                topics[name] = Topic(name, connection.msgtype, count, connections)
         if not any(topic.count for topic in topics.values()):
             notes = f' ({"; ".join(self.notes)})' if self.notes else ''
             raise InputError(f'holds no messages{notes}: was anything published while it was recorded?')

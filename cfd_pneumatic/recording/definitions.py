@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rosbags.interfaces import Connection, MessageDefinitionFormat, Nodetype
-from rosbags.interfaces.typing import Typesdict
+from rosbags.interfaces.typing import FieldDesc, Typesdict
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -43,16 +45,27 @@ def read_types(folder: Path) -> Typestore:
     return types
 
 
-def types_of(connection: Connection, extra: Typestore | None) -> Typestore:
+def types_of(connections: Sequence[Connection], extra: Typestore | None) -> Typestore:
     """
     Return the definitions for a topic: those in the bag, else ROS 2's and the user's.
 
     Raises
     ------
     InputError
-        If the topic's type, or one inside it, is defined nowhere.
+        If the topic's type, or one inside it, is defined nowhere, or its connections define it in two ways.
 
     """
+    types, *others = [_types_of(connection, extra) for connection in connections]
+    msgtype = connections[0].msgtype
+    if any(_fields(other, msgtype) != _fields(types, msgtype) for other in others):
+        raise InputError(
+            f'topic {connections[0].topic} has messages of two definitions of {msgtype}: '
+            'split the bag, or leave out what one of its publishers sent'
+        )
+    return types
+
+
+def _types_of(connection: Connection, extra: Typestore | None) -> Typestore:
     if connection.msgdef.format == MessageDefinitionFormat.NONE:
         types = extra or standard_types()
     else:
@@ -85,12 +98,27 @@ def _parse(connection: Connection) -> Typesdict:
     return types
 
 
+def _fields(types: Typestore, msgtype: str) -> list[Any]:
+    """Return the names and types of a message's fields, and of the fields of messages inside it."""
+    return [
+        (name, desc, inside and _fields(types, inside))
+        for name, desc in types.fielddefs[msgtype][1]
+        for inside in [_message_in(desc)]
+    ]
+
+
 def _undefined(types: Typestore, msgtype: str) -> str | None:
     """Return the first type that a message needs and that is not defined."""
     if msgtype not in types.fielddefs:
         return msgtype
     for _, desc in types.fielddefs[msgtype][1]:
-        element = desc[1][0] if desc[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else desc
-        if element[0] == Nodetype.NAME and (missing := _undefined(types, element[1])) is not None:
+        inside = _message_in(desc)
+        if inside is not None and (missing := _undefined(types, inside)) is not None:
             return missing
     return None
+
+
+def _message_in(desc: FieldDesc) -> str | None:
+    """Return the type of the message that a field is, or of those that it lists."""
+    element = desc[1][0] if desc[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else desc
+    return element[1] if element[0] == Nodetype.NAME else None

@@ -82,7 +82,7 @@ def _find(
     topic = bag.topics.get(str(channel.source))
     if topic is None:
         raise InputError(f'no topic {channel.source} for the {channel.name}: the topics are {list_topics(bag.topics)}')
-    types = types_of(topic.connection, read_types(types_folder) if types_folder else None)
+    types = types_of(topic.connections, read_types(types_folder) if types_folder else None)
     field = channel.field or obvious_field(topic.msgtype, joint=defaults.joint, force_axis=defaults.force_axis)
     if field is None:
         numbers = list_numbers(types, topic.msgtype)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import struct
 
 import pytest
+from mcap.writer import Writer
 from recording_cases import EPOCH, piston, plain_messages, pressure, recording, write_bag, write_ros1_bag
 from rosbags.rosbag2 import CompressionMode
 
@@ -96,6 +98,24 @@ def test_a_damaged_chunk(tmp_path):
     file.write_bytes(content)
     assert error_of(file).startswith('is damaged: ')
     assert error_of(file).endswith('; mcap recover may mend it')
+
+
+def test_two_definitions_of_one_type(tmp_path):
+    """Numbers of one publisher would be looked for where the other has them."""
+    path = tmp_path / 'two.mcap'
+    writer = Writer(str(path))
+    writer.start('ros2')
+    for definition in (b'float64 fluid_pressure\nfloat64 variance', b'float64 variance\nfloat64 fluid_pressure'):
+        schema = writer.register_schema('sensor_msgs/msg/FluidPressure', 'ros2msg', definition)
+        channel = writer.register_channel('/d/cylinder_a/pressure', 'cdr', schema)
+        writer.add_message(channel, EPOCH, b'\0\1\0\0' + struct.pack('<dd', 1e5, 7.0), EPOCH)
+    schema = writer.register_schema('sensor_msgs/msg/JointState', 'ros2msg', b'string[] name\nfloat64[] position')
+    channel = writer.register_channel('/d/piston_state', 'cdr', schema)
+    writer.finish()
+    assert error_of(path) == (
+        'topic /d/cylinder_a/pressure has messages of two definitions of sensor_msgs/msg/FluidPressure: '
+        'split the bag, or leave out what one of its publishers sent'
+    )
 
 
 def test_a_cut_off_ros1_bag(tmp_path):
