@@ -72,6 +72,8 @@ def join(blocks: Sequence[Block]) -> Block:
 def gather(data: bytes, dtype: str, places: NDArray[np.int64]) -> NDArray[Any]:
     """Return what is at some places of a piece of memory."""
     kind = np.dtype(dtype)
+    if not len(places):
+        return np.empty(0, kind)  # the memory may be shorter than what is looked for
     everywhere: NDArray[Any] = np.ndarray(len(data) - kind.itemsize + 1, kind, data, strides=(1,))
     return everywhere[places]
 
