@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,15 +18,18 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.blocks import Block, OneByOne
-from cfd_pneumatic.recording.chunks import ChunkedMcap, chunk_indexes
+from cfd_pneumatic.recording.blocks import Block, OneByOne, Span
+from cfd_pneumatic.recording.chunks import McapFile
 from cfd_pneumatic.recording.layout import Serialization
+from cfd_pneumatic.recording.messages import NANOSECONDS
 from cfd_pneumatic.recording.rows import SqliteRows
-from cfd_pneumatic.recording.salvage import SalvagedMcap, SalvagedSqlite, is_cut_off
+from cfd_pneumatic.recording.salvage import SalvagedSqlite, flaw
 from cfd_pneumatic.recording.wording import counted, reason_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
+_MAX_LISTED = 5
 
 STORAGE_SUFFIXES = ('.mcap', '.db3')
 METADATA = 'metadata.yaml'
@@ -42,6 +46,10 @@ class Storage(Protocol):
     @property
     def start_time(self) -> int:
         """Time of the first message [ns]."""
+
+    @property
+    def left_out(self) -> list[Span]:
+        """Times of which messages were left out while reading, because they are damaged."""
 
     def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
         """Yield the messages of some topics."""
@@ -110,22 +118,51 @@ class Bag:
         """
         Yield the messages of some topics, file by file, in each file in the order of reception.
 
+        What is damaged is left out, and noted.
+
         Raises
         ------
         InputError
-            If the bag turns out damaged.
+            If nothing else is there, or it can't be told what is damaged.
 
         """
         wanted = set(topics)
+        read = missing = 0
+        left_out: list[Span] = []
         for storage in self._storages:
             connections = [connection for connection in storage.connections if _full_name(connection) in wanted]
             if not connections:
                 continue
             try:
+                before = read
                 for connection, block in storage.blocks(connections):
+                    read += len(block)
                     yield _full_name(connection), block
+                missing += max(0, sum(connection.msgcount for connection in connections) - (read - before))
+                left_out += storage.left_out
             except Exception as error:  # readers raise whatever damage makes them stumble over
                 raise InputError(f'is damaged: {reason_of(error)}; {_remedy(self.path)}') from error
+        if (missing or left_out) and not read:
+            raise InputError(f'is damaged and nothing can be salvaged; {_remedy(self.path)}')
+        if missing or left_out:
+            what = [counted(missing, 'message')] if missing else []
+            what += [f'what was received {self._when(left_out)} after its start'] if left_out else []
+            self.notes.append(f'{self.path.name} is damaged: left out {", ".join(what)}')
+
+    def _when(self, spans: Sequence[Span]) -> str:
+        """Return from when to when, for a note."""
+        begin = min(storage.start_time for storage in self._storages)
+
+        def seconds(time: int) -> str:
+            return f'{max(0, time - begin) / NANOSECONDS:.3f} s'
+
+        times = [
+            f'between {seconds(start)} and {seconds(stop)}' if stop else f'later than {seconds(start)}'
+            for start, stop in spans[:_MAX_LISTED]
+        ]
+        if len(spans) > _MAX_LISTED:
+            times.append(f'at {counted(len(spans) - _MAX_LISTED, "other time")}')
+        return ' and '.join(times)
 
     def close(self) -> None:
         """Close the files."""
@@ -159,7 +196,7 @@ class Bag:
         files = sorted(file for file in self.path.iterdir() if file.suffix in STORAGE_SUFFIXES)
         if (self.path / METADATA).exists():
             try:
-                if not any(map(is_cut_off, files)):
+                if not any(map(flaw, files)):
                     storages = self._enter(Ros2Reader(self.path))
                     for file in files:
                         self._note_unmerged(file)
@@ -189,6 +226,13 @@ class Bag:
             reader = Ros1Reader(self.path)
             reader.open()
             self._stack.callback(reader.close)
+            told: Counter[int] = Counter()  # by the chunks' summaries, beside what their indexes lead to
+            for chunk in reader.chunk_infos:
+                told.update(chunk.connection_counts)
+            reader.connections = [
+                connection._replace(msgcount=max(connection.msgcount, told[connection.id]))
+                for connection in reader.connections
+            ]
             return OneByOne(reader, reader.start_time)
         except Exception as error:  # rosbags raises whatever damage makes it stumble over
             raise InputError(f'cannot be read: {reason_of(error)}; {_remedy(self.path)}') from error
@@ -197,20 +241,24 @@ class Bag:
         """Open one storage file, damaged or not."""
         self._note_unmerged(file)
         try:
-            if not is_cut_off(file):
+            damage = flaw(file)
+            if damage is None:
                 return self._enter(Ros2Reader(file))
-            damage = 'is cut off'
         except PermissionError as error:
             raise InputError(f'{file.name} cannot be read: {error.strerror}') from error
         except Exception as error:  # rosbags raises whatever damage makes it stumble over
             damage = f'is damaged ({reason_of(error)})'
-        salvaged = SalvagedMcap(file) if file.suffix == '.mcap' else SalvagedSqlite(file)
-        self._stack.callback(salvaged.close)
-        count = sum(connection.msgcount for connection in salvaged.connections)
+        storage = McapFile(file) if file.suffix == '.mcap' else self._salvage(file)
+        count = sum(connection.msgcount for connection in storage.connections)
         if not count and file == self.path:
             raise InputError(f'{damage} and nothing can be salvaged; {_remedy(file)}')
         self.notes.append(f'{file.name} {damage}: salvaged {counted(count, "message")}')
-        return [OneByOne(salvaged, salvaged.start_time)]
+        return [storage]
+
+    def _salvage(self, file: Path) -> Storage:
+        salvaged = SalvagedSqlite(file)
+        self._stack.callback(salvaged.close)
+        return OneByOne(salvaged, salvaged.start_time)
 
     def _note_unmerged(self, file: Path) -> None:
         """Note what a recorder that was killed had not moved into a database yet."""
@@ -223,7 +271,12 @@ class Bag:
         self._stack.callback(reader.close)
         if reader.compression_mode == 'message':
             return [OneByOne(reader, reader.start_time)]
-        return [_fastest(file) for file in getattr(reader.storage, 'storages', [reader.storage])]
+        files = getattr(reader.storage, 'storages', [reader.storage])
+        for file in files:
+            stray = file.metadata.message_count - sum(connection.msgcount for connection in file.connections)
+            if stray > 0:
+                self.notes.append(f'{file.path.name} is damaged: {counted(stray, "message")} of no topic left out')
+        return [_fastest(file) for file in files]
 
     def _list_topics(self) -> dict[str, Topic]:
         topics: dict[str, Topic] = {}
@@ -248,10 +301,7 @@ def _fastest(file: McapReader | Sqlite3Reader) -> Storage:
     """Return the quickest way to read an open file."""
     start = file.metadata.start_time
     if isinstance(file, McapReader):
-        path = Path(str(file.path))
-        indexes = chunk_indexes(path)
-        if indexes:
-            return ChunkedMcap(path, file.connections, start, indexes)
+        return McapFile(Path(str(file.path)), file.connections)
     if isinstance(file, Sqlite3Reader):
         return SqliteRows(file.dbconn, file.connections, start)
     return OneByOne(file, start)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 
 Owner = TypeVar('Owner')
+
+Span = tuple[int, int]
+"""From when to when [ns]; 0 where it's not known."""
 
 TOGETHER = 16_384
 """Messages of all topics that are put together."""
@@ -100,11 +103,14 @@ class OneByOne:
         What they come from.
     start_time : int
         Time of the first message [ns].
+    left_out : list of Span
+        Times of which messages were left out; it isn't known here.
 
     """
 
     source: Messages
     start_time: int
+    left_out: list[Span] = field(default_factory=list)
 
     @property
     def connections(self) -> list[Connection]:

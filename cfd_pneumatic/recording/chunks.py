@@ -4,57 +4,64 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Chunk, ChunkIndex
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.records import Channel, Schema
 from numpy.typing import NDArray
-from rosbags.interfaces import Connection
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
-from cfd_pneumatic.recording.blocks import Block, gather, join
+from cfd_pneumatic.recording.blocks import Block, Span, gather, join
 from cfd_pneumatic.recording.ordering import earliest_after
+from cfd_pneumatic.recording.pieces import HEAD, Piece, find_pieces, walk
 
-_RECORD_HEAD = 9
-"""Bytes of a record before its content: what it is, and the length of the content."""
-
-_MESSAGE_HEAD = 22
+_MESSAGE_HEAD = HEAD.size + 22
 """Bytes of a message's record before its payload: channel, sequence, times of reception and of publishing."""
 
-_TIME = _RECORD_HEAD + 6
-"""Where in a message's record the time of reception is."""
+_CHANNEL, _TIME = HEAD.size, HEAD.size + 6
+"""Where in a message's record the channel and the time of reception are."""
 
 _ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
 """What an index tells of a message: when it was received and where its record begins."""
 
+FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinitionFormat.IDL}
+"""How message definitions are written, by what files call it."""
 
-@dataclass(frozen=True)
-class ChunkedMcap:
+_NEVER = 2**63 - 1
+
+
+class McapFile:
     """
-    An mcap file whose chunks and messages are indexed.
+    An mcap file, whole or damaged.
 
-    Attributes
+    Parameters
     ----------
     path : Path
         The file.
-    connections : list of Connection
-        Its topics.
+    connections : list of Connection, optional
+        Its topics; by default those of which something can be read.
+
+    Attributes
+    ----------
     start_time : int
         Time of the first message [ns].
-    indexes : list of ChunkIndex
-        Where its chunks are, in the order of the file.
+    left_out : list of Span
+        Times of which messages were left out while reading, because they are damaged.
 
     """
 
-    path: Path
-    connections: list[Connection]
-    start_time: int
-    indexes: list[ChunkIndex]
+    def __init__(self, path: Path, connections: list[Connection] | None = None) -> None:
+        self.left_out: list[Span] = []
+        self._path = path
+        with path.open('rb') as stream:
+            self._pieces = find_pieces(stream)
+            self.connections = self._scan(stream) if connections is None else connections
+        self.start_time = next((piece.start for piece in self._pieces if piece.start), 0)
 
     def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
         """
@@ -65,43 +72,74 @@ class ChunkedMcap:
         by_topic: dict[str, list[Connection]] = {}
         for connection in connections:
             by_topic.setdefault(connection.topic, []).append(connection)
-        with self.path.open('rb') as stream:
-            topics = [_Topic(same, self.indexes) for same in by_topic.values()]
-            for index in self.indexes:
-                within = [(topic, places) for topic in topics if (places := topic.places(index))]
-                content, behind = _read(stream, index) if within else (b'', b'')
-                for topic, positions in within:
-                    entries = np.concatenate([_entries(behind, position) for position in positions])
-                    yield topic.connection, topic.take(_messages(content, entries))
+        topics = [_Topic(same, self._pieces) for same in by_topic.values()]
+        with self._path.open('rb') as stream:
+            for piece in self._pieces:
+                within = [topic for topic in topics if topic.may_be_in(piece)]
+                if not within:
+                    continue
+                try:
+                    block, channels = _read(stream, piece)
+                except Exception:  # whatever damage makes a decompressor stumble over
+                    self.left_out.append((piece.start, piece.stop))
+                    block, channels = Block.of([], []), np.empty(0, np.int64)
+                for topic in within:
+                    its = np.logical_or.reduce([channels == channel for channel in topic.channels])
+                    yield topic.connection, topic.take(block[np.flatnonzero(its)])
 
+    def _scan(self, stream: IO[bytes]) -> list[Connection]:
+        """Return the topics of which something can be read, with the number of messages."""
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
+        counts: dict[int, int] = {}
+        for piece in self._pieces:
+            with suppress(Exception):  # as in reading
+                content = piece.content(stream)
+                for opcode, begin, end in walk(content):
+                    record = ReadDataStream(BytesIO(content[begin + HEAD.size : end]))
+                    if opcode == Opcode.SCHEMA:
+                        schema = Schema.read(record)
+                        schemas[schema.id] = schema
+                    elif opcode == Opcode.CHANNEL:
+                        channel = Channel.read(record)
+                        channels[channel.id] = channel
+                _, ids = _messages(content, _walked(content))
+                for number, count in zip(*np.unique(ids, return_counts=True)):
+                    counts[int(number)] = counts.get(int(number), 0) + int(count)
+        none = Schema(id=0, name='', encoding='', data=b'')
+        return [
+            self._connection(channel, schemas.get(channel.schema_id, none), counts[channel.id])
+            for channel in channels.values()
+            if channel.id in counts
+        ]
 
-def chunk_indexes(path: Path) -> list[ChunkIndex]:
-    """Return where the chunks of a file are, in its order; empty where not every one tells where its messages are."""
-    with path.open('rb') as stream:
-        summary = make_reader(stream).get_summary()
-    indexes = summary.chunk_indexes if summary else []
-    complete = all(index.message_index_offsets for index in indexes)
-    return sorted(indexes, key=lambda index: index.chunk_start_offset) if complete else []
+    def _connection(self, channel: Channel, schema: Schema, count: int) -> Connection:
+        kind = FORMATS.get(schema.encoding, MessageDefinitionFormat.NONE)
+        definition = MessageDefinition(kind, schema.data.decode(errors='replace'))
+        extension = ConnectionExtRosbag2(channel.message_encoding, [])
+        return Connection(channel.id, channel.topic, schema.name, definition, '', count, extension, self)
 
 
 class _Topic:
-    """Brings the messages of a topic, which come a chunk at a time, into the order of reception."""
+    """Brings the messages of a topic, which come a piece at a time, into the order of reception."""
 
-    def __init__(self, connections: Sequence[Connection], indexes: Sequence[ChunkIndex]) -> None:
+    def __init__(self, connections: Sequence[Connection], pieces: Sequence[Piece]) -> None:
         self.connection = connections[0]
-        self._channels = [connection.id for connection in connections]
-        begins = [index.message_start_time for index in indexes if self.places(index)]
+        self.channels = [connection.id for connection in connections]
+        begins = [
+            piece.start if piece.places or piece.stop else _NEVER  # a chunk without messages is of time 0
+            for piece in pieces
+            if self.may_be_in(piece)
+        ]
         self._limits = iter(earliest_after(begins))
         self._waiting: list[Block] = []
 
-    def places(self, index: ChunkIndex) -> list[int]:
-        """Return where in what follows a chunk the records about its messages are; empty where it holds none."""
-        end = index.chunk_start_offset + index.chunk_length
-        offsets = index.message_index_offsets
-        return [offsets[channel] - end for channel in self._channels if channel in offsets]
+    def may_be_in(self, piece: Piece) -> bool:
+        """Return whether a piece holds messages of the topic, so far as it is known."""
+        return not piece.places or any(channel in piece.places for channel in self.channels)
 
     def take(self, block: Block) -> Block:
-        """Take the messages of the next chunk, and return all that came before those of later chunks."""
+        """Take the messages of the next piece, and return all that came before those of later pieces."""
         limit = next(self._limits)
         queue = [*self._waiting, block[np.argsort(block.times, kind='stable')]]
         ready = [int(np.searchsorted(block.times, limit, side='right')) for block in queue]
@@ -109,28 +147,61 @@ class _Topic:
         return join([block[:count] for block, count in zip(queue, ready) if count] or [block[:0]])
 
 
-def _read(stream: IO[bytes], index: ChunkIndex) -> tuple[bytes, bytes]:
-    """Return what is in a chunk, and what follows it: the records that tell where in it the messages are."""
-    stream.seek(index.chunk_start_offset + _RECORD_HEAD)
-    content, size = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-    stream.seek(index.chunk_start_offset + index.chunk_length)
-    return content.read(size), stream.read(index.message_index_length)
+def _read(stream: IO[bytes], piece: Piece) -> tuple[Block, NDArray[np.int64]]:
+    """
+    Return the messages of a piece in the order of the file, and their channels.
+
+    The index of a chunk only saves time: where it is not right, and a checksum says that the chunk is, the chunk is
+    gone through.
+    """
+    content = piece.content(stream)
+    try:
+        if piece.places:
+            stream.seek(piece.end)
+            return _indexed(content, stream.read(piece.index_end - piece.end), piece)
+    except (ValueError, struct.error):
+        if not piece.checked:
+            raise
+    return _messages(content, _walked(content))
 
 
-def _entries(records: bytes, position: int) -> NDArray[Any]:
-    """Return the times and places of a channel's messages, from the record at a position."""
-    (size,) = struct.unpack_from('<I', records, position + _RECORD_HEAD + 2)
-    return np.frombuffer(records, _ENTRY, size // _ENTRY.itemsize, position + _RECORD_HEAD + 6)
-
-
-def _messages(content: bytes, entries: NDArray[Any]) -> Block:
-    """Return some messages of a chunk, in the order of the file."""
-    records = entries['offset'].astype(np.int64)
-    order = np.argsort(records, kind='stable')
-    records, times = records[order], entries['time'].astype(np.int64)[order]
-    sizes = gather(content, '<u8', records + 1).astype(np.int64) - _MESSAGE_HEAD
-    starts = records + _RECORD_HEAD + _MESSAGE_HEAD
-    right = (gather(content, 'u1', records) == Opcode.MESSAGE) & (gather(content, '<u8', records + _TIME) == times)
-    if not (right & (sizes >= 0) & (starts + sizes <= len(content))).all():
+def _indexed(content: bytes, index: bytes, piece: Piece) -> tuple[Block, NDArray[np.int64]]:
+    """Return the messages of a chunk, and their channels, where its index says that they are."""
+    entries = {channel: _entries(index, place - piece.end) for channel, place in piece.places.items()}
+    together = np.concatenate(list(entries.values()))
+    order = np.argsort(together['offset'], kind='stable')
+    records = together['offset'][order].astype(np.int64)
+    if records.size and not 0 <= records[0] <= records[-1] <= len(content) - _MESSAGE_HEAD:
         raise ValueError('the index of a chunk does not lead to its messages')
-    return Block(times, content, starts, sizes)
+    block, channels = _messages(content, records)
+    right = gather(content, 'u1', records) == Opcode.MESSAGE
+    right &= block.times == together['time'][order].astype(np.int64)
+    right &= channels == np.repeat(list(entries), [len(some) for some in entries.values()])[order]
+    behind, following = np.append(0, block.starts + block.sizes), np.append(records, len(content))
+    if not right.all() or (behind > following).any():
+        raise ValueError('the index of a chunk does not lead to its messages')
+    between = np.flatnonzero(behind < following)
+    if any(len(_walked(content[behind[gap] : following[gap]])) for gap in between):
+        return _messages(content, _walked(content))  # there are more messages than the index tells of
+    return block, channels
+
+
+def _entries(index: bytes, place: int) -> NDArray[np.void]:
+    """Return the times and places of a channel's messages, from the record at a place."""
+    (size,) = struct.unpack_from('<I', index, place + HEAD.size + 2)
+    return np.frombuffer(index, _ENTRY, size // _ENTRY.itemsize, place + HEAD.size + 6)
+
+
+def _walked(content: bytes) -> NDArray[np.int64]:
+    """Return where messages begin, by going from record to record."""
+    return np.array([begin for opcode, begin, _ in walk(content) if opcode == Opcode.MESSAGE], np.int64)
+
+
+def _messages(content: bytes, records: NDArray[np.int64]) -> tuple[Block, NDArray[np.int64]]:
+    """Return the messages that begin at some places, and their channels."""
+    sizes = gather(content, '<u8', records + 1).astype(np.int64) + (HEAD.size - _MESSAGE_HEAD)
+    if (sizes < 0).any():
+        raise ValueError('a message is shorter than can be')
+    times = gather(content, '<u8', records + _TIME).astype(np.int64)
+    channels = gather(content, '<u2', records + _CHANNEL).astype(np.int64)
+    return Block(times, content, records + _MESSAGE_HEAD, sizes), channels

@@ -93,7 +93,10 @@ def _read_bag(
                 replace(channel, source=resolve(namespace, str(channel.source))) for channel in mapping.channels
             ]
         types = mapping.types if mapping else None
-        samples, notes = read_samples(bag, _preferred(channels), types, defaults, spool)
+        try:
+            samples, notes = read_samples(bag, _preferred(channels), types, defaults, spool)
+        except InputError as error:
+            raise InputError('; '.join([str(error), *bag.notes])) from error
         return samples, bag.notes + notes
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Connection
 
-from cfd_pneumatic.recording.blocks import Block, by_topic, put_together
+from cfd_pneumatic.recording.blocks import Block, Span, by_topic, put_together
 
 
 @dataclass(frozen=True)
@@ -25,12 +25,15 @@ class SqliteRows:
         Its topics.
     start_time : int
         Time of the first message [ns].
+    left_out : list of Span
+        Times of which messages were left out; it isn't known here.
 
     """
 
     database: Any
     connections: list[Connection]
     start_time: int
+    left_out: list[Span] = field(default_factory=list)
 
     def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
         """Yield the messages of some topics, for each in the order of reception."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -44,6 +45,14 @@ def signals(recorded):
     for cylinder, parts in recorded.cylinders.items():
         found.update({f'{cylinder} pressure': parts.pressure, f'{cylinder} setpoint': parts.setpoint})
     return {name: signal for name, signal in found.items() if signal is not None}
+
+
+def by_time(recorded):
+    """Return the values of each signal by time [ns]."""
+    return {
+        name: dict(zip((recorded.epoch + np.rint(signal.times * SECOND).astype(int)).tolist(), signal.values.tolist()))
+        for name, signal in signals(recorded).items()
+    }
 
 
 def assert_same(one, other, *, setpoint_error=0.0):
@@ -106,6 +115,23 @@ def write_bag(path, contents, *, storage='mcap', types=None, compression=Compres
             if not isinstance(payload, bytes):
                 payload = types.serialize_cdr(payload, message.msgtype)
             writer.write(topics[message.topic], message.time, payload)
+    return path
+
+
+def write_mcap_bag(path, contents, **options):
+    """Write messages, in the order of their times, as an mcap file with the mcap library, which stores checksums."""
+    types = messages.standard_types()
+    writer = McapWriter(str(path), **options)
+    writer.start('ros2')
+    channels = {}
+    for message in sorted(contents, key=lambda message: message.time):
+        if message.topic not in channels:
+            definition, _ = types.generate_msgdef(message.msgtype, ros_version=2)
+            schema = writer.register_schema(message.msgtype, 'ros2msg', definition.encode())
+            channels[message.topic] = writer.register_channel(message.topic, 'cdr', schema)
+        payload = bytes(types.serialize_cdr(message.content, message.msgtype))
+        writer.add_message(channels[message.topic], message.time, payload, message.time)
+    writer.finish()
     return path
 
 

@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap import records
+from mcap.data_stream import RecordBuilder
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
-from recording_cases import EPOCH, SECOND, Message, piston, plain_messages, pressure, write_bag
+from recording_cases import (
+    EPOCH,
+    SECOND,
+    Message,
+    assert_same,
+    piston,
+    plain_messages,
+    pressure,
+    recording,
+    write_bag,
+    write_mcap_bag,
+)
 from rosbags.rosbag2 import Reader
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import read_recording
+from cfd_pneumatic.recording import read_recording, write_recording
 from cfd_pneumatic.recording.blocks import OneByOne
-from cfd_pneumatic.recording.chunks import ChunkedMcap, chunk_indexes
-from cfd_pneumatic.recording.messages import FLOAT64
+from cfd_pneumatic.recording.chunks import McapFile
+from cfd_pneumatic.recording.messages import FLOAT64, JOINT_STATE, joint_state
 from cfd_pneumatic.recording.rows import SqliteRows
 
 TOPICS = ('/a', '/b', '/b', '/c')  # a topic may have several channels
@@ -50,7 +65,7 @@ def by_topic(blocks):
 def chunked_and_one_by_one(path, topics):
     with Reader(path) as reader:
         wanted = [connection for connection in reader.connections if connection.topic in topics]
-        chunked = ChunkedMcap(path, reader.connections, reader.start_time, chunk_indexes(path))
+        chunked = McapFile(path, reader.connections)
         return by_topic(chunked.blocks(wanted)), by_topic(OneByOne(reader, reader.start_time).blocks(wanted))
 
 
@@ -90,7 +105,6 @@ def test_rows_give_what_rosbags_gives(tmp_path_factory, messages, topics):
 def test_chunks_in_the_reverse_order_of_time_are_turned_round(tmp_path):
     messages = [(0, time, b'%d' % time) for time in range(100, 0, -1)]
     path = write_mcap(tmp_path / 'back.mcap', messages, chunk_size=200)
-    assert len(chunk_indexes(path)) > 10
     chunked, one_by_one = chunked_and_one_by_one(path, {'/a'})
     assert chunked == one_by_one == {'/a': [(time, b'%d' % time) for time in range(1, 101)]}
 
@@ -98,21 +112,63 @@ def test_chunks_in_the_reverse_order_of_time_are_turned_round(tmp_path):
 @pytest.mark.parametrize(
     'options', [{'use_chunking': False}, {'index_types': IndexType.NONE}, {'index_types': IndexType.CHUNK}]
 )
-def test_without_an_index_there_are_no_chunks_to_go_by(tmp_path, options):
-    assert chunk_indexes(write_mcap(tmp_path / 'plain.mcap', [(0, 1, b'x')], **options)) == []
+def test_a_file_without_an_index_is_gone_through(tmp_path, options):
+    messages = [(time % 4, time, b'%d' % time) for time in range(1, 101)]
+    path = write_mcap(tmp_path / 'plain.mcap', messages, chunk_size=200, use_statistics=True, **options)
+    read = by_topic(McapFile(path).blocks(McapFile(path).connections))
+    assert read == {topic: [(time, data) for one, time, data in messages if TOPICS[one] == topic] for topic in TOPICS}
 
 
-def test_an_index_that_leads_astray_is_damage(tmp_path):
-    bag = write_bag(tmp_path / 'bag', plain_messages())
-    (index,) = chunk_indexes(bag / 'bag.mcap')
+def test_messages_outside_of_chunks_are_read(tmp_path):
+    with (tmp_path / 'some.mcap').open('wb') as stream:
+        writer = Writer(stream, chunk_size=1)  # each message in a chunk
+        writer.start('ros2')
+        schema = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        channel = writer.register_channel('/a', 'cdr', schema)
+        for time in range(1, 11):
+            if time % 3:
+                writer.add_message(channel, time, b'%d' % time, time)
+            else:
+                record = RecordBuilder()
+                records.Message(channel, time, b'%d' % time, time, 0).write(record)
+                stream.write(record.end())
+        writer.finish()
+    file = McapFile(tmp_path / 'some.mcap')
+    assert by_topic(file.blocks(file.connections)) == {'/a': [(time, b'%d' % time) for time in range(1, 11)]}
+
+
+@pytest.mark.parametrize('checksums', [True, False])
+def test_an_index_that_leads_astray(tmp_path, checksums):
+    """Where a checksum says that the chunk is right, the index does no harm."""
+    bag = tmp_path / 'bag'
+    if checksums:
+        write_recording(bag, recording(20, setpoints=False))
+    else:
+        write_bag(bag, plain_messages())
+    with (bag / 'bag.mcap').open('rb') as stream:
+        (index,) = make_reader(stream).get_summary().chunk_indexes
     content = bytearray((bag / 'bag.mcap').read_bytes())
     entry = next(iter(index.message_index_offsets.values())) + 15
     content[entry + 8 : entry + 16] = (40).to_bytes(8, 'little')
     (bag / 'bag.mcap').write_bytes(content)
-    with pytest.raises(
-        InputError, match='is damaged: the index of a chunk does not lead to its messages; mcap recover'
-    ):
-        read_recording(bag)
+    if checksums:
+        assert_same(read_recording(bag), recording(20, setpoints=False))
+    else:
+        with pytest.raises(InputError, match=r'bag: is damaged and nothing can be salvaged; mcap recover may mend it$'):
+            read_recording(bag)
+
+
+def test_a_block_that_is_shorter_than_what_is_looked_for_in_it(tmp_path):
+    """Messages of another layout than those before, in a chunk that is smaller than the names in these."""
+    contents = []
+    for index, names in enumerate((['x' * 500, 'piston'], ['piston'], ['piston'])):
+        time = EPOCH + index * SECOND
+        joints = joint_state(time, 'piston', 0.0)
+        joints.name, joints.position = names, np.arange(10.0 * index, 10.0 * index + len(names))
+        contents += [Message('/d/piston_state', JOINT_STATE, time, joints)]
+        contents += [pressure(2e5, time, topic='/d/cylinder_a/pressure')]
+    write_mcap_bag(tmp_path / 'some.mcap', contents, chunk_size=1)  # each message in a chunk
+    assert read_recording(tmp_path / 'some.mcap').displacement.values.tolist() == [1.0, 10.0, 20.0]
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])

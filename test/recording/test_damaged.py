@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sqlite3
 import struct
 
 import pytest
 from mcap.writer import Writer
-from recording_cases import EPOCH, piston, plain_messages, pressure, recording, write_bag, write_ros1_bag
+from recording_cases import (
+    EPOCH,
+    SECOND,
+    by_time,
+    piston,
+    plain_messages,
+    pressure,
+    recording,
+    write_bag,
+    write_ros1_bag,
+)
 from rosbags.rosbag2 import CompressionMode
 
 from cfd_pneumatic.errors import InputError
@@ -50,7 +61,12 @@ def test_what_a_cut_off_file_still_holds_is_salvaged(long_bags, tmp_path, storag
     count = len(read.displacement)
     salvaged = count + len(read.cylinders['cylinder_a'].pressure)
     assert 0.3 * part * 24_000 < salvaged <= 24_000
-    assert read.health == (f'{file.name} is cut off: salvaged {salvaged:,} messages',)
+    assert read.health[0] == f'{file.name} is cut off: salvaged {salvaged:,} messages'
+    if storage == 'mcap':
+        (note,) = read.health[1:]
+        assert re.fullmatch(r'cut.mcap is damaged: left out what was received later than \S+ s after its start', note)
+    else:
+        assert len(read.health) == 1
     assert (read.displacement.values == whole.displacement.values[:count]).all()
     assert (read.displacement.times == whole.displacement.times[:count]).all()
 
@@ -89,15 +105,38 @@ def test_a_database_with_a_damaged_page(long_bags, tmp_path):
     assert len(read.displacement) > 1000
 
 
-def test_a_damaged_chunk(tmp_path):
+def test_a_file_whose_only_chunk_is_damaged(tmp_path):
     write_bag(tmp_path / 'bag', plain_messages(), compression=CompressionMode.STORAGE)
     file = tmp_path / 'bag' / 'bag.mcap'
     content = bytearray(file.read_bytes())
     frame = content.index(b'\x28\xb5\x2f\xfd')  # where the compressed messages begin
     content[frame : frame + 4] = bytes(4)
     file.write_bytes(content)
-    assert error_of(file).startswith('is damaged: ')
-    assert error_of(file).endswith('; mcap recover may mend it')
+    assert error_of(file) == 'is damaged and nothing can be salvaged; mcap recover may mend it'
+
+
+@pytest.mark.parametrize('part', [1.0, 0.99999])
+def test_a_chunk_with_a_flipped_bit_is_left_out(long_bags, tmp_path, part):
+    """Whether the file still has its end or not; all other numbers are as they were written."""
+    whole = read_recording(long_bags / 'mcap')
+    file = cut(long_bags / 'mcap' / 'mcap.mcap', tmp_path / 'flip.mcap', part)
+    content = bytearray(file.read_bytes())
+    value = struct.pack('<d', whole.cylinders['cylinder_a'].pressure.values[7000])
+    content[content.index(value) + 6] ^= 16
+    file.write_bytes(content)
+    read = read_recording(file)
+    note = next(note for note in read.health if 'is damaged' in note)
+    count, begin, end = re.fullmatch(
+        r'flip.mcap is damaged: left out (.+ messages, )?what was received between (\S+) s and (\S+) s.* its start',
+        note,
+    ).groups()
+    assert (count is not None) == (part == 1.0)
+    assert float(begin) < 70.0 < float(end)
+    found, truth = by_time(read), by_time(whole)
+    for signal, values in found.items():
+        assert len(values) > 4000
+        assert values.items() <= truth[signal].items()
+        assert whole.epoch + 70 * SECOND not in values
 
 
 def test_two_definitions_of_one_type(tmp_path):
@@ -116,6 +155,25 @@ def test_two_definitions_of_one_type(tmp_path):
         'topic /d/cylinder_a/pressure has messages of two definitions of sensor_msgs/msg/FluidPressure: '
         'split the bag, or leave out what one of its publishers sent'
     )
+
+
+def test_messages_that_a_ros1_index_leaves_out_are_told(tmp_path):
+    bag = write_ros1_bag(tmp_path / 'bag.bag')
+    content = bytearray(bag.read_bytes())
+    count = content.index(b'count=', content.rindex(b'op=\x04')) + 6
+    assert (content[count], content[count + 4]) == (20, 20 * 12)
+    content[count], content[count + 4] = 19, 19 * 12
+    bag.write_bytes(content)
+    read = read_recording(bag)
+    assert read.health == ('bag.bag is damaged: left out 1 message',)
+    assert len(read.displacement) + len(read.cylinders['cylinder_a'].pressure) == 39
+
+
+def test_rows_of_no_topic_are_told(tmp_path):
+    write_bag(tmp_path / 'bag', plain_messages(), storage='sqlite3')
+    with sqlite3.connect(tmp_path / 'bag' / 'bag.db3') as database:
+        database.execute('UPDATE messages SET topic_id = 77 WHERE id IN (5, 7)')
+    assert read_recording(tmp_path / 'bag').health[0] == 'bag.db3 is damaged: 2 messages of no topic left out'
 
 
 def test_a_cut_off_ros1_bag(tmp_path):
