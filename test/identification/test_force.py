@@ -162,10 +162,9 @@ def test_what_can_not_make_an_experiment_is_said():
     recording = recording_of(draw(None, 'paper_step', 4))
     motion, strokes = observed_motion(recording)
     (split,), _ = split_recordings([strokes])
-    cylinders, force = recording.cylinders, recording.force
+    force = recording.force
     for broken, message in (
         (replace(recording, force=None), 'no force'),
-        (replace(recording, cylinders={'cylinder_b': cylinders['cylinder_b']}), 'cylinder_a/pressure'),
         (replace(recording, force=Signal(force.times + 99.0, force.values)), 'time offsets'),
         (replace(recording, force=Signal(force.times, 0.0 * force.values)), 'never changes'),
     ):
