@@ -35,7 +35,7 @@ test: $(VENV)/.ready  ## run all tests; ARGS='-k name' goes to pytest
 	@$(PY) -c 'import rclpy' || test '$(findstring jazzy,$(EXTRAS))' = ''
 	$(PY) -m pytest $(ARGS)
 
-fuzz: $(VENV)/.ready  ## run the property tests on random examples, five times as many
+fuzz: $(VENV)/.ready  ## run the property tests on random examples, twice as many
 	$(PY) -m pytest -m hypothesis --hypothesis-profile=random $(ARGS)
 
 demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify the recording

@@ -23,7 +23,7 @@ isolate()
 # Without deadlines, for a busy machine takes its time. A test that is slow asks for a share of `max_examples`.
 ANY_SPEED = {'deadline': None, 'suppress_health_check': [HealthCheck.too_slow]}
 settings.register_profile('repeatable', derandomize=True, **ANY_SPEED)
-settings.register_profile('random', derandomize=False, max_examples=500, print_blob=True, **ANY_SPEED)
+settings.register_profile('random', derandomize=False, max_examples=200, print_blob=True, **ANY_SPEED)
 settings.load_profile('repeatable')
 
 NEEDS = {'nodes': ('ROS 2', ['rclpy']), 'plant': ('Dask', ['distributed', 'pyarrow'])}
