@@ -6,7 +6,7 @@ import math
 
 import pytest
 from geometry_msgs.msg import WrenchStamped
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import FluidPressure, JointState
@@ -39,7 +39,6 @@ def told_by_rclpy(message: JointState) -> tuple[int, float] | None:
     return (nanoseconds(message.header.stamp), positions['piston']) if 'piston' in positions else None
 
 
-@settings(deadline=None)  # a busy machine may hold up any of them
 @given(st.lists(joint_states(), min_size=1, max_size=12))
 def test_a_joint_is_read_in_whatever_order_messages_come(messages: list[JointState]) -> None:
     reader = joint_reader('piston')
@@ -48,7 +47,6 @@ def test_a_joint_is_read_in_whatever_order_messages_come(messages: list[JointSta
         assert reader.names == list(message.name)
 
 
-@settings(deadline=None)  # a busy machine may hold up any of them
 @given(st.lists(st.tuples(headers(), st.floats()), min_size=1, max_size=5))
 def test_pressures_and_forces_are_read(samples: list[tuple[Header, float]]) -> None:
     pressure, force = pressure_reader(), force_reader('y')
@@ -62,7 +60,6 @@ def test_pressures_and_forces_are_read(samples: list[tuple[Header, float]]) -> N
         assert force.read(serialize_message(message)) == told
 
 
-@settings(deadline=None)  # a busy machine may hold up any of them
 @given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1), st.floats())
 @example(2**31 - 1, 10**9 - 1, 0.0)
 @example(2**31 - 1, 2**32 - 1, 0.0)
