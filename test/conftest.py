@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -18,6 +19,9 @@ from tutorial import blocks, programs, run  # noqa: E402
 from cfd_pneumatic.examples import EXAMPLES  # noqa: E402
 
 isolate()
+
+# Where a script starts the tests in the background, an interrupt is ignored, and what they start inherits that.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # How property tests are run: `make test` says the same every time, `make fuzz` looks for examples that nobody has seen.
 # Without deadlines, for a busy machine takes its time. A test that is slow asks for a share of `max_examples`.
