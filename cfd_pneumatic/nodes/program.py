@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from threading import Event
 from typing import Any
 
 import rclpy
@@ -14,6 +15,7 @@ from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
     NameValidationException,
+    NotInitializedException,
     ParameterUninitializedException,
 )
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
@@ -79,22 +81,44 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     if {'-h', '--help'} & set(sys.argv[1:] if args is None else args):
         print(help_of(name, make_node))
         return 0
+    made = Event()
+    _interrupt_until(made)
     try:
         _start(args)
         node = make_node()
+        made.set()
         try:
             _spin(node)
         finally:
-            _finish_in_peace()
             node.destroy_node()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except _MISTAKES as error:
         print(f'{name}: error: {_one_line(str(error))}', file=sys.stderr)
         return _BAD_INPUT
+    except (RuntimeError, NotInitializedException):
+        if rclpy.ok():
+            raise
+        # else a signal has ended ROS in the middle of something that needs it
     finally:
-        rclpy.try_shutdown()
+        with suppress(RuntimeError):  # a signal may have shut ROS down between rclpy's question and its answer
+            rclpy.try_shutdown()
     return 0
+
+
+def _interrupt_until(made: Event) -> None:
+    """
+    Let an interrupt raise `KeyboardInterrupt` until the node is made, and never afterwards.
+
+    Then rclpy ends the spinning, and nothing stops what has to be finished, such as a bag or the executor's own start.
+    A second SIGTERM still ends the program.
+    """
+
+    def interrupt(*_: object) -> None:
+        if not made.is_set():
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
 
 
 def _start(args: Sequence[str] | None) -> None:
@@ -117,14 +141,10 @@ def _one_line(message: str) -> str:
 
 def _spin(node: Node) -> None:
     executor = _make_executor()
-    executor.add_node(node)
     try:
+        executor.add_node(node)
         while rclpy.ok():
             executor.spin_once(timeout_sec=_SPIN_FOR)
-    except RuntimeError:
-        if rclpy.ok():
-            raise
-        # else a signal has ended the context in the middle of a callback, which could not publish any more
     finally:
         executor.shutdown(timeout_sec=_SHUTDOWN)
 
@@ -136,9 +156,3 @@ def _make_executor() -> Executor:
     A set-point sent just before its sample must act on it; SingleThreadedExecutor hands them over by topic instead.
     """
     return SingleThreadedExecutor() if EventsExecutor is None else EventsExecutor()
-
-
-def _finish_in_peace() -> None:
-    """Let no second interrupt stop what has to be finished, such as a bag; a second SIGTERM still ends the program."""
-    with suppress(KeyboardInterrupt):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
