@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import mmap
 import os
+import shutil
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -40,6 +42,8 @@ def allocate(count: int, dtype: DTypeLike, folder: Path | None) -> NDArray[Any]:
     try:
         if folder is None or not size:
             return np.empty(count, dtype)
+        if size > shutil.disk_usage(folder).free:  # or trying would fill the disk for everybody
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         with TemporaryFile(dir=folder) as file:
             os.posix_fallocate(file.fileno(), 0, size)  # a disk that fills up later would kill the program
             return np.frombuffer(mmap.mmap(file.fileno(), size), dtype)
