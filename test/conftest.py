@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
+import json
+import os
 import signal
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -61,26 +65,45 @@ class Session(NamedTuple):
     environment: dict[str, str]
 
 
+def once(factory: pytest.TempPathFactory, name: str, type_into: Callable[[Session], None]) -> Session:
+    """Return a session that one worker of the tests types, while the others wait for it."""
+    base = factory.getbasetemp()
+    root = base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base
+    folder, kept = root / name, root / f'{name}.json'
+    with (root / f'{name}.lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not kept.exists():
+            folder.mkdir()
+            session = Session(folder, {}, programs(root / f'{name}_programs'))
+            type_into(session)
+            paths = {key: session.environment[key] for key in ('PATH', 'PYTHONPATH')}
+            kept.write_text(json.dumps([session.said, paths]))
+    said, paths = json.loads(kept.read_text())
+    return Session(folder, said, os.environ | paths)  # with this worker's own ROS graph
+
+
 @pytest.fixture(scope='session')
 def tutorial(tmp_path_factory: pytest.TempPathFactory) -> Session:
     """Type the tutorial's commands, but those that need measured data, which its last part alone does."""
-    folder = tmp_path_factory.mktemp('tutorial')
-    one = Session(folder, {}, programs(tmp_path_factory.mktemp('programs') / 'bin'))
-    for block in blocks():
-        if block.language == 'sh' and 'CFD_PNEUMATIC_DATA' not in block.text:
-            one.said[block.heading] = one.said.get(block.heading, '') + run(block.text, folder, one.environment)
-    return one
+
+    def type_into(one: Session) -> None:
+        for block in blocks():
+            if block.language == 'sh' and 'CFD_PNEUMATIC_DATA' not in block.text:
+                one.said[block.heading] = one.said.get(block.heading, '') + run(block.text, one.folder, one.environment)
+
+    return once(tmp_path_factory, 'tutorial', type_into)
 
 
 @pytest.fixture(scope='session')
 def examples(tmp_path_factory: pytest.TempPathFactory) -> Session:
     """Type the examples of the offline programs' help."""
-    folder = tmp_path_factory.mktemp('examples')
-    one = Session(folder, {}, programs(tmp_path_factory.mktemp('programs') / 'bin'))
-    for name, example in EXAMPLES.items():
-        if not name.endswith('_node'):
-            one.said[name] = run(example, folder, one.environment)
-    return one
+
+    def type_into(one: Session) -> None:
+        for name, example in EXAMPLES.items():
+            if not name.endswith('_node'):
+                one.said[name] = run(example, one.folder, one.environment)
+
+    return once(tmp_path_factory, 'examples', type_into)
 
 
 def pytest_terminal_summary(terminalreporter):
