@@ -133,7 +133,7 @@ def test_an_array_that_outgrows_its_disk_is_told(monkeypatch):
 def test_a_disk_that_is_too_small_is_told_before_it_is_filled(tmp_path, monkeypatch):
     free = os.statvfs(tmp_path)
     monkeypatch.setattr(os, 'posix_fallocate', None)
-    with pytest.raises(InputError, match='MB of it cannot be kept in .*: No space left on device'):
+    with pytest.raises(InputError, match=r'MB of it cannot be kept in .*: No space left on device'):
         allocate(free.f_bavail * free.f_frsize, np.float64, tmp_path)
     with pytest.raises(InputError, match='MB of it cannot be kept in memory: '):
         allocate(2**58, np.float64, None)
