@@ -23,6 +23,9 @@ _ONE_THREAD = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM
 _LEAN = {'distributed.nanny.pre-spawn-environ': _ONE_THREAD, 'distributed.worker.profile.enabled': False}
 """Settings of Dask; by default it has memory given back after each array, which takes a fifth of a worker's time."""
 
+_LASTING = {'distributed.deploy.lost-worker-timeout': '1h'}
+"""So long a worker may take to begin anew; by default it is given up after 15 s, which a busy machine needs."""
+
 _PATIENCE = '10s'
 _BATCH = 500  # jobs that are sent at once
 _LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
@@ -41,7 +44,7 @@ def local_cluster(workers: int) -> Iterator[Client]:
             dashboard_address='127.0.0.1:0',  # any free port: another cluster on this computer may have the usual one
             silence_logs=logging.CRITICAL,
         )
-    with cluster, Client(cluster) as client:
+    with dask.config.set(_LASTING), cluster, Client(cluster) as client:
         yield client
 
 
