@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.colour import autoregression, whitened
-from cfd_pneumatic.monitoring.chart import Series, usual
+from cfd_pneumatic.monitoring.chart import LEAST_SPREAD, Series, usual
 
 Array = NDArray[np.float64]
 
@@ -132,7 +132,7 @@ def _weighing(residuals: Array, rates: Array, ends: NDArray[np.intp]) -> tuple[W
     """
     order = np.argsort(np.abs(rates), kind='stable')
     squares, ascending = (residuals[order] - np.median(residuals)) ** 2, rates[order]
-    noise = max(float(np.mean(squares[: squares.size // 2])), np.finfo(float).tiny)
+    noise = max(float(np.mean(squares[: squares.size // 2])), LEAST_SPREAD**2)
     fast = slice(squares.size - max(int(_FAST * squares.size), 1), None)
     moved = float(np.sum(ascending[fast] ** 2))
     excess = max(float(np.sum(squares[fast] - noise)), 0.0)
@@ -141,7 +141,7 @@ def _weighing(residuals: Array, rates: Array, ends: NDArray[np.intp]) -> tuple[W
     colour = autoregression([stretch - np.mean(stretch) for stretch in np.split(weighed, ends)])
     coloured = replace(plain, colour=colour)
     innovations = coloured.innovations(weighed, np.empty(0))
-    return replace(coloured, innovation=max(float(np.std(innovations)), np.finfo(float).tiny)), innovations
+    return replace(coloured, innovation=max(float(np.std(innovations)), LEAST_SPREAD)), innovations
 
 
 def _wandering(means: Array, by_chance: float) -> float:

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 _CLIP = 4.0  # standard deviations that a single value counts for at most
 _OUTLYING = 5.0  # robust standard deviations
+LEAST_SPREAD = 1e-80  # of what has always been the same; the square of what it divides stays a number
 _NORMAL_PER_MEDIAN = 1.4826  # standard deviation over median absolute deviation
 
 
@@ -66,7 +67,7 @@ def usual(values: Array, tolerance: float = 0.0) -> Series:
     mean = float(np.mean(near))
     colour = autoregression([near - mean])
     new = whitened(near - mean, colour)[colour.size :]
-    std = max(float(np.sqrt(np.sum(new**2) / max(new.size - 1 - colour.size, 1))), np.finfo(float).tiny)
+    std = max(float(np.sqrt(np.sum(new**2) / max(new.size - 1 - colour.size, 1))), LEAST_SPREAD)
     series = Series(mean, colour, std, tolerance, values.size)
     scores = np.clip(whitened(values - mean, colour)[colour.size :] / std, -_CLIP, _CLIP)
     return replace(series, excursions=(excursions(scores, series.slack), excursions(-scores, series.slack)))

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from cfd_pneumatic.monitoring.baseline import Baseline, learn
+from cfd_pneumatic.monitoring.baseline import FEWEST_BLOCKS, Baseline, learn
+from cfd_pneumatic.monitoring.channel import Block, Channel
 
 NOISE, TIMING, SAMPLES, BLOCKS = 50.0, 2e-4, 100, 400
 
@@ -68,3 +71,34 @@ def test_noise_alone_makes_no_tolerance_and_wandering_makes_its_own() -> None:
     wandering = together + 80.0 * np.sign(np.sin(np.arange(BLOCKS) / 40.0))[:, None]
     assert learned(wandering, rates).mean.tolerance == pytest.approx(80.0, rel=0.2)
     assert learned(wandering, rates, tolerance=5.0).mean.tolerance == 5.0
+
+
+LARGEST = 1e12
+VALUES = st.floats(-LARGEST, LARGEST) | st.integers(-10, 10).map(float)
+
+
+@given(
+    pattern=st.lists(VALUES, min_size=1, max_size=9),
+    spikes=st.dictionaries(st.integers(0, 10 * FEWEST_BLOCKS - 1), VALUES, max_size=3),
+    rates=st.lists(st.floats(-1e15, 1e15), min_size=1, max_size=9),
+    then=st.lists(VALUES, min_size=10, max_size=10),
+)
+@example(pattern=[0.0], spikes={}, rates=[0.0], then=[LARGEST] * 10)
+@example(pattern=[137.25], spikes={}, rates=[0.0], then=[-LARGEST] * 10)
+@example(pattern=[0.0, 1e-300], spikes={3: LARGEST}, rates=[0.0, 1e15], then=[0.0] * 10)
+def test_whatever_is_learned_from_what_comes_then_is_charted(
+    pattern: list[float], spikes: dict[int, float], rates: list[float], then: list[float]
+) -> None:
+    count = 10 * FEWEST_BLOCKS
+    residuals = np.resize(pattern, count)
+    residuals[list(spikes)] = list(spikes.values())
+    channel = Channel('cylinder_a', FEWEST_BLOCKS, 10, 1e4)
+    with np.errstate(divide='raise', invalid='raise', over='raise'):
+        for number, blocks in enumerate(
+            zip(np.split(residuals, FEWEST_BLOCKS), np.split(np.resize(rates, count), FEWEST_BLOCKS))
+        ):
+            channel.take_block(Block(10 * number, *blocks))
+        for number in range(FEWEST_BLOCKS, FEWEST_BLOCKS + 30):
+            channel.take_block(Block(10 * number, np.array(then), np.zeros(10)))
+        departure = channel.describe(10 * FEWEST_BLOCKS, level=True)
+    assert np.all(np.isfinite([channel.usual, channel.nearness, channel.agitation, departure.shift]))

@@ -98,6 +98,11 @@ class Process:
     def pid(self) -> int:
         return self._process.pid
 
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs."""
+        return self._process.poll()
+
     def wait(self) -> int:
         """Return the exit code."""
         return self._process.wait(PATIENCE)
@@ -174,6 +179,9 @@ class Graph:
         try:
             yield process
             process.stop()
+        except BaseException as error:
+            error.add_note(f'{module}, exit code {process.exit_code}, had said:\n{process.stderr}')
+            raise
         finally:
             process.reap()
 
