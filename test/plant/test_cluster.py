@@ -7,6 +7,7 @@ import signal
 import socket
 from pathlib import Path
 
+import dask
 import pytest
 from distributed import KilledWorker
 
@@ -48,6 +49,17 @@ def test_only_the_job_that_kills_every_worker_is_given_up(client):
     done = dict(results(client, work, jobs))
     assert isinstance(done.pop('die'), KilledWorker)
     assert done == {job: 2 * str(job) for job in range(20)}
+
+
+def test_a_worker_that_takes_longer_than_dask_waits_to_begin_anew_is_waited_for(tmp_path):
+    def is_kept():
+        assert slow.cluster.workers, 'it was given up for good'
+
+    with local_cluster(1) as slow:
+        slow.run(os.getpid)
+        with dask.config.set({'distributed.worker.preload': ['import time; time.sleep(17)\n']}):
+            jobs = [tmp_path / 'once', 1]
+            assert dict(results(slow, work, jobs, is_kept)) == {job: 2 * str(job) for job in jobs}
 
 
 def test_an_error_is_the_result_of_its_job_alone(client):
