@@ -174,9 +174,38 @@ def test_monitor_node_predicts_a_sane_sample_after_every_message_and_learns(grap
 
         status = graph.next_diagnostics(node, lambda status: status.name.endswith('feed'))
         assert int(counted(status)['ignored stamps']) == 4 * len(NO_TIMES)
-        for name in (*CYLINDERS, CONTACT_FORCE):  # whose residual has never changed
+        for name in (*CYLINDERS, CONTACT_FORCE):
             graph.next_diagnostics(
                 node,
+                lambda one, name=name: one.name.endswith(name) and not one.message.startswith('learning'),
+                doing=samples,
+            )
+
+
+def test_monitor_node_learns_from_signals_that_never_change(graph: Graph) -> None:
+    """It died of a residual whose spread was nothing."""
+    namespace = unique_namespace()
+    topics = (PISTON_STATE, *map(pressure_topic, CYLINDERS), MEASURED_FORCE)
+    settings = {'learning': 2.0, 'block': 0.02, 'timeout': 60.0, **reliable(namespace, *topics)}
+    with graph.run('monitor_node', ros_arguments(namespace, settings)):
+        piston_out = graph.publisher(JointState, f'{namespace}/{PISTON_STATE}')
+        pressures_out = [graph.publisher(FluidPressure, f'{namespace}/{topic}') for topic in topics[1:3]]
+        force_out = graph.publisher(WrenchStamped, f'{namespace}/{MEASURED_FORCE}')
+        outs = [piston_out, *pressures_out, force_out]
+        graph.until(lambda: all(out.get_subscription_count() for out in outs))
+        stamps = iter(range(SANE, LATEST, 2 * MILLISECOND))
+
+        def samples() -> None:
+            for _ in range(50):
+                header = Header(stamp=stamp_message(next(stamps)))
+                piston_out.publish(JointState(header=header, name=['piston'], position=[0.0]))
+                for out in pressures_out:
+                    out.publish(FluidPressure(header=header, fluid_pressure=REST))
+                force_out.publish(WrenchStamped(header=header))
+
+        for name in (*CYLINDERS, CONTACT_FORCE):
+            graph.next_diagnostics(
+                f'{namespace}/monitor_node',
                 lambda one, name=name: one.name.endswith(name) and not one.message.startswith('learning'),
                 doing=samples,
             )
