@@ -15,8 +15,10 @@ Array = NDArray[np.float64]
 
 _CLIP = 4.0  # standard deviations that a single value counts for at most
 _OUTLYING = 5.0  # robust standard deviations
-LEAST_SPREAD = 1e-80  # of what has always been the same; the square of what it divides stays a number
 _NORMAL_PER_MEDIAN = 1.4826  # standard deviation over median absolute deviation
+
+LEAST_SPREAD = 1e-80
+"""Of a residual that has always been the same: its square, and that of what it divides, are numbers [its unit]."""
 
 
 @dataclass(frozen=True)

@@ -179,8 +179,8 @@ class Graph:
         try:
             yield process
             process.stop()
-        except BaseException as error:
-            error.add_note(f'{module}, exit code {process.exit_code}, had said:\n{process.stderr}')
+        except BaseException:
+            print(f'{module}, exit code {process.exit_code}, had said:\n{process.stderr}')
             raise
         finally:
             process.reap()

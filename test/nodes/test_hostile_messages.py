@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
@@ -193,15 +193,17 @@ def test_monitor_node_learns_from_signals_that_never_change(graph: Graph) -> Non
         force_out = graph.publisher(WrenchStamped, f'{namespace}/{MEASURED_FORCE}')
         outs = [piston_out, *pressures_out, force_out]
         graph.until(lambda: all(out.get_subscription_count() for out in outs))
+        predicted = graph.listen(FluidPressure, f'{namespace}/{PREDICTED}{pressure_topic("cylinder_a")}')
         stamps = iter(range(SANE, LATEST, 2 * MILLISECOND))
 
         def samples() -> None:
-            for _ in range(50):
-                header = Header(stamp=stamp_message(next(stamps)))
+            for stamp in islice(stamps, 50):
+                header = Header(stamp=stamp_message(stamp))
                 piston_out.publish(JointState(header=header, name=['piston'], position=[0.0]))
                 for out in pressures_out:
                     out.publish(FluidPressure(header=header, fluid_pressure=REST))
                 force_out.publish(WrenchStamped(header=header))
+            graph.until(lambda: predicted and nanoseconds(predicted[-1].header.stamp) == stamp)
 
         for name in (*CYLINDERS, CONTACT_FORCE):
             graph.next_diagnostics(
