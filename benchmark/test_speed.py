@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 from strokes import AMBIENT, CYLINDER, GAINS, SETPOINT, experiment, record
 
-from cfd_pneumatic.identification.fit import fit
+from cfd_pneumatic.identification.fit.output_error import fit
 from cfd_pneumatic.model import Course, Cylinder, OperatingPoints, simulate_parameter_sets
 from cfd_pneumatic.units import PSI
 

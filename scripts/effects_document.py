@@ -27,7 +27,7 @@ from scipy.signal import periodogram
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import CylinderResult, Options, identify
-from cfd_pneumatic.identification.extension import Extension
+from cfd_pneumatic.identification.fit.extension import Extension
 from cfd_pneumatic.model.effects import EFFECTS, FAMILIES, FORCE_EFFECTS, FUNCTIONS, MODULES, Effect
 from cfd_pneumatic.rig import Cylinder, Sensors, surface_following
 from cfd_pneumatic.rig.panel import EFFECTS as ON_RIG

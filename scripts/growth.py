@@ -42,7 +42,7 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.identification.fit import fit
+from cfd_pneumatic.identification.fit.output_error import fit
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model import Course
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, read_recording

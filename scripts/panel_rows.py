@@ -25,11 +25,11 @@ from provenance import commit
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Fit, Options, identify
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Extension, extend
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.extension import Extension, extend
+from cfd_pneumatic.identification.fit.starts import starting_data
 from cfd_pneumatic.identification.loop import Closure, close_loop
-from cfd_pneumatic.identification.split import PARTS
-from cfd_pneumatic.identification.starts import starting_data
 from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal

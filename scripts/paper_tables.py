@@ -29,10 +29,10 @@ from scipy.optimize import least_squares
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.identification.experiment import Experiment, make_experiment, observed_motion
-from cfd_pneumatic.identification.extension import Extension
-from cfd_pneumatic.identification.fit import fit
-from cfd_pneumatic.identification.split import split_recordings
+from cfd_pneumatic.identification.data.experiment import Experiment, make_experiment, observed_motion
+from cfd_pneumatic.identification.data.split import split_recordings
+from cfd_pneumatic.identification.fit.extension import Extension
+from cfd_pneumatic.identification.fit.output_error import fit
 from cfd_pneumatic.model import TABLE_1, TABLE_2
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig.schedule import MIL, paper_step

@@ -28,10 +28,10 @@ from provenance import commit, machine
 from cfd_pneumatic.commands.record_rig import as_recording
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.identification.experiment import Experiment, make_experiment, observed_motion
-from cfd_pneumatic.identification.fit import fit
+from cfd_pneumatic.identification.data.experiment import Experiment, make_experiment, observed_motion
+from cfd_pneumatic.identification.data.split import PARTS, split_recordings
+from cfd_pneumatic.identification.fit.output_error import fit
 from cfd_pneumatic.identification.loop import close_loop
-from cfd_pneumatic.identification.split import PARTS, split_recordings
 from cfd_pneumatic.model import NAMES, OperatingPoints
 from cfd_pneumatic.parallel import LIMIT
 from cfd_pneumatic.planning import EffectPrediction, Limits, Plan, Sensing, plan

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cfd_pneumatic.identification.experiment import Experiment, make_experiment, observed_motion
-from cfd_pneumatic.identification.split import split_recordings
+from cfd_pneumatic.identification.data.experiment import Experiment, make_experiment, observed_motion
+from cfd_pneumatic.identification.data.split import split_recordings
 from cfd_pneumatic.model import Course, Cylinder, OperatingPoints
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.recording.spool import allocate, parts

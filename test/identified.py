@@ -11,11 +11,11 @@ import numpy as np
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
 from cfd_pneumatic.identification import Estimate, Geometry, Identification, Options, PartError, identify
-from cfd_pneumatic.identification.experiment import observed_motion
-from cfd_pneumatic.identification.force_experiment import ForceExperiment, make_force_experiment
-from cfd_pneumatic.identification.judgement import Trial
-from cfd_pneumatic.identification.residuals import Test as ResidualTest
-from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.identification.data.experiment import observed_motion
+from cfd_pneumatic.identification.data.force_experiment import ForceExperiment, make_force_experiment
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
+from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig.panel import draw
 

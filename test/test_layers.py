@@ -35,6 +35,9 @@ BELOW = {
 }
 """What each layer may import, besides itself and the single modules at the top of the package."""
 
+ROOMS = ('data', 'residual', 'fit', 'search')
+"""Of `identification`, each of which may import those before it; the modules beside them import all."""
+
 ROS = re.compile(r'(rclpy|rcl_interfaces|ament_\w+|builtin_interfaces|launch\w*|rosidl\w*|ros2\w*|\w+_(msgs|srvs))$')
 INPUT_OUTPUT = {'csv', 'io', 'json', 'logging', 'os', 'pathlib', 'shutil', 'socket', 'sqlite3', 'subprocess', 'sys'}
 
@@ -85,6 +88,16 @@ def test_imports_point_downwards(path):
     allowed = {'', own, *BELOW[own]} if own in BELOW else {''}
     ours = {name for name in imports(path) if name.startswith('cfd_pneumatic.')}
     assert {name for name in ours if layer_of(name) not in allowed} == set()
+
+
+@pytest.mark.parametrize('path', in_layer('identification'), ids=lambda path: path.name)
+def test_the_rooms_of_identification_point_one_way(path):
+    here = path.relative_to(PACKAGE / 'identification').parts[0]
+    allowed = {'', *ROOMS[: ROOMS.index(here) + 1]} if here in ROOMS else {'', *ROOMS}
+    parts = {name.split('.')[2] for name in imports(path) if name.startswith('cfd_pneumatic.identification.')}
+    modules_beside = parts - set(ROOMS)
+    assert parts & set(ROOMS) <= allowed
+    assert not (modules_beside and here in ROOMS)
 
 
 def test_only_the_nodes_import_ros():

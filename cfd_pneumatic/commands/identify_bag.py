@@ -25,7 +25,7 @@ from cfd_pneumatic.commands.program import parser_of, run
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.identification.split import FRACTIONS
+from cfd_pneumatic.identification.data.split import FRACTIONS
 from cfd_pneumatic.recording import ChannelMapping, read_mapping, read_recording
 from cfd_pneumatic.reporting import make_folder, next_plan, print_report, write_report
 

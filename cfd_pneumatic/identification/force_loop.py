@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from cfd_pneumatic.identification.colour import autoregression, independent_share
-from cfd_pneumatic.identification.fit import Estimate
-from cfd_pneumatic.identification.force import (
+from cfd_pneumatic.identification.data.force_experiment import ForceExperiment
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.force import (
     Effects,
     ForceFit,
     fit_force,
@@ -25,13 +25,13 @@ from cfd_pneumatic.identification.force import (
     likely_area,
     starting_force_data,
 )
-from cfd_pneumatic.identification.force_experiment import ForceExperiment
+from cfd_pneumatic.identification.fit.output_error import Estimate
 from cfd_pneumatic.identification.held_out import contradiction
-from cfd_pneumatic.identification.influences import Influences
-from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH, EffectSearch, Found, Trial
-from cfd_pneumatic.identification.noise import Noise, noise_of, rounding_step, runs_at_rest, sample_noise
-from cfd_pneumatic.identification.residuals import Test, explained, tests_of
-from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
+from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, runs_at_rest, sample_noise
+from cfd_pneumatic.identification.residual.regressors import Regressors
+from cfd_pneumatic.identification.residual.tests import Test, explained, tests_of
+from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH, EffectSearch, Found, Trial
 from cfd_pneumatic.identification.verdict import (
     Conclusion,
     PartError,
@@ -342,11 +342,11 @@ def force_residual_tests(
     """
     used = [index for index, mask in enumerate(masks) if np.any(mask)]
     residuals = [(experiments[index].force - simulated[index])[masks[index]] for index in used]
-    influences = [_influences(experiments[index], masks[index]) for index in used]
-    return tests_of(residuals, influences, force_noise(experiments, simulated))
+    regressors = [_regressors(experiments[index], masks[index]) for index in used]
+    return tests_of(residuals, regressors, force_noise(experiments, simulated))
 
 
-def _influences(experiment: ForceExperiment, mask: Mask) -> Influences:
+def _regressors(experiment: ForceExperiment, mask: Mask) -> Regressors:
     """Return what the residual may depend on: motion, pressures and their products."""
     at = experiment.samples
     x, rate, acceleration = experiment.displacement[at], experiment.rate[at], experiment.acceleration[at]
@@ -371,7 +371,7 @@ def _influences(experiment: ForceExperiment, mask: Mask) -> Influences:
         level * level,
     ]
     once += [rate * np.abs(rate), np.abs(acceleration), centred * direction]
-    return Influences(once, lagged, np.ones_like(x), int(np.argmax(mask)), int(np.count_nonzero(mask)))
+    return Regressors(once, lagged, np.ones_like(x), int(np.argmax(mask)), int(np.count_nonzero(mask)))
 
 
 def _invisible(fitting: _Fitting, fit: ForceFit, noise: Noise, library: Mapping[str, Effect]) -> tuple[str, ...]:

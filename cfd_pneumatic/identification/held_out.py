@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.force_experiment import ForceExperiment
-from cfd_pneumatic.identification.split import PARTS, stroke_times
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.force_experiment import ForceExperiment
+from cfd_pneumatic.identification.data.split import PARTS, stroke_times
 
 Array = NDArray[np.float64]
 

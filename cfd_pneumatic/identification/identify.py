@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.experiment import Experiment, make_experiment, observed_motion
-from cfd_pneumatic.identification.fit import Fit, fit
-from cfd_pneumatic.identification.force import fit_area
-from cfd_pneumatic.identification.force_experiment import make_force_experiment
+from cfd_pneumatic.identification.data.experiment import Experiment, make_experiment, observed_motion
+from cfd_pneumatic.identification.data.force_experiment import make_force_experiment
+from cfd_pneumatic.identification.data.motion import Motion
+from cfd_pneumatic.identification.data.split import FRACTIONS, Split, split_recordings
+from cfd_pneumatic.identification.fit.force import fit_area
+from cfd_pneumatic.identification.fit.output_error import Fit, fit
 from cfd_pneumatic.identification.force_loop import ForceClosure, close_force_loop
 from cfd_pneumatic.identification.loop import Closure, close_loop
-from cfd_pneumatic.identification.motion import Motion
-from cfd_pneumatic.identification.noise import pressure_noise
-from cfd_pneumatic.identification.split import FRACTIONS, Split, split_recordings
+from cfd_pneumatic.identification.residual.noise import pressure_noise
 from cfd_pneumatic.identification.verdict import PartError, part_errors
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.recording.spool import parts

@@ -15,15 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from cfd_pneumatic.identification.attribution import Search
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Extension, extend, tangent
-from cfd_pneumatic.identification.fit import Estimate, Fit
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.fit.extension import Extension, extend, tangent
+from cfd_pneumatic.identification.fit.output_error import Estimate, Fit
+from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, covariance
 from cfd_pneumatic.identification.held_out import contradiction
-from cfd_pneumatic.identification.judgement import Trial
-from cfd_pneumatic.identification.noise import Noise, precision, pressure_noise
-from cfd_pneumatic.identification.residuals import explained, residual_tests
-from cfd_pneumatic.identification.uncertainty import LARGEST_RELATIVE_STD, covariance
+from cfd_pneumatic.identification.residual.noise import Noise, precision, pressure_noise
+from cfd_pneumatic.identification.residual.tests import explained, residual_tests
+from cfd_pneumatic.identification.search.attribution import Search
+from cfd_pneumatic.identification.search.stepwise import Trial
+from cfd_pneumatic.identification.search.visibility import invisible
 from cfd_pneumatic.identification.verdict import (
     VERDICTS,
     Conclusion,
@@ -33,7 +34,6 @@ from cfd_pneumatic.identification.verdict import (
     shortage_of,
     verdict_of,
 )
-from cfd_pneumatic.identification.visibility import invisible
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Effect
 

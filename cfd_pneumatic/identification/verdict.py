@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.fit import Estimate
-from cfd_pneumatic.identification.judgement import Trial
-from cfd_pneumatic.identification.residuals import Test
-from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.output_error import Estimate
+from cfd_pneumatic.identification.residual.tests import Test
+from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.model.effects import Effect
 from cfd_pneumatic.recording import spool
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.colour import autoregression, whitened
+from cfd_pneumatic.identification.residual.autoregression import autoregression, whitened
 from cfd_pneumatic.monitoring.chart import LEAST_SPREAD, Series, usual
 
 Array = NDArray[np.float64]

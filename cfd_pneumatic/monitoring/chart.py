@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.compiling import compiler
-from cfd_pneumatic.identification.colour import autoregression, whitened
+from cfd_pneumatic.identification.residual.autoregression import autoregression, whitened
 from cfd_pneumatic.monitoring.run_length import SLACK, Excursions, as_rare, excursions, threshold_for
 
 Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.judgement import SHOWN, TIE
-from cfd_pneumatic.identification.uncertainty import Information
+from cfd_pneumatic.identification.fit.uncertainty import Information
+from cfd_pneumatic.identification.search.stepwise import SHOWN, TIE
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.signatures import Signatures
 

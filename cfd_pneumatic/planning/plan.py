@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.split import PARTS
-from cfd_pneumatic.identification.uncertainty import LARGEST_RELATIVE_STD
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.composition import ROUNDS, Menu, compose

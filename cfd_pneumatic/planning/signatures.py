@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import CYLINDERS
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Extension, simulate_models, tangent
-from cfd_pneumatic.identification.force import fit_force, hold_several_levels, starting_force_data
-from cfd_pneumatic.identification.force_experiment import ForceExperiment
-from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH
-from cfd_pneumatic.identification.motion import Motion
-from cfd_pneumatic.identification.split import Split, split_recordings, stroke_times
-from cfd_pneumatic.identification.starts import starting_data
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.force_experiment import ForceExperiment
+from cfd_pneumatic.identification.data.motion import Motion
+from cfd_pneumatic.identification.data.split import Split, split_recordings, stroke_times
+from cfd_pneumatic.identification.fit.extension import Extension, simulate_models, tangent
+from cfd_pneumatic.identification.fit.force import fit_force, hold_several_levels, starting_force_data
+from cfd_pneumatic.identification.fit.starts import starting_data
+from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH
 from cfd_pneumatic.model import DIRECTIONS, SPECS, Course
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
 from cfd_pneumatic.model.extended_force import ExtendedForce

@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cfd_pneumatic.identification.fit import Estimate
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.output_error import Estimate
 from cfd_pneumatic.identification.identify import CylinderResult, Identification
-from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.reporting.outcome import Outcome, outcomes, rounds
 from cfd_pneumatic.reporting.wording import percent, sentence, verdict

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cfd_pneumatic.identification import CylinderResult, Estimate, Identification, PartError
-from cfd_pneumatic.identification.residuals import Test
-from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.reporting.advice import next_plan
 from cfd_pneumatic.reporting.outcome import Outcome, outcomes
 

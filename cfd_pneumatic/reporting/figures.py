@@ -24,9 +24,9 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from cfd_pneumatic.identification.colour import autocovariance
-from cfd_pneumatic.identification.residuals import SIGNIFICANCE
-from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.residual.autoregression import autocovariance
+from cfd_pneumatic.identification.residual.tests import SIGNIFICANCE
 from cfd_pneumatic.reporting.outcome import Comparison, Outcome
 
 Array = NDArray[np.float64]

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification import CylinderResult, Estimate, Identification, PartError
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.judgement import Trial
-from cfd_pneumatic.identification.noise import precision
-from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.residual.noise import precision
+from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.units import POUND_FORCE, PSI

@@ -8,8 +8,8 @@ from typing import Any
 
 from cfd_pneumatic import __version__
 from cfd_pneumatic.identification import CylinderResult, Estimate, Identification, PartError
-from cfd_pneumatic.identification.residuals import Test
-from cfd_pneumatic.identification.split import PARTS
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.reporting import figures, wording

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from reference import AMBIENT
 
-from cfd_pneumatic.identification.experiment import make_experiment, observed_motion
-from cfd_pneumatic.identification.split import split_recordings
+from cfd_pneumatic.identification.data.experiment import make_experiment, observed_motion
+from cfd_pneumatic.identification.data.split import split_recordings
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
 

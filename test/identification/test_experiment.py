@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.identification import experiment as module
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.fit import fit
+from cfd_pneumatic.identification.data import experiment as module
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.fit.output_error import fit
 from cfd_pneumatic.model import Cylinder, OperatingPoints
 
 AMBIENT = 101_325.0

@@ -11,8 +11,8 @@ from reference import AMBIENT, PSI, step_like
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from cfd_pneumatic.identification.extension import Extension, extend, read_late, tangent
-from cfd_pneumatic.identification.uncertainty import covariance
+from cfd_pneumatic.identification.fit.extension import Extension, extend, read_late, tangent
+from cfd_pneumatic.identification.fit.uncertainty import covariance
 from cfd_pneumatic.model import TABLE_1, Cylinder, OperatingPoints
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 

@@ -16,12 +16,12 @@ from measured import MAPPING, ROOT, needs_measured_data
 from reference import AMBIENT
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.experiment import observed_motion
-from cfd_pneumatic.identification.force import fit_force, starting_force_data
-from cfd_pneumatic.identification.force_experiment import ForceExperiment, make_force_experiment
-from cfd_pneumatic.identification.motion import smooth_motion
-from cfd_pneumatic.identification.split import PARTS, split_recordings
-from cfd_pneumatic.identification.travel import travelled
+from cfd_pneumatic.identification.data.experiment import observed_motion
+from cfd_pneumatic.identification.data.force_experiment import ForceExperiment, make_force_experiment
+from cfd_pneumatic.identification.data.motion import smooth_motion
+from cfd_pneumatic.identification.data.reversals import travelled
+from cfd_pneumatic.identification.data.split import PARTS, split_recordings
+from cfd_pneumatic.identification.fit.force import fit_force, starting_force_data
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, read_mapping, read_recording
 from cfd_pneumatic.rig.panel import draw, force_oracle_rmse

@@ -16,13 +16,13 @@ from measured import MAPPING, ROOT, needs_measured_data
 from reference import AMBIENT
 
 from cfd_pneumatic.identification import Geometry, Options, identify
-from cfd_pneumatic.identification.experiment import observed_motion
-from cfd_pneumatic.identification.force import fit_area
-from cfd_pneumatic.identification.force_experiment import make_force_experiment
+from cfd_pneumatic.identification.data.experiment import observed_motion
+from cfd_pneumatic.identification.data.force_experiment import make_force_experiment
+from cfd_pneumatic.identification.data.motion import Motion
+from cfd_pneumatic.identification.data.split import PARTS, split_recordings
+from cfd_pneumatic.identification.fit.force import fit_area
 from cfd_pneumatic.identification.force_loop import close_force_loop, force_noise
-from cfd_pneumatic.identification.judgement import Trial
-from cfd_pneumatic.identification.motion import Motion
-from cfd_pneumatic.identification.split import PARTS, split_recordings
+from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.verdict import VERDICTS, not_added, verdict_of
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
 from cfd_pneumatic.model.extended_force import ExtendedForce

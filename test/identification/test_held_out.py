@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from reference import AMBIENT
 
 from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.loop import close_loop
-from cfd_pneumatic.identification.split import PARTS
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.recording import CylinderSignals, Signal
 from cfd_pneumatic.rig.panel import draw

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares as scipys
 from scipy.optimize import lsq_linear
 
-from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
+from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
 
 FREE = np.full(2, np.inf)
 

@@ -11,7 +11,8 @@ import pytest
 from drawn import recording_of
 from long_bag import GAINS, write_long_bag
 
-from cfd_pneumatic.identification import experiment, identify
+from cfd_pneumatic.identification import identify
+from cfd_pneumatic.identification.data import experiment
 from cfd_pneumatic.recording import spool
 from cfd_pneumatic.rig.panel import draw
 

@@ -6,10 +6,10 @@ from drawn import experiments_of
 from measured import MAPPING, ROOT, needs_measured_data
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.identification.extension import Extension, extend
-from cfd_pneumatic.identification.fit import fit
+from cfd_pneumatic.identification.fit.extension import Extension, extend
+from cfd_pneumatic.identification.fit.output_error import fit
+from cfd_pneumatic.identification.fit.starts import starting_data
 from cfd_pneumatic.identification.loop import close_loop
-from cfd_pneumatic.identification.starts import starting_data
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.recording import read_mapping, read_recording
 

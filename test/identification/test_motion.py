@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from reference import step_like
 from scipy.special import factorial
 
-from cfd_pneumatic.identification import motion as module
-from cfd_pneumatic.identification import smoother
-from cfd_pneumatic.identification.motion import smooth_motion
-from cfd_pneumatic.identification.noise import sample_noise
+from cfd_pneumatic.identification.data import motion as module
+from cfd_pneumatic.identification.data import smoother
+from cfd_pneumatic.identification.data.motion import smooth_motion
+from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.recording import spool
 
 

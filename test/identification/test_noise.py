@@ -11,9 +11,15 @@ from hypothesis import strategies as st
 from reference import AMBIENT, PSI, step_like
 from scipy.signal import lfilter
 
-from cfd_pneumatic.identification import noise as module
-from cfd_pneumatic.identification.extension import Extension
-from cfd_pneumatic.identification.noise import precision, pressure_noise, rounding_step, sample_noise, stamp_jitter
+from cfd_pneumatic.identification.fit.extension import Extension
+from cfd_pneumatic.identification.residual import noise as module
+from cfd_pneumatic.identification.residual.noise import (
+    precision,
+    pressure_noise,
+    rounding_step,
+    sample_noise,
+    stamp_jitter,
+)
 from cfd_pneumatic.model import TABLE_1
 
 GAINS = np.array(TABLE_1.table[0, 1:])

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from reference import AMBIENT, INCH, PSI, pressure, step_like, step_like_rate
 
-from cfd_pneumatic.identification.experiment import make_experiment, observed_motion
-from cfd_pneumatic.identification.fit import fit
-from cfd_pneumatic.identification.split import split_recordings
+from cfd_pneumatic.identification.data.experiment import make_experiment, observed_motion
+from cfd_pneumatic.identification.data.split import split_recordings
+from cfd_pneumatic.identification.fit.output_error import fit
 from cfd_pneumatic.model.parameters import NAMES, TABLE_1_ROWS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Sensors

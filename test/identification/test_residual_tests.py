@@ -11,11 +11,11 @@ from reference import AMBIENT
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
-from cfd_pneumatic.identification import residuals as module
-from cfd_pneumatic.identification.extension import Extension
-from cfd_pneumatic.identification.noise import SLOWEST, pressure_noise
-from cfd_pneumatic.identification.residuals import Test as ResidualTest
-from cfd_pneumatic.identification.residuals import explained, residual_tests
+from cfd_pneumatic.identification.fit.extension import Extension
+from cfd_pneumatic.identification.residual import tests as module
+from cfd_pneumatic.identification.residual.noise import SLOWEST, pressure_noise
+from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
+from cfd_pneumatic.identification.residual.tests import explained, residual_tests
 from cfd_pneumatic.rig.panel import draw_textbook
 
 SEEDS = range(100)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.identification.split import PARTS, split_recordings, stroke_times, turning_points
+from cfd_pneumatic.identification.data.split import PARTS, split_recordings, stroke_times, turning_points
 
 
 def triangle(strokes, samples_each=50, amplitude=1e-2):

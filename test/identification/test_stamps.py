@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.identification.stamps import regular_clock
+from cfd_pneumatic.identification.data.stamps import regular_clock
 
 PERIOD = 0.002
 JITTER = 5e-5

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference import AMBIENT, PSI, step_like
 
-from cfd_pneumatic.identification.extension import Extension
-from cfd_pneumatic.identification.starts import starting_data
+from cfd_pneumatic.identification.fit.extension import Extension
+from cfd_pneumatic.identification.fit.starts import starting_data
 from cfd_pneumatic.model import TABLE_1
 from cfd_pneumatic.model.effects import EFFECTS, PRESSURE_EFFECTS
 

@@ -9,12 +9,12 @@ import pytest
 from drawn import experiments_of, moved, recording_of, with_pressure
 from reference import AMBIENT, PSI, step_like
 
-from cfd_pneumatic.identification import visibility as module
-from cfd_pneumatic.identification.extension import Extension, extend
-from cfd_pneumatic.identification.fit import fit
-from cfd_pneumatic.identification.noise import Noise
-from cfd_pneumatic.identification.starts import starting_data
-from cfd_pneumatic.identification.visibility import invisible
+from cfd_pneumatic.identification.fit.extension import Extension, extend
+from cfd_pneumatic.identification.fit.output_error import fit
+from cfd_pneumatic.identification.fit.starts import starting_data
+from cfd_pneumatic.identification.residual.noise import Noise
+from cfd_pneumatic.identification.search import visibility as module
+from cfd_pneumatic.identification.search.visibility import invisible
 from cfd_pneumatic.model import TABLE_1
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.rig.panel import draw

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.extension import tangent
-from cfd_pneumatic.identification.noise import Noise
-from cfd_pneumatic.identification.visibility import invisible
+from cfd_pneumatic.identification.fit.extension import tangent
+from cfd_pneumatic.identification.residual.noise import Noise
+from cfd_pneumatic.identification.search.visibility import invisible
 from cfd_pneumatic.model import NAMES, TABLE_1, OperatingPoints
 from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.planning import Limits, Sensing, plan

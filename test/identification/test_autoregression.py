@@ -6,7 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from cfd_pneumatic.identification.colour import autocovariance, autoregression, independent_share, whitened
+from cfd_pneumatic.identification.residual.autoregression import (
+    autocovariance,
+    autoregression,
+    independent_share,
+    whitened,
+)
 
 SEEDS = range(100)
 RINGING = np.array([1.5, -0.8])

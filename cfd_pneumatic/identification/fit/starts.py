@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Extension
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.fit.extension import Extension
 from cfd_pneumatic.model.effects import Data
 
 Array = NDArray[np.float64]

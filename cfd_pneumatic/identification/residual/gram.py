@@ -1,4 +1,4 @@
-"""Products of many numbers by one thread: a library would wake others for them, which have work of their own."""
+"""The Gram matrix, by one thread: a library would wake others for it, which have work of their own."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 
 
 @summed
-def products(rows: Array) -> Array:
-    """Return the products of rows, shape (k, n), with each other, shape (k, k)."""
+def gram(rows: Array) -> Array:
+    """Return the Gram matrix of rows, shape (k, n): their inner products, shape (k, k)."""
     found = np.empty((len(rows), len(rows)))
     for one in range(len(rows)):
         for other in range(one + 1):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.stats import norm
 
-from cfd_pneumatic.identification.colour import autoregression, independent_share
-from cfd_pneumatic.identification.experiment import Experiment
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
 from cfd_pneumatic.recording.spool import give_back
 
 Array = NDArray[np.float64]

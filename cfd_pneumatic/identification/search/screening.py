@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Extension, simulate_models, tangent
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.fit.extension import Extension, simulate_models, tangent
 
 Array = NDArray[np.float64]
 Start = tuple[float, ...]

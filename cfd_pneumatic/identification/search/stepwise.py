@@ -18,8 +18,8 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.colour import autoregression, independent_share, whitened
-from cfd_pneumatic.identification.residuals import Test, explained
+from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share, whitened
+from cfd_pneumatic.identification.residual.tests import Test, explained
 
 Array = NDArray[np.float64]
 

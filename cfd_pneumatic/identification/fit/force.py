@@ -12,10 +12,10 @@ from scipy.special import stdtrit
 
 from cfd_pneumatic.convention import AREAS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.fit import Estimate
-from cfd_pneumatic.identification.force_experiment import ForceExperiment
-from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
-from cfd_pneumatic.identification.uncertainty import LARGEST_RELATIVE_STD, covariance
+from cfd_pneumatic.identification.data.force_experiment import ForceExperiment
+from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
+from cfd_pneumatic.identification.fit.output_error import Estimate
+from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, covariance
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, Data
 from cfd_pneumatic.model.extended_force import ExtendedForce
 

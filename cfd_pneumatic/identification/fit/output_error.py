@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
-from cfd_pneumatic.identification.uncertainty import LARGEST_RELATIVE_STD, Information, information
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
+from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, Information, information
 from cfd_pneumatic.model import NAMES, SPECS, Course
 from cfd_pneumatic.model.kernel import fused
 from cfd_pneumatic.model.propagation import SENSITIVITIES

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.experiment import on_clock
-from cfd_pneumatic.identification.motion import Motion
-from cfd_pneumatic.identification.split import PARTS, Split
-from cfd_pneumatic.identification.travel import reversals, travelled
+from cfd_pneumatic.identification.data.experiment import on_clock
+from cfd_pneumatic.identification.data.motion import Motion
+from cfd_pneumatic.identification.data.reversals import reversals, travelled
+from cfd_pneumatic.identification.data.split import PARTS, Split
 from cfd_pneumatic.model.extended_force import ExtendedForce
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.recording.spool import PART, parts, thinned

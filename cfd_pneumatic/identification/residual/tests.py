@@ -19,11 +19,11 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.signal import lfilter
 from scipy.stats import beta, f
 
-from cfd_pneumatic.identification.colour import autocovariance, autoregression, whitened
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.influences import Influences
-from cfd_pneumatic.identification.noise import SLOWEST, Noise, precision
-from cfd_pneumatic.identification.products import products
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.residual.autoregression import autocovariance, autoregression, whitened
+from cfd_pneumatic.identification.residual.gram import gram
+from cfd_pneumatic.identification.residual.noise import SLOWEST, Noise, precision
+from cfd_pneumatic.identification.residual.regressors import Regressors
 
 Array = NDArray[np.float64]
 
@@ -109,15 +109,15 @@ def residual_tests(
         ((one.pressure - pressure) * weight)[mask]
         for one, pressure, weight, mask in zip(experiments, simulated, precisions, masks)
     ]
-    influences = [
-        _influences(one, pressure, weight, mask)
+    regressors = [
+        _regressors(one, pressure, weight, mask)
         for one, pressure, weight, mask in zip(experiments, simulated, precisions, masks)
         if np.any(mask)
     ]
-    return tests_of([residual for residual in residuals if residual.size], influences, noise)
+    return tests_of([residual for residual in residuals if residual.size], regressors, noise)
 
 
-def tests_of(residuals: Sequence[Array], influences: Sequence[Influences], noise: Noise) -> list[Test]:
+def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise: Noise) -> list[Test]:
     """
     Return the tests of residuals, whatever they are of.
 
@@ -125,7 +125,7 @@ def tests_of(residuals: Sequence[Array], influences: Sequence[Influences], noise
     ----------
     residuals
         Of each experiment, at neighbouring samples, shape (n,).
-    influences
+    regressors
         What they may depend on.
     noise
         Of the residuals.
@@ -137,8 +137,8 @@ def tests_of(residuals: Sequence[Array], influences: Sequence[Influences], noise
     innovations = [whitened(residual, colour) for residual in residuals]
     spectra = [list(map(_periodogram, series)) for series in (residuals, _forgotten(residuals))]
     tests = [
-        _inputs_test(innovations, influences, colour),
-        _slow_inputs_test(residuals, influences),
+        _inputs_test(innovations, regressors, colour),
+        _slow_inputs_test(residuals, regressors),
         _line_test(spectra),
         _level_test(spectra, sum(residual.size for residual in residuals)),
         _whiteness_test(residuals, noise),
@@ -149,7 +149,7 @@ def tests_of(residuals: Sequence[Array], influences: Sequence[Influences], noise
     return tests
 
 
-def _influences(experiment: Experiment, simulated: Array, weight: Array, mask: NDArray[np.bool_]) -> Influences:
+def _regressors(experiment: Experiment, simulated: Array, weight: Array, mask: NDArray[np.bool_]) -> Regressors:
     """Return what the residual may depend on: inputs, what the model makes of them, and their products."""
     at = experiment.samples
     times = experiment.sample_times
@@ -166,12 +166,12 @@ def _influences(experiment: Experiment, simulated: Array, weight: Array, mask: N
     lagged = [rate, change, error, np.abs(error), np.abs(rate), np.sign(rate) * (np.abs(rate) > 0.05 * np.std(rate))]
     once = [x, level, centred * rate, centred * error, level * error, progress * change, progress * rate, x * x]
     once += [level * level, np.abs(change), error * np.abs(error)]
-    return Influences(once, lagged, weight, int(np.argmax(mask)), int(np.count_nonzero(mask)))
+    return Regressors(once, lagged, weight, int(np.argmax(mask)), int(np.count_nonzero(mask)))
 
 
-def _inputs_test(innovations: Sequence[Array], influences: Sequence[Influences], colour: Array) -> Test:
+def _inputs_test(innovations: Sequence[Array], regressors: Sequence[Regressors], colour: Array) -> Test:
     """Ask how much of what is new in each sample a regression on the inputs explains: the quick part."""
-    common, count = _common(innovations, influences, colour)
+    common, count = _common(innovations, regressors, colour)
     size = np.sqrt(np.diag(common))
     told = np.flatnonzero(size[:-1])
     alike, shared = (common[told][:, rest] / np.outer(size[told], size[rest]) for rest in (told, [-1]))
@@ -184,14 +184,14 @@ def _inputs_test(innovations: Sequence[Array], influences: Sequence[Influences],
     return Test('inputs', share, threshold, 'share of the residual that a regression on the inputs explains')
 
 
-def _slow_inputs_test(residuals: Sequence[Array], influences: Sequence[Influences]) -> Test:
+def _slow_inputs_test(residuals: Sequence[Array], regressors: Sequence[Regressors]) -> Test:
     """
     Ask how much of the residual as it is a regression on the inputs explains, slow parts and all.
 
     What chance explains of noise with a memory is seen from the same residual against the inputs of other times: all
     circular shifts of it.
     """
-    residual, columns = _slow_parts(residuals, influences)
+    residual, columns = _slow_parts(residuals, regressors)
     basis = _orthogonal(columns)
     spectra = np.fft.rfft(basis.T) * np.conj(np.fft.rfft(residual))
     shares = np.sum(np.fft.irfft(spectra, residual.size) ** 2, axis=0) / float(residual @ residual)
@@ -201,7 +201,7 @@ def _slow_inputs_test(residuals: Sequence[Array], influences: Sequence[Influence
     )
 
 
-def _common(innovations: Sequence[Array], influences: Sequence[Influences], colour: Array) -> tuple[Array, int]:
+def _common(innovations: Sequence[Array], regressors: Sequence[Regressors], colour: Array) -> tuple[Array, int]:
     """
     Return the products of the whitened inputs with each other and with what is new, and of how many samples they are.
 
@@ -209,25 +209,25 @@ def _common(innovations: Sequence[Array], influences: Sequence[Influences], colo
     """
     count = sum(one.size for one in innovations)
     every = max(1, count // _MOST_ASKED)
-    width = min(one.width(count) for one in influences)
+    width = min(one.width(count) for one in regressors)
     common, asked = np.zeros((width + 1, width + 1)), 0
-    for new, own in zip(innovations, influences):
+    for new, own in zip(innovations, regressors):
         for begin in range(0, new.size, every * _STRETCH):
             end = min(begin + _STRETCH, new.size)
             before = min(begin, colour.size)
             columns = whitened(own.values(begin - before, end, width), colour)[:, before:]
-            common += products(np.vstack([columns, new[begin:end]]))
+            common += gram(np.vstack([columns, new[begin:end]]))
             asked += end - begin
     return common, asked
 
 
-def _slow_parts(residuals: Sequence[Array], influences: Sequence[Influences]) -> tuple[Array, Array]:
+def _slow_parts(residuals: Sequence[Array], regressors: Sequence[Regressors]) -> tuple[Array, Array]:
     """Return the residuals and the inputs, of long recordings the sums of neighbours of both."""
     count = sum(one.size for one in residuals)
-    width = min(one.width(count) for one in influences)
+    width = min(one.width(count) for one in regressors)
     together = count / _SLOW_SAMPLES if count > 2 * _SLOW_SAMPLES else 1.0
     parts, columns = [], []
-    for residual, own in zip(residuals, influences):
+    for residual, own in zip(residuals, regressors):
         edges = np.linspace(0, residual.size, max(1, round(residual.size / together)) + 1).astype(np.intp)
         parts.append(np.add.reduceat(residual, edges[:-1]))
         columns.append(own.sums(edges, width))

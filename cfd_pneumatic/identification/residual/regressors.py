@@ -16,7 +16,7 @@ _CHUNK = 16_384  # samples whose values are made together
 
 
 @dataclass(frozen=True)
-class Influences:
+class Regressors:
     """
     Signals that the residuals of one recording may depend on.
 

@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Extension, extend_with_cost, simulate_models, tangent
-from cfd_pneumatic.identification.judgement import SHOWN, STRENGTH
-from cfd_pneumatic.identification.noise import Noise
-from cfd_pneumatic.identification.starts import starting_data
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.fit.extension import Extension, extend_with_cost, simulate_models, tangent
+from cfd_pneumatic.identification.fit.starts import starting_data
+from cfd_pneumatic.identification.residual.noise import Noise
+from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH
 from cfd_pneumatic.model.effects import Effect
 from cfd_pneumatic.parallel import each
 

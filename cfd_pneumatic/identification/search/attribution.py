@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.extension import Effects, Extension, extend_with_cost
-from cfd_pneumatic.identification.judgement import EffectSearch, Found
-from cfd_pneumatic.identification.noise import precision, pressure_noise, sample_noise
-from cfd_pneumatic.identification.residuals import Test, residual_tests
-from cfd_pneumatic.identification.screening import Screening, Start
-from cfd_pneumatic.identification.split import PARTS
-from cfd_pneumatic.identification.starts import starting_data
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.extension import Effects, Extension, extend_with_cost
+from cfd_pneumatic.identification.fit.starts import starting_data
+from cfd_pneumatic.identification.residual.noise import precision, pressure_noise, sample_noise
+from cfd_pneumatic.identification.residual.tests import Test, residual_tests
+from cfd_pneumatic.identification.search.screening import Screening, Start
+from cfd_pneumatic.identification.search.stepwise import EffectSearch, Found
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Effect
 from cfd_pneumatic.parallel import each
 

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PPoly
 
-from cfd_pneumatic.identification.smoother import Samples, likeliest
-from cfd_pneumatic.identification.stamps import regular_clock
+from cfd_pneumatic.identification.data.smoother import Samples, likeliest
+from cfd_pneumatic.identification.data.stamps import regular_clock
 from cfd_pneumatic.parallel import each, threads
 from cfd_pneumatic.recording.spool import Growing, dot, extent, give_back, overlapping, parts
 

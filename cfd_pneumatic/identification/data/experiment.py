@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.motion import Motion, smooth_motion
-from cfd_pneumatic.identification.split import MOTION, PARTS, Split, stroke_times
-from cfd_pneumatic.identification.stamps import regular_clock
+from cfd_pneumatic.identification.data.motion import Motion, smooth_motion
+from cfd_pneumatic.identification.data.split import MOTION, PARTS, Split, stroke_times
+from cfd_pneumatic.identification.data.stamps import regular_clock
 from cfd_pneumatic.model import DIRECTIONS
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.recording.spool import PART, Growing, extent, give_back, parts, thinned

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.compiling import compiler
-from cfd_pneumatic.identification.motion import Motion
+from cfd_pneumatic.identification.data.motion import Motion
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from itertools import takewhile
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.experiment import Experiment
-from cfd_pneumatic.identification.levenberg import Quadratic, least_squares
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide

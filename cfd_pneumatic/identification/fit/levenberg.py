@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.products import products
+from cfd_pneumatic.identification.residual.gram import gram
 from cfd_pneumatic.model.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ class Quadratic:
     @classmethod
     def of_rows(cls, rows: Array) -> Quadratic:
         """Return it for residuals with their derivatives below them, shape (1 + k, n)."""
-        both = products(rows)
+        both = gram(rows)
         return cls(float(both[0, 0]), both[0, 1:], both[1:, 1:])
 
     @property

@@ -1,0 +1,1 @@
+"""What was measured, made ready: stamps, the smoothed motion, train, validation and test."""

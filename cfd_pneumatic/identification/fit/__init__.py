@@ -1,0 +1,1 @@
+"""The fit of a model to recordings, and what it tells of its parameters."""

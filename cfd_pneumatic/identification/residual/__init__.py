@@ -1,0 +1,1 @@
+"""What a fit leaves: its noise, its autoregression, and the tests that ask whether it is noise."""

@@ -1,0 +1,1 @@
+"""Which effects a model lacks: stepwise regression, and which effects could not have shown."""
