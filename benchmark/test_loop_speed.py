@@ -12,8 +12,7 @@ from functools import cache
 import pytest
 from panel_rows import CYLINDER, recording_of
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.identification import CylinderResult, Options, identify
+from cfd_pneumatic.identification import ChannelResult, Options, identify
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.rig import surface_following
 from cfd_pneumatic.rig.panel import draw
@@ -29,9 +28,9 @@ CASES = [
 
 
 @cache
-def fitted(effect: str, seed: int, duration: float) -> CylinderResult:
+def fitted(effect: str, seed: int, duration: float) -> ChannelResult:
     schedule = 'surface_following' if duration == MINUTE else surface_following(duration=duration, seed=seed)
-    return identify([recording_of(draw(effect, schedule, seed))], Options()).cylinders[CYLINDER]
+    return identify([recording_of(draw(effect, schedule, seed))], Options()).channels[CYLINDER]
 
 
 @pytest.mark.parametrize(('effect', 'seed', 'duration'), CASES)
@@ -42,10 +41,10 @@ def test_close_loop(benchmark, effect, seed, duration):
 
     def closed():
         begin, busy = time.perf_counter(), time.process_time()
-        closure = close_loop(known.experiments, known.fit, AMBIENT_PRESSURE)
+        conclusion = close_loop(known.fit).conclusion
         shares.append((time.process_time() - busy) / (time.perf_counter() - begin))
-        return closure
+        return conclusion
 
-    closure = benchmark.pedantic(closed, warmup_rounds=1, rounds=3 if duration == MINUTE else 1)
+    conclusion = benchmark.pedantic(closed, warmup_rounds=1, rounds=3 if duration == MINUTE else 1)
     benchmark.extra_info['cores'] = max(shares[1:])
-    assert closure.effects == (effect,)
+    assert conclusion.effects == (effect,)

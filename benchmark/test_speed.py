@@ -17,9 +17,10 @@ import pytest
 from reference import pressure_to_thirty_digits
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
-from strokes import AMBIENT, CYLINDER, GAINS, SETPOINT, experiment, record
+from strokes import AMBIENT, CHANNEL, CYLINDER, GAINS, SETPOINT, experiment, record
 
-from cfd_pneumatic.identification.fit.output_error import fit
+from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.fit.fit import fit
 from cfd_pneumatic.model import Course, Cylinder, OperatingPoints, simulate_parameter_sets
 from cfd_pneumatic.units import PSI
 
@@ -33,7 +34,8 @@ LENGTHS = (350, 3_600, 3_600_000)
 
 
 def fitted_here(samples: int) -> np.ndarray:
-    return fit([experiment(samples)], [np.ones(samples, dtype=bool)], GAINS * START).gains
+    start = Model(GAINS * START, {}, np.zeros((1, 2)))
+    return fit(CHANNEL, [experiment(samples)], [np.ones(samples, dtype=bool)], start).model.parameters
 
 
 def simulated_by_scipy(samples: int, gains: np.ndarray = GAINS) -> np.ndarray:
@@ -52,7 +54,7 @@ def simulated_by_scipy(samples: int, gains: np.ndarray = GAINS) -> np.ndarray:
 
 
 def fitted_by_lmfit(samples: int) -> np.ndarray:
-    measured = experiment(samples).pressure
+    measured = experiment(samples).measured
     parameters = lmfit.Parameters()
     for name, log, lower, upper in zip(NAMES, np.log(GAINS * START), *BOUNDS):
         parameters.add(name, log, min=lower, max=upper)
@@ -87,7 +89,7 @@ def casadi_residuals(samples: int) -> tuple[casadi.Function, casadi.Function]:
     rates = casadi.DM(np.diff(displacement) / np.diff(times)).T
     start = casadi.vertcat(q[4], q[4])
     states = step.mapaccum(samples - 1)(start, rates, casadi.repmat(q, 1, samples - 1))
-    residual = casadi.vertcat(start[0], states[0, :].T) - casadi.DM(experiment(samples).pressure)
+    residual = casadi.vertcat(start[0], states[0, :].T) - casadi.DM(experiment(samples).measured)
     return casadi.Function('r', [q], [residual]), casadi.Function('j', [q], [casadi.jacobian(residual, q)])
 
 

@@ -26,8 +26,7 @@ from scipy.signal import periodogram
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.identification import CylinderResult, Options, identify
-from cfd_pneumatic.identification.fit.extension import Extension
+from cfd_pneumatic.identification import ChannelResult, Options, identify
 from cfd_pneumatic.model.effects import EFFECTS, FAMILIES, FORCE_EFFECTS, FUNCTIONS, MODULES, Effect
 from cfd_pneumatic.rig import Cylinder, Sensors, surface_following
 from cfd_pneumatic.rig.panel import EFFECTS as ON_RIG
@@ -189,24 +188,23 @@ def _strength(name: str) -> float:
     return float(effect.weakest ** (1.0 - STRENGTH) * effect.strongest**STRENGTH)
 
 
-def signature(name: str, healthy: CylinderResult) -> Signature:
+def signature(name: str, healthy: ChannelResult) -> Signature:
     """Return how an effect of the rig shows to the model of the healthy device."""
     drawn = draw(name, SCHEDULE, SEED, given={name: _strength(name)})
     return _of_force(name, drawn) if name in FORCE_EFFECTS else _of_pressure(name, drawn, healthy)
 
 
-def _of_pressure(name: str, drawn: Draw, healthy: CylinderResult) -> Signature:
+def _of_pressure(name: str, drawn: Draw, healthy: ChannelResult) -> Signature:
     found = _identified(drawn)
     (experiment,) = found.experiments
-    model = Extension(healthy.fit.gains, {}, healthy.fit.offsets, healthy.fit.starts)
-    (expected,) = model.simulate([experiment], AMBIENT_PRESSURE)
-    setpoint = experiment.setpoint[experiment.samples] + healthy.fit.offsets[0]
+    (expected,) = healthy.channel.simulated([experiment], healthy.fit.model)
+    (level,) = healthy.channel.levels([experiment], healthy.fit.model)
     signals = {
         'pressure': expected - AMBIENT_PRESSURE,
         'pressure rate': np.gradient(expected, experiment.sample_times),
-        'valve error': setpoint - expected,
+        'valve error': level + AMBIENT_PRESSURE - expected,
     }
-    residual, refitted = (experiment.pressure - one for one in (expected, found.fit.simulated[0]))
+    residual, refitted = (experiment.measured - one for one in (expected, found.fit.simulated[0]))
     return _signature(name, drawn, residual, refitted, signals)
 
 
@@ -231,8 +229,8 @@ def _signature(name: str, drawn: Draw, residual: Array, refitted: Array | None, 
     return Signature(times, drawn.recording.displacement, residual, refitted, signals[against] / AXES[against][2])
 
 
-def _identified(drawn: Draw) -> CylinderResult:
-    return identify([recording_of(drawn)], Options()).cylinders[CYLINDER]
+def _identified(drawn: Draw) -> ChannelResult:
+    return identify([recording_of(drawn)], Options()).channels[CYLINDER]
 
 
 def picture(name: str, seen: Signature) -> str:

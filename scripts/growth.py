@@ -1,14 +1,13 @@
 """
 What work costs as recordings grow: time and peak memory against samples.
 
-    make growth                                            all, to 1e8 samples and a bag of four hours: about an hour
+    make growth                                            all, to 1e7 samples and a bag of four hours: about an hour
     make growth ARGS='--most 1e6 --works read_mcap fit'    less
 
 Each size is measured in a process of its own, after a small one of the same, by which everything is compiled. Time is
-the fastest round's; memory is what comes on top of the interpreter with its libraries, told by Linux. Arrays of more
-than 8 million samples are kept in files, as a reader keeps them. Every figure is written when it is known; the same
-command goes on where it was stopped, and measures anew what another version of the program gave. The largest need 10 GB
-in the temporary folder (TMPDIR).
+the fastest round's; memory is what comes on top of the interpreter with its libraries, told by Linux. Every figure is
+written when it is known; the same command goes on where it was stopped, and measures anew what another version of the
+program gave. The largest need 10 GB in the temporary folder (TMPDIR).
 """
 
 from __future__ import annotations
@@ -35,19 +34,16 @@ import numpy as np
 from long_bag import topics, write_long_bag
 from panel_rows import CYLINDER, recording_of
 from provenance import ROOT, code_version, commit, machine
-from strokes import GAINS, SETPOINT, spooled_experiment
+from strokes import CHANNEL, GAINS, SETPOINT, experiment, record
 
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
-from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.identification.fit.output_error import fit
+from cfd_pneumatic.identification.fit.fit import fit
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model import Course
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, read_recording
-from cfd_pneumatic.recording.sampling import LONG
-from cfd_pneumatic.recording.spool import parts
 from cfd_pneumatic.rig import surface_following
 from cfd_pneumatic.rig.panel import draw
 
@@ -80,37 +76,35 @@ def reading(messages: int, folder: Path) -> Job:
 
 
 def simulating(samples: int, folder: Path, slopes: bool) -> Job:
-    one = spooled_experiment(samples, folder if samples > LONG else None)
-    inputs = (one.times, one.displacement, one.setpoint)
+    del folder
+    inputs = record(samples)
 
     def job() -> int:
-        course = Course(GAINS, SETPOINT)
-        for part in parts(*inputs):
-            piece = slice(max(part.start - 1, 0), part.stop)
-            course.follow(*(array[piece] for array in inputs), slopes=slopes)
+        Course(GAINS, SETPOINT).follow(*inputs, slopes=slopes)
         return sum(array.nbytes for array in inputs)
 
     return job
 
 
 def fitting(samples: int, folder: Path) -> Job:
-    one = spooled_experiment(samples, folder if samples > LONG else None)
-    counts = np.ones(samples, dtype=bool)
+    del folder
+    one, counts = experiment(samples), np.ones(samples, dtype=bool)
 
     def job() -> int:
-        fit([one], [counts])
-        arrays = (one.times, one.displacement, one.setpoint, one.samples, one.pressure, one.part, counts)
+        fit(CHANNEL, [one], [counts])
+        arrays = (one.times, *one.inputs.values(), one.samples, one.measured, one.part, counts)
         return sum(array.nbytes for array in arrays)
 
     return job
 
 
 def closing_the_loop(samples: int, folder: Path) -> Job:
-    known = identify([_leaking(samples)], Options()).cylinders[CYLINDER]
+    del folder
+    known = identify([_leaking(samples)], Options()).channels[CYLINDER]
 
     def job() -> int:
-        close_loop(known.experiments, known.fit, AMBIENT_PRESSURE)
-        return sum(2 * one.times.nbytes + 2 * one.pressure.nbytes for one in known.experiments)
+        close_loop(known.fit)
+        return sum(2 * one.times.nbytes + 2 * one.measured.nbytes for one in known.experiments)
 
     return job
 
@@ -192,11 +186,11 @@ WORKS = {
         reading,
         partial(write_messages, storage='sqlite3'),
     ),
-    'simulate': Work('simulate', 'samples', _sizes(1e3, 1e8), partial(simulating, slopes=False)),
+    'simulate': Work('simulate', 'samples', _sizes(1e3, 1e7), partial(simulating, slopes=False)),
     'simulate_with_sensitivities': Work(
-        'simulate with all sensitivities', 'samples', _sizes(1e3, 1e8), partial(simulating, slopes=True)
+        'simulate with all sensitivities', 'samples', _sizes(1e3, 1e7), partial(simulating, slopes=True)
     ),
-    'fit': Work('fit four parameters', 'samples', _sizes(1e3, 1e8), fitting),
+    'fit': Work('fit four parameters', 'samples', _sizes(1e3, 1e7), fitting),
     'close_loop': Work('close the loop', 'samples', _sizes(1e3, 1e7), closing_the_loop),
     'identify_bag': Work(
         'identify a bag of two cylinders',

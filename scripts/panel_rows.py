@@ -22,16 +22,12 @@ from typing import NamedTuple
 import numpy as np
 from provenance import commit
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
+from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import Fit, Options, identify
-from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification import ChannelResult, Fit, Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.extension import Extension, extend
-from cfd_pneumatic.identification.fit.starts import starting_data
+from cfd_pneumatic.identification.fit.fit import search
 from cfd_pneumatic.identification.loop import Closure, close_loop
-from cfd_pneumatic.identification.verdict import Conclusion
-from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Cylinder
 from cfd_pneumatic.rig.panel import (
@@ -203,25 +199,19 @@ def _identified(job: Job, drawn: Draw) -> Row:
     leaves_out = job.kind == 'leave_one_out'
     began = time.perf_counter()
     identification = identify([recording], Options(close_loop=not leaves_out))
-    result = identification.cylinders[CYLINDER]
-    closure = result.closure
-    if closure is None:
-        library = {name: effect for name, effect in PRESSURE_EFFECTS.items() if name not in job.effects}
-        closure = close_loop(result.experiments, result.fit, AMBIENT_PRESSURE, library)
+    result = identification.channels[CYLINDER]
+    if result.conclusion is None:
+        channel = result.channel
+        channel.library = {name: effect for name, effect in channel.effects.items() if name not in job.effects}
+        closure = close_loop(result.fit)
+    else:
+        closure = Closure(result.found, result.conclusion)
     seconds = time.perf_counter() - began
-
-    (experiment,) = result.experiments
-    before, after = (experiment.pressure - one.simulated[0] for one in (result.fit, closure))
     left = oracle_residual(drawn)
     of_oracle = identification.splits[0].part_of(recording.displacement.times)
-    row = _row_of(job, drawn, closure, before, after, experiment.part, left, of_oracle)
-    floor = _rms(left)
-    return replace(
-        row,
-        noise=closure.noise.std / floor,
-        beside=_beside(job.effects, result.experiments, result.fit, closure, floor) if job.kind == 'pairs' else {},
-        seconds=seconds,
-    )
+    row = _row_of(job, drawn, result, closure, left, of_oracle)
+    beside = _beside(job.effects, result.fit, closure.fit, _rms(left)) if job.kind == 'pairs' else {}
+    return replace(row, beside=beside, seconds=seconds)
 
 
 def _identified_force(job: Job, drawn: Draw) -> Row:
@@ -229,66 +219,54 @@ def _identified_force(job: Job, drawn: Draw) -> Row:
     began = time.perf_counter()
     identification = identify([recording], Options(close_loop=True, area=Cylinder().area))
     seconds = time.perf_counter() - began
-    closure = identification.force
-    assert closure is not None
-    (experiment,) = closure.experiments
-    before, after = (experiment.force - one[0] for one in (closure.simulated_before, closure.simulated))
+    result = identification.channels['force']
+    assert result.conclusion is not None
     left = force_oracle_residual(drawn)
     of_oracle = identification.splits[0].part_of(recording.displacement.times)
-    row = _row_of(job, drawn, closure, before, after, experiment.part, left, of_oracle)
-    return replace(row, noise=closure.noise_floor / _rms(left), seconds=seconds)
+    return replace(
+        _row_of(job, drawn, result, Closure(result.found, result.conclusion), left, of_oracle), seconds=seconds
+    )
 
 
 def _row_of(
-    job: Job,
-    drawn: Draw,
-    closure: Conclusion,
-    before: np.ndarray,
-    after: np.ndarray,
-    part: np.ndarray,
-    left: np.ndarray,
-    of_oracle: np.ndarray,
+    job: Job, drawn: Draw, result: ChannelResult, closure: Closure, left: np.ndarray, of_oracle: np.ndarray
 ) -> Row:
-    """Return the answer; residuals stand beside what the oracle has left, each with the parts of its samples."""
-    test, oracles_test = part == PARTS.index('test'), of_oracle == PARTS.index('test')
+    """Return the answer; residuals stand beside what the oracle has left, of whose samples the parts are given."""
+    (experiment,), conclusion = result.experiments, closure.conclusion
+    before, after = (experiment.measured - one.simulated[0] for one in (result.fit, closure.fit))
+    test, oracles_test = experiment.part == PARTS.index('test'), of_oracle == PARTS.index('test')
     tested = bool(np.any(test))
     if not tested:
         test[:], oracles_test[:] = True, True
     floor, floor_test = _rms(left), _rms(left[oracles_test])
     return Row(
         *job,
-        verdict=closure.verdict,
-        named=closure.effects,
-        alternatives={name: tuple(others) for name, others in closure.alternatives.items() if others},
+        verdict=conclusion.verdict,
+        named=conclusion.effects,
+        alternatives={name: tuple(others) for name, others in conclusion.alternatives.items() if others},
         before=_rms(before) / floor,
         after=_rms(after) / floor,
         before_test=_rms(before[test]) / floor_test,
         after_test=_rms(after[test]) / floor_test,
         tested=tested,
+        noise=conclusion.noise.std / floor,
         strengths=drawn.truth.strengths,
     )
 
 
-def _beside(
-    pair: Sequence[str], experiments: Sequence[Experiment], baseline: Fit, closure: Closure, floor: float
-) -> dict[str, float]:
+def _beside(pair: Sequence[str], baseline: Fit, found: Fit, floor: float) -> dict[str, float]:
     """Return for each effect of a pair what the model with only the other one, fitted from many starts, leaves."""
-    masks = [one.part < PARTS.index('test') for one in experiments]
-    begin = Extension(baseline.gains, {}, baseline.offsets, baseline.starts)
-    data = starting_data(experiments, begin, baseline.simulated, AMBIENT_PRESSURE)
+    likelihood, begin = baseline.likelihood, baseline.model
+    channel, experiments = likelihood.channel, likelihood.experiments
+    data = channel.data(experiments, begin, baseline.simulated)
+    measured = np.concatenate([one.measured for one in experiments])
     errors = {}
     for effect, other in zip(pair, reversed(pair)):
-        starts = [(begin, start) for start in PRESSURE_EFFECTS[other].starts(data)]
-        if other in closure.effects:
-            starts.append((closure.extension, closure.extension.effects[other]))
-        models = [
-            extend(experiments, masks, AMBIENT_PRESSURE, one, {other: start}, tolerance=1e-5, evaluations=20)
-            for one, start in starts
-        ]
-        errors[effect] = min(
-            _rms(np.concatenate([one.pressure for one in experiments]) - np.concatenate(simulated)) / floor
-            for simulated in (model.simulate(experiments, AMBIENT_PRESSURE) for model in models)
-        )
+        starts = [replace(begin, effects={other: start}) for start in channel.effects[other].starts(data)]
+        if other in found.model.effects:
+            starts.append(replace(found.model, effects={other: found.model.effects[other]}))
+        models = [search(likelihood, start, 1e-5, 20)[0] for start in starts]
+        errors[effect] = min(_rms(measured - np.concatenate(likelihood.simulate(one))) / floor for one in models)
     return errors
 
 

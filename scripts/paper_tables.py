@@ -29,10 +29,11 @@ from scipy.optimize import least_squares
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.identification.data.experiment import Experiment, make_experiment, observed_motion
-from cfd_pneumatic.identification.data.split import split_recordings
-from cfd_pneumatic.identification.fit.extension import Extension
-from cfd_pneumatic.identification.fit.output_error import fit
+from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.channels.pressure import Pressure
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.identify import prepared
 from cfd_pneumatic.model import TABLE_1, TABLE_2
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig.schedule import MIL, paper_step
@@ -184,6 +185,9 @@ class Found:
         return float(np.max(np.abs(np.log1p(self.small_errors))))
 
 
+CHANNEL = Pressure('cylinder_a', AMBIENT_PRESSURE)
+
+
 @cache
 def experiment(psig: float, mil: float) -> Experiment:
     """Return the paper's step at a pressure, its pressures still to be made."""
@@ -194,19 +198,17 @@ def experiment(psig: float, mil: float) -> Experiment:
     setpoint = Signal(times[:1], np.array([psig * PSI + AMBIENT_PRESSURE]))
     cylinder = CylinderSignals(Signal(times, times), setpoint)
     recording = Recording('step', 0, displacement, {'cylinder_a': cylinder}, None, ())
-    motion, strokes = observed_motion(recording)
-    (split,), _ = split_recordings([strokes])
-    return make_experiment(recording, 'cylinder_a', motion, split)
+    return prepared([recording]).experiments(CHANNEL)[0]
 
 
 def returned(psig: float, mil: float, gains: np.ndarray, effects: Mapping[str, tuple[float, ...]]) -> np.ndarray:
     """Return the four parameters that a step of a device with effects identifies; NaN where it tells nothing."""
     one = experiment(psig, mil)
-    (pressure,) = Extension(gains, effects, (0.0,), (0.0,)).simulate([one], AMBIENT_PRESSURE)
+    (pressure,) = CHANNEL.simulated([one], Model(gains, effects, np.zeros((1, 2))))
     if not np.all(np.isfinite(pressure)):
         return np.full(4, math.nan)
     try:
-        return fit([replace(one, pressure=pressure)], [np.ones(pressure.size, dtype=bool)]).gains
+        return fit(CHANNEL, [replace(one, measured=pressure)], [np.ones(pressure.size, dtype=bool)]).model.parameters
     except (InputError, ValueError, np.linalg.LinAlgError):
         return np.full(4, math.nan)
 

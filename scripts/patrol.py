@@ -11,13 +11,13 @@ import numpy as np
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.model import Cylinder, Device, ForceGeometry, OperatingPoints
+from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.monitoring import Finding, Watch
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Performance, RigParameters, RigRecord, Sensors, surface_following
 
 EPOCH = 1_700_000_000_000_000_000
 AREA = 1.14e-3
-_LATER = {'supply_variation', 'set_point_drift'}  # effects whose phase belongs to a recording's own time
 
 
 class Sample(NamedTuple):
@@ -82,17 +82,15 @@ def identified_device(identification: Identification) -> Device:
     """Return the model that an identification ends with, as `sim_node` has it from the parameter file."""
     cylinders = []
     for name in CYLINDERS:
-        result = identification.cylinders[name]
-        gains, effects = result.fit.gains, {}
-        if result.closure is not None:
-            gains = result.closure.extension.gains
-            effects = {key: own for key, own in result.closure.extension.effects.items() if key not in _LATER}
-        points = OperatingPoints(np.zeros(1), *(np.array([gain]) for gain in gains))
+        model = identification.channels[name].found.model
+        # the phase of an effect of the time belongs to a recording's own
+        effects = {key: own for key, own in model.effects.items() if not EFFECTS[key].of_time}
+        points = OperatingPoints(np.zeros(1), *(np.array([gain]) for gain in model.parameters))
         cylinders.append(Cylinder(points, AMBIENT_PRESSURE, effects))
     area, force_effects = AREA, {}
-    if identification.force is not None:
-        fit = identification.force.fit
-        area, force_effects = fit.area, dict(fit.effects)
+    if 'force' in identification.channels:
+        model = identification.channels['force'].found.model
+        area, force_effects = float(model.parameters[0]), dict(model.effects)
     return Device(*cylinders, ForceGeometry(area, 1.0, AMBIENT_PRESSURE), force_effects, seal_play=2e-6)
 
 

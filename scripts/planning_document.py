@@ -28,9 +28,7 @@ from provenance import commit, machine
 from cfd_pneumatic.commands.record_rig import as_recording
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.identification.data.experiment import Experiment, make_experiment, observed_motion
-from cfd_pneumatic.identification.data.split import PARTS, split_recordings
-from cfd_pneumatic.identification.fit.output_error import fit
+from cfd_pneumatic.identification import Fit, identify
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model import NAMES, OperatingPoints
 from cfd_pneumatic.parallel import LIMIT
@@ -150,7 +148,7 @@ class Case:
         return strength if INSTALLED[effect].least <= strength <= INSTALLED[effect].largest else None
 
 
-def experiment_of(drawn: Draw) -> Experiment:
+def recording_of(drawn: Draw) -> Recording:
     """Return cylinder A of a draw, as the identification sees it."""
     got = drawn.recording
     changes = np.diff(got.setpoints[:, 0], prepend=np.nan) != 0.0
@@ -158,21 +156,18 @@ def experiment_of(drawn: Draw) -> Experiment:
     cylinder = CylinderSignals(
         Signal(got.times, got.pressures[:, 0]), Signal(begins[changes], got.setpoints[changes, 0])
     )
-    recording = Recording('planned', 0, Signal(got.times, got.displacement), {'cylinder_a': cylinder}, None, ())
-    motion, strokes = observed_motion(recording)
-    (split,), _ = split_recordings([strokes])
-    return make_experiment(recording, 'cylinder_a', motion, split)
+    return Recording('planned', 0, Signal(got.times, got.displacement), {'cylinder_a': cylinder}, None, ())
 
 
-def fitted(experiment: Experiment):
+def fitted(recording: Recording) -> Fit:
     """Return the fit of the paper's model as `identify_bag` makes it."""
-    return fit([experiment], [experiment.part < PARTS.index('test')])
+    return identify([recording]).channels['cylinder_a'].fit
 
 
-def named(experiment: Experiment) -> tuple[tuple[str, ...], Mapping[str, tuple[str, ...]]]:
+def named(recording: Recording) -> tuple[tuple[str, ...], Mapping[str, tuple[str, ...]]]:
     """Return the effects that closing the loop names, and their alternatives."""
-    closure = close_loop([experiment], fitted(experiment), AMBIENT_PRESSURE)
-    return closure.effects, closure.alternatives
+    conclusion = close_loop(fitted(recording)).conclusion
+    return conclusion.effects, conclusion.alternatives
 
 
 class Job(NamedTuple):
@@ -211,7 +206,7 @@ def run(job: Job) -> Outcome | None:
     if strength is None:
         return None
     drawn = draw(job.effect, case(job.seed).schedule, job.seed, given={job.effect: strength})
-    effects, alternatives = named(experiment_of(drawn))
+    effects, alternatives = named(recording_of(drawn))
     return Outcome(effects, tuple(dict.fromkeys(rival for own in alternatives.values() for rival in own)))
 
 
@@ -223,9 +218,7 @@ def scatter(seed: int, runs: int) -> tuple[Array, Array]:
     for noise in range(runs):
         recording = as_recording(record(case(seed).schedule, rig, seed=noise), 'planned')
         alone = replace(recording, cylinders={'cylinder_a': recording.cylinders['cylinder_a']}, force=None)
-        motion, strokes = observed_motion(alone)
-        (split,), _ = split_recordings([strokes])
-        found = fitted(make_experiment(alone, 'cylinder_a', motion, split))
+        found = fitted(alone)
         estimates.append([(one.value, one.std) for one in found.estimates])
     values, stds = np.moveaxis(np.array(estimates, dtype=np.float64), 2, 0)
     return values, stds

@@ -6,22 +6,21 @@ Strokes of 1.5 mm every 0.35 s at a constant set-point; the pressure is the mode
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
-from cfd_pneumatic.identification.data.experiment import Experiment, make_experiment, observed_motion
-from cfd_pneumatic.identification.data.split import split_recordings
-from cfd_pneumatic.model import Course, Cylinder, OperatingPoints
+from cfd_pneumatic.identification.channels.pressure import Pressure
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.identify import prepared
+from cfd_pneumatic.model import Cylinder, OperatingPoints
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.spool import allocate, parts
 
 AMBIENT = 101_325.0
 SETPOINT = AMBIENT + 34_474.0
 GAINS = np.array([4.33e6, 104.0, 19.4, 0.0105])
 NOISE = 52.0  # of the pressure [Pa]
+CHANNEL = Pressure('cylinder_a', AMBIENT)
 CYLINDER = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT)
 PERIOD = 1e-3  # of an hour and more [s]
 SHORT_PERIOD = 2e-3  # of less
@@ -47,34 +46,4 @@ def experiment(samples: int) -> Experiment:
     measured = CYLINDER.simulate(times, displacement, setpoint) + NOISE * np.random.default_rng(0).normal(size=samples)
     cylinders = {'cylinder_a': CylinderSignals(Signal(times, measured), Signal(times[:1], setpoint[:1]))}
     recording = Recording('strokes', 0, Signal(times, displacement), cylinders, None, ())
-    motion, strokes = observed_motion(recording)
-    (split,), _ = split_recordings([strokes])
-    return make_experiment(recording, 'cylinder_a', motion, split)
-
-
-def spooled_experiment(samples: int, folder: Path | None) -> Experiment:
-    """Return an experiment that is made part by part, its arrays in files of a folder or in memory."""
-    times, displacement, setpoint, pressure = (allocate(samples, float, folder) for _ in range(4))
-    at = allocate(samples, np.intp, folder)
-    of_train = allocate(samples, np.int8, folder)
-    course = Course(GAINS, SETPOINT)
-    noise = np.random.default_rng(0)
-    for part in parts(times, displacement, setpoint, pressure, at, of_train):
-        at[part] = np.arange(part.start, part.stop)
-        times[part] = PERIOD * at[part]
-        displacement[part] = displacement_at(times[part])
-        setpoint[part] = SETPOINT
-        of_train[part] = 0
-        first = max(part.start - 1, 0)  # a piece begins with the last sample of the one before
-        piece = slice(first, part.stop)
-        simulated, _ = course.follow(times[piece], displacement[piece], setpoint[piece], slopes=False)
-        pressure[part] = simulated[part.start - first :] + NOISE * noise.normal(size=part.stop - part.start)
-    return replace(
-        experiment(350),
-        times=times,
-        displacement=displacement,
-        setpoint=setpoint,
-        samples=at,
-        pressure=pressure,
-        part=of_train,
-    )
+    return prepared([recording]).experiments(CHANNEL)[0]

@@ -5,17 +5,28 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
-from types import MappingProxyType, SimpleNamespace
+from types import MappingProxyType
 
 import numpy as np
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
-from cfd_pneumatic.identification import Estimate, Geometry, Identification, Options, PartError, identify
-from cfd_pneumatic.identification.data.experiment import observed_motion
-from cfd_pneumatic.identification.data.force_experiment import ForceExperiment, make_force_experiment
+from cfd_pneumatic.identification import (
+    ChannelResult,
+    Estimate,
+    Identification,
+    Options,
+    PartError,
+    identify,
+)
+from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.identify import prepared
+from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
+from cfd_pneumatic.identification.result import Comparison
 from cfd_pneumatic.identification.search.stepwise import Trial
+from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig.panel import draw
 
@@ -39,9 +50,14 @@ def recording(name: str = 'cell_7_monday', seed: int = 0) -> Recording:
 
 
 @cache
+def _whole() -> Identification:
+    return identify([recording()], Options(close_loop=True))
+
+
+@cache
 def closed() -> Identification:
     """Return the identification of one recording, pressures only."""
-    return _without_force(identify([recording()], Options(close_loop=True)))
+    return _without_force(_whole())
 
 
 @cache
@@ -58,9 +74,7 @@ def closed_on_two() -> Identification:
 
 
 def _without_force(identification: Identification) -> Identification:
-    object.__setattr__(identification, 'force', None)
-    object.__setattr__(identification, 'geometry', Geometry())
-    return identification
+    return replace(identification, channels=identification.cylinders)
 
 
 def judged(
@@ -70,26 +84,22 @@ def judged(
     alternatives: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
 ) -> Identification:
     """Return an identification with another verdict on cylinder A."""
-    result = identification.cylinders['cylinder_a']
-    closure = replace(result.closure, verdict=verdict, why=why, alternatives=alternatives)
-    changed = replace(result, closure=closure)
-    return _like(identification, cylinders={**identification.cylinders, 'cylinder_a': changed})
-
-
-def _like(identification: Identification, **changes: object) -> Identification:
-    force = getattr(identification, 'force', None)
-    changed = replace(identification, **changes)
-    object.__setattr__(changed, 'force', force)
-    return changed
+    result = identification.channels['cylinder_a']
+    conclusion = replace(result.conclusion, verdict=verdict, why=why, alternatives=alternatives)
+    changed = replace(result, conclusion=conclusion)
+    return replace(identification, channels={**identification.channels, 'cylinder_a': changed})
 
 
 def with_force(identification: Identification) -> Identification:
     """Return an identification whose loop was closed on the force, too: seal friction, with made-up numbers."""
-    experiments = tuple(_force_experiments(identification))
-    before = tuple(AREA * one.difference for one in experiments)
-    after = tuple(0.5 * (one.force + simulated) for one, simulated in zip(experiments, before))
+    data = prepared(identification.recordings)
+    channel = Force(AREA, 1.0, AMBIENT_PRESSURE)
+    experiments = data.experiments(channel)
+    plain = fit(channel, experiments, [one.fitted for one in experiments])
+    before = tuple(channel.simulated(experiments, replace(plain.model, parameters=np.array([AREA, 1.0]))))
+    after = tuple(0.5 * (one.measured + simulated) for one, simulated in zip(experiments, before))
     errors = [
-        float(np.sqrt(np.mean(np.concatenate([one.force - force for one, force in zip(experiments, simulated)]) ** 2)))
+        float(np.sqrt(np.mean(np.concatenate([one.measured - own for one, own in zip(experiments, simulated)]) ** 2)))
         for simulated in (before, after)
     ]
     estimates = (
@@ -99,34 +109,34 @@ def with_force(identification: Identification) -> Identification:
         Estimate('seal_friction.presliding', 'm', 5e-05, 1e-6, (4.8e-05, 5.2e-05), None),
     )
     tests = [ResidualTest('noise_floor', value, 1.1, 'root mean square over that of the noise') for value in (3.0, 1.0)]
-    closure = SimpleNamespace(
+    noise = Noise(0.9 * errors[1], np.empty(0), 0.01, True, False)
+    conclusion = Conclusion(
         verdict='effect_added',
         why='the force lacks seal_friction; with it the error falls to 50 %, and what is left is noise',
         effects=('seal_friction',),
-        estimates=estimates,
         alternatives={},
         tried=(Trial('seal_friction', 1234.5, 0.75, errors[1], True, 'lowers the criterion most'),),
         ratio=0.5,
         ratio_interval=(0.45, 0.55),
         tests_before=(tests[0],),
         tests_after=(tests[1],),
+        noise=noise,
         not_visible=('moving_mass',),
         next_experiment='quick strokes',
+    )
+    model = replace(plain.model, parameters=np.array([AREA, 1.0]), effects={'seal_friction': (2.5, 0.0, 40.0, 5e-5)})
+    result = ChannelResult(
+        channel=channel,
+        fit=replace(plain, estimates=()),
+        schedule=(),
+        comparisons=tuple(Comparison(channel, *one) for one in zip(data.holding(channel), experiments, before, after)),
         before={part: PartError(errors[0], 10.0) for part in PARTS},
         after={part: PartError(errors[1], 5.0) for part in PARTS},
-        noise_floor=0.9 * errors[1],
-        fit=SimpleNamespace(area=AREA, factor=1.0, effects={'seal_friction': (2.5, 0.0, 40.0, 5e-5)}),
-        experiments=experiments,
-        simulated_before=before,
-        simulated=after,
+        span=float(np.mean([one.span for one in experiments])),
+        noise=noise,
+        notes=(),
+        found=replace(plain, model=model, estimates=estimates, simulated=after),
+        conclusion=conclusion,
     )
-    changed = replace(identification, geometry=Geometry(AREA, 1.0))
-    object.__setattr__(changed, 'force', closure)
-    return changed
-
-
-def _force_experiments(identification: Identification) -> list[ForceExperiment]:
-    return [
-        make_force_experiment(one, observed_motion(one)[0], split, AMBIENT_PRESSURE)
-        for one, split in zip(identification.recordings, identification.splits)
-    ]
+    channels = {**identification.channels, 'force': result}
+    return replace(identification, channels=channels)

@@ -35,7 +35,7 @@ BELOW = {
 }
 """What each layer may import, besides itself and the single modules at the top of the package."""
 
-ROOMS = ('data', 'residual', 'fit', 'search')
+ROOMS = ('data', 'residual', 'channels', 'fit', 'search')
 """Of `identification`, each of which may import those before it; the modules beside them import all."""
 
 ROS = re.compile(r'(rclpy|rcl_interfaces|ament_\w+|builtin_interfaces|launch\w*|rosidl\w*|ros2\w*|\w+_(msgs|srvs))$')

@@ -70,6 +70,11 @@ def make_parser() -> argparse.ArgumentParser:
         'report the error before and after',
     )
     parser.add_argument(
+        '--full',
+        action='store_true',
+        help='write every sample to compare.mcap; it holds minima and maxima of more than 2 million messages',
+    )
+    parser.add_argument(
         '--split',
         type=_fractions,
         default=FRACTIONS,
@@ -170,11 +175,13 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         report('read', 0.2)
         identification = identify(recordings, options, lambda what, share: report(what, 0.2 + 0.7 * share))
         report('writing the report', 0.9)
-        written = write_report(identification, arguments.output)
+        written = write_report(identification, arguments.output, full=arguments.full)
         report('done', 1.0)
     if arguments.progress != 'lines':
         print_report(identification, Console(width=None if sys.stdout.isatty() else 120))
-        print(f'written: {", ".join(map(str, written))}')
+        print(f'written: {", ".join(map(str, written.files))}')
+        if not written.complete:
+            print('The recording is long: compare.mcap holds minima and maxima. --full writes every sample.')
         command = next_plan(identification, arguments.output)
         if command is not None:
             print(f'To plan an experiment that tells more: {command}')

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.force_experiment import ForceExperiment
 from cfd_pneumatic.identification.data.split import PARTS, stroke_times
 
 Array = NDArray[np.float64]
@@ -31,9 +30,7 @@ class _Strokes(NamedTuple):
     squares: Array
 
 
-def contradiction(
-    experiments: Sequence[Experiment | ForceExperiment], residuals: Sequence[Array], noise: float
-) -> list[str]:
+def contradiction(experiments: Sequence[Experiment], residuals: Sequence[Array], noise: float) -> list[str]:
     """
     Return how the test part contradicts a model, a clause; empty where it doesn't, or there is no such part.
 
@@ -69,10 +66,10 @@ def contradiction(
     ]
 
 
-def _strokes(experiment: Experiment | ForceExperiment, residual: Array) -> _Strokes:
+def _strokes(experiment: Experiment, residual: Array) -> _Strokes:
     """Return the residuals by stroke; what rests before the first belongs to it, and after the last to that."""
     times, part = experiment.sample_times, experiment.part
-    begins = stroke_times(experiment.times, experiment.displacement, 0.0)[1:-1]
+    begins = stroke_times(experiment.times, experiment.inputs['displacement'], 0.0)[1:-1]
     first = np.unique(np.concatenate([[0], np.searchsorted(times, begins), np.flatnonzero(np.diff(part)) + 1]))
     first = first[first < times.size].astype(np.intp)
     return _Strokes(times[first], part[first], np.diff(first, append=times.size), np.add.reduceat(residual**2, first))

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.output_error import Estimate
+from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.model.effects import Effect
-from cfd_pneumatic.recording import spool
 
 Array = NDArray[np.float64]
 Parts = NDArray[np.int8]
@@ -31,7 +32,7 @@ _SEED = 2
 @dataclass(frozen=True)
 class Conclusion:
     """
-    What closing the loop comes to, whatever it is closed on.
+    What closing the loop comes to.
 
     Attributes
     ----------
@@ -41,8 +42,6 @@ class Conclusion:
         The verdict in a sentence, for people.
     effects
         Names of the effects that were found, in the order in which they were added.
-    estimates
-        What was fitted, effects' parameters (`EFFECT.PARAMETER`) among it, with standard errors, or why not.
     alternatives
         For each effect those that the recordings can't tell from it, at most two.
     tried
@@ -52,6 +51,8 @@ class Conclusion:
         bootstrap; None without an effect.
     tests_before, tests_after
         Of the residuals, on train and validation.
+    noise
+        Of the channel.
     not_visible
         Effects that these recordings could not have shown.
     next_experiment
@@ -62,15 +63,20 @@ class Conclusion:
     verdict: str
     why: str
     effects: tuple[str, ...]
-    estimates: tuple[Estimate, ...]
     alternatives: Mapping[str, tuple[str, ...]]
     tried: tuple[Trial, ...]
     ratio: float | None
     ratio_interval: tuple[float, float] | None
     tests_before: tuple[Test, ...]
     tests_after: tuple[Test, ...]
+    noise: Noise
     not_visible: tuple[str, ...]
     next_experiment: str
+
+    @property
+    def rounds(self) -> list[tuple[Trial, ...]]:
+        """The trials by rounds of the search, each beside another model."""
+        return [tuple(trials) for _, trials in groupby(self.tried, attrgetter('beside'))]
 
 
 @dataclass(frozen=True)
@@ -83,12 +89,10 @@ class PartError:
 
 def part_errors(measured: Sequence[Array], simulated: Sequence[Array], parts: Sequence[Parts]) -> dict[str, PartError]:
     """Return the error on each part that has samples, by its name, of all experiments together."""
-    span = float(np.mean([np.ptp(np.percentile(spool.thinned(one), [1.0, 99.0])) for one in measured]))
-    squares, counts = np.zeros(len(PARTS)), np.zeros(len(PARTS))
-    for one, other, part in zip(measured, simulated, parts):
-        for here in spool.parts(one, other, part):
-            squares += np.bincount(part[here], (one[here] - other[here]) ** 2, len(PARTS))
-            counts += np.bincount(part[here], minlength=len(PARTS))
+    span = float(np.mean([np.ptp(np.percentile(one, [1.0, 99.0])) for one in measured]))
+    errors = np.concatenate([one - other for one, other in zip(measured, simulated)])
+    part = np.concatenate(parts)
+    squares, counts = np.bincount(part, errors**2, len(PARTS)), np.bincount(part, minlength=len(PARTS))
     return {
         name: PartError(rmse, 100.0 * rmse / span)
         for name, rmse in zip(PARTS, np.sqrt(squares / np.maximum(counts, 1.0)).tolist())

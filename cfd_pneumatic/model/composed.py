@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint a4fc1f9e3cbcaabd; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint 425b4d4d7b7dbe05; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -489,12 +489,12 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
 
 @kernel
 def propagate_force(
-    times, displacement, rate, acceleration, p_a, p_opposing, ambient, area_times_factor, state, a, on, force_out
+    times, displacement, rate, acceleration, p_a, p_opposing, begin, ambient, area_times_factor, state, a, on, force_out
 ):
-    """Advance over a recording; write the contact force at each sample [N]."""
+    """Advance over a piece of a recording that has begun at a time [s]; write the contact force at each sample [N]."""
     for i in range(times.size):
         force_out[i] = step_force(
-            times[i] - times[0],
+            times[i] - begin,
             displacement[i],
             rate[i],
             acceleration[i],

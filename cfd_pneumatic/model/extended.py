@@ -248,7 +248,7 @@ class ExtendedCylinder:
         """
         parameters = all_parameters(self.gains, self.effects)[None]
         stiffness = self.stiffness_over(displacement, setpoint)
-        alone = SideBySide(self, parameters, np.zeros(1), np.array([start]), stiffness, settles)
+        alone = SideBySide(self, parameters, np.zeros(1), np.array([start]), float(times[0]), stiffness, settles)
         return alone.follow(times, displacement, setpoint)[:, 0]
 
 
@@ -272,6 +272,8 @@ class SideBySide:
         What each one's set-point lies above the common one, shape (cylinders,) [Pa].
     starts
         What each one's pressures lie above its first set-point at the first sample, shape (cylinders,) [Pa].
+    begin
+        When their recording began, which effects that follow time count from [s].
     stiffness
         Inverse of the fastest time constant, see `ExtendedCylinder.stiffness_over` [1/s].
     settles
@@ -285,6 +287,7 @@ class SideBySide:
         parameters: Array,
         offsets: Array,
         starts: Array,
+        begin: float,
         stiffness: float,
         settles: bool = False,
     ) -> None:
@@ -296,7 +299,7 @@ class SideBySide:
         self._settles = settles
         self._on = switches(cylinder.effects)
         self._groups: list[Array] = []
-        self._begin = 0.0
+        self._begin = begin
 
     def follow(self, times: Array, displacement: Array, setpoint: Array) -> Array:
         """
@@ -305,7 +308,6 @@ class SideBySide:
         The arguments are as in `Cylinder.simulate`; a piece begins with the last sample of the one before.
         """
         if not self._groups:
-            self._begin = float(times[0])
             self._groups = [
                 self._resting(first, displacement[0], setpoint[0]) for first in range(0, len(self._parameters), COUNT)
             ]

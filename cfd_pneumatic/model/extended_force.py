@@ -34,34 +34,45 @@ class ExtendedForce:
     effects: Mapping[str, Sequence[float]]
     ambient_pressure: float
 
-    def simulate(
+    def begin(self, displacement: float, stretch: float = 0.0) -> Array:
+        """
+        Return the state to follow from: the seals at a displacement [m], and how far they are stretched there.
+
+        The stretch is 1 as behind a long travel towards +x, -1 towards -x.
+        """
+        state = np.empty(FORCE_STATES + 1)
+        rest_force(displacement, state)
+        state[:FORCE_STATES] = stretch
+        return state
+
+    def follow(
         self,
+        state: Array,
+        begin: float,
         times: Array,
         displacement: Array,
         rate: Array,
         acceleration: Array,
         pressure_a: Array,
         pressure_b: Array | None,
-        stretch: float = 0.0,
     ) -> Array:
         """
-        Return the contact force along +x at each sample, shape (n,) [N].
+        Return the contact force along +x at each sample of a piece, shape (n,) [N], and carry the state on.
 
         Parameters
         ----------
+        state
+            From `begin`; a piece may begin with the last sample of the one before.
+        begin
+            Time of the first sample of all [s].
         times
             Increasing, shape (n,) [s].
         displacement, rate, acceleration
             Of the piston; +x grows cylinder A, shape (n,) [m, m/s, m/s^2].
         pressure_a, pressure_b
             Absolute, shape (n,) [Pa]; B is None in a single cylinder.
-        stretch
-            How far the seals are stretched at the first sample: 1 as behind a long travel towards +x, -1 towards -x.
 
         """
-        state = np.empty(FORCE_STATES + 1)
-        rest_force(displacement[0], state)
-        state[:FORCE_STATES] = stretch
         force = np.empty_like(times)
         propagate_force(
             times,
@@ -70,6 +81,7 @@ class ExtendedForce:
             acceleration,
             pressure_a,
             np.full_like(times, self.ambient_pressure) if pressure_b is None else pressure_b,
+            begin,
             self.ambient_pressure,
             self.area_times_factor,
             state,

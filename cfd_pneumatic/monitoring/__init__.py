@@ -8,7 +8,7 @@ closed on an alarm in a process of its own (`Worker`), and tells faults of the f
 from cfd_pneumatic.monitoring.channel import Channel, Departure
 from cfd_pneumatic.monitoring.chart import warm_up
 from cfd_pneumatic.monitoring.feed import Fault
-from cfd_pneumatic.monitoring.finding import Finding, Found, News, diagnose, news
+from cfd_pneumatic.monitoring.finding import Diagnosis, Finding, News, diagnose, news
 from cfd_pneumatic.monitoring.run_length import mean_run, threshold_for
 from cfd_pneumatic.monitoring.watch import Alarm, Prediction, Residual, Settings, Watch
 from cfd_pneumatic.monitoring.wording import agreed, departed, diagnosed
@@ -18,9 +18,9 @@ __all__ = [
     'Alarm',
     'Channel',
     'Departure',
+    'Diagnosis',
     'Fault',
     'Finding',
-    'Found',
     'News',
     'Prediction',
     'Residual',

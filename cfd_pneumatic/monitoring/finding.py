@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from cfd_pneumatic.convention import CONTACT_FORCE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import Estimate, Options, identify
-from cfd_pneumatic.identification.verdict import Conclusion
+from cfd_pneumatic.identification import ChannelResult, Estimate, Options, identify
 from cfd_pneumatic.recording import Recording
 
 _SURE = 3.0  # standard errors
@@ -16,7 +15,7 @@ _MATERIAL = 0.05  # share of a parameter
 
 
 @dataclass(frozen=True)
-class Found:
+class Diagnosis:
     """
     What the loop ended with on one signal.
 
@@ -42,9 +41,10 @@ class Found:
     estimates: Mapping[str, Estimate]
 
     @classmethod
-    def of(cls, conclusion: Conclusion) -> Found:
-        """Return what of a conclusion is kept."""
-        estimates = {estimate.name: estimate for estimate in conclusion.estimates}
+    def of(cls, result: ChannelResult) -> Diagnosis:
+        """Return what is kept of a result."""
+        conclusion = result.findings
+        estimates = {estimate.name: estimate for estimate in result.found.estimates}
         return cls(conclusion.verdict, conclusion.why, conclusion.effects, dict(conclusion.alternatives), estimates)
 
 
@@ -62,7 +62,7 @@ class Finding:
 
     """
 
-    found: Mapping[str, Found]
+    found: Mapping[str, Diagnosis]
     failure: str | None = None
 
 
@@ -72,14 +72,12 @@ def diagnose(recording: Recording, options: Options) -> Finding:
         identification = identify([recording], options)
     except InputError as error:
         return Finding({}, str(error))
-    found = {
-        name: Found.of(result.closure)
-        for name, result in identification.cylinders.items()
-        if result.closure is not None
-    }
-    if identification.force is not None:
-        found[CONTACT_FORCE] = Found.of(identification.force)
-    return Finding(found)
+    return Finding(
+        {
+            CONTACT_FORCE if result.name == 'force' else result.name: Diagnosis.of(result)
+            for result in identification.closed
+        }
+    )
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ class News:
     unexplained: bool
 
 
-def news(found: Found, before: Found | None) -> News:
+def news(found: Diagnosis, before: Diagnosis | None) -> News:
     """Return what is new in what was found, against what was found before the device parted from its model."""
     earlier = before.effects if before is not None else ()
     known = before.estimates if before is not None else {}

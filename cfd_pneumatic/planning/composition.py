@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.evidence import Evidence
 from cfd_pneumatic.planning.family import Move, Segment
 from cfd_pneumatic.planning.proposal import Drawing
-from cfd_pneumatic.planning.signatures import OF_TIME, Signatures
+from cfd_pneumatic.planning.signatures import Signatures
 
 Array = NDArray[np.float64]
 
@@ -115,9 +116,9 @@ def lack(evidence: Sequence[Evidence], wanted: Collection[str]) -> float:
             if name in wanted:
                 total += 1.0 - 1.0 / (1.0 + (std / PRECISION) ** 2)
         for effect in one.effects:
-            if effect in wanted and effect not in OF_TIME:
+            if effect in wanted and not EFFECTS[effect].of_time:
                 total += float(np.mean(1.0 / (1.0 + one.visibility[effect] ** 2)))
-                rivals = [own for other, own in one.distinctness[effect].items() if other not in OF_TIME]
+                rivals = [own for other, own in one.distinctness[effect].items() if not EFFECTS[other].of_time]
                 if rivals:
                     total += float(np.mean(1.0 / (1.0 + np.maximum(np.concatenate(rivals), 0.0))))
     return total

@@ -14,26 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.identification.channels.channel import Channel, Model
+from cfd_pneumatic.identification.channels.force import Force
+from cfd_pneumatic.identification.channels.pressure import Pressure
 from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.force_experiment import ForceExperiment
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.split import Split, split_recordings, stroke_times
-from cfd_pneumatic.identification.fit.extension import Extension, simulate_models, tangent
-from cfd_pneumatic.identification.fit.force import fit_force, hold_several_levels, starting_force_data
-from cfd_pneumatic.identification.fit.starts import starting_data
+from cfd_pneumatic.identification.fit.likelihood import Likelihood
+from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH
-from cfd_pneumatic.model import DIRECTIONS, SPECS, Course
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
-from cfd_pneumatic.model.extended_force import ExtendedForce
+from cfd_pneumatic.model import DIRECTIONS
+from cfd_pneumatic.model.effects import Effect
 from cfd_pneumatic.parallel import each
-from cfd_pneumatic.planning.device import PlannedCylinder, PlannedDevice
+from cfd_pneumatic.planning.device import PlannedDevice
 from cfd_pneumatic.planning.limits import Sensing
 from cfd_pneumatic.planning.proposal import Proposal
 
 Array = NDArray[np.float64]
-
-FORCE = 'force'
-"""Name of the channel that is not a cylinder's pressure."""
 
 Changes = Callable[[str, Sequence[tuple[float, ...]]], Array]
 """Returns by what an effect with each of some parameters changes what is measured, shape (n, changes)."""
@@ -41,9 +38,6 @@ Changes = Callable[[str, Sequence[tuple[float, ...]]], Array]
 _ATTEMPTS = 8
 _NEARLY = 1.2  # times as large, or as small
 _VARIED = 2.0  # times
-
-OF_TIME = ('set_point_drift', 'supply_variation')
-"""Effects of the time alone: how long a recording is tells them, whatever is done in it."""
 
 
 @dataclass(frozen=True)
@@ -108,47 +102,71 @@ class Signatures:
         return np.asarray(chosen.T @ chosen)
 
 
+@dataclass(frozen=True)
+class Planned:
+    """A channel in the recording that a proposal would give, without noise, and the model that makes it."""
+
+    experiment: Experiment
+    complement: Complement
+    noise: float
+
+
 def all_signatures(proposal: Proposal, device: PlannedDevice, sensing: Sensing) -> list[Signatures]:
     """Return the signatures of each channel of a device."""
-    experiments = {name: experiment_of(proposal, device, name, sensing) for name in device.cylinders}
-    found = [
-        _of_pressure(name, experiments[name], device.cylinders[name], device.ambient_pressure, sensing)
-        for name in experiments
-    ]
-    return [*found, _of_force(proposal, experiments, device, sensing)]
+    return [_signatures(one) for one in planned(proposal, device, sensing)]
+
+
+def planned(proposal: Proposal, device: PlannedDevice, sensing: Sensing) -> list[Planned]:
+    """Return each channel of a device in the recording that a proposal would give: the cylinders, then the force."""
+    found = []
+    absent = np.full(proposal.times.size, device.ambient_pressure)
+    pressures, levels = dict.fromkeys(CYLINDERS, absent), dict.fromkeys(CYLINDERS, absent)
+    for name, cylinder in device.cylinders.items():
+        levels[name] = proposal.setpoints[:, CYLINDERS.index(name)] + device.ambient_pressure
+        inputs = {'displacement': DIRECTIONS[name] * proposal.displacement, 'setpoint': levels[name]}
+        channel, model = (
+            Pressure(name, device.ambient_pressure),
+            Model(cylinder.gains, cylinder.effects, np.zeros((1, 2))),
+        )
+        found.append(_planned(proposal, channel, model, inputs, sensing, sensing.pressure_noise))
+        pressures[name] = found[-1].experiment.measured
+    inputs = {
+        'displacement': proposal.displacement,
+        'rate': proposal.velocity,
+        'acceleration': proposal.acceleration,
+        'pressure': pressures['cylinder_a'],
+        'opposing': pressures['cylinder_b'],
+        'level': levels['cylinder_a'] - levels['cylinder_b'],
+    }
+    force = Force(device.area, device.factor, device.ambient_pressure)
+    model = Model(np.array([device.area, device.factor]), device.force_effects, np.zeros((1, 1)))
+    return [*found, _planned(proposal, force, model, inputs, sensing, sensing.force_noise)]
+
+
+def _planned(
+    proposal: Proposal, channel: Channel, model: Model, inputs: Mapping[str, Array], sensing: Sensing, noise: float
+) -> Planned:
+    experiment = Experiment(
+        recording='proposal',
+        times=proposal.times,
+        inputs=inputs,
+        samples=np.arange(proposal.times.size),
+        measured=proposal.times,
+        part=split_of(proposal, sensing).part_of(proposal.times),
+        motion=_motion_of(proposal, sensing),
+        starts_at_rest=True,
+    )
+    experiment = replace(experiment, measured=channel.simulated([experiment], model)[0])
+    everything = np.ones(proposal.times.size, dtype=np.bool_)
+    blurred = channel.sensitivity(model) * sensing.displacement_noise  # at its worst
+    likelihood = Likelihood.alike(channel, [experiment], [everything])
+    return Planned(experiment, Complement(likelihood, model), float(np.hypot(noise, blurred)))
 
 
 def split_of(proposal: Proposal, sensing: Sensing) -> Split:
     """Return where `identify_bag` will cut the recording."""
     (split,), _ = split_recordings([stroke_times(proposal.times, proposal.displacement, sensing.displacement_noise)])
     return split
-
-
-def pressure_noise(gains: Array, sensing: Sensing) -> float:
-    """Return the standard deviation that noise gives a pressure's residual, the displacement's at its worst [Pa]."""
-    return float(np.hypot(sensing.pressure_noise, gains[0] * sensing.displacement_noise))
-
-
-def experiment_of(proposal: Proposal, device: PlannedDevice, name: str, sensing: Sensing) -> Experiment:
-    """Return one cylinder in the recording that a proposal would give, without noise."""
-    cylinder = device.cylinders[name]
-    times, x = proposal.times, DIRECTIONS[name] * proposal.displacement
-    setpoint = proposal.setpoints[:, CYLINDERS.index(name)] + device.ambient_pressure
-    experiment = Experiment(
-        recording='proposal',
-        cylinder=name,
-        times=times,
-        displacement=x,
-        setpoint=setpoint,
-        setpoint_recorded=True,
-        samples=np.arange(times.size),
-        pressure=setpoint,
-        part=split_of(proposal, sensing).part_of(times),
-        starts_at_rest=True,
-        motion=_motion_of(proposal, sensing),
-    )
-    (pressure,) = model_of(cylinder).simulate([experiment], device.ambient_pressure)
-    return replace(experiment, pressure=pressure)
 
 
 def _motion_of(proposal: Proposal, sensing: Sensing) -> Motion:
@@ -167,111 +185,21 @@ def _motion_of(proposal: Proposal, sensing: Sensing) -> Motion:
     )
 
 
-def model_of(cylinder: PlannedCylinder) -> Extension:
-    """Return the model that `identify_bag` would find."""
-    return Extension(cylinder.gains, cylinder.effects, (0.0,), (0.0,))
-
-
-def _of_pressure(
-    name: str, experiment: Experiment, cylinder: PlannedCylinder, ambient_pressure: float, sensing: Sensing
-) -> Signatures:
-    model = model_of(cylinder)
-    noise = pressure_noise(model.gains, sensing)
-    data = {
-        **starting_data([experiment], model, [experiment.pressure], ambient_pressure),
-        'residual': STRENGTH * noise,
-        'lag': 0.0,
-    }
-
-    def changes(effect: str, ones: Sequence[tuple[float, ...]]) -> Array:
-        models = [Extension(model.gains, {**model.effects, effect: own}, (0.0,), (0.0,)) for own in ones]
-        (pressures,) = simulate_models([experiment], models, ambient_pressure)
-        return pressures - experiment.pressure[:, None]
-
-    missing = {effect: one for effect, one in PRESSURE_EFFECTS.items() if effect not in model.effects}
-    names, values, own = _own_of_pressure(experiment, model, ambient_pressure)
-    forms, columns = _formed(missing, data, noise, own, changes)
-    return Signatures(name, noise, names, values, forms, (), np.column_stack([own, *columns]))
-
-
-def _own_of_pressure(
-    experiment: Experiment, model: Extension, ambient_pressure: float
-) -> tuple[tuple[str, ...], Array, Array]:
-    """
-    Return what is fitted anyway: names, values, and the derivatives of the pressure, shape (n, k).
-
-    Gains count by their logarithms. Without effects the sensitivities are exact.
-    """
-    if not model.effects:
-        course = Course(model.gains, float(experiment.setpoint[0]))
-        _, slopes = course.follow(experiment.times, experiment.displacement, experiment.setpoint)
-        names = (*(spec.name for spec in SPECS), '')
-        own = slopes[:, : len(names)] * np.append(model.gains, 1.0)
-        return names, np.append(model.gains, 1.0), own
-    everything = np.ones(experiment.samples.size, dtype=np.bool_)
-    at = tangent([experiment], [everything], ambient_pressure, model, [np.ones(everything.size)])
-    known = dict(zip((spec.name for spec in SPECS), model.gains.tolist()))
-    for effect, parameters in model.effects.items():
-        for parameter, value in zip(PRESSURE_EFFECTS[effect].parameters, parameters):
-            known[f'{effect}.{parameter.name}'] = value
-    values = np.array([known.get(name, 1.0) for name in at.names])
-    return at.names, values, at.jacobian * np.where(at.logarithmic, 1.0, values)
-
-
-def _of_force(
-    proposal: Proposal, experiments: Mapping[str, Experiment], device: PlannedDevice, sensing: Sensing
-) -> Signatures:
-    still = np.full(proposal.times.size, device.ambient_pressure)
-    pressures = [experiments[name].pressure if name in experiments else still for name in CYLINDERS]
-    levels = [experiments[name].setpoint if name in experiments else still for name in CYLINDERS]
-
-    def force(effects: Mapping[str, Sequence[float]]) -> Array:
-        model = ExtendedForce(device.area * device.factor, effects, device.ambient_pressure)
-        motion = proposal.times, proposal.displacement, proposal.velocity, proposal.acceleration
-        return model.simulate(*motion, pressures[0], pressures[1])
-
-    experiment = ForceExperiment(
-        recording='proposal',
-        times=proposal.times,
-        displacement=proposal.displacement,
-        rate=proposal.velocity,
-        acceleration=proposal.acceleration,
-        pressure=pressures[0],
-        opposing=pressures[1],
-        samples=np.arange(proposal.times.size),
-        force=force(device.force_effects),
-        level=levels[0] - levels[1],
-        part=split_of(proposal, sensing).part_of(proposal.times),
-    )
-    everything = [np.ones(proposal.times.size, dtype=np.bool_)]
-    fitted = fit_force(
-        [experiment],
-        everything,
-        device.ambient_pressure,
-        device.area,
-        device.factor,
-        device.force_effects,
-        estimated=False,
-    )
-    strength = STRENGTH * sensing.force_noise
-    data = {
-        **starting_force_data([experiment], fitted, device.ambient_pressure),
-        'force_residual': strength,
-        'force_mean': strength,
-    }
-
-    def changes(effect: str, ones: Sequence[tuple[float, ...]]) -> Array:
-        return np.column_stack([force({**device.force_effects, effect: own}) - experiment.force for own in ones])
-
-    missing = {name: one for name, one in FORCE_EFFECTS.items() if name not in device.force_effects}
-    hidden = () if experiment.resolves_acceleration else tuple({'moving_mass'} & missing.keys())
-    visible = {name: one for name, one in missing.items() if name not in hidden}
-    own = fitted.jacobian
-    forms, columns = _formed(visible, data, sensing.force_noise, own, changes)
-    area = ('area',) if hold_several_levels([experiment], everything) else ()
-    names = (*area, *('',) * (own.shape[1] - len(area)))
-    values = np.full(len(names), device.area)
-    return Signatures(FORCE, sensing.force_noise, names, values, forms, hidden, np.column_stack([own, *columns]))
+def _signatures(one: Planned) -> Signatures:
+    complement, model = one.complement, one.complement.model
+    channel = complement.likelihood.channel
+    strength = STRENGTH * one.noise
+    known = channel.data([one.experiment], model, [one.experiment.measured])
+    data = {**known, 'residual': strength, 'mean': strength, 'lag': 0.0}
+    missing = [effect for effect in channel.effects if effect not in model.effects]
+    hidden = tuple(effect for effect in missing if channel.untold([one.experiment], effect) is not None)
+    visible = {effect: channel.effects[effect] for effect in missing if effect not in hidden}
+    own = complement.jacobian
+    forms, columns = _formed(visible, data, one.noise, own, complement.changes)
+    unknowns = channel.unknowns([one.experiment], model)
+    values = channel.row(model)[[unknown.slot for unknown in unknowns]]
+    names = tuple(unknown.name for unknown in unknowns)
+    return Signatures(channel.name, one.noise, names, values, forms, hidden, np.column_stack([own, *columns]))
 
 
 def _formed(

@@ -47,6 +47,8 @@ _BAG_VERSION: Literal[8] = 8
 _LAST_STAMP = 2**31
 """Seconds that a stamp can't hold any more."""
 
+_PORTION = 100_000  # samples of a topic that are sorted at a time
+
 
 class _Mcap:
     """Writes the file of a bag with checksums, which rosbags' own writer leaves out."""
@@ -144,6 +146,23 @@ class BagWriter:
         """Write a message, made by `cfd_pneumatic.recording.messages`, on an announced topic at a time [ns]."""
         payload = messages.standard_types().serialize_cdr(message, self._connections[topic].msgtype)
         self.write(topic, time, payload)
+
+    def write_streams(self, streams: Sequence[Stream]) -> None:
+        """Write streams, their topics announced here, in the order of time; at equal times in their own."""
+        for one in streams:
+            self.add_topic(one.topic, one.msgtype)
+        for portion in _portions(streams):
+            times = np.concatenate([one.times[samples] for one, samples in zip(streams, portion)])
+            owners = np.repeat(np.arange(len(streams)), [samples.stop - samples.start for samples in portion])
+            places = np.concatenate([np.arange(samples.start, samples.stop) for samples in portion])
+            order = np.argsort(times, kind='stable')
+            for time, owner, place in zip(times[order].tolist(), owners[order].tolist(), places[order].tolist()):
+                one = streams[owner]
+                self.write_message(one.topic, time, one.message(time, float(one.values[place])))
+
+    def remark(self, key: str, text: str) -> None:
+        """Put a text into the bag's metadata."""
+        self._writer.set_custom_data(key, text)
 
     def close(self) -> None:
         """Complete the bag and move it to its place."""
@@ -243,22 +262,35 @@ def write_recording(
         If the bag can't be written, or the recording's times don't fit a message.
 
     """
-    tracks = _tracks(recording, namespace, joint, ambient_pressure)
-    last = max(int(track.times[-1]) for track in tracks) / NANOSECONDS
-    if recording.epoch < 0 or last >= _LAST_STAMP:
-        raise InputError(f'{recording.name}: times up to {last:g} s do not fit a stamp: check their unit and offset')
+
+    def stream(name: str, msgtype: str, signal: Signal, message: Callable[[int, float], object]) -> Stream:
+        return Stream(resolve(namespace, name), msgtype, stamps_of(recording, signal.times), signal.values, message)
+
+    def setpoint(_: int, value: float) -> object:
+        return messages.float64(value - ambient_pressure)
+
+    def piston_state(time: int, value: float) -> object:
+        return messages.joint_state(time, joint, value)
+
+    streams = [  # set-points first: at equal times they come before the samples that they act on
+        stream(setpoint_topic(cylinder), messages.FLOAT64, signals.setpoint, setpoint)
+        for cylinder, signals in recording.cylinders.items()
+        if signals.setpoint is not None
+    ]
+    streams.append(stream(PISTON_STATE, messages.JOINT_STATE, recording.displacement, piston_state))
+    streams += [
+        stream(pressure_topic(cylinder), messages.FLUID_PRESSURE, signals.pressure, messages.fluid_pressure)
+        for cylinder, signals in recording.cylinders.items()
+    ]
+    if recording.force is not None:
+        streams.append(stream(MEASURED_FORCE, messages.WRENCH_STAMPED, recording.force, messages.wrench_stamped))
     with BagWriter(path, storage=storage, overwrite=overwrite) as bag:
-        for track in tracks:
-            bag.add_topic(track.topic, track.msgtype)
-        for index, sample in _in_order_of_time(tracks):
-            track = tracks[index]
-            time = int(track.times[sample])
-            bag.write_message(track.topic, time, track.message(time, float(track.values[sample])))
+        bag.write_streams(streams)
 
 
 @dataclass(frozen=True)
-class _Track:
-    """A topic to write: its samples, at times [ns], and what makes a message of a time and a value."""
+class Stream:
+    """What is written on a topic: values at increasing times [ns], and what makes a message of a time and a value."""
 
     topic: str
     msgtype: str
@@ -267,38 +299,28 @@ class _Track:
     message: Callable[[int, float], object]
 
 
-def _tracks(recording: Recording, namespace: str, joint: str, ambient_pressure: float) -> list[_Track]:
-    """Return the topics of a recording, set-points first: at equal times they come before the samples they act on."""
+def stamps_of(recording: Recording, times: NDArray[np.float64]) -> NDArray[np.int64]:
+    """
+    Return the stamps of times of a recording [ns].
 
-    def track(name: str, msgtype: str, signal: Signal, message: Callable[[int, float], object]) -> _Track:
-        times = recording.epoch + np.rint(signal.times * NANOSECONDS).astype(np.int64)
-        return _Track(resolve(namespace, name), msgtype, times, signal.values, message)
+    Raises
+    ------
+    InputError
+        If they don't fit a message.
 
-    def setpoint(time: int, value: float) -> object:
-        return messages.float64(value - ambient_pressure)
-
-    def piston_state(time: int, value: float) -> object:
-        return messages.joint_state(time, joint, value)
-
-    tracks = [
-        track(setpoint_topic(cylinder), messages.FLOAT64, signals.setpoint, setpoint)
-        for cylinder, signals in recording.cylinders.items()
-        if signals.setpoint is not None
-    ]
-    tracks.append(track(PISTON_STATE, messages.JOINT_STATE, recording.displacement, piston_state))
-    tracks += [
-        track(pressure_topic(cylinder), messages.FLUID_PRESSURE, signals.pressure, messages.fluid_pressure)
-        for cylinder, signals in recording.cylinders.items()
-    ]
-    if recording.force is not None:
-        tracks.append(track(MEASURED_FORCE, messages.WRENCH_STAMPED, recording.force, messages.wrench_stamped))
-    return tracks
+    """
+    stamps = recording.epoch + np.rint(times * NANOSECONDS).astype(np.int64)
+    if recording.epoch < 0 or stamps[-1] >= _LAST_STAMP * NANOSECONDS:
+        last = stamps[-1] / NANOSECONDS
+        raise InputError(f'{recording.name}: times up to {last:g} s do not fit a stamp: check their unit and offset')
+    return stamps
 
 
-def _in_order_of_time(tracks: Sequence[_Track]) -> Iterator[tuple[int, int]]:
-    """Yield track and sample of every sample, in the order of time and then of the tracks."""
-    times = np.concatenate([track.times for track in tracks])
-    owners = np.repeat(np.arange(len(tracks)), [len(track.times) for track in tracks])
-    samples = np.concatenate([np.arange(len(track.times)) for track in tracks])
-    order = np.argsort(times, kind='stable')
-    yield from zip(owners[order].tolist(), samples[order].tolist())
+def _portions(streams: Sequence[Stream]) -> Iterator[list[slice]]:
+    """Yield which samples of each stream come next, a limited number at a time."""
+    longest = max((one.times for one in streams), key=len)
+    begins = [0] * len(streams)
+    for edge in [*longest[_PORTION::_PORTION].tolist(), None]:
+        ends = [len(one.times) if edge is None else int(np.searchsorted(one.times, edge)) for one in streams]
+        yield [slice(begin, end) for begin, end in zip(begins, ends)]
+        begins = ends

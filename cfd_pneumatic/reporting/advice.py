@@ -9,7 +9,6 @@ from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.reporting.names import PARAMETER_FILE, REPORT_FILE
-from cfd_pneumatic.reporting.outcome import outcomes
 
 _NEXT = 'next'  # folder of the plan, beside the results
 
@@ -27,7 +26,7 @@ def next_plan(identification: Identification, folder: Path = Path()) -> str | No
         for estimate in point.fit.estimates
         if not estimate.identifiable
     }
-    hidden = {name for outcome in outcomes(identification) for name in outcome.findings.not_visible}
+    hidden = {name for result in identification.closed for name in result.findings.not_visible}
     wanted = [name for name in (*NAMES, *EFFECTS) if name in untold | hidden]
     if not wanted:
         return None

@@ -12,56 +12,43 @@ On the recording's own time line. One namespace for each:
 ========================  ==============================================================================
 
 `/measured` is a recording of its own, which `read_recording` and `identify_bag --namespace /measured` read again.
+
+Of more than two million messages it holds minima and maxima, unless everything is asked for, and says so.
 """
 
 from __future__ import annotations
 
 import os
-import shutil
-import tempfile
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cfd_pneumatic.convention import (
-    CONTACT_FORCE,
-    MEASURED_FORCE,
-    PISTON_JOINT,
-    PISTON_STATE,
-    pressure_topic,
-    setpoint_topic,
-)
+from cfd_pneumatic.convention import PISTON_JOINT, PISTON_STATE, setpoint_topic
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import BagWriter, Recording, Signal, messages
-from cfd_pneumatic.recording.messages import NANOSECONDS
-from cfd_pneumatic.reporting.outcome import PRESSURE, Comparison, Outcome
-
-Array = NDArray[np.float64]
+from cfd_pneumatic.identification import Identification
+from cfd_pneumatic.identification.result import Comparison
+from cfd_pneumatic.recording import BagWriter, Recording, messages
+from cfd_pneumatic.recording.writer import Stream, stamps_of
+from cfd_pneumatic.reporting.thinning import thinned
 
 MEASURED = '/measured'
 SIMULATED = ('/simulated_before', '/simulated_after')
 RESIDUAL = ('/residual_before', '/residual_after')
 
-_LAST_STAMP = 2**31  # seconds that a stamp can't hold any more
+MOST = 2_000_000
+"""Messages that a file holds, unless everything is asked for."""
+
+_MESSAGES: Mapping[str, Callable[[int, float], object]] = {
+    messages.FLUID_PRESSURE: messages.fluid_pressure,
+    messages.WRENCH_STAMPED: messages.wrench_stamped,
+}
+"""What makes a message of a stamp [ns] and a value, by its type."""
+
+_REMARK = 'minima and maxima of {} samples each; identify_bag --full writes every sample'
 
 
-@dataclass(frozen=True)
-class _Track:
-    """A topic to write: samples at times [ns], and what makes a message of a time and a value."""
-
-    topic: str
-    msgtype: str
-    times: NDArray[np.int64]
-    values: Array
-    message: Callable[[int, float], object]
-
-
-def write_comparison(
-    path: Path, recording: Recording, index: int, outcomes: Sequence[Outcome], ambient_pressure: float
-) -> None:
+def write_comparison(path: Path, identification: Identification, index: int, *, full: bool = False) -> bool:
     """
     Write the comparison of one recording as a single MCAP file, aside and then to its place.
 
@@ -69,12 +56,15 @@ def write_comparison(
     ----------
     path
         Of the file; an earlier one is replaced.
-    recording, index
-        The recording, and which one it is among those identified.
-    outcomes
-        What was found.
-    ambient_pressure
-        What set-points, gauge in a bag, are above [Pa].
+    identification, index
+        What was found, and which recording it is.
+    full
+        Whether every sample is written, however many there are.
+
+    Returns
+    -------
+    bool
+        Whether every sample is in it.
 
     Raises
     ------
@@ -82,92 +72,62 @@ def write_comparison(
         If it can't be written, or the recording's times don't fit a message.
 
     """
-    tracks = _tracks(recording, index, outcomes, ambient_pressure)
-    last = max(int(track.times[-1]) for track in tracks) / NANOSECONDS
-    if recording.epoch < 0 or last >= _LAST_STAMP:
-        raise InputError(f'{recording.name}: times up to {last:g} s do not fit a stamp: check their unit and offset')
+    sizes = [one.times.size for one in _streams(identification, index)]
+    complete = full or sum(sizes) <= MOST
+    columns = max(sizes) if complete else MOST // (2 * len(sizes))
+    streams = [_thinned(one, columns) for one in _streams(identification, index)]
     try:
-        aside = Path(tempfile.mkdtemp(dir=path.parent, prefix=f'.{path.name}.'))
+        with TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as aside:
+            bag = Path(aside) / path.stem
+            with BagWriter(bag) as writer:
+                writer.write_streams(streams)
+                if not complete:
+                    writer.remark('holds', _REMARK.format(max(sizes) // columns))
+            os.replace(next(bag.glob('*.mcap')), path)
     except OSError as error:
         raise InputError(f'cannot write {path}: {error.strerror}; choose a folder that you may write to') from error
-    try:
-        _write(aside / path.stem, tracks)
-        os.replace(next((aside / path.stem).glob('*.mcap')), path)
-    except OSError as error:
-        raise InputError(f'cannot write {path}: {error.strerror}; choose a folder that you may write to') from error
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
+    return complete
 
 
-def _write(folder: Path, tracks: Sequence[_Track]) -> None:
-    times = np.concatenate([track.times for track in tracks])
-    owners = np.repeat(np.arange(len(tracks)), [track.times.size for track in tracks])
-    samples = np.concatenate([np.arange(track.times.size) for track in tracks])
-    order = np.argsort(times, kind='stable')
-    with BagWriter(folder) as bag:
-        for track in tracks:
-            bag.add_topic(track.topic, track.msgtype)
-        for owner, sample in zip(owners[order].tolist(), samples[order].tolist()):
-            track = tracks[owner]
-            time = int(track.times[sample])
-            bag.write_message(track.topic, time, track.message(time, float(track.values[sample])))
+def _thinned(stream: Stream, columns: int) -> Stream:
+    times, values = thinned(stream.times, stream.values, columns)
+    return replace(stream, times=times, values=values)
 
 
-def _tracks(recording: Recording, index: int, outcomes: Sequence[Outcome], ambient_pressure: float) -> list[_Track]:
-    """Return the topics, set-points first: at equal times they come before the samples that they act on."""
-    tracks = [
-        _Track(
-            f'{MEASURED}/{setpoint_topic(cylinder)}',
-            messages.FLOAT64,
-            _nanoseconds(recording, signals.setpoint.times),
-            signals.setpoint.values - ambient_pressure,
-            lambda _time, value: messages.float64(value),
-        )
-        for cylinder, signals in recording.cylinders.items()
-        if signals.setpoint is not None
-    ]
-    tracks.append(
-        _Track(
-            f'{MEASURED}/{PISTON_STATE}',
-            messages.JOINT_STATE,
-            _nanoseconds(recording, recording.displacement.times),
-            recording.displacement.values,
-            lambda time, value: messages.joint_state(time, PISTON_JOINT, value),
-        )
+def _streams(identification: Identification, index: int) -> Iterator[Stream]:
+    """Yield what is written, set-points first: at equal times they come before the samples that they act on."""
+    recording, ambient_pressure = identification.recordings[index], identification.ambient_pressure
+    for cylinder, signals in recording.cylinders.items():
+        if signals.setpoint is not None:
+            yield Stream(
+                f'{MEASURED}/{setpoint_topic(cylinder)}',
+                messages.FLOAT64,
+                stamps_of(recording, signals.setpoint.times),
+                signals.setpoint.values - ambient_pressure,
+                lambda _, value: messages.float64(value),
+            )
+    yield Stream(
+        f'{MEASURED}/{PISTON_STATE}',
+        messages.JOINT_STATE,
+        stamps_of(recording, recording.displacement.times),
+        recording.displacement.values,
+        lambda time, value: messages.joint_state(time, PISTON_JOINT, value),
     )
-    for outcome in outcomes:
-        for comparison in outcome.comparisons:
+    for result in identification.closed:
+        for comparison in result.comparisons:
             if comparison.recording == index:
-                tracks += _compared(recording, outcome, comparison)
-    return tracks
+                yield from _compared(recording, comparison)
 
 
-def _compared(recording: Recording, outcome: Outcome, comparison: Comparison) -> list[_Track]:
-    """Return what was measured, simulated and left of one quantity."""
-    measured_as, simulated_as, msgtype, message = _naming(outcome)
-    times = _nanoseconds(recording, comparison.stamps(_signal(recording, outcome)))
-    series = {
-        f'{MEASURED}/{measured_as}': comparison.measured,
-        **{f'{space}/{simulated_as}': one for space, one in zip(SIMULATED, (comparison.before, comparison.after))},
-        **{f'{space}/{simulated_as}': one for space, one in zip(RESIDUAL, comparison.residuals)},
-    }
-    return [_Track(topic, msgtype, times, values, message) for topic, values in series.items()]
-
-
-def _naming(outcome: Outcome) -> tuple[str, str, str, Callable[[int, float], object]]:
-    """Return names below the measured and the simulated namespace, the type, and what makes a message."""
-    if outcome.quantity is PRESSURE:
-        topic = pressure_topic(outcome.name)
-        return topic, topic, messages.FLUID_PRESSURE, messages.fluid_pressure
-    return MEASURED_FORCE, CONTACT_FORCE, messages.WRENCH_STAMPED, messages.wrench_stamped
-
-
-def _signal(recording: Recording, outcome: Outcome) -> Signal:
-    if outcome.quantity is PRESSURE:
-        return recording.cylinders[outcome.name].pressure
-    assert recording.force is not None
-    return recording.force
-
-
-def _nanoseconds(recording: Recording, times: Array) -> NDArray[np.int64]:
-    return recording.epoch + np.rint(times * NANOSECONDS).astype(np.int64)
+def _compared(recording: Recording, comparison: Comparison) -> Iterator[Stream]:
+    """Yield what was measured, simulated and left of one quantity."""
+    channel = comparison.channel
+    signal = channel.signal(recording)
+    assert signal is not None
+    (measured_as, simulated_as), message = channel.topics, _MESSAGES[channel.msgtype]
+    times = stamps_of(recording, comparison.stamps(signal))
+    yield Stream(f'{MEASURED}/{measured_as}', channel.msgtype, times, comparison.experiment.measured, message)
+    for space, values in zip(SIMULATED, (comparison.before, comparison.after)):
+        yield Stream(f'{space}/{simulated_as}', channel.msgtype, times, values, message)
+    for space, values in zip(RESIDUAL, comparison.residuals):
+        yield Stream(f'{space}/{simulated_as}', channel.msgtype, times, values, message)

@@ -8,11 +8,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from cfd_pneumatic.identification import ChannelResult, Estimate, Identification
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.output_error import Estimate
-from cfd_pneumatic.identification.identify import CylinderResult, Identification
 from cfd_pneumatic.model import NAMES, SPECS
-from cfd_pneumatic.reporting.outcome import Outcome, outcomes, rounds
 from cfd_pneumatic.reporting.wording import percent, sentence, verdict
 from cfd_pneumatic.units import PSI
 
@@ -33,73 +31,73 @@ def print_report(identification: Identification, console: Console) -> None:
         console.print(_error_table(cylinder, result))
     if identification.no_test is not None:
         console.print(f'No test part: {identification.no_test}.', highlight=False)
-    for outcome in outcomes(identification):
-        _print_outcome(outcome, console)
+    for result in identification.closed:
+        _print_findings(result, console)
 
 
-def _print_outcome(outcome: Outcome, console: Console) -> None:
+def _print_findings(result: ChannelResult, console: Console) -> None:
     """Print what closing the loop brought."""
-    findings = outcome.findings
+    findings = result.findings
     style = _STYLES.get(findings.verdict, 'bold')
     console.print()
     console.print(
-        f'[{style}]{outcome.name}: {verdict(findings.verdict)}.[/] {escape(sentence(findings.why))}', highlight=False
+        f'[{style}]{result.name}: {verdict(findings.verdict)}.[/] {escape(sentence(findings.why))}', highlight=False
     )
     if findings.effects:
-        console.print(_effect_table(outcome))
+        console.print(_effect_table(result))
     if findings.tried:
-        console.print(_trial_table(outcome))
+        console.print(_trial_table(result))
     if findings.next_experiment:
         console.print(f'To see more, record: {findings.next_experiment}.', highlight=False, markup=False)
 
 
-def _effect_table(outcome: Outcome) -> Table:
+def _effect_table(result: ChannelResult) -> Table:
     """Return the parameters of the effects that were found, and the error before and after."""
-    table = Table(title=f'{outcome.name}: effects', title_justify='left')
+    table = Table(title=f'{result.name}: effects', title_justify='left')
     for heading in ('effect', 'parameter', 'value', '95 % interval', 'unit'):
         table.add_column(heading, justify='right' if heading in ('value', '95 % interval') else 'left')
-    for effect in outcome.findings.effects:
-        for rank, (name, estimate) in enumerate(outcome.parameters(effect).items()):
+    for effect in result.findings.effects:
+        for rank, (name, estimate) in enumerate(result.parameters(effect).items()):
             value = 'not identifiable' if estimate.value is None else f'{estimate.value:.4g}'
             interval = (
                 '' if estimate.interval is None or not estimate.std else '{:.4g} to {:.4g}'.format(*estimate.interval)
             )
             table.add_row('' if rank else effect, name, value, interval, estimate.unit)
-    table.caption = _before_and_after(outcome)
+    table.caption = _before_and_after(result)
     table.caption_justify = 'left'
     return table
 
 
-def _before_and_after(outcome: Outcome) -> str:
-    unit = outcome.quantity.small.unit
-    where = 'on the test part' if outcome.judged_on == 'test' else 'on all samples'
-    text = f'error {where}: {outcome.rmse("before"):.4g} {unit} before, {outcome.rmse("after"):.4g} {unit} after'
-    if outcome.findings.ratio is not None and outcome.findings.ratio_interval is not None:
-        low, high = outcome.findings.ratio_interval
-        text += f': {percent(outcome.findings.ratio)} (95 %: {percent(low)} to {percent(high)})'
+def _before_and_after(result: ChannelResult) -> str:
+    unit = result.quantity.small.unit
+    where = 'on the test part' if result.judged_on == 'test' else 'on all samples'
+    text = f'error {where}: {result.rmse(0):.4g} {unit} before, {result.rmse(1):.4g} {unit} after'
+    if result.findings.ratio is not None and result.findings.ratio_interval is not None:
+        low, high = result.findings.ratio_interval
+        text += f': {percent(result.findings.ratio)} (95 %: {percent(low)} to {percent(high)})'
     return text
 
 
-def _trial_table(outcome: Outcome) -> Table:
+def _trial_table(result: ChannelResult) -> Table:
     """Return the effects that were tried and had something to them, a section for each round."""
-    table = Table(title=f'{outcome.name}: effects that were tried', title_justify='left')
-    for heading in ('effect', 'RSS drop', 'delta BIC', f'validation, {outcome.quantity.small.unit}', 'added', 'why'):
+    table = Table(title=f'{result.name}: effects that were tried', title_justify='left')
+    for heading in ('effect', 'RSS drop', 'delta BIC', f'validation, {result.quantity.small.unit}', 'added', 'why'):
         table.add_column(heading, justify='left' if heading in ('effect', 'added', 'why') else 'right')
     shown = 0
-    for one in rounds(outcome.findings.tried):
-        telling = [trial for trial in one.trials if trial.accepted or (trial.delta_bic or 0.0) > _LEAST_BIC]
+    for trials in result.findings.rounds:
+        telling = [trial for trial in trials if trial.accepted or (trial.delta_bic or 0.0) > _LEAST_BIC]
         shown += len(telling)
         for trial in telling:
             table.add_row(
                 trial.effect,
                 percent(trial.rss_drop),
                 '' if trial.delta_bic is None else f'{trial.delta_bic:.0f}',
-                '' if trial.validation_rmse is None else f'{trial.validation_rmse / outcome.quantity.small.si:.4g}',
+                '' if trial.validation_rmse is None else f'{trial.validation_rmse / result.quantity.small.si:.4g}',
                 'yes' if trial.accepted else 'no',
                 trial.why,
                 end_section=trial is telling[-1],
             )
-    rest = len(outcome.findings.tried) - shown
+    rest = len(result.findings.tried) - shown
     if rest:
         table.caption = f'{rest} more that explain nothing: in the report'
         table.caption_justify = 'left'
@@ -115,11 +113,11 @@ def _merged(notes: Sequence[str]) -> list[str]:
     return [f'{", ".join(names)}: {what}' if any(names) else what for what, names in signals.items()]
 
 
-def _reported_gains(cylinder: str, result: CylinderResult) -> list[tuple[str, Sequence[Estimate]]]:
+def _reported_gains(cylinder: str, result: ChannelResult) -> list[tuple[str, Sequence[Estimate]]]:
     """Return the gains of the model that is reported, which `parameters.yaml` holds, each set with its title."""
-    if result.closure is not None and result.closure.effects:
-        title = f'{cylinder} at every set-point, beside {", ".join(result.closure.effects)}'
-        return [(title, result.closure.estimates[: len(SPECS)])]
+    if result.found.model.effects:
+        title = f'{cylinder} at every set-point, beside {", ".join(result.found.model.effects)}'
+        return [(title, result.found.estimates[: len(SPECS)])]
     return [
         (f'{cylinder} at {point.setpoint / 1e3:.1f} kPa ({point.setpoint / PSI:.2f} psi) gauge', point.fit.estimates)
         for point in result.schedule
@@ -150,8 +148,8 @@ def _parameter_table(title: str, estimates: Sequence[Estimate]) -> Table:
     return table
 
 
-def _error_table(cylinder: str, result: CylinderResult) -> Table:
-    without = ', without effects' if result.closure is not None and result.closure.effects else ''
+def _error_table(cylinder: str, result: ChannelResult) -> Table:
+    without = ', without effects' if result.found.model.effects else ''
     table = Table(title=f'{cylinder}: simulated against measured pressure{without}', title_justify='left')
     for heading in ('part', 'samples', 'RMSE, Pa', 'RMSE, mpsi', 'NRMSE, % of span'):
         table.add_column(heading, justify='left' if heading == 'part' else 'right')
@@ -163,7 +161,7 @@ def _error_table(cylinder: str, result: CylinderResult) -> Table:
                 part, str(count), f'{error.rmse:.1f}', f'{1e3 * error.rmse / PSI:.1f}', f'{error.nrmse_percent:.2f}'
             )
     table.caption = (
-        f'span p99 - p1: {result.span:.0f} Pa ({result.span / PSI:.3f} psi); noise floor {result.noise_floor:.1f} Pa'
+        f'span p99 - p1: {result.span:.0f} Pa ({result.span / PSI:.3f} psi); noise floor {result.noise.std:.1f} Pa'
     )
     table.caption_justify = 'left'
     return table

@@ -6,18 +6,17 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cfd_pneumatic.identification import CylinderResult, Estimate, Identification, PartError
+from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.reporting.advice import next_plan
-from cfd_pneumatic.reporting.outcome import Outcome, outcomes
 
 SCHEMA = 1
 
 
 def report_data(identification: Identification) -> dict[str, Any]:
     """Return the report as JSON types."""
-    found = {outcome.name: outcome for outcome in outcomes(identification)}
+    found = {result.name: result for result in identification.closed}
     data = {
         'schema': SCHEMA,
         'recordings': [
@@ -43,12 +42,12 @@ def report_data(identification: Identification) -> dict[str, Any]:
         },
         'ambient_pressure_pa': identification.ambient_pressure,
         'cylinders': {
-            name: _cylinder_data(result) | (_findings_data(found[name]) if name in found else {})
+            name: _cylinder_data(result, identification) | (_findings_data(found[name]) if name in found else {})
             for name, result in identification.cylinders.items()
         },
     }
-    if 'force' in found:
-        data['force'] = _force_data(found['force'])
+    others = [result for name, result in found.items() if name not in identification.cylinders]
+    data.update({result.name: _other_data(result) for result in others})
     data['next_plan'] = next_plan(identification)
     return data
 
@@ -57,7 +56,10 @@ def _finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
-def _cylinder_data(result: CylinderResult) -> dict[str, Any]:
+def _cylinder_data(result: ChannelResult, identification: Identification) -> dict[str, Any]:
+    name = result.channel.name
+    held = [identification.recordings[one.recording].cylinders[name] for one in result.comparisons]
+    recorded_setpoints = [signals.setpoint is not None for signals in held]
     return {
         'parameters': _gain_data(result.fit.estimates),
         'schedule': [
@@ -66,17 +68,19 @@ def _cylinder_data(result: CylinderResult) -> dict[str, Any]:
         'setpoints': [
             {
                 'recording': experiment.recording,
-                'recorded': experiment.setpoint_recorded,
-                ('offset_pa' if experiment.setpoint_recorded else 'estimated_pa'): (
-                    offset if experiment.setpoint_recorded else float(experiment.setpoint[0]) + offset
+                'recorded': recorded,
+                ('offset_pa' if recorded else 'estimated_pa'): (
+                    offset if recorded else float(experiment.inputs['setpoint'][0]) + offset
                 ),
                 'std_pa': std,
                 'displacement_noise_m': experiment.motion.noise,
             }
-            for experiment, offset, std in zip(result.experiments, result.fit.offsets, result.fit.offset_stds)
+            for experiment, recorded, (offset, _), (std, _) in zip(
+                result.experiments, recorded_setpoints, result.fit.model.own.tolist(), result.fit.stds.tolist()
+            )
         ],
         'span_pa': result.span,
-        'noise_floor_pa': result.noise_floor,
+        'noise_floor_pa': result.noise.std,
         'before': _error_data(result.before, 'pa'),
         'notes': list(result.notes),
     }
@@ -104,24 +108,24 @@ def _estimate_data(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
     }
 
 
-def _force_data(outcome: Outcome) -> dict[str, Any]:
-    key = outcome.quantity.key
-    return {f'span_{key}': outcome.span, 'before': _error_data(outcome.before, key), **_findings_data(outcome)}
+def _other_data(result: ChannelResult) -> dict[str, Any]:
+    key = result.quantity.key
+    return {f'span_{key}': result.span, 'before': _error_data(result.before, key), **_findings_data(result)}
 
 
-def _findings_data(outcome: Outcome) -> dict[str, Any]:
+def _findings_data(result: ChannelResult) -> dict[str, Any]:
     """Return what closing the loop brought."""
-    findings = outcome.findings
-    key = outcome.quantity.key
+    findings = result.findings
+    key = result.quantity.key
     return {
         'verdict': findings.verdict,
         'why': findings.why,
         'effects': list(findings.effects),
-        'effect_parameters': {effect: _estimate_data(outcome.parameters(effect)) for effect in findings.effects},
-        'parameters_after': _gain_data(outcome.gains),
+        'effect_parameters': {effect: _estimate_data(result.parameters(effect)) for effect in findings.effects},
+        'parameters_after': _gain_data(result.gains),
         'alternatives': {effect: list(findings.alternatives.get(effect, ())) for effect in findings.effects},
-        'after': _error_data(outcome.after, key),
-        'after_over_before': _ratio_data(outcome),
+        'after': _error_data(result.after, key),
+        'after_over_before': _ratio_data(result),
         'tried': [
             {
                 'effect': trial.effect,
@@ -139,8 +143,8 @@ def _findings_data(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _ratio_data(outcome: Outcome) -> dict[str, Any] | None:
-    ratio, interval = outcome.findings.ratio, outcome.findings.ratio_interval
+def _ratio_data(result: ChannelResult) -> dict[str, Any] | None:
+    ratio, interval = result.findings.ratio, result.findings.ratio_interval
     if ratio is None:
         return None
     return {'ratio': ratio, 'ci95': None if interval is None else list(interval)}

@@ -24,10 +24,12 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from cfd_pneumatic.identification import ChannelResult
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.autoregression import autocovariance
 from cfd_pneumatic.identification.residual.tests import SIGNIFICANCE
-from cfd_pneumatic.reporting.outcome import Comparison, Outcome
+from cfd_pneumatic.identification.result import Comparison
+from cfd_pneumatic.reporting.thinning import thinned
 
 Array = NDArray[np.float64]
 
@@ -80,35 +82,35 @@ class Window:
     end: float
 
 
-def record_picture(outcome: Outcome, comparison: Comparison) -> Picture:
+def record_picture(result: ChannelResult, comparison: Comparison) -> Picture:
     """Return measured and simulated values and residuals over a whole recording."""
     begin, end = float(comparison.times[0]), float(comparison.times[-1])
-    what = _alt(outcome, f'the whole of {comparison.name}')
-    wide, narrow = _strips(outcome, Window(comparison, begin, end), what)
+    what = _alt(result, f'the whole of {comparison.name}')
+    wide, narrow = _strips(result, Window(comparison, begin, end), what)
     return Picture(wide, narrow, f'{comparison.name}, all {end - begin:.4g} s of it.')
 
 
-def zoom_picture(outcome: Outcome) -> Picture:
+def zoom_picture(result: ChannelResult) -> Picture:
     """Return the same of the stretch that tells most."""
-    window = telling_window(outcome)
+    window = telling_window(result)
     where = f'{window.comparison.name}, {window.begin:.2f} s to {window.end:.2f} s'
-    wide, narrow = _strips(outcome, window, _alt(outcome, where))
-    return Picture(wide, narrow, f'{where}: {_REASONS[_telling(outcome)]}.')
+    wide, narrow = _strips(result, window, _alt(result, where))
+    return Picture(wide, narrow, f'{where}: {_REASONS[_telling(result)]}.')
 
 
-def _alt(outcome: Outcome, where: str) -> str:
-    small = outcome.quantity.small.unit
-    models = f'without effects (error {_rms(outcome, 0):.3g} {small} RMS)'
-    if outcome.findings.effects:
-        models += f' and with them ({_rms(outcome, 1):.3g} {small} RMS)'
+def _alt(result: ChannelResult, where: str) -> str:
+    small = result.quantity.small.unit
+    models = f'without effects (error {_rms(result, 0):.3g} {small} RMS)'
+    if result.findings.effects:
+        models += f' and with them ({_rms(result, 1):.3g} {small} RMS)'
     return (
-        f'Three strips over time, {where}: displacement of the piston; measured {outcome.quantity.name} and the one '
+        f'Three strips over time, {where}: displacement of the piston; measured {result.quantity.name} and the one '
         f'simulated {models}; the residuals, measured less simulated.'
     )
 
 
-def _rms(outcome: Outcome, which: int) -> float:
-    return float(np.sqrt(np.mean(np.concatenate([one.residuals[which] for one in outcome.comparisons]) ** 2)))
+def _rms(result: ChannelResult, which: int) -> float:
+    return float(np.sqrt(np.mean(np.concatenate([one.residuals[which] for one in result.comparisons]) ** 2)))
 
 
 _REASONS = {
@@ -118,18 +120,18 @@ _REASONS = {
 }
 
 
-def _telling(outcome: Outcome) -> str:
+def _telling(result: ChannelResult) -> str:
     """Return what of a residual tells most: what effects take of it, what they leave, or all of it."""
-    if not outcome.findings.effects:
+    if not result.findings.effects:
         return 'residual'
-    return 'left' if outcome.findings.verdict == 'unexplained' else 'taken'
+    return 'left' if result.findings.verdict == 'unexplained' else 'taken'
 
 
-def telling_window(outcome: Outcome) -> Window:
+def telling_window(result: ChannelResult) -> Window:
     """Return the stretch in which there is most of what tells most."""
-    telling = _telling(outcome)
+    telling = _telling(result)
     best: tuple[float, Window] | None = None
-    for comparison in outcome.comparisons:
+    for comparison in result.comparisons:
         before, after = comparison.residuals
         power = {'taken': before**2 - after**2, 'left': after**2, 'residual': before**2}[telling]
         duration = float(np.ptp(comparison.times))
@@ -146,15 +148,15 @@ def telling_window(outcome: Outcome) -> Window:
     return best[1]
 
 
-def _strips(outcome: Outcome, window: Window, what: str) -> tuple[str, str]:
+def _strips(result: ChannelResult, window: Window, what: str) -> tuple[str, str]:
     return (
-        _strip_figure(outcome, window, WIDE, (0.55, 1.5, 1.2), 470, what),
-        _strip_figure(outcome, window, NARROW, (0.55, 1.3, 1.1), 480, what),
+        _strip_figure(result, window, WIDE, (0.55, 1.5, 1.2), 470, what),
+        _strip_figure(result, window, NARROW, (0.55, 1.3, 1.1), 480, what),
     )
 
 
 def _strip_figure(
-    outcome: Outcome, window: Window, width: int, heights: Sequence[float], height: int, what: str
+    result: ChannelResult, window: Window, width: int, heights: Sequence[float], height: int, what: str
 ) -> str:
     figure = _figure(width, height)
     axes = figure.subplots(3, 1, sharex=True, gridspec_kw={'height_ratios': list(heights)})
@@ -168,32 +170,31 @@ def _strip_figure(
 
     motion, value, residual = axes
     curve(motion, comparison.inputs['displacement'] * 1e3, MUTED, linewidth=1.2)
-    large, small = outcome.quantity.large, outcome.quantity.small
-    series = [(comparison.before, BEFORE)] + ([(comparison.after, AFTER)] if outcome.findings.effects else [])
+    large, small = result.quantity.large, result.quantity.small
+    series = [(comparison.before, BEFORE)] + ([(comparison.after, AFTER)] if result.findings.effects else [])
     if few:
         dots = {'linestyle': 'none', 'marker': '.', 'markersize': 2.6, 'markeredgewidth': 0.0}
-        value.plot(times, comparison.measured[shown] / large.si, color=MEASURED, zorder=3.0, **dots)
+        value.plot(times, comparison.experiment.measured[shown] / large.si, color=MEASURED, zorder=3.0, **dots)
     else:
-        curve(value, comparison.measured / large.si, MEASURED, linewidth=1.6)
+        curve(value, comparison.experiment.measured / large.si, MEASURED, linewidth=1.6)
     for (simulated, colour), left in zip(series, comparison.residuals):
         curve(value, simulated / large.si, colour, linewidth=1.3 if few else 0.9)
         curve(residual, left / small.si, colour, linewidth=1.0)
-    if outcome.noise is not None:
-        band = 2.0 * outcome.noise / small.si
-        residual.axhspan(-band, band, facecolor=SHADE, edgecolor='none', zorder=0.5)
-    _titles(axes, outcome)
+    band = 2.0 * result.noise.std / small.si
+    residual.axhspan(-band, band, facecolor=SHADE, edgecolor='none', zorder=0.5)
+    _titles(axes, result)
     _mark_parts(motion, comparison, window, width)
     value.set_xlim(window.begin, window.end)
     residual.set_xlabel('time [s]', loc='right')
-    return _svg(figure, what, f'{outcome.name} {window.begin} {window.end} {width} {comparison.recording}')
+    return _svg(figure, what, f'{result.name} {window.begin} {window.end} {width} {comparison.recording}')
 
 
-def _titles(axes: Sequence[Axes], outcome: Outcome) -> None:
-    large, small = outcome.quantity.large.unit, outcome.quantity.small.unit
-    absolute = ', absolute' if outcome.quantity.key == 'pa' else ''
+def _titles(axes: Sequence[Axes], result: ChannelResult) -> None:
+    large, small = result.quantity.large.unit, result.quantity.small.unit
+    absolute = ', absolute' if result.quantity.key == 'pa' else ''
     names = (
-        'displacement that grows the chamber [mm]' if outcome.quantity.key == 'pa' else 'displacement [mm]',
-        f'{outcome.quantity.name}{absolute} [{large}]',
+        'displacement that grows the chamber [mm]' if result.quantity.key == 'pa' else 'displacement [mm]',
+        f'{result.quantity.name}{absolute} [{large}]',
         f'residual [{small}]',
     )
     for axis, name in zip(axes, names):
@@ -206,7 +207,7 @@ def _mark_parts(axis: Axes, comparison: Comparison, window: Window, width: int) 
     low, high = axis.get_ylim()
     axis.set_ylim(low, high + _HEADROOM * (high - low))
     for index, part in enumerate(PARTS):
-        mine = np.flatnonzero(comparison.part == index)
+        mine = np.flatnonzero(comparison.experiment.part == index)
         if mine.size == 0:
             continue
         begin, end = comparison.times[mine[0]], comparison.times[mine[-1]]
@@ -227,63 +228,45 @@ def _mark_parts(axis: Axes, comparison: Comparison, window: Window, width: int) 
             )
 
 
-def thinned(times: Array, values: Array, columns: int) -> tuple[Array, Array]:
-    """
-    Return a series with the lowest and the highest sample of each of so many columns, in their order.
-
-    A series that is not longer than two samples a column comes back as it is.
-    """
-    if times.size <= 2 * columns:
-        return times, values
-    edges = np.unique(np.searchsorted(times, np.linspace(times[0], times[-1], columns + 1)[:-1]))
-    owners = np.repeat(np.arange(edges.size), np.diff(np.append(edges, times.size)))
-    by_value = np.lexsort((values, owners))
-    last = np.append(edges[1:], times.size) - 1
-    kept = np.unique(np.concatenate([by_value[edges], by_value[last]]))
-    return times[kept], values[kept]
-
-
-def correlation_pictures(outcome: Outcome) -> list[Picture]:
+def correlation_pictures(result: ChannelResult) -> list[Picture]:
     """Return the residual's autocorrelation and its correlations with the inputs that change."""
-    pictures = [_autocorrelation_picture(outcome)]
+    pictures = [_autocorrelation_picture(result)]
     for name in ('piston speed', 'set-point', 'pressure difference'):
-        inputs = [one.inputs.get(name) for one in outcome.comparisons]
-        known = [one for one in inputs if one is not None]
-        if len(known) == len(inputs) and any(
-            np.ptp(one[mine.fitted]) > 0.0 for one, mine in zip(known, outcome.comparisons) if np.any(mine.fitted)
-        ):
-            pictures.append(_input_picture(outcome, name))
+        drive = _fitted_input(result, name)
+        if any(np.ptp(run) > 0.0 for run in drive):
+            pictures.append(_input_picture(result, name, drive))
     return pictures
 
 
-def _tested(outcome: Outcome, which: int) -> list[Array]:
+def _tested(result: ChannelResult, which: int) -> list[Array]:
     """Return the residuals as they are tested: weighted, on train and validation, without their mean."""
-    runs = [(one.residuals[which] * one.weights[which])[one.fitted] for one in outcome.comparisons]
+    runs = [one.tested(which) for one in result.comparisons]
     return [run - np.mean(run) for run in runs if run.size > 2]
 
 
-def _autocorrelation_picture(outcome: Outcome) -> Picture:
+def _autocorrelation_picture(result: ChannelResult) -> Picture:
     curves = {}
-    for which, colour in _sides(outcome).items():
-        runs = _tested(outcome, which)
+    for which, colour in _sides(result).items():
+        runs = _tested(result, which)
         covariance = autocovariance(runs, min(_LAGS, min(run.size for run in runs) - 1))
         limit = float(norm.isf(SIGNIFICANCE / 2.0)) / np.sqrt(sum(run.size for run in runs))
         curves[colour] = np.arange(1, covariance.size), covariance[1:] / covariance[0], limit
     text = 'Autocorrelation'
-    return Picture(_correlation_figure(outcome, text, curves), '', text)
+    return Picture(_correlation_figure(result, text, curves), '', text)
 
 
-def _input_picture(outcome: Outcome, name: str) -> Picture:
+def _fitted_input(result: ChannelResult, name: str) -> list[Array]:
+    """Return an input on train and validation without its mean; nothing where the channel has no such input."""
+    runs = [one.inputs[name][one.experiment.fitted] for one in result.comparisons if name in one.inputs]
+    return [run - np.mean(run) for run in runs if run.size > 2]
+
+
+def _input_picture(result: ChannelResult, name: str, drive: Sequence[Array]) -> Picture:
     curves = {}
-    drive = [_centred(one.inputs[name][one.fitted]) for one in outcome.comparisons if np.count_nonzero(one.fitted) > 2]
-    for which, colour in _sides(outcome).items():
-        curves[colour] = crosscorrelation(_tested(outcome, which), drive, _LAGS_BEFORE, _LAGS)
+    for which, colour in _sides(result).items():
+        curves[colour] = crosscorrelation(_tested(result, which), drive, _LAGS_BEFORE, _LAGS)
     text = f'Correlation with the {name}'
-    return Picture(_correlation_figure(outcome, text, curves), '', text)
-
-
-def _centred(values: Array) -> Array:
-    return values - np.mean(values)
+    return Picture(_correlation_figure(result, text, curves), '', text)
 
 
 def crosscorrelation(
@@ -312,13 +295,13 @@ def crosscorrelation(
     return lags, np.array(products) / max(size, 1e-300), limit
 
 
-def _sides(outcome: Outcome) -> dict[int, str]:
+def _sides(result: ChannelResult) -> dict[int, str]:
     """Return which residuals there are to show, and their colours."""
-    return {0: BEFORE, 1: AFTER} if outcome.findings.effects else {0: BEFORE}
+    return {0: BEFORE, 1: AFTER} if result.findings.effects else {0: BEFORE}
 
 
 def _correlation_figure(
-    outcome: Outcome, text: str, curves: Mapping[str, tuple[NDArray[np.intp], Array, float]]
+    result: ChannelResult, text: str, curves: Mapping[str, tuple[NDArray[np.intp], Array, float]]
 ) -> str:
     figure = _figure(PANEL, 215)
     axis = figure.subplots()
@@ -337,7 +320,7 @@ def _correlation_figure(
     axis.yaxis.set_major_locator(MaxNLocator(5))
     axis.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     axis.set_xlabel('lag [samples]', loc='right')
-    return _svg(figure, f'{text}, of the residual: {"; ".join(beyond)}.', f'{outcome.name} {text}')
+    return _svg(figure, f'{text}, of the residual: {"; ".join(beyond)}.', f'{result.name} {text}')
 
 
 def _figure(width: float, height: float) -> Figure:

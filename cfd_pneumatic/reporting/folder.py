@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
@@ -12,16 +13,29 @@ from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.reporting.comparison import write_comparison
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.reporting.names import COMPARE_FILE, PAGE_FILE, PARAMETER_FILE, REPORT_FILE
-from cfd_pneumatic.reporting.outcome import outcomes
 from cfd_pneumatic.reporting.parameters import parameter_file
 
 
-def write_report(identification: Identification, folder: Path) -> list[Path]:
+class Written(NamedTuple):
+    """Files that were written, and whether every sample is in those that hold samples."""
+
+    files: list[Path]
+    complete: bool
+
+
+def write_report(identification: Identification, folder: Path, *, full: bool = False) -> Written:
     """
-    Write the results into a folder, made if need be, and return the files; earlier ones stay until the new are whole.
+    Write the results into a folder, made if need be; earlier files stay until the new ones are whole.
 
     `report.json` and `parameters.yaml` always; `report.html` and `compare.mcap` where the loop was closed. Where it was
     not, earlier ones of these are removed: they would tell of another identification.
+
+    Parameters
+    ----------
+    identification, folder
+        What, and where to.
+    full
+        Whether `compare.mcap` holds every sample, however many there are.
 
     Raises
     ------
@@ -34,18 +48,16 @@ def write_report(identification: Identification, folder: Path) -> list[Path]:
         folder / REPORT_FILE: json.dumps(report_data(identification), indent=2, allow_nan=False) + '\n',
         folder / PARAMETER_FILE: parameter_file(identification),
     }
-    found = outcomes(identification)
-    if found:
+    if identification.closed:
         from cfd_pneumatic.reporting.page import report_page  # with Matplotlib, whose import takes its time
 
-        files[folder / PAGE_FILE] = report_page(identification, found)
+        files[folder / PAGE_FILE] = report_page(identification)
     for path, text in files.items():
         write_text(path, text)
-    compared = compare_files(identification, folder) if found else []
-    for index, path in enumerate(compared):
-        write_comparison(path, identification.recordings[index], index, found, identification.ambient_pressure)
+    compared = compare_files(identification, folder) if identification.closed else []
+    complete = [write_comparison(path, identification, index, full=full) for index, path in enumerate(compared)]
     _remove_outdated(folder, {*files, *compared})
-    return [*files, *compared]
+    return Written([*files, *compared], all(complete))
 
 
 def compare_files(identification: Identification, folder: Path) -> list[Path]:

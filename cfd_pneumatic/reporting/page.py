@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from cfd_pneumatic import __version__
-from cfd_pneumatic.identification import CylinderResult, Estimate, Identification, PartError
+from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.tests import Test
+from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.reporting import figures, wording
 from cfd_pneumatic.reporting.advice import next_plan
-from cfd_pneumatic.reporting.outcome import Outcome, Round, rounds
 from cfd_pneumatic.reporting.template import rendered
 
 TEMPLATE = 'report.html.jinja'
@@ -41,10 +41,10 @@ class Row:
     paper_factor: float = 1.0
 
 
-def report_page(identification: Identification, outcomes: Sequence[Outcome]) -> str:
+def report_page(identification: Identification) -> str:
     """Return the page on what closing the loop brought."""
     with figures.style():
-        sections = [_section(outcome) for outcome in outcomes]
+        sections = [_section(result) for result in identification.closed]
     return rendered(
         TEMPLATE,
         version=__version__,
@@ -59,31 +59,30 @@ def report_page(identification: Identification, outcomes: Sequence[Outcome]) -> 
     )
 
 
-def _has_schedule(result: CylinderResult) -> bool:
+def _has_schedule(result: ChannelResult) -> bool:
     """Return whether the model that is reported has other gains than the one fit to all set-points."""
-    found = result.closure is not None and bool(result.closure.effects)
-    return not found and any(point.fit is not result.fit for point in result.schedule)
+    return not result.found.model.effects and any(point.fit is not result.fit for point in result.schedule)
 
 
-def _section(outcome: Outcome) -> dict[str, Any]:
+def _section(result: ChannelResult) -> dict[str, Any]:
     """Return what the page says about one cylinder, or about the force."""
-    findings = outcome.findings
-    drawn = outcome.comparisons[:_MOST_RECORDINGS]
+    findings = result.findings
+    drawn = result.comparisons[:_MOST_RECORDINGS]
     return {
-        'id': outcome.name,
-        'title': wording.title(outcome.name),
-        'outcome': outcome,
+        'id': result.name,
+        'title': wording.title(result.name),
+        'result': result,
         'findings': findings,
-        'bars': list(_bars(outcome)),
-        'zoom': _shown(figures.zoom_picture(outcome)),
-        'records': [_shown(figures.record_picture(outcome, comparison)) for comparison in drawn],
-        'not_drawn': [comparison.name for comparison in outcome.comparisons[_MOST_RECORDINGS:]],
-        'correlations': [_shown(picture) for picture in figures.correlation_pictures(outcome)],
-        'errors': list(_errors(outcome)),
-        'rounds': [_round(one) for one in rounds(findings.tried)],
+        'bars': list(_bars(result)),
+        'zoom': _shown(figures.zoom_picture(result)),
+        'records': [_shown(figures.record_picture(result, comparison)) for comparison in drawn],
+        'not_drawn': [comparison.name for comparison in result.comparisons[_MOST_RECORDINGS:]],
+        'correlations': [_shown(picture) for picture in figures.correlation_pictures(result)],
+        'errors': list(_errors(result)),
+        'rounds': [_round(trials) for trials in findings.rounds],
         'tests': _tests(findings.tests_before, findings.tests_after),
-        'parameters': list(_gain_rows(outcome)),
-        'effect_parameters': {effect: list(_effect_rows(outcome, effect)) for effect in findings.effects},
+        'parameters': list(_gain_rows(result)),
+        'effect_parameters': {effect: list(_effect_rows(result, effect)) for effect in findings.effects},
         'rivals': {effect: rivals for effect, rivals in findings.alternatives.items() if rivals},
     }
 
@@ -92,16 +91,15 @@ def _shown(picture: figures.Picture) -> dict[str, Any]:
     return {'wide': picture.wide, 'narrow': picture.narrow, 'caption': picture.caption}
 
 
-def _bars(outcome: Outcome) -> Iterator[dict[str, Any]]:
+def _bars(result: ChannelResult) -> Iterator[dict[str, Any]]:
     """Yield the error before and after and the noise, as lengths in percent of the longest."""
-    values = {'before': outcome.rmse('before')}
-    if outcome.findings.effects:
-        values['after'] = outcome.rmse('after')
-    if outcome.noise is not None:
-        values['noise'] = outcome.noise
+    values = {'before': result.rmse(0)}
+    if result.findings.effects:
+        values['after'] = result.rmse(1)
+    values['noise'] = result.noise.std
     names = {
-        'before': outcome.quantity.model,
-        'after': f'with {" and ".join(wording.spoken(effect) for effect in outcome.findings.effects)}',
+        'before': result.quantity.model,
+        'after': f'with {" and ".join(wording.spoken(effect) for effect in result.findings.effects)}',
         'noise': 'sensor noise alone',
     }
     longest = max(values.values()) or 1.0
@@ -109,17 +107,17 @@ def _bars(outcome: Outcome) -> Iterator[dict[str, Any]]:
         yield {'key': key, 'name': names[key], 'value': value, 'length': max(100.0 * value / longest, 0.5)}
 
 
-def _errors(outcome: Outcome) -> Iterator[tuple[str, PartError, PartError | None]]:
+def _errors(result: ChannelResult) -> Iterator[tuple[str, PartError, PartError | None]]:
     """Yield each part with its errors before and, where there are effects, after."""
     for part in PARTS:
-        if part in outcome.before:
-            yield part, outcome.before[part], outcome.after.get(part) if outcome.findings.effects else None
+        if part in result.before:
+            yield part, result.before[part], result.after.get(part) if result.findings.effects else None
 
 
-def _round(one: Round) -> dict[str, Any]:
+def _round(trials: Sequence[Trial]) -> dict[str, Any]:
     """Return a round of the search with the trials that are shown at once apart from the others."""
-    first = [trial for rank, trial in enumerate(one.trials) if rank < _FIRST_TRIALS or trial.accepted]
-    return {'beside': one.beside, 'first': first, 'rest': [trial for trial in one.trials if trial not in first]}
+    first = [trial for rank, trial in enumerate(trials) if rank < _FIRST_TRIALS or trial.accepted]
+    return {'beside': trials[0].beside, 'first': first, 'rest': [trial for trial in trials if trial not in first]}
 
 
 def _tests(before: Sequence[Test], after: Sequence[Test]) -> list[tuple[Test, Test | None]]:
@@ -128,15 +126,15 @@ def _tests(before: Sequence[Test], after: Sequence[Test]) -> list[tuple[Test, Te
     return [(test, later.get(test.name)) for test in before]
 
 
-def _gain_rows(outcome: Outcome) -> Iterator[Row]:
+def _gain_rows(result: ChannelResult) -> Iterator[Row]:
     """Yield the model's own parameters."""
     specs = {spec.name: spec for spec in SPECS}
-    after = {estimate.name: estimate for estimate in outcome.gains}
-    before = {estimate.name: estimate for estimate in outcome.paper}
+    after = {estimate.name: estimate for estimate in result.gains}
+    before = {estimate.name: estimate for estimate in result.fit.estimates}
     for name in dict.fromkeys([*before, *after]):
         unit = (before.get(name) or after[name]).unit
         spec = specs.get(name)
-        with_effects = after.get(name) if outcome.findings.effects else None
+        with_effects = after.get(name) if result.findings.effects else None
         if spec is None:
             yield Row(name, _FORCE_PARAMETERS.get(name, ''), unit, before.get(name), after.get(name))
         else:
@@ -145,8 +143,8 @@ def _gain_rows(outcome: Outcome) -> Iterator[Row]:
             yield Row(name, description, unit, before.get(name), with_effects, False, *own)
 
 
-def _effect_rows(outcome: Outcome, effect: str) -> Iterator[Row]:
+def _effect_rows(result: ChannelResult, effect: str) -> Iterator[Row]:
     """Yield an effect's parameters."""
     known = {parameter.name: parameter for parameter in EFFECTS[effect].parameters}
-    for name, estimate in outcome.parameters(effect).items():
+    for name, estimate in result.parameters(effect).items():
         yield Row(name, known[name].description, estimate.unit, None, estimate, known[name].choice)

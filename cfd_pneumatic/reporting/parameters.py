@@ -8,11 +8,9 @@ import numpy as np
 import yaml
 
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS, SUPPLY_PRESSURE
-from cfd_pneumatic.identification import CylinderResult, Estimate, Geometry, Identification
-from cfd_pneumatic.identification.loop import Closure
+from cfd_pneumatic.identification import ChannelResult, Estimate, Geometry, Identification
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
-from cfd_pneumatic.reporting.outcome import force_effects
 
 _SEAL_PLAY = 3.0  # standard deviations of the displacement's noise, as `sim_node` describes it
 _LARGEST_SEAL_PLAY = 1e-3  # that `sim_node` takes [m]
@@ -39,30 +37,29 @@ def parameter_file(identification: Identification) -> str:
     for cylinder in CYLINDERS:
         lines.append(f'    {cylinder}:')
         if cylinder in identification.cylinders:
-            lines += _cylinder_lines(identification.cylinders[cylinder], identification.ambient_pressure)
+            lines += _cylinder_lines(identification.cylinders[cylinder])
         else:
             lines.append('      enabled: false  # its pressure was not recorded: ambient pressure takes its place')
-    if force_effects(identification):
-        lines += _force_lines(identification)
+    force = identification.channels.get('force')
+    if force is not None and force.found.model.effects:
+        lines += _force_lines(force)
     text = '\n'.join(lines) + '\n'
     yaml.safe_load(text)
     return text
 
 
-def _cylinder_lines(result: CylinderResult, ambient_pressure: float) -> list[str]:
-    if result.closure is None or not result.closure.effects:
-        return _schedule_lines(result)
-    return _extended_lines(result, result.closure, ambient_pressure)
+def _cylinder_lines(result: ChannelResult) -> list[str]:
+    return _extended_lines(result) if result.found.model.effects else _schedule_lines(result)
 
 
-def _schedule_lines(result: CylinderResult) -> list[str]:
+def _schedule_lines(result: ChannelResult) -> list[str]:
     """Return the gains at each set-point."""
     lines = _setpoint_lines([point.setpoint for point in result.schedule])
     for rank, spec in enumerate(SPECS):
         estimates = [point.fit.estimates[rank] for point in result.schedule]
         values = _held(estimates)
         if values is None:
-            used = _floats([point.fit.gains[rank] for point in result.schedule])
+            used = _floats([point.fit.model.parameters[rank] for point in result.schedule])
             lines.append(
                 f"      # {spec.name} is not identifiable and left out, sim_node takes Table 1's; the fit used {used} "
                 f'{spec.unit}: {estimates[0].reason}'
@@ -74,16 +71,15 @@ def _schedule_lines(result: CylinderResult) -> list[str]:
     return lines
 
 
-def _extended_lines(result: CylinderResult, closure: Closure, ambient_pressure: float) -> list[str]:
+def _extended_lines(result: ChannelResult) -> list[str]:
     """Return the gains, the same at every set-point, and the effects beside which they were fitted."""
-    levels = np.concatenate(
-        [one.setpoint[one.samples] + offset for one, offset in zip(result.experiments, closure.extension.offsets)]
-    )
-    lines = _setpoint_lines([float(np.mean(levels)) - ambient_pressure])
-    for spec, value, estimate in zip(SPECS, closure.extension.gains.tolist(), closure.estimates):
+    found = result.found
+    levels = result.channel.levels(result.experiments, found.model)
+    lines = _setpoint_lines([float(np.mean(np.concatenate(levels)))])
+    for spec, value, estimate in zip(SPECS, found.model.parameters.tolist(), found.estimates):
         doubt = '' if estimate.reason is None else f'; not identifiable, as the fit used it: {estimate.reason}'
         lines.append(f'      {spec.name}: {_floats([_within(value, spec.lower, spec.upper)])}  # {spec.unit}{doubt}')
-    return lines + _effect_lines(closure.extension.effects, PRESSURE_EFFECTS)
+    return lines + _effect_lines(found.model.effects, PRESSURE_EFFECTS)
 
 
 def _setpoint_lines(setpoints: Sequence[float]) -> list[str]:
@@ -118,13 +114,12 @@ def _geometry_lines(geometry: Geometry) -> list[str]:
     return lines
 
 
-def _force_lines(identification: Identification) -> list[str]:
+def _force_lines(result: ChannelResult) -> list[str]:
     """Return the effects on the force."""
-    effects = force_effects(identification)
+    effects = result.found.model.effects
     lines = [f'    {CONTACT_FORCE}:']
     if any(FORCE_EFFECTS[name].states for name in effects):
-        noise = max(one.motion.noise for result in identification.cylinders.values() for one in result.experiments)
-        play = min(_SEAL_PLAY * noise, _LARGEST_SEAL_PLAY)
+        play = min(_SEAL_PLAY * max(one.motion.noise for one in result.experiments), _LARGEST_SEAL_PLAY)
         lines.append(f"      seal_play: {_float(play)}  # m, three standard deviations of the displacement's noise")
     return lines + _effect_lines(effects, FORCE_EFFECTS)
 

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from reference import AMBIENT
 
-from cfd_pneumatic.identification.data.experiment import make_experiment, observed_motion
-from cfd_pneumatic.identification.data.split import split_recordings
+from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.channels.pressure import Pressure
+from cfd_pneumatic.identification.fit.likelihood import Likelihood
+from cfd_pneumatic.identification.fit.uncertainty import information
+from cfd_pneumatic.identification.identify import prepared
+from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+
+CHANNEL = Pressure('cylinder_a', AMBIENT)
 
 
 def recording_of(draw, name='drawn'):
@@ -27,11 +35,21 @@ def recorded(times, displacement, setpoint, pressure, name='made', force=None):
     return Recording(name, 0, Signal(times, displacement), {'cylinder_a': cylinder}, felt, ())
 
 
-def experiments_of(recordings):
+def experiments_of(recordings, channel=CHANNEL):
     """Return cylinder A of each recording, as the identification sees it."""
-    motions, strokes = zip(*(observed_motion(one) for one in recordings))
-    splits, _ = split_recordings(list(strokes))
-    return [make_experiment(one, 'cylinder_a', *seen) for one, *seen in zip(recordings, motions, splits)]
+    return list(prepared(recordings).experiments(channel))
+
+
+def model(gains, effects=MappingProxyType({}), offsets=(0.0,), starts=(0.0,)):
+    """Return a model of the pressure with an offset and a start for each experiment [Pa]."""
+    return Model(np.array(gains), dict(effects), np.column_stack([offsets, starts]))
+
+
+def alike(experiments, masks=None, weights=None, channel=CHANNEL):
+    """Return the likelihood of experiments whose samples all count alike, or as masks and weights say."""
+    masks = [np.ones(one.measured.size, dtype=bool) for one in experiments] if masks is None else masks
+    likelihood = Likelihood.alike(channel, experiments, masks)
+    return likelihood if weights is None else replace(likelihood, weights=tuple(weights))
 
 
 def moved(times, displacement, setpoint, noise=5e-7, seed=0):
@@ -41,7 +59,31 @@ def moved(times, displacement, setpoint, noise=5e-7, seed=0):
     return experiments_of([recorded(times, measured, setpoint, rng.standard_normal(times.size))])[0]
 
 
-def with_pressure(experiment, extension, noise=0.0):
+def with_pressure(experiment, known, noise=0.0):
     """Return an experiment whose pressure is a known model's, which has one offset and one start, with noise [Pa]."""
-    (pressure,) = extension.simulate([experiment], AMBIENT)
-    return replace(experiment, pressure=pressure + noise)
+    (pressure,) = CHANNEL.simulated([experiment], known)
+    return replace(experiment, measured=pressure + noise)
+
+
+class Slope(NamedTuple):
+    """Residuals at a fit, their derivatives (by logarithms where those are searched), and the names of the unknowns."""
+
+    residuals: np.ndarray
+    jacobian: np.ndarray
+    names: tuple[str, ...]
+    logarithmic: np.ndarray
+
+
+def slope_of(experiments, fitted):
+    """Return the slope of experiments whose samples all count alike."""
+    likelihood = alike(experiments)
+    table = CHANNEL.unknowns(experiments, fitted)
+    scales = np.array([1.0 if one.logarithmic else one.scale for one in table])
+    residuals = -np.concatenate(likelihood.residuals(likelihood.simulate(fitted)))
+    names, logarithmic = tuple(one.name for one in table), np.array([one.logarithmic for one in table])
+    return Slope(residuals, Complement(likelihood, fitted).jacobian / scales, names, logarithmic)
+
+
+def covariance(jacobian, residuals, degrees):
+    """Return the covariance of fitted unknowns from one run of residuals."""
+    return information([jacobian], [residuals]).covariance(degrees)

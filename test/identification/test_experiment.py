@@ -3,12 +3,13 @@
 from itertools import pairwise
 
 import numpy as np
+from drawn import CHANNEL
 from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.identification.data import experiment as module
 from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.fit.output_error import fit
+from cfd_pneumatic.identification.fit.fit import fit
 from cfd_pneumatic.model import Cylinder, OperatingPoints
 
 AMBIENT = 101_325.0
@@ -19,13 +20,10 @@ def made(times, displacement, samples, pressure=None):
     size = len(samples)
     return Experiment(
         recording='made',
-        cylinder='cylinder_a',
         times=times,
-        displacement=displacement,
-        setpoint=np.full(times.size, AMBIENT + 34e3),
-        setpoint_recorded=True,
+        inputs={'displacement': displacement, 'setpoint': np.full(times.size, AMBIENT + 34e3)},
         samples=np.asarray(samples),
-        pressure=np.arange(size, dtype=float) if pressure is None else pressure[samples],
+        measured=np.arange(size, dtype=float) if pressure is None else pressure[samples],
         part=np.zeros(size, dtype=np.int8),
         starts_at_rest=True,
         motion=None,
@@ -43,7 +41,7 @@ def test_blocks_hold_each_sample_once_and_every_step_up_to_the_last(samples, siz
         module._BLOCK = before
     at = np.concatenate([times[block.grid][block.at] for block in blocks])
     np.testing.assert_array_equal(at, times[samples])
-    np.testing.assert_array_equal(np.concatenate([one.pressure[block.samples] for block in blocks]), one.pressure)
+    np.testing.assert_array_equal(np.concatenate([one.measured[block.samples] for block in blocks]), one.measured)
     assert blocks[0].grid.start == 0
     for block, following in pairwise(blocks):
         assert following.grid.start == block.grid.stop - 1, 'a block begins with the last grid time of the one before'
@@ -61,13 +59,14 @@ def test_the_liveliest_part_is_one_that_counts():
         times, strokes(times, 1.0 * ((times > 30.0) & (times < 40.0)) + 2.0 * (times > 80.0)), np.arange(0, 10_001, 2)
     )
     counts = one.sample_times < 60.0
-    part, samples = one.liveliest(1000, counts)
-    assert part.times.size == 1001
-    np.testing.assert_array_equal(part.pressure, one.pressure[samples])
+    samples = one.liveliest(1000, counts)
+    part = one.stretch(samples)
+    assert 999 <= part.times.size <= 1001
+    np.testing.assert_array_equal(part.measured, one.measured[samples])
     np.testing.assert_array_equal(part.sample_times, one.sample_times[samples])
     assert 27.0 <= part.times[0] <= 33.0
-    assert one.liveliest(1000, counts | True)[0].times[0] > 79.0
-    assert one.liveliest(20_000, counts)[0] is one
+    assert one.stretch(one.liveliest(1000, counts | True)).times[0] > 79.0
+    assert one.stretch(one.liveliest(20_000, counts)) is one
 
 
 def test_a_long_recording_that_is_lively_only_where_nothing_counts_is_fitted():
@@ -77,5 +76,5 @@ def test_a_long_recording_that_is_lively_only_where_nothing_counts_is_fitted():
         times, displacement, np.full(times.size, AMBIENT + 34e3)
     )
     one = made(times, displacement, np.arange(times.size), pressure + np.random.default_rng(0).normal(size=times.size))
-    found = fit([one], [times < 180.0])
-    np.testing.assert_allclose(found.gains[:3], GAINS[:3], rtol=0.02)
+    found = fit(CHANNEL, [one], [times < 180.0])
+    np.testing.assert_allclose(found.model.parameters[:3], GAINS[:3], rtol=0.02)

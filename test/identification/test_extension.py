@@ -4,15 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import moved, with_pressure
+from drawn import CHANNEL, alike, covariance, model, moved, slope_of, with_pressure
 from hypothesis import given
 from hypothesis import strategies as st
 from reference import AMBIENT, PSI, step_like
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from cfd_pneumatic.identification.fit.extension import Extension, extend, read_late, tangent
-from cfd_pneumatic.identification.fit.uncertainty import covariance
+from cfd_pneumatic.identification.fit.fit import search
 from cfd_pneumatic.model import TABLE_1, Cylinder, OperatingPoints
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 
@@ -64,17 +63,8 @@ AWAY = {'frequency': 1.03, 'exponent': 1.15}
 """From how far a search begins where it is not from two fifths: closer, or another optimum is nearer."""
 
 
-def masks_of(experiments):
-    return [np.ones(one.pressure.size, dtype=bool) for one in experiments]
-
-
-def weights_of(experiments):
-    return [np.ones_like(one.pressure) for one in experiments]
-
-
 def begun(effects, count=1):
     """Return where a search begins: gains are a fifth too large, effects two fifths."""
-    begin = Extension(1.2 * GAINS, {}, (0.0,) * count, (0.0,) * count)
     away = {
         name: tuple(
             value if parameter.choice else value * AWAY.get(parameter.name, 1.4)
@@ -82,20 +72,19 @@ def begun(effects, count=1):
         )
         for name, own in effects.items()
     }
-    return begin, away
+    return model(1.2 * GAINS, away, (0.0,) * count, (0.0,) * count)
 
 
 def fitted(experiments, effects):
     """Return a fit to all of some experiments from begun, with its residuals and Jacobian."""
-    masks = masks_of(experiments)
-    found = extend(experiments, masks, AMBIENT, *begun(effects, len(experiments)), None, 1e-10, 100)
-    return found, tangent(experiments, masks, AMBIENT, found, weights_of(experiments))
+    found, _ = search(alike(experiments), begun(effects, len(experiments)), 1e-10, 100)
+    return found, slope_of(experiments, found)
 
 
 def deviations(found, slope, truth):
     """Return by how much gains and effects' parameters are off, as they are searched, and their covariance."""
-    spread = covariance(slope.jacobian, slope.residuals, slope.residuals.size - found.unknowns, [slope.residuals.size])
-    values = dict(zip(('k_x', 'k_sv', 'k_v', 'tau'), zip(found.gains, truth.gains)))
+    spread = covariance(slope.jacobian, slope.residuals, slope.residuals.size - found.unknowns)
+    values = dict(zip(('k_x', 'k_sv', 'k_v', 'tau'), zip(found.parameters, truth.parameters)))
     for name, own in found.effects.items():
         for parameter, value, true in zip(PRESSURE_EFFECTS[name].parameters, own, truth.effects[name]):
             values[f'{name}.{parameter.name}'] = (value, true)
@@ -112,11 +101,11 @@ def deviations(found, slope, truth):
 @pytest.mark.parametrize('seed', range(3))
 @pytest.mark.parametrize(('name', 'own'), [pytest.param(name, own, id=f'{name}-{own[0]:g}') for name, own in KNOWN])
 def test_what_a_pressure_was_made_with_is_found(name, own, seed):
-    truth = Extension(GAINS, {name: own}, (150.0,), (0.0,))
-    noise = NOISE * np.random.default_rng([seed, *name.encode()]).standard_normal(STROKES.pressure.size)
+    truth = model(GAINS, {name: own}, (150.0,), (0.0,))
+    noise = NOISE * np.random.default_rng([seed, *name.encode()]).standard_normal(STROKES.measured.size)
     experiment = with_pressure(STROKES, truth, noise)
     found, slope = fitted([experiment], {name: own})
-    left = found.simulate([experiment], AMBIENT)[0] - experiment.pressure
+    left = CHANNEL.simulated([experiment], found)[0] - experiment.measured
     assert np.sqrt(np.mean(left**2)) <= 1.0005 * np.sqrt(np.mean(noise**2)), 'the truth itself is not beaten'
     off, spread = deviations(found, slope, truth)
     assert np.all(np.abs(off) < 3.5 * np.sqrt(np.diag(spread)))
@@ -124,10 +113,10 @@ def test_what_a_pressure_was_made_with_is_found(name, own, seed):
 
 
 def test_standard_errors_are_what_estimates_scatter_by():
-    truth = Extension(GAINS, {'sensor_lag': (0.004,)}, (0.0,), (0.0,))
+    truth = model(GAINS, {'sensor_lag': (0.004,)}, (0.0,), (0.0,))
     scores = []
     for seed in range(60):
-        noise = NOISE * np.random.default_rng(seed).standard_normal(STROKES.pressure.size)
+        noise = NOISE * np.random.default_rng(seed).standard_normal(STROKES.measured.size)
         off, spread = deviations(*fitted([with_pressure(STROKES, truth, noise)], truth.effects), truth)
         scores.append(off / np.sqrt(np.diag(spread)))
     scatter = np.std(scores, axis=0)
@@ -142,9 +131,9 @@ def test_units_of_unknowns_do_not_matter_to_their_errors(memory):
     jacobian = np.column_stack([rng.standard_normal((500, 3)), np.zeros(500)])
     residuals = lfilter([1.0], [1.0, -memory], rng.standard_normal(500))
     units = np.array([1e-7, 1.0, 1e7, 1.0])
-    plain = covariance(jacobian, residuals, 496, [500])
+    plain = covariance(jacobian, residuals, 496)
     np.testing.assert_allclose(
-        covariance(jacobian * units, residuals, 496, [500]), plain / np.outer(units, units), rtol=1e-6, atol=1e-30
+        covariance(jacobian * units, residuals, 496), plain / np.outer(units, units), rtol=1e-6, atol=1e-30
     )
     assert not np.any(plain[3])
     if memory == 0.0:
@@ -153,7 +142,7 @@ def test_units_of_unknowns_do_not_matter_to_their_errors(memory):
 
 
 def test_choices_stay_as_they_are():
-    truth = Extension(GAINS, {'leakage': (1.0, 1.0)}, (0.0,), (0.0,))
+    truth = model(GAINS, {'leakage': (1.0, 1.0)}, (0.0,), (0.0,))
     found, slope = fitted([with_pressure(STROKES, truth)], truth.effects)
     assert found.effects['leakage'][1] == 1.0
     assert 'leakage.orifice' not in slope.names
@@ -161,12 +150,12 @@ def test_choices_stay_as_they_are():
 
 
 def test_without_noise_the_truth_is_found_exactly():
-    truth = Extension(GAINS, {'sensor_lag': (0.004,), 'leakage': (1.0, 0.0)}, (150.0,), (0.0,))
+    truth = model(GAINS, {'sensor_lag': (0.004,), 'leakage': (1.0, 0.0)}, (150.0,), (0.0,))
     found, _ = fitted([with_pressure(STROKES, truth)], truth.effects)
-    np.testing.assert_allclose(found.gains, GAINS, rtol=1e-5)
+    np.testing.assert_allclose(found.parameters, GAINS, rtol=1e-5)
     assert found.effects['sensor_lag'] == pytest.approx((0.004,), rel=1e-5)
     assert found.effects['leakage'][0] == pytest.approx(1.0, rel=1e-4)
-    assert found.offsets[0] == pytest.approx(150.0, abs=0.1)
+    assert found.own[0, 0] == pytest.approx(150.0, abs=0.1)
 
 
 @pytest.mark.parametrize('name', ['leakage', 'transport_delay'])
@@ -176,66 +165,66 @@ def test_recordings_with_offsets_of_their_own_are_fitted_together(name):
     apart = [strokes(), strokes(1e-3, (7.0, 12.0), seed=1)]
     rng = np.random.default_rng(5)
     experiments = [
-        with_pressure(
-            one, Extension(GAINS, {name: own}, (offset,), (0.0,)), NOISE * rng.standard_normal(one.pressure.size)
-        )
+        with_pressure(one, model(GAINS, {name: own}, (offset,), (0.0,)), NOISE * rng.standard_normal(one.measured.size))
         for one, offset in zip(apart, offsets)
     ]
-    truth = Extension(GAINS, {name: own}, offsets, (0.0, 0.0))
+    experiments[1] = replace(experiments[1], index=1)
+    truth = model(GAINS, {name: own}, offsets, (0.0, 0.0))
     found, slope = fitted(experiments, {name: own})
     off, spread = deviations(found, slope, truth)
     assert np.all(np.abs(off) < 3.5 * np.sqrt(np.diag(spread)))
     (offset_a, offset_b) = (index for index, one in enumerate(slope.names) if not one)
-    whole = covariance(slope.jacobian, slope.residuals, slope.residuals.size, [slope.residuals.size])
-    for index, value, true in zip((offset_a, offset_b), found.offsets, offsets):
+    whole = covariance(slope.jacobian, slope.residuals, slope.residuals.size)
+    for index, value, true in zip((offset_a, offset_b), found.own[:, 0], offsets):
         assert abs(value - true) < 3.5 * np.sqrt(whole[index, index])
-    first = slice(0, experiments[0].pressure.size)
+    first = slice(0, experiments[0].measured.size)
     assert not np.any(slope.jacobian[first, offset_b]), 'one recording knows nothing of the other offset'
 
 
 def test_where_a_band_lets_it_rest_anywhere_the_start_is_found():
-    truth = Extension(GAINS, {'valve_dead_band': (400.0,)}, (0.0,), (250.0,))
+    truth = model(GAINS, {'valve_dead_band': (400.0,)}, (0.0,), (250.0,))
     found, _ = fitted([with_pressure(STROKES, truth)], truth.effects)
-    assert found.starts[0] - 250.0 == pytest.approx(-found.offsets[0], abs=5.0)
+    assert found.own[0, 1] - 250.0 == pytest.approx(-found.own[0, 0], abs=5.0)
     assert found.effects['valve_dead_band'][0] == pytest.approx(400.0, rel=0.02)
 
 
 def test_samples_without_weight_do_not_count():
-    truth = Extension(GAINS, {'sensor_lag': (0.004,)}, (0.0,), (0.0,))
+    truth = model(GAINS, {'sensor_lag': (0.004,)}, (0.0,), (0.0,))
     experiment = with_pressure(STROKES, truth)
     late = experiment.sample_times > 2.0
-    spoilt = replace(experiment, pressure=experiment.pressure + 5e3 * late)
-    begin, effects = begun(truth.effects)
-    weighted = extend([spoilt], masks_of([spoilt]), AMBIENT, begin, effects, [np.where(late, 0.0, 1.0)], 1e-10, 100)
-    masked = extend([spoilt], [~late], AMBIENT, begin, effects, None, 1e-10, 100)
+    spoilt = replace(experiment, measured=experiment.measured + 5e3 * late)
+    weighted, _ = search(alike([spoilt], None, [np.where(late, 0.0, 1.0)]), begun(truth.effects), 1e-10, 100)
+    masked, _ = search(alike([spoilt], [~late]), begun(truth.effects), 1e-10, 100)
     for found in (weighted, masked):
-        np.testing.assert_allclose(found.gains, GAINS, rtol=1e-4)
+        np.testing.assert_allclose(found.parameters, GAINS, rtol=1e-4)
         assert found.effects['sensor_lag'] == pytest.approx((0.004,), rel=1e-4)
 
 
 @pytest.mark.parametrize('name', dict(KNOWN))
 def test_the_jacobian_is_the_slope_of_the_residuals(name):
     """Against central differences of a thousand times the step."""
-    model = Extension(GAINS, {name: dict(KNOWN)[name]}, (0.0,), (0.0,))
-    experiment = with_pressure(STROKES, model, 30.0)
-    slope = tangent([experiment], masks_of([experiment]), AMBIENT, model, weights_of([experiment]))
+    truth = model(GAINS, {name: dict(KNOWN)[name]})
+    experiment = with_pressure(STROKES, truth, 30.0)
+    slope = slope_of([experiment], truth)
     for index, full in enumerate(slope.names):
         if full in ('k_x', 'k_sv', 'k_v', 'tau'):
             at = ('k_x', 'k_sv', 'k_v', 'tau').index(full)
-            sides = [replace(model, gains=GAINS * np.where(np.arange(4) == at, np.exp(h), 1.0)) for h in (1e-2, -1e-2)]
+            sides = [
+                replace(truth, parameters=GAINS * np.where(np.arange(4) == at, np.exp(h), 1.0)) for h in (1e-2, -1e-2)
+            ]
             step = 2e-2
         elif full:
-            own = np.array(model.effects[name])
+            own = np.array(truth.effects[name])
             at = [parameter.name for parameter in PRESSURE_EFFECTS[name].parameters].index(full.split('.')[1])
             change = 1e-2 * abs(own[at])
             sides = [
-                replace(model, effects={name: tuple(own + sign * change * (np.arange(own.size) == at))})
+                replace(truth, effects={name: tuple(own + sign * change * (np.arange(own.size) == at))})
                 for sign in (1.0, -1.0)
             ]
             step = 2e-2 if slope.logarithmic[index] else 2.0 * change
         else:
             continue
-        up, down = (side.simulate([experiment], AMBIENT)[0] for side in sides)
+        up, down = (CHANNEL.simulated([experiment], side)[0] for side in sides)
         expected = (up - down) / step
         if not np.any(expected):
             assert not np.any(slope.jacobian[:, index])
@@ -249,8 +238,8 @@ def fine_truth(experiment, delay, parts):
     steps = np.arange(parts) / parts
     times = np.append((experiment.times[:-1, None] + np.diff(experiment.times)[:, None] * steps).ravel(), 0.0)
     times[-1] = experiment.times[-1]
-    displacement = np.interp(times, experiment.times, experiment.displacement)
-    setpoint = experiment.setpoint[np.ceil(np.arange(times.size) / parts).astype(int)]
+    displacement = np.interp(times, experiment.times, experiment.inputs['displacement'])
+    setpoint = experiment.inputs['setpoint'][np.ceil(np.arange(times.size) / parts).astype(int)]
     pressure = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT).simulate(times, displacement, setpoint)
     return np.interp(np.clip(experiment.sample_times - delay, times[0], times[-1]), times, pressure)
 
@@ -258,23 +247,22 @@ def fine_truth(experiment, delay, parts):
 @pytest.mark.parametrize('delay', [0.00037, 0.002, 0.0313, -0.00037, -0.0313, 0.0])
 def test_reading_late_is_exact(delay):
     """Between samples 2 ms apart a pressure that rings at 7 Hz bends by 100 Pa: it has to be simulated there."""
-    model = Extension(GAINS, {'transport_delay': (delay,)}, (0.0,), (0.0,))
-    (pressure,) = model.simulate([STROKES], AMBIENT)
+    (pressure,) = CHANNEL.simulated([STROKES], model(GAINS, {'transport_delay': (delay,)}))
     np.testing.assert_allclose(pressure, fine_truth(STROKES, delay, 40), rtol=0.0, atol=6.0)
 
 
 @given(samples=st.integers(-150, 150), fraction=st.floats(0.01, 0.99) | st.just(0.0))
 def test_reading_late_changes_when_samples_are_taken_and_nothing_else(samples, fraction):
     delay = (samples + fraction) * 0.002
-    late = read_late(STROKES, delay)
+    late = STROKES.read_late(delay)
     wanted = np.clip(STROKES.sample_times - delay, STROKES.times[0], STROKES.times[-1])
     np.testing.assert_array_equal(late.sample_times, wanted)
     assert np.all(np.diff(late.times) > 0.0)
     kept = np.searchsorted(late.times, STROKES.times)
     np.testing.assert_array_equal(late.times[kept], STROKES.times)
-    np.testing.assert_array_equal(late.displacement[kept], STROKES.displacement)
-    np.testing.assert_array_equal(late.setpoint[kept], STROKES.setpoint)
+    np.testing.assert_array_equal(late.inputs['displacement'][kept], STROKES.inputs['displacement'])
+    np.testing.assert_array_equal(late.inputs['setpoint'][kept], STROKES.inputs['setpoint'])
     middle = 0.5 * (late.times[1:] + late.times[:-1])
     steps = np.searchsorted(STROKES.times, middle)
     lasting = np.diff(late.times) > 1e-9  # a step that is rounding may belong to either side
-    np.testing.assert_array_equal(late.setpoint[1:][lasting], STROKES.setpoint[steps][lasting])
+    np.testing.assert_array_equal(late.inputs['setpoint'][1:][lasting], STROKES.inputs['setpoint'][steps][lasting])

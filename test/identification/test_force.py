@@ -12,17 +12,19 @@ from itertools import product
 
 import numpy as np
 import pytest
+from drawn import experiments_of as experiments_on
 from measured import MAPPING, ROOT, needs_measured_data
 from reference import AMBIENT
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.data.experiment import observed_motion
-from cfd_pneumatic.identification.data.force_experiment import ForceExperiment, make_force_experiment
-from cfd_pneumatic.identification.data.motion import smooth_motion
+from cfd_pneumatic.identification.channels.force import Force
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.motion import Motion, smooth_motion
 from cfd_pneumatic.identification.data.reversals import travelled
-from cfd_pneumatic.identification.data.split import PARTS, split_recordings
-from cfd_pneumatic.identification.fit.force import fit_force, starting_force_data
-from cfd_pneumatic.model.effects import FORCE_EFFECTS
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.fit import fit, search, summary
+from cfd_pneumatic.identification.fit.likelihood import Likelihood
+from cfd_pneumatic.identification.identify import prepared
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, read_mapping, read_recording
 from cfd_pneumatic.rig.panel import draw, force_oracle_rmse
 
@@ -46,9 +48,11 @@ def recording_of(drawn):
 
 
 def experiments_of(recordings):
-    motions, strokes = zip(*(observed_motion(recording) for recording in recordings))
-    splits, _ = split_recordings(list(strokes))
-    return [make_force_experiment(*one, AMBIENT) for one in zip(recordings, motions, splits)]
+    return experiments_on(recordings, Force(AREA, 1.0, AMBIENT))
+
+
+def difference_of(experiment):
+    return experiment.at_samples('pressure') - experiment.at_samples('opposing')
 
 
 def drawn_experiment(effects, schedule, seed):
@@ -58,12 +62,21 @@ def drawn_experiment(effects, schedule, seed):
 
 def fit_with(names, experiments, area=AREA):
     """Return the best fit with some effects from all their starting points, test parts kept apart."""
-    masks = [one.part != TEST for one in experiments]
-    plain = fit_force(experiments, masks, AMBIENT, area, 1.0, {})
-    data = starting_force_data(experiments, plain, AMBIENT)
-    starts = product(*(FORCE_EFFECTS[name].starts(data) for name in names))
-    fits = [fit_force(experiments, masks, AMBIENT, area, 1.0, dict(zip(names, start))) for start in starts]
-    return min(fits, key=lambda fit: fit.cost)
+    channel = Force(area, 1.0, AMBIENT)
+    plain = fit(channel, experiments, [one.part != TEST for one in experiments])
+    data = channel.data(experiments, plain.model, plain.simulated)
+    starts = product(*(channel.effects[name].starts(data) for name in names))
+    begins = [replace(plain.model, effects=dict(zip(names, start))) for start in starts]
+    best, _ = min((search(plain.likelihood, begin, 1e-8, 60) for begin in begins), key=lambda found: found[1])
+    return summary(plain.likelihood, best)
+
+
+def residuals_of(fit):
+    return [one.measured - force for one, force in zip(fit.likelihood.experiments, fit.simulated)]
+
+
+def area_of(fit):
+    return float(fit.model.parameters[0])
 
 
 def rms(values):
@@ -79,10 +92,10 @@ def test_seal_friction_is_found_again(seed):
     drawn, experiment = drawn_experiment('seal_friction', 'surface_following', seed)
     fit = fit_with(['seal_friction'], [experiment], area=None)
     found, seal = estimates_of(fit), drawn.truth.device.rig.seal
-    assert fit.area == pytest.approx(AREA, rel=2e-3)
-    residual = fit.residuals([experiment])[0][experiment.part == TEST]
+    assert area_of(fit) == pytest.approx(AREA, rel=2e-3)
+    residual = residuals_of(fit)[0][experiment.part == TEST]
     assert rms(residual) < 1.25 * force_oracle_rmse(drawn)
-    coulomb, per_pressure, _, presliding = fit.effects['seal_friction']
+    coulomb, per_pressure, _, presliding = fit.model.effects['seal_friction']
     gauge = 1e5
     assert coulomb + per_pressure * gauge == pytest.approx(
         seal.coulomb + seal.coulomb_per_pressure * gauge, rel=0.02, abs=0.01
@@ -105,14 +118,14 @@ def test_effects_are_told_from_each_other(seed):
     assert mass.value == pytest.approx(rig.piston.mass, rel=0.05, abs=0.005)
     assert offset.value == pytest.approx(rig.pickup.force_offset - weight, abs=4.0 * offset.std)
     assert offset.std < 0.05
-    residual = fit.residuals([experiment])[0][experiment.part == TEST]
+    residual = residuals_of(fit)[0][experiment.part == TEST]
     assert rms(residual) < 1.25 * force_oracle_rmse(drawn)
 
 
 def test_friction_is_known_through_rests_between_sudden_strokes():
     """The converter's last bit toggles, and a curve would overshoot where the piston stops."""
     drawn, experiment = drawn_experiment('seal_friction', 'out_and_back', 4)
-    residual = fit_with(['seal_friction'], [experiment]).residuals([experiment])[0]
+    residual = residuals_of(fit_with(['seal_friction'], [experiment]))[0]
     assert rms(residual) < 1.25 * force_oracle_rmse(drawn)
 
 
@@ -144,32 +157,28 @@ def test_one_stroke_does_not_tell_friction_from_offset():
 def test_one_set_point_does_not_tell_the_area():
     _, experiment = drawn_experiment('seal_friction', 'paper_step', 2)
     fit = fit_with(['seal_friction'], [experiment], area=1.2e-3)
-    assert fit.area == 1.2e-3
+    assert area_of(fit) == 1.2e-3
     assert not estimates_of(fit)['area'].identifiable
-    assert fit.effects['seal_friction'][1] == 0.0
-    assert 'seal_friction.per_pressure' not in estimates_of(fit)
-    with pytest.raises(InputError, match='area'):
-        fit_with([], [experiment], area=None)
+    assert fit.model.effects['seal_friction'][1] == 0.0
+    assert not estimates_of(fit)['seal_friction.per_pressure'].identifiable
 
 
 def test_a_force_counted_backwards_is_refused():
     _, experiment = drawn_experiment(None, 'surface_following', 3)
     with pytest.raises(InputError, match='sign'):
-        fit_with([], [replace(experiment, force=-experiment.force)])
+        fit_with([], [replace(experiment, measured=-experiment.measured)])
 
 
 def test_what_can_not_make_an_experiment_is_said():
     recording = recording_of(draw(None, 'paper_step', 4))
-    motion, strokes = observed_motion(recording)
-    (split,), _ = split_recordings([strokes])
-    force = recording.force
+    channel, force = Force(AREA, 1.0, AMBIENT), recording.force
+    assert prepared([replace(recording, force=None)]).experiments(channel) == ()
     for broken, message in (
-        (replace(recording, force=None), 'no force'),
-        (replace(recording, force=Signal(force.times + 99.0, force.values)), 'time offsets'),
-        (replace(recording, force=Signal(force.times, 0.0 * force.values)), 'never changes'),
+        (Signal(force.times + 99.0, force.values), 'time offsets'),
+        (Signal(force.times, 0.0 * force.values), 'never changes'),
     ):
         with pytest.raises(InputError, match=message):
-            make_force_experiment(broken, motion, split, AMBIENT)
+            prepared([replace(recording, force=broken)]).experiments(channel)
 
 
 def independent_force(times, displacement, rate, difference, gauge, truth):
@@ -194,26 +203,32 @@ def test_standard_errors_are_what_the_scatter_is():
     levels = np.where(times < 4.0, 60e3, 110e3)
     truth = (AREA, 0.8, 1.5, 8e-6, 12.0, 2e-4)
     exact = independent_force(times, x, rate, levels, levels, truth)
-    scores = []
+    channel, scores = Force(None, 1.0, AMBIENT), []
     for seed in range(60):
         noisy = exact + 0.2 * np.random.default_rng(seed).standard_normal(times.size)
-        experiment = ForceExperiment(
+        experiment = Experiment(
             recording='made',
             times=times,
-            displacement=x,
-            rate=rate,
-            acceleration=acceleration,
-            pressure=levels + AMBIENT,
-            opposing=np.full(times.size, AMBIENT),
+            inputs={
+                'displacement': x,
+                'rate': rate,
+                'acceleration': acceleration,
+                'pressure': levels + AMBIENT,
+                'opposing': np.full(times.size, AMBIENT),
+                'level': levels,
+            },
             samples=np.arange(times.size),
-            force=noisy,
-            level=levels,
+            measured=noisy,
             part=np.zeros(times.size, dtype=np.int8),
+            motion=Motion(times, x, rate, acceleration, 0.0 * x, 8e-3, 0.0, 3, 0.0, times),
+            starts_at_rest=False,
         )
         effects = {'force_offset': (0.0,), 'seal_friction': (1.0, 1e-6, 1.0, 1e-4)}
-        mask = np.ones(times.size, dtype=bool)
-        fit = fit_force([experiment], [mask], AMBIENT, None, 1.0, effects)
-        scores.append([(one.value - value) / one.std for one, value in zip(fit.estimates, truth)])
+        likelihood = Likelihood.alike(channel, [experiment], [np.ones(times.size, dtype=bool)])
+        (start,) = channel.starts([experiment], likelihood.masks)
+        found = summary(likelihood, search(likelihood, replace(start, effects=effects), 1e-8, 60)[0])
+        told = [one for one in found.estimates if one.name != 'geometric_factor']
+        scores.append([(one.value - value) / one.std for one, value in zip(told, truth)])
     spread = np.sqrt(np.mean(np.square(scores), axis=0))
     assert spread.shape == (6,)
     assert np.all((spread > 0.7) & (spread < 1.4)), spread
@@ -237,21 +252,20 @@ def test_a_real_cylinders_force(capsys):
     )
     fits = [fit_with(names, experiments, area=BORE) for names in models]
     errors = [
-        [rms(residual[one.part == TEST]) for residual, one in zip(fit.residuals(experiments), experiments)]
-        for fit in fits
+        [rms(residual[one.part == TEST]) for residual, one in zip(residuals_of(fit), experiments)] for fit in fits
     ]
-    plain = [rms((one.force - BORE * one.difference)[one.part == TEST]) for one in experiments]
+    plain = [rms((one.measured - BORE * difference_of(one))[one.part == TEST]) for one in experiments]
     with capsys.disabled():
         print(f'\nforce RMS on test parts at 1, 3, 5, 7 bar, bore {BORE * 1e6:.1f} mm^2:')
         print('  area of the bore alone  ' + ' '.join(f'{error:.2f}' for error in plain) + ' N')
         for names, fit, error in zip(models, fits, errors):
             print(
                 f'  {", ".join(["free area", *names])}: {" ".join(f"{one:.2f}" for one in error)} N, '
-                f'area {fit.area * 1e6:.1f} mm^2 {fit.effects}'
+                f'area {area_of(fit) * 1e6:.1f} mm^2 {fit.model.effects}'
             )
     chosen = fits[3]
     assert min(plain) > 4.0
     assert max(errors[3]) <= 1.1
-    assert chosen.area == pytest.approx(BORE, rel=0.02)
-    assert chosen.effects['seal_friction'][1] == pytest.approx(0.62e-5, rel=0.15)
-    assert all(one.identifiable for one in chosen.estimates)
+    assert area_of(chosen) == pytest.approx(BORE, rel=0.02)
+    assert chosen.model.effects['seal_friction'][1] == pytest.approx(0.62e-5, rel=0.15)
+    assert all(one.identifiable for one in chosen.estimates if one.name != 'geometric_factor')

@@ -8,25 +8,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from drawn import experiments_of as experiments_on
 from drawn import recorded, recording_of
 from measured import MAPPING, ROOT, needs_measured_data
 from reference import AMBIENT
 
 from cfd_pneumatic.identification import Geometry, Options, identify
-from cfd_pneumatic.identification.data.experiment import observed_motion
-from cfd_pneumatic.identification.data.force_experiment import make_force_experiment
-from cfd_pneumatic.identification.data.motion import Motion
-from cfd_pneumatic.identification.data.split import PARTS, split_recordings
-from cfd_pneumatic.identification.fit.force import fit_area
-from cfd_pneumatic.identification.force_loop import close_force_loop, force_noise
+from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.channels.force import Force
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.identification.search.stepwise import Trial
-from cfd_pneumatic.identification.verdict import VERDICTS, not_added, verdict_of
+from cfd_pneumatic.identification.verdict import VERDICTS, not_added, part_errors, verdict_of
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
-from cfd_pneumatic.model.extended_force import ExtendedForce
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, read_mapping, read_recording
+from cfd_pneumatic.recording import Signal, read_mapping, read_recording
 from cfd_pneumatic.rig.panel import draw, force_oracle_rmse
 
 AREA = 1.14e-3
@@ -44,14 +44,37 @@ def both_cylinders(drawn):
 
 
 def experiments_of(recordings):
-    motions, strokes = zip(*(observed_motion(recording) for recording in recordings))
-    splits, _ = split_recordings(list(strokes))
-    return [make_force_experiment(*one, AMBIENT) for one in zip(recordings, motions, splits)]
+    return experiments_on(recordings, Force(AREA, 1.0, AMBIENT))
+
+
+def difference_of(experiment):
+    return experiment.at_samples('pressure') - experiment.at_samples('opposing')
+
+
+def close(experiments, area, factor=1.0, library=FORCE_EFFECTS):
+    """Return what came of closing the loop on the force: fits before and after, their errors, and the conclusion."""
+    channel = Force(area, factor, AMBIENT)
+    channel.library = library
+    plain = fit(channel, experiments, [one.fitted for one in experiments])
+    found, conclusion = close_loop(plain)
+    measured, parts = [one.measured for one in experiments], [one.part for one in experiments]
+    return SimpleNamespace(
+        **vars(conclusion),
+        estimates=found.estimates,
+        plain=plain,
+        fit=found,
+        area=float(found.model.parameters[0]),
+        factor=float(found.model.parameters[1]),
+        values=found.model.effects,
+        before=part_errors(measured, plain.simulated, parts),
+        after=part_errors(measured, found.simulated, parts),
+        experiments=experiments,
+    )
 
 
 def closed(effects, schedule, seed, area=AREA, **options):
     drawn = draw(effects, schedule, seed)
-    return drawn, close_force_loop(experiments_of([both_cylinders(drawn)]), AMBIENT, area, **options)
+    return drawn, close(experiments_of([both_cylinders(drawn)]), area, **options)
 
 
 def measured(runs):
@@ -65,9 +88,10 @@ def rms(values):
 
 def made_of(experiment, effects, noise=0.0, area=AREA):
     """Return an experiment whose force a known model makes, with noise [N]."""
-    force = experiment.simulate(ExtendedForce(area, effects, AMBIENT), 0.0)
+    model = Model(np.array([area, 1.0]), effects, np.zeros((1, 1)))
+    (force,) = Force(area, 1.0, AMBIENT).simulated([experiment], model)
     rng = np.random.default_rng(8)
-    return replace(experiment, force=force + noise * rng.standard_normal(force.size))
+    return replace(experiment, measured=force + noise * rng.standard_normal(force.size))
 
 
 def estimates_of(closure):
@@ -92,14 +116,14 @@ def test_the_effect_that_is_there_is_named(effect, schedule):
     assert closure.after['test'].rmse < 1.1 * force_oracle_rmse(drawn)
     assert closure.ratio == pytest.approx(closure.after['test'].rmse / closure.before['test'].rmse)
     assert closure.ratio_interval[0] <= closure.ratio <= closure.ratio_interval[1]
-    assert closure.noise_floor == pytest.approx(force_oracle_rmse(drawn), rel=0.05)
+    assert closure.noise.std == pytest.approx(force_oracle_rmse(drawn), rel=0.05)
     assert {trial.effect for trial in closure.tried if trial.accepted} >= set(closure.effects)
 
 
 def test_parameters_are_found_again():
     (experiment,) = experiments_of([both_cylinders(draw(None, 'surface_following', 22))])
     truth = {'seal_friction': (2.0, 1e-5, 10.0, 1e-4), 'force_offset': (-1.5,)}
-    closure = close_force_loop([made_of(experiment, truth, noise=0.1)], AMBIENT, 1.0e-3)
+    closure = close([made_of(experiment, truth, noise=0.1)], 1.0e-3)
     assert closure.verdict == 'effect_added'
     assert set(closure.effects) == set(truth)
     found = estimates_of(closure)
@@ -124,14 +148,14 @@ def test_clean_data_name_nothing(schedule):
 def test_a_force_without_noise_is_no_riddle():
     """As a simulator publishes it."""
     (experiment,) = experiments_of([both_cylinders(draw(None, 'out_and_back', 41))])
-    closure = close_force_loop([made_of(experiment, {})], AMBIENT, AREA)
+    closure = close([made_of(experiment, {})], AREA)
     assert closure.verdict == 'no_missing_effect'
     assert all(math.isfinite(test.statistic) for test in closure.tests_after)
-    closure = close_force_loop([made_of(experiment, {'force_offset': (3.0,)})], AMBIENT, AREA)
+    closure = close([made_of(experiment, {'force_offset': (3.0,)})], AREA)
     assert closure.effects == ('force_offset',)
     assert closure.verdict == 'effect_added'
-    assert closure.fit.effects['force_offset'][0] == pytest.approx(3.0, rel=1e-4)
-    closure = close_force_loop([made_of(experiment, {'seal_friction': (2.0, 0.0, 5.0, 1e-4)})], AMBIENT, AREA)
+    assert closure.values['force_offset'][0] == pytest.approx(3.0, rel=1e-4)
+    closure = close([made_of(experiment, {'seal_friction': (2.0, 0.0, 5.0, 1e-4)})], AREA)
     assert closure.effects == ('seal_friction',)
     assert closure.verdict == 'effect_added'
 
@@ -140,7 +164,7 @@ def test_one_set_point_does_not_tell_area_or_factor():
     _, closure = closed('seal_friction', 'paper_step', 2, factor=1.0, area=1.14e-3)
     found = estimates_of(closure)
     assert closure.effects[0] == 'seal_friction'
-    assert closure.fit.area == 1.14e-3
+    assert closure.area == 1.14e-3
     assert not found['area'].identifiable
     assert 'one set-point' in found['area'].reason
     assert '1140.0 mm^2' in found['area'].reason
@@ -151,8 +175,8 @@ def test_one_set_point_does_not_tell_area_or_factor():
 def test_only_the_product_of_area_and_factor_shows():
     _, plain = closed('force_offset', 'out_and_back', 23)
     _, geared = closed('force_offset', 'out_and_back', 23, area=0.5 * AREA, factor=2.0)
-    assert geared.fit.factor == 2.0
-    assert 2.0 * geared.fit.area == pytest.approx(plain.fit.area, rel=1e-5)
+    assert geared.factor == 2.0
+    assert 2.0 * geared.area == pytest.approx(plain.area, rel=1e-5)
     assert geared.effects == plain.effects
 
 
@@ -162,8 +186,8 @@ def test_where_nobody_knows_the_area_an_offset_is_not_claimed():
     assert 'force_offset' in closure.not_visible
     assert 'two set-points' in closure.next_experiment
     strength = drawn.truth.changes['pickup.force_offset']
-    difference = closure.experiments[0].difference
-    assert closure.fit.area == pytest.approx(AREA + strength / np.mean(difference), rel=0.01)
+    difference = difference_of(closure.experiments[0])
+    assert closure.area == pytest.approx(AREA + strength / np.mean(difference), rel=0.01)
 
 
 def test_a_constant_may_be_a_weight():
@@ -184,8 +208,8 @@ def test_an_effect_that_is_not_known_is_unexplained():
 
 def test_a_force_sensor_that_trails_is_unexplained():
     (experiment,) = experiments_of([both_cylinders(draw(None, 'surface_following', 25))])
-    trailing = replace(experiment, force=np.roll(experiment.force, 4)[: experiment.force.size])
-    closure = close_force_loop([trailing], AMBIENT, AREA)
+    trailing = replace(experiment, measured=np.roll(experiment.measured, 4))
+    closure = close([trailing], AREA)
     assert closure.verdict == 'unexplained'
 
 
@@ -194,11 +218,10 @@ def test_too_few_samples_are_said():
     few = replace(
         experiment,
         samples=experiment.samples[::5],
-        force=experiment.force[::5],
-        level=experiment.level[::5],
+        measured=experiment.measured[::5],
         part=experiment.part[::5],
     )
-    closure = close_force_loop([few], AMBIENT, AREA)
+    closure = close([few], AREA)
     assert closure.verdict == 'insufficient_data'
     assert closure.tried == ()
     assert 'too few' in closure.why
@@ -246,18 +269,20 @@ def test_trials_with_which_the_error_does_not_fall_are_not_accepted():
 def test_the_noise_is_seen_beside_what_is_missing():
     drawn = draw('moving_mass', 'out_and_back', 1)
     experiments = experiments_of([both_cylinders(drawn)])
-    thrust = [AREA * one.difference for one in experiments]
-    assert force_noise(experiments, thrust).std == pytest.approx(force_oracle_rmse(drawn), rel=0.15)
+    thrust = [AREA * difference_of(one) for one in experiments]
+    channel = Force(AREA, 1.0, AMBIENT)
+    model = Model(np.array([AREA, 1.0]), {}, np.zeros((1, 1)))
+    assert channel.noise(experiments, thrust, model).std == pytest.approx(force_oracle_rmse(drawn), rel=0.15)
 
 
 def test_identify_closes_the_loop_on_the_force_too():
     drawn = draw('force_offset', 'paper_step', 4)
     found = identify([both_cylinders(drawn)], Options(close_loop=True, area=AREA))
-    assert found.no_force is None
-    assert found.force.effects == ('force_offset',)
-    assert found.force.fit.factor == 1.0
-    assert found.geometry == Geometry(AREA, 1.0, estimates_of(found.force)['area'].reason)
-    assert identify([both_cylinders(drawn)]).force is None
+    assert found.untold == {}
+    force = found.channels['force']
+    assert force.conclusion.effects == ('force_offset',)
+    assert found.geometry == Geometry(AREA, 1.0, estimates_of(force.found)['area'].reason)
+    assert identify([both_cylinders(drawn)]).channels['force'].conclusion is None
 
 
 def test_the_area_is_known_without_closing_the_loop():
@@ -298,10 +323,10 @@ def test_a_force_that_can_not_be_used_does_not_cost_the_pressures():
     ):
         for options in (Options(), Options(close_loop=True)):
             found = identify([replace(recording, force=broken)], options)
-            assert found.force is None
-            assert message in found.no_force
-            assert found.geometry == Geometry(note=found.no_force)
-            assert (found.cylinders['cylinder_a'].closure is not None) == options.close_loop
+            assert 'force' not in found.channels
+            assert message in found.untold['force']
+            assert found.geometry == Geometry(note=found.untold['force'])
+            assert (found.channels['cylinder_a'].conclusion is not None) == options.close_loop
     dead = replace(recording, force=Signal(force.times, 0.0 * force.values))
     assert identify([dead], Options(area=AREA)).geometry == Geometry(AREA, None, 'as given')
 
@@ -310,19 +335,17 @@ def test_a_force_that_can_not_be_used_does_not_cost_the_pressures():
 def test_a_real_cylinders_force_pooled(capsys):
     """Four runs with one area and one offset: the error on each one's own test part, and the bore."""
     experiments = measured(FRICTION)
-    closure = close_force_loop(experiments, AMBIENT, None)
+    closure = close(experiments, None)
     errors = [
-        [rms((one.force - force)[one.part == TEST]) for one, force in zip(experiments, simulated)]
-        for simulated in (closure.simulated_before, closure.simulated)
+        [rms((one.measured - force)[one.part == TEST]) for one, force in zip(experiments, simulated)]
+        for simulated in (closure.plain.simulated, closure.fit.simulated)
     ]
     area = estimates_of(closure)['area']
     with capsys.disabled():
         print(f'\nforce loop on 1, 3, 5, 7 bar pooled: {closure.verdict}, {closure.why}')
         for label, error in zip(('before', 'after'), errors):
             print(f'  {label}: {" ".join(f"{one:.2f}" for one in error)} N RMS on the test parts')
-        print(
-            f'  area {area.value * 1e6:.1f} +- {area.std * 1e6:.1f} mm^2, bore {BORE * 1e6:.1f}; {closure.fit.effects}'
-        )
+        print(f'  area {area.value * 1e6:.1f} +- {area.std * 1e6:.1f} mm^2, bore {BORE * 1e6:.1f}; {closure.values}')
     assert closure.effects[0] == 'seal_friction'
     assert set(closure.effects) <= {'seal_friction', 'force_offset'}
     assert area.value == pytest.approx(BORE, rel=0.02)
@@ -333,7 +356,7 @@ def test_a_real_cylinders_force_pooled(capsys):
 @needs_measured_data
 @pytest.mark.parametrize('run', [*FRICTION, 'rerun/2_O-ring257_3bar', 'friction/Kidney_2bar'])
 def test_a_real_cylinders_force_at_one_pressure(run, capsys):
-    closure = close_force_loop(measured([run]), AMBIENT, BORE)
+    closure = close(measured([run]), BORE)
     after = closure.after['test'].rmse
     with capsys.disabled():
         print(
@@ -343,25 +366,5 @@ def test_a_real_cylinders_force_at_one_pressure(run, capsys):
         )
     assert 'seal_friction' in closure.effects
     assert not estimates_of(closure)['area'].identifiable
-    assert closure.fit.area == BORE
+    assert closure.area == BORE
     assert after < (4.0 if 'Kidney' in run else 1.1)
-
-
-def test_a_part_of_a_long_recording_tells_the_area():
-    times = 1e-3 * np.arange(150_000)
-    motion = Motion(times, *[np.sin(times)] * 4, reach=2.0, noise=1e-6, order=2, deviance=0.0, stamps=times)
-    pressure = AMBIENT + 1e5 + 1e4 * np.sin(times + 0.3)
-    recording = Recording(
-        name='long',
-        epoch=0,
-        displacement=Signal(times, motion.displacement),
-        cylinders={'cylinder_b': CylinderSignals(Signal(times, pressure), None)},
-        force=Signal(times + 3e-4, AREA * (AMBIENT - np.interp(times + 3e-4, times, pressure))),
-        health=(),
-    )
-    (split,), _ = split_recordings([np.arange(0.0, 150.0, 3.0)])
-    experiment = make_force_experiment(recording, motion, split, AMBIENT, thin=True)
-    assert 20_000 < experiment.force.size < 100_000
-    assert experiment.part[-1] == TEST
-    fit = fit_area([experiment], [experiment.fitted], AMBIENT, None, 1.0)
-    assert fit.area == pytest.approx(AREA, rel=1e-9)

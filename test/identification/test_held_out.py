@@ -7,7 +7,6 @@ import pytest
 from drawn import moved, recording_of
 from hypothesis import given
 from hypothesis import strategies as st
-from reference import AMBIENT
 
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
@@ -89,7 +88,7 @@ def test_a_device_that_changes_behind_the_validation_part_is_unexplained():
     times = before.pressure.times
     pressure = Signal(times, np.where(times < begin, before.pressure.values, after.pressure.values))
     changed = replace(healthy, cylinders={'cylinder_a': CylinderSignals(pressure, before.setpoint)}, force=None)
-    closure = identify([changed], Options(close_loop=True)).cylinders['cylinder_a'].closure
+    closure = identify([changed], Options(close_loop=True)).channels['cylinder_a'].conclusion
     assert closure.verdict == 'unexplained'
     assert f'but from t = {begin:.4g} s on the error is' in closure.why
     assert 'nothing is missing' not in closure.why
@@ -99,13 +98,13 @@ def test_a_device_that_changes_behind_the_validation_part_is_unexplained():
 def test_an_effect_with_which_the_error_does_not_fall_is_not_added():
     """On 0.1.0: set_point_drift was added, with 122 % of the error."""
     drawn = draw('supply_variation', 'out_and_back', 1000)
-    result = identify([recording_of(drawn)], Options()).cylinders['cylinder_a']
-    library = {name: effect for name, effect in PRESSURE_EFFECTS.items() if name != 'supply_variation'}
-    closure = close_loop(result.experiments, result.fit, AMBIENT, library)
+    result = identify([recording_of(drawn)], Options()).channels['cylinder_a']
+    result.channel.library = {key: one for key, one in PRESSURE_EFFECTS.items() if key != 'supply_variation'}
+    fit, closure = close_loop(result.fit)
     assert closure.verdict == 'unexplained'
     assert 'the error does not fall' in closure.why
     assert closure.effects == ()
-    assert closure.extension.effects == {}
+    assert fit.model.effects == {}
     assert closure.ratio is None
     assert not any(trial.accepted for trial in closure.tried)
-    np.testing.assert_array_equal(closure.simulated[0], result.fit.simulated[0])
+    np.testing.assert_array_equal(fit.simulated[0], result.fit.simulated[0])

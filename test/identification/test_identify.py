@@ -65,7 +65,7 @@ def assert_close(estimates, truth, stds=4.0):
 def test_finds_the_truth_and_reaches_the_noise(one):
     result = one.cylinders['cylinder_a']
     assert_close(result.fit.estimates, GAINS[5.0])
-    assert result.noise_floor == pytest.approx(50.0, rel=0.06)
+    assert result.noise.std == pytest.approx(50.0, rel=0.06)
     for error in result.before.values():
         assert error.rmse == pytest.approx(50.0, rel=0.08)
         assert error.nrmse_percent == pytest.approx(100.0 * error.rmse / result.span)
@@ -84,8 +84,8 @@ def test_a_set_point_that_is_not_recorded_is_found():
 
 def test_the_offset_of_a_recorded_set_point_is_found():
     found = identify([strokes(3, offset=700.0)]).cylinders['cylinder_a']
-    assert found.fit.offsets[0] == pytest.approx(700.0, abs=5.0 * found.fit.offset_stds[0])
-    assert found.fit.offset_stds[0] < 20.0
+    assert found.fit.model.own[0, 0] == pytest.approx(700.0, abs=5.0 * found.fit.stds[0, 0])
+    assert found.fit.stds[0, 0] < 20.0
 
 
 def test_several_recordings_share_parameters_but_not_their_set_points():
@@ -96,7 +96,7 @@ def test_several_recordings_share_parameters_but_not_their_set_points():
     found = identify(recordings).cylinders['cylinder_a']
     single = identify(recordings[:1]).cylinders['cylinder_a']
     assert_close(found.fit.estimates, GAINS[5.0])
-    assert found.fit.offsets[0] == pytest.approx(500.0, abs=20.0)
+    assert found.fit.model.own[0, 0] == pytest.approx(500.0, abs=20.0)
     for joint, alone in zip(found.fit.estimates, single.fit.estimates):
         assert joint.std < alone.std
 
@@ -121,7 +121,7 @@ def test_nothing_reads_the_test_part(one):
     spoilt_signals = replace(signals, pressure=Signal(signals.pressure.times, spoilt))
     found = identify([replace(recording, cylinders={'cylinder_a': spoilt_signals})]).cylinders['cylinder_a']
     before = one.cylinders['cylinder_a']
-    np.testing.assert_array_equal(found.fit.gains, before.fit.gains)
+    np.testing.assert_array_equal(found.fit.model.parameters, before.fit.model.parameters)
     assert found.before['train'].rmse == before.before['train'].rmse
     assert found.before['test'].rmse > 400.0
 
@@ -251,7 +251,7 @@ def test_a_recording_that_begins_with_its_only_stroke_may_be_the_test_part():
     assert [split.whole for split in found.splits] == ['train', 'train', 'validation', 'test']
     result = found.cylinders['cylinder_a']
     assert not np.any(result.experiments[3].part < 2)
-    assert result.closure.effects == ('transport_delay',)
+    assert result.conclusion.effects == ('transport_delay',)
     assert result.after['test'].rmse < 0.9 * result.before['test'].rmse
 
 

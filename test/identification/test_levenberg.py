@@ -28,7 +28,7 @@ class Counted:
 
     def __call__(self, point):
         self.points.append(point.copy())
-        return Quadratic.of(self.residuals(point), self.jacobian(point))
+        return Quadratic.of(np.vstack([self.residuals(point), self.jacobian(point).T]))
 
     def totals(self):
         """Return the sum of squares at each point."""
@@ -109,7 +109,7 @@ def test_nonlinear_problems_end_where_scipys_do(seed, bounded):
     if bounded:
         lower, upper = truth - np.array([0.1, 3.0, 3.0, 3.0]), truth + np.array([3.0, 3.0, 0.05, 3.0])
     start = np.clip(truth + 0.5 * np.random.default_rng(seed).standard_normal(4), lower + 1e-6, upper - 1e-6)
-    _, total = minimum(problem, start, lower, upper, 1e-10, 200)
+    _, total = minimum(problem, start, lower, upper, 1e-10, 200, longest=np.full(4, 2.0))
     best = scipys(
         problem.residuals, start, jac=problem.jacobian, bounds=(lower, upper), x_scale='jac', ftol=1e-12, xtol=1e-12
     )
@@ -153,7 +153,8 @@ def test_the_search_ends_where_it_is_enough():
 @given(st.integers(0, 2**32 - 1))
 def test_residuals_with_derivatives_below_them_are_the_same_quadratic(seed):
     rows = np.random.default_rng(seed).standard_normal((4, 50))
-    one, other = Quadratic.of_rows(rows), Quadratic.of(rows[0], rows[1:].T)
+    one = Quadratic.of(rows)
+    other = Quadratic(float(rows[0] @ rows[0]), rows[1:] @ rows[0], rows[1:] @ rows[1:].T)
     for name in ('total', 'gradient', 'normal'):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-12, atol=1e-12)
 

@@ -15,8 +15,8 @@ from cfd_pneumatic.rig.panel import draw, draw_textbook, oracle_rmse
 def closed(drawn):
     """Return what came of closing the loop on cylinder A, and the RMSE of the model that it ends with [Pa]."""
     result = identify([recording_of(drawn)], Options(close_loop=True)).cylinders['cylinder_a']
-    residual = result.experiments[0].pressure - result.closure.simulated[0]
-    return result.closure, float(np.sqrt(np.mean(residual**2)))
+    residual = result.experiments[0].measured - result.comparisons[0].after
+    return result.conclusion, float(np.sqrt(np.mean(residual**2)))
 
 
 @pytest.mark.parametrize(
@@ -63,11 +63,11 @@ def test_the_test_part_decides_nothing():
         cylinders={'cylinder_a': CylinderSignals(Signal(signals.pressure.times, spoilt), signals.setpoint)},
     )
     other = identify([recording], Options(close_loop=True)).cylinders['cylinder_a']
-    assert other.closure.verdict == 'unexplained'
-    assert 'the device or its work changed' in other.closure.why
-    assert [trial.effect for trial in other.closure.tried] == [trial.effect for trial in honest.closure.tried]
-    found = honest.closure.extension.gains if other.closure.effects else honest.fit.gains
-    np.testing.assert_allclose(other.closure.extension.gains, found, rtol=1e-6)
+    assert other.conclusion.verdict == 'unexplained'
+    assert 'the device or its work changed' in other.conclusion.why
+    assert [trial.effect for trial in other.conclusion.tried] == [trial.effect for trial in honest.conclusion.tried]
+    found = honest.found if other.conclusion.effects else honest.fit
+    np.testing.assert_allclose(other.found.model.parameters, found.model.parameters, rtol=1e-6)
     assert other.after['test'].rmse > 4e3
 
 
@@ -84,7 +84,7 @@ def test_too_few_samples_are_insufficient_data():
         cylinders={'cylinder_a': CylinderSignals(thinned(signals.pressure), signals.setpoint)},
         force=None,
     )
-    closure = identify([recording], Options(close_loop=True)).cylinders['cylinder_a'].closure
+    closure = identify([recording], Options(close_loop=True)).channels['cylinder_a'].conclusion
     assert closure.verdict == 'insufficient_data'
     assert closure.next_experiment
     assert closure.effects == ()

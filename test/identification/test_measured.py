@@ -19,7 +19,7 @@ HEALTHY = (
 @pytest.mark.parametrize('run', HEALTHY)
 def test_healthy_runs_are_simulated_to_four_percent(run, capsys):
     recording = read_recording(ROOT / f'{run}.csv', mapping=read_mapping(MAPPING))
-    result = identify([recording]).cylinders['cylinder_a']
+    result = identify([recording]).channels['cylinder_a']
     with capsys.disabled():
         print(f'\n{run}: test part {result.before["test"].nrmse_percent:.2f} % of span', end='')
     assert result.before['test'].nrmse_percent <= 4.0

@@ -1,14 +1,13 @@
 """The loop on measured recordings: a worn seal named, healthy ones left alone, one model for four pressures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from drawn import experiments_of
+from drawn import CHANNEL, alike, experiments_of, model
 from measured import MAPPING, ROOT, needs_measured_data
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.identification.fit.extension import Extension, extend
-from cfd_pneumatic.identification.fit.output_error import fit
-from cfd_pneumatic.identification.fit.starts import starting_data
+from cfd_pneumatic.identification.fit.fit import fit, search
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.recording import read_mapping, read_recording
@@ -29,26 +28,26 @@ def learnt(experiments):
 
 def nrmse_of_test_part(experiments, pressures):
     """Return the error on each one's test part, in percent of its span."""
-    errors = [(one.pressure - pressure)[one.part == 2] for one, pressure in zip(experiments, pressures)]
+    errors = [(one.measured - pressure)[one.part == 2] for one, pressure in zip(experiments, pressures)]
     return [100.0 * float(np.sqrt(np.mean(error**2))) / one.span for error, one in zip(errors, experiments)]
 
 
 def test_the_kidney_seal_leaks_at_one_end_while_the_chamber_grows():
     experiments = experiments_from('friction/Kidney_2bar')
-    baseline = fit(experiments, learnt(experiments))
-    closure = close_loop(experiments, baseline, AMBIENT_PRESSURE)
+    baseline = fit(CHANNEL, experiments, learnt(experiments))
+    found, closure = close_loop(baseline)
     assert closure.effects[0] == 'positional_leakage'
     first = closure.tried[0]
     assert first.accepted
     assert first.rss_drop >= 0.8
-    own = closure.extension.effects['positional_leakage']
+    own = found.model.effects['positional_leakage']
     *_, end, direction = own
     assert (end, direction) == (1.0, 1.0)
-    begin = Extension(baseline.gains, {}, baseline.offsets, baseline.starts)
-    alone = extend(experiments, learnt(experiments), AMBIENT_PRESSURE, begin, {'positional_leakage': own})
+    begin = replace(baseline.model, effects={'positional_leakage': own})
+    alone, _ = search(alike(experiments, learnt(experiments)), begin, 1e-8, 60)
     (before,) = nrmse_of_test_part(experiments, baseline.simulated)
-    (after,) = nrmse_of_test_part(experiments, alone.simulate(experiments, AMBIENT_PRESSURE))
-    (with_all,) = nrmse_of_test_part(experiments, closure.simulated)
+    (after,) = nrmse_of_test_part(experiments, CHANNEL.simulated(experiments, alone))
+    (with_all,) = nrmse_of_test_part(experiments, found.simulated)
     print(
         f'\nKidney_2bar: {before:.2f} % before, {after:.2f} % with the leak alone, {with_all:.2f} % with all;', end=' '
     )
@@ -63,8 +62,8 @@ def test_the_kidney_seal_leaks_at_one_end_while_the_chamber_grows():
 def test_a_healthy_seal_does_not_leak(run):
     """What opens towards an end of the stroke may be said, with what it may be instead."""
     experiments = experiments_from(run)
-    closure = close_loop(experiments, fit(experiments, learnt(experiments)), AMBIENT_PRESSURE)
-    (after,) = nrmse_of_test_part(experiments, closure.simulated)
+    found, closure = close_loop(fit(CHANNEL, experiments, learnt(experiments)))
+    (after,) = nrmse_of_test_part(experiments, found.simulated)
     print(f'\n{run}: {closure.verdict}, {", ".join(closure.effects)}, {dict(closure.alternatives)}: {after:.2f} %')
     assert 'leakage' not in closure.effects
     assert closure.effects[:1] != ('positional_leakage',)
@@ -76,7 +75,7 @@ def test_a_healthy_seal_does_not_leak(run):
 def test_the_repeat_with_the_kidney_seal_names_no_leak_for_sure():
     """In the second run the paper's model errs by half as much, and what it lacks may be several things."""
     experiments = experiments_from('friction/Kidney_2bar_tweederun')
-    closure = close_loop(experiments, fit(experiments, learnt(experiments)), AMBIENT_PRESSURE)
+    _, closure = close_loop(fit(CHANNEL, experiments, learnt(experiments)))
     print(f'\nKidney_2bar_tweederun: {closure.verdict}: {closure.why}')
     assert closure.verdict == 'unexplained'
     assert not {'leakage', 'positional_leakage'} & set(closure.effects)
@@ -85,14 +84,12 @@ def test_the_repeat_with_the_kidney_seal_names_no_leak_for_sure():
 def test_gains_that_follow_the_pressure_suit_four_pressures_at_once():
     experiments = experiments_from(*(f'friction/O-ring257_{bar}bar' for bar in (1, 3, 5, 7)))
     none = (0.0,) * len(experiments)
-    begin = Extension(GAINS, {}, none, none)
-    data = starting_data(experiments, begin, begin.simulate(experiments, AMBIENT_PRESSURE), AMBIENT_PRESSURE)
+    begin = model(GAINS, {}, none, none)
+    data = CHANNEL.data(experiments, begin, CHANNEL.simulated(experiments, begin))
     fits = [
-        extend(experiments, learnt(experiments), AMBIENT_PRESSURE, begin, {'operating_point': start}, tolerance=1e-6)
+        search(alike(experiments, learnt(experiments)), replace(begin, effects={'operating_point': start}), 1e-6, 60)[0]
         for start in PRESSURE_EFFECTS['operating_point'].starts(data)
     ]
-    errors = min(
-        (nrmse_of_test_part(experiments, one.simulate(experiments, AMBIENT_PRESSURE)) for one in fits), key=max
-    )
+    errors = min((nrmse_of_test_part(experiments, CHANNEL.simulated(experiments, one)) for one in fits), key=max)
     print('\n1, 3, 5, 7 bar together:', ', '.join(f'{error:.2f} %' for error in errors))
     assert max(errors) <= 5.0

@@ -11,7 +11,6 @@ from cfd_pneumatic.identification.data import motion as module
 from cfd_pneumatic.identification.data import smoother
 from cfd_pneumatic.identification.data.motion import smooth_motion
 from cfd_pneumatic.identification.residual.noise import sample_noise
-from cfd_pneumatic.recording import spool
 
 
 def slow_strokes(seed, noise=4e-5):
@@ -214,13 +213,13 @@ def test_in_windows_a_motion_is_as_smooth_as_whole(monkeypatch, jitter):
 def test_pieces_of_a_motion_make_the_whole(monkeypatch):
     times, _, measured = slow_strokes(1)
     motion = smooth_motion(times, measured)
-    monkeypatch.setattr(spool, 'PART', 700)
-    pieces = list(motion.pieces())
-    assert [piece.times.size for piece in pieces] == [701, 701, 701, 701, 200]
-    np.testing.assert_array_equal(np.unique(np.concatenate([piece.knots() for piece in pieces])), motion.knots())
-    for piece in pieces:
-        between = np.linspace(piece.times[0], piece.times[-1], 99)
-        np.testing.assert_allclose(piece.at(between), motion.at(between), rtol=0.0, atol=1e-15)
+    others = np.linspace(times[0], times[-1], 999)
+    whole = motion.on_grid(times[:2500], others)
+    assert set(motion.knots()[motion.knots() <= times[2499]]) <= set(whole[0])
+    monkeypatch.setattr(module, '_PIECE', 700)
+    pieces = motion.on_grid(times[:2500], others)
+    np.testing.assert_array_equal(pieces[0], whole[0])
+    np.testing.assert_allclose(pieces[1], whole[1], rtol=0.0, atol=1e-15)
 
 
 def test_stamps_are_believed_where_the_motion_bears_them_out():

@@ -5,25 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import moved, with_pressure
+from drawn import CHANNEL, model, moved, with_pressure
 from hypothesis import given
 from hypothesis import strategies as st
 from reference import AMBIENT, PSI, step_like
 from scipy.signal import lfilter
 
-from cfd_pneumatic.identification.fit.extension import Extension
 from cfd_pneumatic.identification.residual import noise as module
-from cfd_pneumatic.identification.residual.noise import (
-    precision,
-    pressure_noise,
-    rounding_step,
-    sample_noise,
-    stamp_jitter,
-)
+from cfd_pneumatic.identification.residual.noise import rounding_step, runs_at_rest, sample_noise, stamp_jitter
 from cfd_pneumatic.model import TABLE_1
 
 GAINS = np.array(TABLE_1.table[0, 1:])
-MODEL = Extension(GAINS, {}, (0.0,), (0.0,))
+MODEL = model(GAINS)
 PERIOD = 0.002
 STD = 52.0
 QUIET = 5e-8
@@ -49,14 +42,21 @@ def coloured(seed, samples, memory=0.9):
     return math.sqrt(1.0 - memory**2) * lfilter([1.0], [1.0, -memory], white)[200:]
 
 
+def noise_of(experiments, simulated, k_x=GAINS[0]):
+    """Return the noise of experiments whose pressure a model with a gain simulates."""
+    return CHANNEL.noise(experiments, simulated, model([k_x, *GAINS[1:]]))
+
+
 def heard(experiment, noise, k_x=GAINS[0]):
     """Return the noise that is found where the model is true, and `noise` is added [Pa]."""
-    return pressure_noise([replace(experiment, pressure=experiment.pressure + noise)], [experiment.pressure], k_x)
+    return noise_of([replace(experiment, measured=experiment.measured + noise)], [experiment.measured], k_x)
 
 
 def runs_of(experiment):
     """Return first and last time of each rest that is found [s]."""
-    return [(run[0], run[-1]) for run in module._at_rest(experiment, experiment.sample_times)]
+    times, slack = experiment.sample_times, CHANNEL.slack * experiment.motion.noise
+    still = experiment.at_samples('displacement'), experiment.at_samples('setpoint')
+    return [(run[0], run[-1]) for run in runs_at_rest(times, *still, slack, times)]
 
 
 def test_rests_are_found_where_they_are():
@@ -82,21 +82,21 @@ def test_while_it_moves_all_the_time_there_is_no_rest():
     times = np.arange(2000) * PERIOD
     moving = moved(times, 1e-3 * np.sin(2.0 * np.pi * 2.0 * times), np.full(times.size, AMBIENT + 5.0 * PSI), QUIET)
     assert runs_of(moving) == []
-    found = pressure_noise([moving], [moving.pressure - STD * coloured(0, 2000, 0.0)], GAINS[0])
+    found = noise_of([moving], [moving.measured - STD * coloured(0, 2000, 0.0)], GAINS[0])
     assert not found.known
     assert found.std == pytest.approx(STD, rel=0.05)
 
 
 @pytest.mark.parametrize('seed', range(20))
 def test_white_noise_is_measured(seed):
-    found = heard(STROKES, STD * coloured(seed, STROKES.pressure.size, 0.0))
+    found = heard(STROKES, STD * coloured(seed, STROKES.measured.size, 0.0))
     assert found.known
     assert not found.rounded
     assert found.std == pytest.approx(STD, rel=0.05)
 
 
 def test_coloured_noise_is_measured_as_well_as_it_says():
-    found = [heard(STROKES, STD * coloured(seed, STROKES.pressure.size)) for seed in range(100)]
+    found = [heard(STROKES, STD * coloured(seed, STROKES.measured.size)) for seed in range(100)]
     assert all(one.known for one in found)
     off = np.array([(one.std / STD - 1.0) / one.uncertainty for one in found])
     assert np.mean(np.abs(off) < 3.0) >= 0.98
@@ -108,21 +108,21 @@ def test_coloured_noise_is_measured_as_well_as_it_says():
 
 @pytest.mark.parametrize('memory', [0.0, 0.9])
 def test_the_uncertainty_is_what_the_size_scatters_by(memory):
-    found = [heard(STROKES, STD * coloured(seed, STROKES.pressure.size, memory)) for seed in range(100)]
+    found = [heard(STROKES, STD * coloured(seed, STROKES.measured.size, memory)) for seed in range(100)]
     scatter = np.std([one.std / STD for one in found])
     assert 0.5 < scatter / np.mean([one.uncertainty for one in found]) < 2.0
 
 
 def test_a_level_that_the_model_misses_at_rest_is_no_noise():
-    wrong = 500.0 * (STROKES.sample_times > 2.0) + 2e3 * (STROKES.displacement[STROKES.samples] > 1e-3)
-    found = heard(STROKES, wrong + STD * coloured(3, STROKES.pressure.size, 0.0))
+    wrong = 500.0 * (STROKES.sample_times > 2.0) + 2e3 * (STROKES.at_samples('displacement') > 1e-3)
+    found = heard(STROKES, wrong + STD * coloured(3, STROKES.measured.size, 0.0))
     assert found.std == pytest.approx(STD, rel=0.08)
 
 
 def test_the_displacements_noise_counts_with_k_x():
     """That of a still piston, smoothed: K_x times what the smoother leaves of it."""
     rough = strokes(noise=4e-5)
-    white = STD * coloured(1, rough.pressure.size, 0.0)
+    white = STD * coloured(1, rough.measured.size, 0.0)
     expected = math.sqrt(STD**2 + GAINS[0] ** 2 * np.mean(rough.motion.std**2))
     assert expected > 1.1 * STD
     assert heard(rough, white).std == pytest.approx(expected, rel=0.05)
@@ -133,10 +133,10 @@ def test_the_displacements_noise_counts_with_k_x():
 def test_recordings_are_heard_together(memory):
     other = strokes(rest=0.5, duration=5.0)
     both = [STROKES, other]
-    noises = [STD * coloured(seed, one.pressure.size, memory) for seed, one in enumerate(both)]
-    together = pressure_noise(
-        [replace(one, pressure=one.pressure + noise) for one, noise in zip(both, noises)],
-        [one.pressure for one in both],
+    noises = [STD * coloured(seed, one.measured.size, memory) for seed, one in enumerate(both)]
+    together = noise_of(
+        [replace(one, measured=one.measured + noise) for one, noise in zip(both, noises)],
+        [one.measured for one in both],
         GAINS[0],
     )
     alone = [heard(one, noise) for one, noise in zip(both, noises)]
@@ -170,9 +170,9 @@ def test_noise_is_rounded_where_nearly_all_of_it_is(share, rounded):
     """A step of so many standard deviations of the white noise; alone it makes a twelfth of its square."""
     step = share * STD
     rng = np.random.default_rng(0)
-    true = STROKES.pressure + 200.0 * np.sin(3.0 * STROKES.sample_times)  # or at rest a converter stands still
+    true = STROKES.measured + 200.0 * np.sin(3.0 * STROKES.sample_times)  # or at rest a converter stands still
     measured = step * np.round((true + STD * rng.standard_normal(true.size)) / step)
-    found = pressure_noise([replace(STROKES, pressure=measured)], [true], GAINS[0])
+    found = noise_of([replace(STROKES, measured=measured)], [true], GAINS[0])
     assert found.rounded == rounded
     assert found.std >= step / math.sqrt(12.0)
     if not rounded:
@@ -213,18 +213,17 @@ def test_samples_count_for_less_while_the_pressure_changes_fast():
     rng = np.random.default_rng(0)
     times = STROKES.sample_times
     stamps = np.sort(times + jitter * rng.standard_normal(times.size))
-    measured = np.interp(stamps, times, STROKES.pressure) + STD * rng.standard_normal(times.size)
+    measured = np.interp(stamps, times, STROKES.measured) + STD * rng.standard_normal(times.size)
     jittered = replace(
         STROKES,
         times=stamps,
         samples=np.arange(stamps.size),
-        displacement=np.zeros(stamps.size),
-        setpoint=np.zeros(stamps.size),
-        pressure=measured,
+        inputs={'displacement': np.zeros(stamps.size), 'setpoint': np.zeros(stamps.size)},
+        measured=measured,
     )
-    weight = precision(jittered, STROKES.pressure)
+    weight = CHANNEL.precision(jittered, STROKES.measured)
     assert np.all((weight > 0.0) & (weight <= 1.0))
     assert np.median(weight) > 0.99
-    fastest = np.max(np.abs(np.diff(STROKES.pressure))) / PERIOD
+    fastest = np.max(np.abs(np.diff(STROKES.measured))) / PERIOD
     assert np.min(weight) == pytest.approx(1.0 / math.hypot(1.0, fastest * jitter / STD), rel=0.2)
-    np.testing.assert_array_equal(precision(STROKES, STROKES.pressure), 1.0)
+    np.testing.assert_array_equal(CHANNEL.precision(STROKES, STROKES.measured), 1.0)

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from drawn import CHANNEL, experiments_of, model
 from reference import AMBIENT, INCH, PSI, pressure, step_like, step_like_rate
 
-from cfd_pneumatic.identification.data.experiment import make_experiment, observed_motion
-from cfd_pneumatic.identification.data.split import split_recordings
-from cfd_pneumatic.identification.fit.output_error import fit
+from cfd_pneumatic.identification.fit.fit import fit
 from cfd_pneumatic.model.parameters import NAMES, TABLE_1_ROWS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Sensors
@@ -33,10 +32,9 @@ def step_recording(times, displacement, pressures):
 
 
 def fit_recording(recording, initial):
-    motion, strokes = observed_motion(recording)
-    (split,), _ = split_recordings([strokes])
-    experiment = make_experiment(recording, 'cylinder_a', motion, split)
-    return fit([experiment], [np.ones(experiment.pressure.size, dtype=bool)], initial)
+    experiments = experiments_of([recording])
+    masks = [np.ones(one.measured.size, dtype=bool) for one in experiments]
+    return fit(CHANNEL, experiments, masks, None if initial is None else model(initial))
 
 
 @pytest.fixture(scope='module')

@@ -6,16 +6,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from drawn import experiments_of, recording_of
-from reference import AMBIENT
+from drawn import CHANNEL, experiments_of, model, recording_of
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
-from cfd_pneumatic.identification.fit.extension import Extension
 from cfd_pneumatic.identification.residual import tests as module
-from cfd_pneumatic.identification.residual.noise import SLOWEST, pressure_noise
+from cfd_pneumatic.identification.residual.noise import SLOWEST
 from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
-from cfd_pneumatic.identification.residual.tests import explained, residual_tests
+from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.rig.panel import draw_textbook
 
 SEEDS = range(100)
@@ -28,9 +26,13 @@ def out_and_back():
     """Return an experiment with the inputs of strokes out and back, and what the model makes of them [Pa]."""
     drawn = draw_textbook('out_and_back', 700)
     (experiment,) = experiments_of([recording_of(drawn)])
-    model = Extension(np.array(drawn.truth.gains), {}, (0.0,), (0.0,))
-    (simulated,) = model.simulate([experiment], AMBIENT)
+    (simulated,) = CHANNEL.simulated([experiment], model(drawn.truth.gains))
     return experiment, simulated
+
+
+def level_of(experiments, simulated):
+    """Return the noise, of a displacement that was measured without any."""
+    return CHANNEL.noise(experiments, simulated, model([0.0, 1.0, 1.0, 1.0]))
 
 
 def noise(kind, seed):
@@ -43,10 +45,10 @@ def noise(kind, seed):
 def asked(kind, seed, lacking=0.0):
     """Return the tests of a residual that is noise and what a model lacks [Pa], by their names."""
     experiment, simulated = out_and_back()
-    measured = replace(experiment, pressure=simulated + noise(kind, seed) + lacking)
-    level = pressure_noise([measured], [simulated], 0.0)
+    measured = replace(experiment, measured=simulated + noise(kind, seed) + lacking)
+    level = level_of([measured], [simulated])
     masks = [np.ones(simulated.size, dtype=bool)]
-    return {test.name: test for test in residual_tests([measured], [simulated], masks, level)}
+    return {test.name: test for test in CHANNEL.tests([measured], [simulated], masks, level)}
 
 
 def scaled(shape, share):
@@ -58,7 +60,7 @@ def scaled(shape, share):
 def rate(lag):
     """Return the piston's speed `lag` samples ago [m/s]."""
     experiment, _ = out_and_back()
-    return np.roll(np.gradient(experiment.displacement[experiment.samples], experiment.sample_times), lag)
+    return np.roll(np.gradient(experiment.at_samples('displacement'), experiment.sample_times), lag)
 
 
 def power(name, lacking, kind='white', seeds=range(10)):
@@ -103,7 +105,7 @@ def test_an_immaterial_dependence_on_the_speed_is_left_alone():
 def test_a_dependence_on_the_set_point_is_found():
     """In white noise a tenth of the residual, by its slow part."""
     experiment, _ = out_and_back()
-    assert power('level', scaled(experiment.setpoint[experiment.samples], 0.1)) >= 0.9
+    assert power('level', scaled(experiment.at_samples('setpoint'), 0.1)) >= 0.9
 
 
 @pytest.mark.parametrize(
@@ -139,7 +141,7 @@ def test_a_jump_is_found(kind, size, found):
 def test_what_resembles_itself_more_than_white_noise_at_rest_is_found():
     """A slow wander while the piston moves; where the noise at rest has a colour, it may be that."""
     experiment, _ = out_and_back()
-    wander = gaussian_filter1d(np.random.default_rng(0).standard_normal(experiment.pressure.size), 3.0)
+    wander = gaussian_filter1d(np.random.default_rng(0).standard_normal(experiment.measured.size), 3.0)
     wander *= np.abs(rate(0)) > 0.01 * np.max(np.abs(rate(0)))
     found = asked('white', 0, scaled(wander, 0.3))
     assert not found['ljung_box'].passed
@@ -151,10 +153,10 @@ def test_what_resembles_itself_more_than_white_noise_at_rest_is_found():
 def test_a_residual_larger_than_the_noise_at_rest_is_found(larger):
     """White noise while the piston moves, so that no other test has a reason to fail."""
     experiment, simulated = out_and_back()
-    level = pressure_noise([replace(experiment, pressure=simulated + noise('white', 0))], [simulated], 0.0)
+    level = level_of([replace(experiment, measured=simulated + noise('white', 0))], [simulated])
     masks = [np.ones(simulated.size, dtype=bool)]
-    measured = replace(experiment, pressure=simulated + larger * noise('white', 0) * STD / level.std)
-    found = {test.name: test for test in residual_tests([measured], [simulated], masks, replace(level, std=STD))}
+    measured = replace(experiment, measured=simulated + larger * noise('white', 0) * STD / level.std)
+    found = {test.name: test for test in CHANNEL.tests([measured], [simulated], masks, replace(level, std=STD))}
     size = found['noise_floor']
     assert size.threshold == pytest.approx(module._LARGEST * (1.0 + 3.0 * level.uncertainty))
     assert size.passed == (larger < size.threshold)
@@ -163,10 +165,10 @@ def test_a_residual_larger_than_the_noise_at_rest_is_found(larger):
 
 def test_where_the_noise_is_not_known_it_may_be_as_large_as_a_sensors_noise_can_be():
     experiment, simulated = out_and_back()
-    measured = replace(experiment, pressure=simulated + noise('white', 0))
-    level = replace(pressure_noise([measured], [simulated], 0.0), known=False)
+    measured = replace(experiment, measured=simulated + noise('white', 0))
+    level = replace(level_of([measured], [simulated]), known=False)
     masks = [np.ones(simulated.size, dtype=bool)]
-    found = {test.name: test for test in residual_tests([measured], [simulated], masks, level)}
+    found = {test.name: test for test in CHANNEL.tests([measured], [simulated], masks, level)}
     assert found['noise_floor'].threshold == SLOWEST
     assert found['noise_floor'].decisive
     assert found['inputs'].decisive
@@ -174,29 +176,29 @@ def test_where_the_noise_is_not_known_it_may_be_as_large_as_a_sensors_noise_can_
 
 def test_where_noise_is_rounding_only_its_size_decides():
     experiment, simulated = out_and_back()
-    measured = replace(experiment, pressure=simulated + noise('white', 0))
-    level = replace(pressure_noise([measured], [simulated], 0.0), rounded=True)
+    measured = replace(experiment, measured=simulated + noise('white', 0))
+    level = replace(level_of([measured], [simulated]), rounded=True)
     masks = [np.ones(simulated.size, dtype=bool)]
-    found = residual_tests([measured], [simulated], masks, level)
+    found = CHANNEL.tests([measured], [simulated], masks, level)
     assert [test.name for test in found if test.decisive] == ['noise_floor']
 
 
 def test_samples_that_do_not_count_are_not_asked():
     experiment, simulated = out_and_back()
     early = np.arange(simulated.size) < 0.6 * simulated.size
-    measured = replace(experiment, pressure=simulated + noise('white', 0) + 1e4 * ~early)
-    level = pressure_noise([replace(experiment, pressure=simulated + noise('white', 0))], [simulated], 0.0)
-    assert explained(residual_tests([measured], [simulated], [early], level))
+    measured = replace(experiment, measured=simulated + noise('white', 0) + 1e4 * ~early)
+    level = level_of([replace(experiment, measured=simulated + noise('white', 0))], [simulated])
+    assert explained(CHANNEL.tests([measured], [simulated], [early], level))
 
 
 def test_recordings_are_tested_together():
     experiment, simulated = out_and_back()
-    ones = [replace(experiment, pressure=simulated + noise('white', seed)) for seed in (1, 2)]
+    ones = [replace(experiment, measured=simulated + noise('white', seed)) for seed in (1, 2)]
     masks = [np.ones(simulated.size, dtype=bool)] * 2
-    level = pressure_noise(ones, [simulated] * 2, 0.0)
-    assert explained(residual_tests(ones, [simulated] * 2, masks, level))
-    apart = [replace(ones[0], pressure=ones[0].pressure + scaled(rate(0), 0.3)), ones[1]]
-    assert not explained(residual_tests(apart, [simulated] * 2, masks, level))
+    level = level_of(ones, [simulated] * 2)
+    assert explained(CHANNEL.tests(ones, [simulated] * 2, masks, level))
+    apart = [replace(ones[0], measured=ones[0].measured + scaled(rate(0), 0.3)), ones[1]]
+    assert not explained(CHANNEL.tests(apart, [simulated] * 2, masks, level))
 
 
 def test_only_decisive_failures_leave_something_unexplained():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.identification.data.stamps import regular_clock
+from cfd_pneumatic.identification.data.stamps import overlapping, regular_clock
 
 PERIOD = 0.002
 JITTER = 5e-5
@@ -73,3 +73,14 @@ def test_origin_and_unit_of_time_do_not_matter(begin, second, samples, seed):
     assert (other is None) == (plain is None)
     if plain is not None:
         np.testing.assert_allclose(other / second - begin, plain, atol=1e-3 * JITTER)
+
+
+@given(count=st.integers(1, 300), size=st.integers(1, 90), margin=st.integers(0, 20))
+def test_overlapping_windows_cover_an_array(count, size, margin):
+    own, around = zip(*overlapping(count, size, margin))
+    everything = np.arange(count)
+    np.testing.assert_array_equal(np.concatenate([everything[one] for one in own]), everything)
+    for one, window in zip(own, around):
+        np.testing.assert_array_equal(
+            everything[window], everything[max(one.start - margin, 0) : min(one.stop + margin, count)]
+        )

@@ -4,18 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import moved, with_pressure
+from drawn import CHANNEL, model, moved, with_pressure
 from hypothesis import given
 from hypothesis import strategies as st
 from reference import AMBIENT, PSI, step_like
 
-from cfd_pneumatic.identification.fit.extension import Extension
-from cfd_pneumatic.identification.fit.starts import starting_data
 from cfd_pneumatic.model import TABLE_1
 from cfd_pneumatic.model.effects import EFFECTS, PRESSURE_EFFECTS
 
 GAINS = np.array(TABLE_1.table[0, 1:])
-MODEL = Extension(GAINS, {}, (0.0,), (0.0,))
+MODEL = model(GAINS)
 PERIOD = 0.002
 
 
@@ -26,14 +24,14 @@ def strokes(duration=1.0, period=PERIOD):
         (-1.0) ** index * step_like(start, 0.012, 1.5e-3)(times) for index, start in enumerate(np.arange(0.3, 0.9, 0.2))
     )
     experiment = with_pressure(moved(times, displacement, np.full(times.size, AMBIENT + 5.0 * PSI)), MODEL)
-    return experiment, experiment.pressure
+    return experiment, experiment.measured
 
 
 EXPERIMENT, SIMULATED = strokes()
 
 
 def found(experiment, simulated):
-    return starting_data([experiment], MODEL, [simulated], AMBIENT)
+    return CHANNEL.data([experiment], MODEL, [simulated])
 
 
 def resting(duration, period=PERIOD):
@@ -43,10 +41,12 @@ def resting(duration, period=PERIOD):
     return replace(
         EXPERIMENT,
         times=times,
-        displacement=np.linspace(0.0, 1e-3, times.size),
-        setpoint=np.full(times.size, AMBIENT + 5.0 * PSI),
+        inputs={
+            'displacement': np.linspace(0.0, 1e-3, times.size),
+            'setpoint': np.full(times.size, AMBIENT + 5.0 * PSI),
+        },
         samples=at,
-        pressure=np.full(times.size, AMBIENT + 5.0 * PSI),
+        measured=np.full(times.size, AMBIENT + 5.0 * PSI),
     )
 
 
@@ -56,11 +56,11 @@ def test_finds_by_how_much_the_pressure_comes_late_or_early(samples, noise, seed
     times = EXPERIMENT.sample_times
     late = np.interp(times - samples * PERIOD, times, SIMULATED)
     late += noise * np.random.default_rng(seed).standard_normal(late.size)
-    assert found(replace(EXPERIMENT, pressure=late), SIMULATED)['lag'] == pytest.approx(samples * PERIOD, abs=1e-9)
+    assert found(replace(EXPERIMENT, measured=late), SIMULATED)['lag'] == pytest.approx(samples * PERIOD, abs=1e-9)
 
 
 def test_a_level_is_no_lag():
-    assert found(replace(EXPERIMENT, pressure=SIMULATED + 5e3), SIMULATED)['lag'] == 0.0
+    assert found(replace(EXPERIMENT, measured=SIMULATED + 5e3), SIMULATED)['lag'] == 0.0
 
 
 @given(
@@ -77,7 +77,7 @@ def test_finds_a_slow_period_under_noise_as_large(duration, position, phase, see
     times = experiment.sample_times
     residual = 100.0 * np.sin(2.0 * np.pi * frequency * times + phase)
     residual += 70.0 * np.random.default_rng(seed).standard_normal(times.size)
-    data = found(experiment, experiment.pressure - residual)
+    data = found(experiment, experiment.measured - residual)
     assert data['slow_frequency'] == pytest.approx(frequency, abs=0.25 / duration)
 
 
@@ -86,7 +86,7 @@ def test_finds_a_slow_period_under_noise_as_large(duration, position, phase, see
 def test_finds_it_on_a_record_shorter_than_two_periods(frequency, phase):
     experiment = resting(0.7)
     residual = 100.0 * np.sin(2.0 * np.pi * frequency * experiment.sample_times + phase)
-    data = found(experiment, experiment.pressure - residual)
+    data = found(experiment, experiment.measured - residual)
     assert data['slow_frequency'] == pytest.approx(frequency, abs=0.1 * frequency)
 
 
@@ -95,16 +95,16 @@ def test_finds_it_on_a_long_record_with_a_pause(frequency):
     """In half an hour a line is half a millihertz wide."""
     experiment = resting(1800.0, period=0.02)
     kept = np.flatnonzero(~((experiment.times > 400.0) & (experiment.times < 700.0)))
-    experiment = replace(experiment, samples=kept, pressure=experiment.pressure[kept])
+    experiment = replace(experiment, samples=kept, measured=experiment.measured[kept])
     residual = 100.0 * np.sin(2.0 * np.pi * frequency * experiment.sample_times)
-    data = found(experiment, experiment.pressure - residual)
+    data = found(experiment, experiment.measured - residual)
     assert data['slow_frequency'] == pytest.approx(frequency, abs=0.25 / 1800.0)
 
 
 @pytest.mark.parametrize('duration', [0.1, 0.3, 0.34])
 def test_a_record_too_short_for_any_gives_one_within_bounds(duration):
     experiment = resting(duration)
-    data = found(experiment, experiment.pressure + np.linspace(0.0, 1.0, experiment.pressure.size))
+    data = found(experiment, experiment.measured + np.linspace(0.0, 1.0, experiment.measured.size))
     assert 1e-2 <= data['slow_frequency'] <= 3.0
 
 
@@ -113,19 +113,19 @@ def test_speed_is_the_pistons_while_it_moves():
     times = np.arange(2000) * PERIOD
     displacement = np.interp(times % 2.0, [0.5, 1.0, 1.5, 2.0], [0.0, 0.01, 0.01, 0.0])
     experiment = moved(times, displacement, np.full(times.size, AMBIENT + 5.0 * PSI))
-    assert found(experiment, experiment.pressure)['speed'] == pytest.approx(0.02, rel=0.05)
+    assert found(experiment, experiment.measured)['speed'] == pytest.approx(0.02, rel=0.05)
 
 
 def test_flows_that_limits_start_from():
     """K_sv times the largest error while charging, K_v times the largest while exhausting."""
     data = found(EXPERIMENT, SIMULATED)
-    error = EXPERIMENT.setpoint[EXPERIMENT.samples] - SIMULATED
+    error = EXPERIMENT.at_samples('setpoint') - SIMULATED
     assert data['largest_charge'] == pytest.approx(GAINS[1] * np.max(error))
     assert data['largest_exhaust'] == pytest.approx(-GAINS[2] * np.min(error))
 
 
 def test_numbers_of_the_recording():
-    data = found(replace(EXPERIMENT, pressure=SIMULATED + 30.0), SIMULATED)
+    data = found(replace(EXPERIMENT, measured=SIMULATED + 30.0), SIMULATED)
     assert data['residual'] == pytest.approx(30.0)
     assert data['period'] == pytest.approx(PERIOD)
     assert data['duration'] == pytest.approx(1.0 - PERIOD)
@@ -138,7 +138,7 @@ def test_numbers_of_the_recording():
 @pytest.mark.parametrize('name', PRESSURE_EFFECTS)
 def test_every_effect_starts_within_its_bounds(name):
     for experiment in (EXPERIMENT, resting(0.7), resting(20.0)):
-        for own in EFFECTS[name].starts(found(experiment, experiment.pressure - 50.0)):
+        for own in EFFECTS[name].starts(found(experiment, experiment.measured - 50.0)):
             assert len(own) == len(EFFECTS[name].parameters)
             for parameter, value in zip(EFFECTS[name].parameters, own):
                 assert parameter.lower <= value <= parameter.upper, parameter.name

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import experiments_of, moved, recording_of, with_pressure
+from drawn import CHANNEL, alike, experiments_of, model, moved, recording_of, with_pressure
 from reference import AMBIENT, PSI, step_like
 
-from cfd_pneumatic.identification.fit.extension import Extension, extend
-from cfd_pneumatic.identification.fit.output_error import fit
-from cfd_pneumatic.identification.fit.starts import starting_data
+from cfd_pneumatic.identification.channels.pressure import Pressure
+from cfd_pneumatic.identification.fit.fit import fit, search
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.search import visibility as module
 from cfd_pneumatic.identification.search.visibility import invisible
@@ -20,7 +19,7 @@ from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.rig.panel import draw
 
 GAINS = np.array(TABLE_1.table[0, 1:])
-MODEL = Extension(GAINS, {}, (0.0,), (0.0,))
+MODEL = model(GAINS)
 PERIOD = 0.002
 STD = 52.0
 
@@ -29,12 +28,17 @@ def white(std):
     return Noise(std, np.empty(0), 0.02, True, False)
 
 
-def hidden(experiment, std=STD, model=MODEL, library=PRESSURE_EFFECTS):
-    """Return what an experiment could not show, in noise of some size [Pa]."""
-    masks = [np.ones(experiment.samples.size, dtype=bool)]
-    simulated = model.simulate([experiment], AMBIENT)
-    measured = replace(experiment, pressure=simulated[0])
-    return invisible([measured], masks, AMBIENT, model, simulated, white(std), library)
+def unseen(experiment, known, std=STD, masks=None, library=PRESSURE_EFFECTS):
+    """Return what an experiment could not show beside a model, in noise of some size [Pa]."""
+    channel = Pressure('cylinder_a', AMBIENT)
+    channel.library = library
+    likelihood = alike([experiment], masks, channel=channel)
+    return invisible(likelihood, known, white(std))
+
+
+def hidden(experiment, std=STD, known=MODEL, library=PRESSURE_EFFECTS):
+    """Return what an experiment could not show if a model were true."""
+    return unseen(with_pressure(experiment, known), known, std, library=library)
 
 
 def recorded(levels=(5.0,), heights=(1.5e-3, 0.0), rest=0.3, stroke=0.012, period=PERIOD):
@@ -93,8 +97,8 @@ FIXED = [
     name
     for name, effect in PRESSURE_EFFECTS.items()
     if all(
-        effect.starts({**starting_data([ONE_LEVEL], MODEL, [ONE_LEVEL.pressure], AMBIENT), 'residual': residual})
-        == effect.starts({**starting_data([ONE_LEVEL], MODEL, [ONE_LEVEL.pressure], AMBIENT), 'residual': 1.0})
+        effect.starts({**CHANNEL.data([ONE_LEVEL], MODEL, [ONE_LEVEL.measured]), 'residual': residual})
+        == effect.starts({**CHANNEL.data([ONE_LEVEL], MODEL, [ONE_LEVEL.measured]), 'residual': 1.0})
         for residual in (10.0, 100.0)
     )
 ]
@@ -112,36 +116,29 @@ def test_more_noise_never_shows_more(experiment):
 
 
 def test_what_was_found_is_not_asked_for():
-    found = Extension(GAINS, {'valve_dead_band': (300.0,)}, (0.0,), (0.0,))
+    found = model(GAINS, {'valve_dead_band': (300.0,)})
     quiet = recorded(heights=(1e-5,))
-    assert 'valve_dead_band' not in hidden(quiet, model=found)
-    assert 'lost_motion' in hidden(quiet, model=found)
+    assert 'valve_dead_band' not in hidden(quiet, known=found)
+    assert 'lost_motion' in hidden(quiet, known=found)
 
 
 def test_samples_that_do_not_count_show_nothing():
     """The second set-point, where the leak shows, is masked."""
-    simulated = MODEL.simulate([TWO_LEVELS], AMBIENT)
     first = TWO_LEVELS.sample_times < 0.6
-    measured = replace(TWO_LEVELS, pressure=simulated[0])
-    assert 'leakage' in invisible([measured], [first], AMBIENT, MODEL, simulated, white(STD), PRESSURE_EFFECTS)
+    assert 'leakage' in unseen(with_pressure(TWO_LEVELS, MODEL), MODEL, masks=[first])
 
 
 @pytest.mark.parametrize('name', PRESSURE_EFFECTS)
 @pytest.mark.parametrize('experiment', [ONE_LEVEL, TWO_LEVELS], ids=['one', 'two'])
 def test_what_cannot_show_is_what_a_fit_without_it_makes_up_for(name, experiment):
     """The pressure of a device that has the effect, without noise, fitted by one that hasn't."""
-    simulated = MODEL.simulate([experiment], AMBIENT)
-    data = {
-        **starting_data([replace(experiment, pressure=simulated[0])], MODEL, simulated, AMBIENT),
-        'residual': module.STRENGTH * STD,
-        'lag': 0.0,
-    }
-    masks = [np.ones(experiment.samples.size, dtype=bool)]
+    made = with_pressure(experiment, MODEL)
+    data = {**CHANNEL.data([made], MODEL, [made.measured]), 'residual': module.STRENGTH * STD, 'lag': 0.0}
     left = []
     for start in PRESSURE_EFFECTS[name].starts(data):
-        with_it = with_pressure(experiment, Extension(GAINS, {name: start}, (0.0,), (0.0,)))
-        without = extend([with_it], masks, AMBIENT, MODEL, {}, None, 1e-6, 60)
-        left.append(math.sqrt(np.mean((without.simulate([with_it], AMBIENT)[0] - with_it.pressure) ** 2)))
+        with_it = with_pressure(experiment, model(GAINS, {name: start}))
+        without, _ = search(alike([with_it]), MODEL, 1e-6, 60)
+        left.append(math.sqrt(np.mean((CHANNEL.simulated([with_it], without)[0] - with_it.measured) ** 2)))
     shows = name not in hidden(experiment)
     if shows:
         assert max(left) > 0.8 * module.SHOWN * STD
@@ -154,11 +151,8 @@ def test_the_papers_step_hides_what_the_longer_schedule_shows(seed):
     sets = {}
     for schedule in ('paper_step', 'out_and_back'):
         (experiment,) = experiments_of([recording_of(draw(None, schedule, seed))])
-        masks = [np.ones(experiment.samples.size, dtype=bool)]
-        baseline = fit([experiment], masks)
-        model = Extension(baseline.gains, {}, baseline.offsets, baseline.starts)
-        simulated = model.simulate([experiment], AMBIENT)
-        sets[schedule] = invisible([experiment], masks, AMBIENT, model, simulated, white(STD), PRESSURE_EFFECTS)
+        found = fit(CHANNEL, [experiment], [np.ones(experiment.samples.size, dtype=bool)])
+        sets[schedule] = unseen(experiment, found.model)
     assert {'operating_point', 'heat_transfer', 'lost_motion'} <= set(sets['paper_step'])
     assert not {'transport_delay', 'sensor_lag', 'line_resonance', 'valve_hysteresis'} & set(sets['paper_step'])
     assert not {'leakage', 'operating_point', 'heat_transfer', 'flow_saturation'} & set(sets['out_and_back'])

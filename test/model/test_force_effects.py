@@ -24,8 +24,8 @@ ACCELERATION = -(OMEGA**2) * X
 A = AMBIENT + 80e3 + 2e3 * np.cos(3.0 * TIMES)
 B = AMBIENT + 30e3 + 1e3 * np.sin(2.0 * TIMES)
 DATA = {
-    'force_residual': 1.5,
-    'force_mean': -0.3,
+    'residual': 1.5,
+    'mean': -0.3,
     'gauge': 1e5,
     'largest_speed': 0.02,
     'largest_acceleration': 0.2,
@@ -34,7 +34,7 @@ DATA = {
 
 def force(effects, b=B, stretch=0.0):
     model = ExtendedForce(AREA, effects, AMBIENT)
-    return model.simulate(TIMES, X, RATE, ACCELERATION, A, b, stretch)
+    return model.follow(model.begin(X[0], stretch), TIMES[0], TIMES, X, RATE, ACCELERATION, A, b)
 
 
 def change(effects, **options):
@@ -99,7 +99,7 @@ def test_friction_never_drives():
 def test_a_stretched_seal_is_felt_at_rest():
     still = np.zeros(TIMES.size)
     model = ExtendedForce(AREA, {'seal_friction': (2.0, 0.0, 0.0, 1e-4)}, AMBIENT)
-    simulated = model.simulate(TIMES, still, still, still, A, B, -1.0)
+    simulated = model.follow(model.begin(still[0], -1.0), TIMES[0], TIMES, still, still, still, A, B)
     np.testing.assert_allclose(simulated, AREA * (A - B) + 2.0, rtol=1e-12)
 
 
@@ -140,7 +140,9 @@ def test_stribeck_friction_falls_with_the_speed():
     model = ExtendedForce(AREA, {'stribeck_friction': (breakaway, speed, 1e-4)}, AMBIENT)
     rates = speed * np.linspace(0.0, 5.0, TIMES.size)
     still = np.zeros(TIMES.size)
-    held_back = AREA * (A - B) - model.simulate(TIMES, np.cumsum(rates) * 1e-3, rates, still, A, B, stretch=1.0)
+    x = np.cumsum(rates) * 1e-3
+    force = model.follow(model.begin(x[0], 1.0), TIMES[0], TIMES, x, rates, still, A, B)
+    held_back = AREA * (A - B) - force
     np.testing.assert_allclose(held_back, breakaway * np.exp(-(np.linspace(0.0, 5.0, TIMES.size) ** 2)), atol=1e-9)
 
 

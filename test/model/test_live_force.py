@@ -59,7 +59,7 @@ def recorded(effects, states, rate, acceleration, x=X):
     model = ExtendedForce(GEOMETRY.area * GEOMETRY.geometric_factor, effects, AMBIENT)
     a = np.array([state.a.p for state in states])
     b = None if states[0].b is None else np.array([state.b.p for state in states])
-    return model.simulate(TIMES, x, rate, acceleration, a, b)
+    return model.follow(model.begin(x[0]), TIMES[0], TIMES, x, rate, acceleration, a, b)
 
 
 @pytest.mark.parametrize('single', [False, True])

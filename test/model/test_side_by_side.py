@@ -37,11 +37,11 @@ def test_side_by_side_each_is_as_it_is_alone(effects, count):
     rows, offsets, starts = strewn(effects, count, rng), rng.normal(0.0, 300.0, count), rng.normal(0.0, 300.0, count)
     cylinder = ExtendedCylinder(GAINS, effects, AMBIENT)
     stiffness = cylinder.stiffness_over(STROKE, SETPOINT)
-    together = SideBySide(cylinder, rows, offsets, starts, stiffness).follow(TIMES, STROKE, SETPOINT)
+    together = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness).follow(TIMES, STROKE, SETPOINT)
     assert together.shape == (TIMES.size, count)
     assert np.min(np.std(together, axis=1)) > 1.0, 'they differ'
     for one in range(count):
-        alone = SideBySide(cylinder, rows[[one]], offsets[[one]], starts[[one]], stiffness)
+        alone = SideBySide(cylinder, rows[[one]], offsets[[one]], starts[[one]], 0.0, stiffness)
         np.testing.assert_allclose(together[:, one], alone.follow(TIMES, STROKE, SETPOINT)[:, 0], rtol=0.0, atol=1e-6)
 
 
@@ -51,8 +51,8 @@ def test_a_recording_in_pieces_is_followed_as_a_whole(effects):
     rows, offsets, starts = strewn(effects, 2, rng), rng.normal(0.0, 300.0, 2), rng.normal(0.0, 300.0, 2)
     cylinder = ExtendedCylinder(GAINS, effects, AMBIENT)
     stiffness = cylinder.stiffness_over(STROKE, SETPOINT)
-    whole = SideBySide(cylinder, rows, offsets, starts, stiffness).follow(TIMES, STROKE, SETPOINT)
-    in_pieces = SideBySide(cylinder, rows, offsets, starts, stiffness)
+    whole = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness).follow(TIMES, STROKE, SETPOINT)
+    in_pieces = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness)
     for begin, end in pairwise([0, 1, 40, 41, TIMES.size - 1]):
         piece = slice(begin, end + 1)
         np.testing.assert_array_equal(in_pieces.follow(TIMES[piece], STROKE[piece], SETPOINT[piece]), whole[piece])

@@ -5,23 +5,23 @@ from __future__ import annotations
 import pytest
 
 from cfd_pneumatic.identification import Estimate
-from cfd_pneumatic.monitoring import Alarm, Departure, Found, departed, diagnosed, news
+from cfd_pneumatic.monitoring import Alarm, Departure, Diagnosis, departed, diagnosed, news
 
 
 def estimate(name: str, value: float, std: float, unit: str = '1/s') -> Estimate:
     return Estimate(name, unit, value, std, (value - 2 * std, value + 2 * std), None)
 
 
-def found(*estimates: Estimate, verdict: str = 'effect_added', **alternatives: tuple[str, ...]) -> Found:
+def found(*estimates: Estimate, verdict: str = 'effect_added', **alternatives: tuple[str, ...]) -> Diagnosis:
     effects = tuple(dict.fromkeys(one.name.partition('.')[0] for one in estimates if '.' in one.name))
-    return Found(verdict, '', effects, alternatives, {one.name: one for one in estimates})
+    return Diagnosis(verdict, '', effects, alternatives, {one.name: one for one in estimates})
 
 
 LEAK = estimate('leakage.conductance', 0.42, 0.01)
 K_SV = estimate('k_sv', 180.0, 1.0)
 
 
-def said(now: Found, before: Found | None = None) -> str:
+def said(now: Diagnosis, before: Diagnosis | None = None) -> str:
     return diagnosed(Alarm(0, True, (0, 0), news=news(now, before)))
 
 
@@ -54,7 +54,7 @@ def said(now: Found, before: Found | None = None) -> str:
         (found(verdict='unexplained'), None, 'no effect that is known explains it'),
     ],
 )
-def test_only_what_is_new_is_named(now: Found, before: Found | None, words: str) -> None:
+def test_only_what_is_new_is_named(now: Diagnosis, before: Diagnosis | None, words: str) -> None:
     assert said(now, before) == words
 
 

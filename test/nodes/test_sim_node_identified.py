@@ -22,11 +22,12 @@ def test_it_simulates_the_pressure_of_the_report(graph: Graph, tmp_path: Path) -
         assert node.get_parameter('cylinder_a.droop.enabled').value is True
         live = node._live
         result = closed().cylinders['cylinder_a']
-        (experiment,), (offset,) = result.experiments, result.closure.extension.offsets
-        readings = _played(live, experiment.times, experiment.displacement, experiment.setpoint + offset)
+        (experiment,), (offset, _) = result.experiments, result.found.model.own[0]
+        inputs = experiment.inputs
+        readings = _played(live, experiment.times, inputs['displacement'], inputs['setpoint'] + offset)
     finally:
         node.destroy_node()
-    np.testing.assert_allclose(readings[experiment.samples], result.closure.simulated[0], atol=0.5)
+    np.testing.assert_allclose(readings[experiment.samples], result.comparisons[0].after, atol=0.5)
 
 
 def _played(live: LiveDevice, times: np.ndarray, displacement: np.ndarray, setpoint: np.ndarray) -> np.ndarray:

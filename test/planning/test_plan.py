@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.fit.extension import tangent
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.search.visibility import invisible
 from cfd_pneumatic.model import NAMES, TABLE_1, OperatingPoints
-from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS, PRESSURE_EFFECTS
+from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS
 from cfd_pneumatic.planning import Limits, Sensing, plan
 from cfd_pneumatic.planning.composition import ROUNDS
 from cfd_pneumatic.planning.device import PlannedCylinder, PlannedDevice
@@ -21,7 +20,8 @@ from cfd_pneumatic.planning.evidence import Evidence
 from cfd_pneumatic.planning.family import family
 from cfd_pneumatic.planning.plan import settling
 from cfd_pneumatic.planning.proposal import Drawing
-from cfd_pneumatic.planning.signatures import OF_TIME, all_signatures, experiment_of, model_of, pressure_noise, split_of
+from cfd_pneumatic.planning.signatures import all_signatures, split_of
+from cfd_pneumatic.planning.signatures import planned as planned_channels
 
 AMBIENT = 101_325.0
 LEVEL = 5e4
@@ -91,10 +91,8 @@ def test_exact_sensitivities_and_finite_differences_agree():
     proposal = proposal_of('sweep', 'slow stroke of 100%, A raised')
     exact = all_signatures(proposal, device(), SENSING)[0]
     null = device({'volume_variation': (0.0,)})
-    experiment = experiment_of(proposal, null, 'cylinder_a', SENSING)
-    mask = [np.ones(proposal.times.size, dtype=bool)]
-    other = tangent([experiment], mask, AMBIENT, model_of(null.cylinders['cylinder_a']), [np.ones(proposal.times.size)])
-    bounds = [np.sqrt(np.diag(np.linalg.inv(one.T @ one)))[:4] for one in (exact.columns[:, :5], other.jacobian[:, :5])]
+    other = planned_channels(proposal, null, SENSING)[0].complement.jacobian
+    bounds = [np.sqrt(np.diag(np.linalg.inv(one.T @ one)))[:4] for one in (exact.columns[:, :5], other[:, :5])]
     assert bounds[0] == pytest.approx(bounds[1], rel=0.01)
 
 
@@ -137,13 +135,12 @@ def test_what_shows_is_not_invisible(names):
     """In all of its forms, that is: the identification asks for one."""
     one = evidence_of(*names)
     shows = {effect for effect, own in one.visibility.items() if own.min() > 1.1}
-    experiment = experiment_of(proposal_of(*names), device(), 'cylinder_a', SENSING)
-    mask = np.ones(experiment.samples.size, dtype=bool)
-    model = model_of(device().cylinders['cylinder_a'])
-    noise = Noise(pressure_noise(model.gains, SENSING), np.empty(0), 0.02, True, False)
-    hidden = invisible([experiment], [mask], AMBIENT, model, [experiment.pressure], noise, PRESSURE_EFFECTS)
+    channel = planned_channels(proposal_of(*names), device(), SENSING)[0]
+    noise = Noise(channel.noise, np.empty(0), 0.02, True, False)
+    complement = channel.complement
+    hidden = invisible(complement.likelihood, complement.model, noise)
     assert shows
-    assert shows & set(hidden) <= set(OF_TIME)
+    assert all(EFFECTS[name].of_time for name in shows & set(hidden))
 
 
 def test_what_is_wanted_decides_what_is_done():
@@ -183,11 +180,8 @@ def test_a_smallest_strength_just_shows():
     form = next(form for form in signatures.forms if form.effect == 'leakage')
     share = 1.0 / float(one.visibility['leakage'][0])
     weaker = EFFECTS['leakage'].of_strength(form.typical, share)
-    model = replace(model_of(device().cylinders['cylinder_a']), effects={'leakage': weaker})
-    experiment = experiment_of(proposal, device(), 'cylinder_a', SENSING)
-    (pressure,) = model.simulate([experiment], AMBIENT)
     own = signatures.columns[:, :5] / np.linalg.norm(signatures.columns[:, :5], axis=0)
-    change = pressure - experiment.pressure
+    change = planned_channels(proposal, device(), SENSING)[0].complement.changes('leakage', [weaker])[:, 0]
     left = change - own @ np.linalg.lstsq(own, change, rcond=None)[0]
     assert np.sqrt(np.mean(left**2)) == pytest.approx(0.57 * signatures.noise, rel=0.05)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from recording_cases import EPOCH, SECOND, assert_same, piston, plain_messages, 
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import read_recording, spool
-from cfd_pneumatic.recording.spool import Growing, allocate, dot, extent, overlapping, parts, taken, thinned
+from cfd_pneumatic.recording.spool import allocate, parts
 
 MILLISECOND = SECOND // 1000
 APPLIED = '/cfd/device/cylinder_a/setpoint_applied'
@@ -76,43 +75,6 @@ def test_what_is_written_to_a_file_is_still_there_when_memory_was_given_back(tmp
     np.testing.assert_array_equal(array, np.arange(200_000))
 
 
-@given(
-    pieces=st.lists(st.lists(st.floats(-1e6, 1e6), max_size=9), max_size=9),
-    part=st.integers(1, 8),
-    most=st.sampled_from([0, 10, 1000]),
-)
-def test_what_grows_in_pieces_is_gone_over_in_parts(pieces, part, most):
-    whole = np.concatenate([np.array(piece) for piece in pieces], dtype=float) if pieces else np.empty(0)
-    counts = whole > 0.0
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(spool, 'PART', part)
-        patch.setattr(spool, '_IN_MEMORY', most)
-        patch.setattr(spool, '_THINNED', 5)
-        growing = Growing()
-        for piece in pieces:
-            growing.append(np.array(piece))
-        array = growing.array()
-        np.testing.assert_array_equal(array, whole)
-        assert extent(array, counts) == (np.min(whole[counts], initial=np.inf), np.max(whole[counts], initial=-np.inf))
-        assert dot(array, array) == pytest.approx(whole @ whole)
-        fewer = thinned(array)
-        np.testing.assert_array_equal(taken(array, np.flatnonzero(counts)), whole[counts])
-    assert len(growing) == whole.size
-    assert np.isin(fewer, whole).all()
-    assert min(whole.size, 3) <= fewer.size <= whole.size
-
-
-@given(count=st.integers(1, 300), size=st.integers(1, 90), margin=st.integers(0, 20))
-def test_overlapping_windows_cover_an_array(count, size, margin):
-    own, around = zip(*overlapping(count, size, margin))
-    everything = np.arange(count)
-    np.testing.assert_array_equal(np.concatenate([everything[one] for one in own]), everything)
-    for one, window in zip(own, around):
-        np.testing.assert_array_equal(
-            everything[window], everything[max(one.start - margin, 0) : min(one.stop + margin, count)]
-        )
-
-
 def test_a_folder_that_is_not_there_is_told(tmp_path):
     write_bag(tmp_path / 'bag', plain_messages())
     with pytest.raises(InputError) as caught:
@@ -121,13 +83,6 @@ def test_a_folder_that_is_not_there_is_told(tmp_path):
         f'{tmp_path}/bag: 0.0 MB of it cannot be kept in {tmp_path}/nowhere: No such file or directory; '
         'give a folder with room for it in TMPDIR'
     )
-
-
-def test_an_array_that_outgrows_its_disk_is_told(monkeypatch):
-    monkeypatch.setattr(tempfile, 'tempdir', '/dev/full')
-    growing = Growing()
-    with pytest.raises(InputError, match=r'MB of it cannot be kept in /dev/full: .*; give a folder with room for it'):
-        growing.append(np.zeros(1_000_000))
 
 
 def test_a_disk_that_is_too_small_is_told_before_it_is_filled(tmp_path, monkeypatch):

@@ -16,7 +16,6 @@ from cfd_pneumatic.recording import read_recording
 from cfd_pneumatic.recording.messages import FLUID_PRESSURE, NANOSECONDS, WRENCH_STAMPED, standard_types
 from cfd_pneumatic.reporting import compare_files, write_report
 from cfd_pneumatic.reporting.comparison import write_comparison
-from cfd_pneumatic.reporting.outcome import outcomes
 
 
 def series(path):
@@ -55,8 +54,8 @@ def topics(folder):
 @pytest.mark.parametrize('cylinder', ['cylinder_a', 'cylinder_b'])
 def test_pressures_and_residuals_are_those_of_the_identification(topics, cylinder):
     result = closed().cylinders[cylinder]
-    measured = result.experiments[0].pressure
-    before, after = result.fit.simulated[0], result.closure.simulated[0]
+    (compared,) = result.comparisons
+    measured, before, after = compared.experiment.measured, compared.before, compared.after
     expected = {
         'measured': measured,
         'simulated_before': before,
@@ -97,7 +96,7 @@ def test_what_was_measured_is_a_recording_again(folder):
         np.testing.assert_array_equal(again.cylinders[cylinder].pressure.values, signals.pressure.values)
         np.testing.assert_allclose(again.cylinders[cylinder].setpoint.values, signals.setpoint.values)
     np.testing.assert_array_equal(again.force.values, original.force.values)
-    gains, expected = (one.cylinders['cylinder_a'].fit.gains for one in (identify([again]), open_loop()))
+    gains, expected = (one.cylinders['cylinder_a'].fit.model.parameters for one in (identify([again]), open_loop()))
     np.testing.assert_allclose(gains, expected, rtol=1e-3)
 
 
@@ -133,12 +132,12 @@ def test_a_failure_leaves_the_earlier_file(folder, tmp_path, monkeypatch):
 
     monkeypatch.setattr('os.replace', full)
     with pytest.raises(InputError, match='No space left'):
-        write_comparison(tmp_path / 'compare.mcap', recording(), 0, outcomes(closed()), 1e5)
+        write_comparison(tmp_path / 'compare.mcap', closed(), 0)
     assert (tmp_path / 'compare.mcap').read_bytes() == earlier
     assert names(tmp_path) == ['compare.mcap']
 
 
 def test_times_that_fit_no_stamp_are_said(tmp_path):
-    late = replace(recording(), epoch=2**31 * NANOSECONDS)
+    late = replace(closed(), recordings=(replace(recording(), epoch=2**31 * NANOSECONDS),))
     with pytest.raises(InputError, match='do not fit a stamp'):
-        write_comparison(tmp_path / 'compare.mcap', late, 0, outcomes(closed()), 1e5)
+        write_comparison(tmp_path / 'compare.mcap', late, 0)

@@ -10,7 +10,7 @@ import yaml
 from identified import AREA, closed, open_loop, with_force
 
 from cfd_pneumatic.convention import CYLINDERS
-from cfd_pneumatic.identification import Geometry
+from cfd_pneumatic.identification import Options
 from cfd_pneumatic.model import NAMES, Cylinder, OperatingPoints
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.planning.device import read_device
@@ -35,19 +35,19 @@ def test_it_simulates_the_reported_pressure():
     found = parameters_of(closed())
     block = found['cylinder_a']
     effects = effects_in(block, PRESSURE_EFFECTS)
-    assert set(effects) == set(result.closure.effects) == {'droop'}
+    assert set(effects) == set(result.conclusion.effects) == {'droop'}
     rows = {name: block[name] for name in ('setpoints', *NAMES)}
     cylinder = Cylinder(OperatingPoints.from_rows(rows), found['ambient_pressure'], effects)
     (one,) = result.experiments
-    (offset,) = result.closure.extension.offsets
-    pressure = cylinder.simulate(one.times, one.displacement, one.setpoint + offset)[one.samples]
-    np.testing.assert_allclose(pressure, result.closure.simulated[0], atol=0.01)
+    offset, _ = result.found.model.own[0]
+    pressure = cylinder.simulate(one.times, one.inputs['displacement'], one.inputs['setpoint'] + offset)[one.samples]
+    np.testing.assert_allclose(pressure, result.comparisons[0].after, atol=0.01)
 
 
 def test_gains_beside_effects_are_constant():
     result = closed().cylinders['cylinder_a']
     block = parameters_of(closed())['cylinder_a']
-    for name, value in zip(NAMES, result.closure.extension.gains):
+    for name, value in zip(NAMES, result.found.model.parameters):
         assert block[name] == [value]
     assert len(block['setpoints']) == 1
 
@@ -76,9 +76,9 @@ def test_every_effect_can_be_written():
             *(tuple(getattr(one, side) for one in effect.parameters) for side in ('lower', 'upper')),
         ):
             beyond = tuple(np.nextafter(value, np.inf) for value in own)
-            extension = replace(result.closure.extension, effects={name: beyond})
-            changed = replace(result, closure=replace(result.closure, extension=extension))
-            block = parameters_of(replace(closed(), cylinders={'cylinder_a': changed}))['cylinder_a']
+            model = replace(result.found.model, effects={name: beyond})
+            changed = replace(result, found=replace(result.found, model=model))
+            block = parameters_of(replace(closed(), channels={'cylinder_a': changed}))['cylinder_a']
             (found,) = effects_in(block, PRESSURE_EFFECTS).values()
             for parameter, value, written in zip(effect.parameters, beyond, found):
                 assert written == pytest.approx(value)
@@ -87,18 +87,18 @@ def test_every_effect_can_be_written():
 
 def test_a_gain_that_is_not_identifiable_beside_effects_is_held_and_said():
     result = closed().cylinders['cylinder_a']
-    doubtful = replace(result.closure.estimates[2], value=None, std=None, interval=None, reason='not seen')
-    estimates = (*result.closure.estimates[:2], doubtful, *result.closure.estimates[3:])
-    changed = replace(result, closure=replace(result.closure, estimates=estimates))
-    text = parameter_file(replace(closed(), cylinders={'cylinder_a': changed}))
+    doubtful = replace(result.found.estimates[2], value=None, std=None, interval=None, reason='not seen')
+    estimates = (*result.found.estimates[:2], doubtful, *result.found.estimates[3:])
+    changed = replace(result, found=replace(result.found, estimates=estimates))
+    text = parameter_file(replace(closed(), channels={'cylinder_a': changed}))
     assert 'not identifiable, as the fit used it: not seen' in text
     block = yaml.safe_load(text)['/**']['ros__parameters']['cylinder_a']
-    assert block['k_v'] == [result.closure.extension.gains[2]]
+    assert block['k_v'] == [result.found.model.parameters[2]]
 
 
 @pytest.mark.parametrize(('present', 'missing'), [CYLINDERS, CYLINDERS[::-1]])
 def test_a_cylinder_that_was_not_recorded_is_switched_off(present, missing):
-    alone = replace(open_loop(), cylinders={present: open_loop().cylinders[present]})
+    alone = replace(open_loop(), channels={present: open_loop().channels[present]})
     found = parameters_of(alone)
     assert found[missing] == {'enabled': False}
     assert found[present] == parameters_of(open_loop())[present]
@@ -106,27 +106,29 @@ def test_a_cylinder_that_was_not_recorded_is_switched_off(present, missing):
 
 
 @pytest.mark.parametrize(
-    ('geometry', 'lines'),
+    ('area', 'factor', 'untold', 'lines'),
     [
-        (Geometry(), []),
-        (Geometry(factor=-1.5), ['geometric_factor: -1.5']),
-        (Geometry(1e-3, None, 'as given'), ['area: 0.001  # m^2; as given']),
-        (Geometry(5e-5, 1.0), ['area: 5.0e-05  # m^2\n', 'geometric_factor: 1.0']),
-        (Geometry(note='force: it never changes'), ['# area is left out: force: it never changes']),
+        (None, None, {}, []),
+        (None, -1.5, {}, ['geometric_factor: -1.5']),
+        (1e-3, None, {}, ['area: 0.001  # m^2; as given']),
+        (5e-5, 1.0, {}, ['area: 5.0e-05  # m^2; as given\n', 'geometric_factor: 1.0']),
+        (None, None, {'force': 'force: it never changes'}, ['# area is left out: force: it never changes']),
     ],
 )
-def test_the_geometry_stands_as_far_as_it_is_known(geometry, lines):
-    one = replace(open_loop(), geometry=geometry)
+def test_the_geometry_stands_as_far_as_it_is_known(area, factor, untold, lines):
+    options = Options(area=area, geometric_factor=factor)
+    one = replace(open_loop(), channels=open_loop().cylinders, options=options, untold=untold)
     text = parameter_file(one)
     assert all(line in text for line in lines)
-    assert parameters_of(one).get('area') == geometry.area
-    assert parameters_of(one).get('geometric_factor') == geometry.factor
+    assert parameters_of(one).get('area') == area
+    assert parameters_of(one).get('geometric_factor') == factor
 
 
 def test_a_device_of_one_cylinder_can_be_planned_for(tmp_path):
     file = tmp_path / 'parameters.yaml'
-    cylinders = {'cylinder_b': open_loop().cylinders['cylinder_b']}
-    file.write_text(parameter_file(replace(open_loop(), cylinders=cylinders, geometry=Geometry(5e-4, 1.5))))
+    channels = {'cylinder_b': open_loop().channels['cylinder_b']}
+    options = Options(area=5e-4, geometric_factor=1.5)
+    file.write_text(parameter_file(replace(open_loop(), channels=channels, options=options)))
     device = read_device(file)
     assert set(device.cylinders) == {'cylinder_b'}
     assert (device.area, device.factor) == (5e-4, 1.5)

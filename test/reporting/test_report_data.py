@@ -22,7 +22,7 @@ def data():
 
 
 def test_a_cylinder_says_what_closure_found(data):
-    closure = closed().cylinders['cylinder_a'].closure
+    closure = closed().channels['cylinder_a'].conclusion
     block = data['cylinders']['cylinder_a']
     assert set(block) >= ADDED
     assert (block['verdict'], block['why']) == (closure.verdict, closure.why)
@@ -46,7 +46,7 @@ def test_parameters_of_model_and_effects_have_intervals(data):
 
 
 def test_all_that_was_tried_and_tested_is_there(data):
-    closure = closed().cylinders['cylinder_a'].closure
+    closure = closed().channels['cylinder_a'].conclusion
     block = data['cylinders']['cylinder_a']
     assert [trial['effect'] for trial in block['tried']] == [trial.effect for trial in closure.tried]
     assert set(block['tried'][0]) == {'effect', 'delta_bic', 'rss_drop', 'validation_rmse_pa', 'accepted', 'why'}

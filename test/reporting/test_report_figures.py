@@ -9,12 +9,12 @@ import pytest
 from identified import closed, judged
 
 from cfd_pneumatic.reporting import figures
-from cfd_pneumatic.reporting.outcome import outcomes
+from cfd_pneumatic.reporting.thinning import thinned
 
 
 @pytest.fixture(scope='module')
 def outcome():
-    return outcomes(closed())[0]
+    return closed().closed[0]
 
 
 def test_thinning_keeps_what_can_be_seen():
@@ -22,7 +22,7 @@ def test_thinning_keeps_what_can_be_seen():
     times = np.arange(100_000) * 1e-3
     values = rng.standard_normal(times.size)
     values[54_321] = 40.0
-    few_times, few = figures.thinned(times, values, 500)
+    few_times, few = thinned(times, values, 500)
     assert few.size <= 1000
     assert np.all(np.diff(few_times) > 0.0)
     assert (few.max(), few.min()) == (40.0, values.min())
@@ -33,12 +33,12 @@ def test_thinning_keeps_what_can_be_seen():
 
 def test_a_short_series_stays_as_it_is():
     times = np.arange(5.0)
-    assert figures.thinned(times, times, 3)[1] is times
+    assert thinned(times, times, 3)[1] is times
 
 
 def test_thinning_with_gaps_in_time():
     times = np.concatenate([np.arange(1000) * 1e-3, 100.0 + np.arange(1000) * 1e-3])
-    few_times, few = figures.thinned(times, np.sin(times), 50)
+    few_times, few = thinned(times, np.sin(times), 50)
     assert few.size <= 100
     assert few_times.size == few.size
 
@@ -89,7 +89,7 @@ def test_the_zoom_shows_where_effects_take_most(outcome):
 
 
 def test_the_zoom_of_an_unexplained_one_shows_where_most_is_left(outcome):
-    changed = outcomes(judged(closed(), 'unexplained', 'who knows'))[0]
+    changed = judged(closed(), 'unexplained', 'who knows').closed[0]
     window = figures.telling_window(changed)
     after = window.comparison.residuals[1]
     shown = (window.comparison.times >= window.begin) & (window.comparison.times <= window.end)

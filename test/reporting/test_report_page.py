@@ -9,7 +9,6 @@ import pytest
 from identified import closed, closed_on_two, judged, recording, with_force
 
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.reporting.outcome import outcomes
 from cfd_pneumatic.reporting.page import report_page
 
 IN_FIRST_SCREEN = """
@@ -31,7 +30,7 @@ OVERLAPPING_TEXT = """
 
 
 def page_of(identification):
-    return report_page(identification, outcomes(identification))
+    return report_page(identification)
 
 
 @pytest.fixture(scope='module')
@@ -46,7 +45,7 @@ def text_of(page):
 
 def test_the_verdicts_come_first(page):
     text = text_of(page)
-    for outcome in outcomes(with_force(closed())):
+    for outcome in with_force(closed()).closed:
         why = outcome.findings.why.replace('seal_friction', 'seal friction')
         assert 0 <= text.index(why[1:]) < text.index('Measured and simulated')
     assert 'cell_7_monday' in text

@@ -15,7 +15,7 @@ that makes the samples likelier by more than the numbers spent on it (Schwarz, 1
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -23,10 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PPoly
 
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_range
 from cfd_pneumatic.identification.data.smoother import Samples, likeliest
-from cfd_pneumatic.identification.data.stamps import regular_clock
-from cfd_pneumatic.parallel import each, threads
-from cfd_pneumatic.recording.spool import Growing, dot, extent, give_back, overlapping, parts
+from cfd_pneumatic.identification.data.split import MOTION, stroke_times
+from cfd_pneumatic.identification.data.stamps import overlapping, regular_clock
+from cfd_pneumatic.parallel import each
+from cfd_pneumatic.recording import Recording
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,8 @@ _FINEST_BEND = 3e-4  # of the stroke that a straight line may be off
 _LONG = 200_000  # samples, more than which are smoothed in windows
 _WINDOW = 65_536  # samples that are smoothed together
 _MARGIN = 4_096  # samples on either side of them, more than a smoother remembers
+_PIECE = 65_536  # samples
+_LARGEST = 1e3  # [m]
 _COARSELY = 64  # samples, between which a piston travels farther than its sensor's noise
 
 
@@ -81,24 +86,40 @@ class Motion:
     @cached_property
     def uncertainty(self) -> float:
         """Root mean square of the displacement's standard errors [m]."""
-        return math.sqrt(dot(self.std, self.std) / self.std.size)
+        return math.sqrt(float(self.std @ self.std) / self.std.size)
 
     def on_clock(self, stamps: Array) -> Array:
         """Return when something was that is stamped as the samples are, shape (n,) [s]."""
         if self.stamps is self.times:
             return stamps
-        taken = Growing()
-        for part in parts(stamps):
-            here = stamps[part]
-            first, last = np.searchsorted(self.stamps, [here[0], here[-1]]).tolist()
-            near = slice(max(first - 1, 0), last + 2)
-            taken.append(here + np.interp(here, self.stamps[near], self.times[near] - self.stamps[near]))
-        return taken.array()
+        return stamps + np.interp(stamps, self.stamps, self.times - self.stamps)
 
-    def pieces(self) -> Iterator[Motion]:
-        """Yield the motion in pieces that are small against a long recording; each begins where the last one ended."""
-        for part in parts(self.times[:-1], self.displacement[:-1], self.rate[:-1], self.acceleration[:-1]):
-            yield self.part(slice(part.start, part.stop + 1))
+    def clock_of(self, stamps: Array) -> Array:
+        """Return when samples of another signal were taken [s]: with the displacement's, or by a clock of their own."""
+        if self.stamps is self.times:
+            return stamps
+        at = np.minimum(np.searchsorted(self.stamps, stamps), self.stamps.size - 1)
+        if np.array_equal(self.stamps[at], stamps):
+            return self.on_clock(stamps)
+        clock = regular_clock(stamps)
+        return stamps if clock is None else clock
+
+    def on_grid(self, sampled: Array, others: Array) -> tuple[Array, Array]:
+        """
+        Return the grid of a model and the displacement on it, each of shape (n,) [s, m].
+
+        It ends with the last of the times at which something was sampled, and holds the knots of the motion, too.
+        """
+        grids, displacements = [], []
+        begin = float(np.nextafter(self.times[0], -np.inf))
+        for first in range(0, self.times.size - 1, _PIECE):  # splines take several times the room of their samples
+            piece = self.part(slice(first, first + _PIECE + 1))
+            end = min(float(piece.times[-1]), float(sampled[-1]))
+            knots = np.unique(np.concatenate([piece.knots(), _after(begin, end, sampled), _after(begin, end, others)]))
+            grids.append(_after(begin, end, knots))
+            displacements.append(piece.at(grids[-1]))
+            begin = end
+        return np.concatenate(grids), np.concatenate(displacements)
 
     def part(self, samples: slice) -> Motion:
         """Return the motion at some neighbouring samples."""
@@ -208,9 +229,7 @@ def _likeliest_motion(stamps: Array, clock: Array | None, measured: Array) -> Mo
 
 
 def _travel(measured: Array, window: slice) -> float:
-    travel = float(np.sum(np.abs(np.diff(measured[window][::_COARSELY]))))
-    give_back(measured)
-    return travel
+    return float(np.sum(np.abs(np.diff(measured[window][::_COARSELY]))))
 
 
 def _joined(
@@ -223,25 +242,24 @@ def _joined(
         motion = _smoothed(times[window], measured[window], (known.order,))
         return motion.part(slice(own.start - window.start, own.stop - window.start))
 
-    displacement, rate, acceleration, std = Growing(), Growing(), Growing(), Growing()
-    for first in range(0, len(windows), threads()):
-        for motion in each(smoothed, windows[first : first + threads()]):
-            displacement.append(motion.displacement)
-            rate.append(motion.rate)
-            acceleration.append(motion.acceleration)
-            std.append(motion.std)
-        give_back(times, stamps, measured)
-    low, high = extent(displacement.array())
+    pieces = each(smoothed, windows)
+    displacement = np.concatenate([one.displacement for one in pieces])
     return replace(
         known,
         times=times,
-        displacement=displacement.array(),
-        rate=rate.array(),
-        acceleration=acceleration.array(),
-        std=std.array(),
-        reach=high - low,
+        displacement=displacement,
+        rate=np.concatenate([one.rate for one in pieces]),
+        acceleration=np.concatenate([one.acceleration for one in pieces]),
+        std=np.concatenate([one.std for one in pieces]),
+        reach=float(np.ptp(displacement)),
         stamps=stamps,
     )
+
+
+def _after(begin: float, end: float, times: Array) -> Array:
+    """Return those of increasing times that lie after one and up to another [s]."""
+    first, last = np.searchsorted(times, [begin, end], side='right')
+    return times[first:last]
 
 
 def _smoothed(times: Array, measured: Array, orders: Sequence[int] = _ORDERS) -> Motion:
@@ -265,3 +283,31 @@ def _smoothed(times: Array, measured: Array, orders: Sequence[int] = _ORDERS) ->
         deviance=best.deviance,
         stamps=times,
     )
+
+
+def observed_motion(recording: Recording) -> tuple[Motion, Array]:
+    """
+    Return the smoothed displacement and the times at which its strokes begin and end.
+
+    Raises
+    ------
+    InputError
+        If the recording is too short, nothing moves in it, or its numbers are no displacements.
+
+    """
+    signal = recording.displacement
+    if signal.times.size < FEWEST_SAMPLES:
+        raise InputError(
+            f'{recording.name}: {signal.times.size} displacement samples are too few to identify anything: '
+            f'record at least {FEWEST_SAMPLES}'
+        )
+    check_range(f'{recording.name}: the displacement', signal.values, _LARGEST, 'm')
+    motion = smooth_motion(signal.times, signal.values)
+    strokes = stroke_times(motion.times, motion.displacement, motion.noise)
+    travel = float(np.ptp(signal.values))
+    if strokes.size == 0 or travel <= MOTION * motion.noise:
+        raise InputError(
+            f'{recording.name}: the piston does not move (range {travel * 1e3:.3g} mm, '
+            f'noise {motion.noise * 1e3:.3g} mm): record strokes of the piston'
+        )
+    return motion, strokes

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.compiling import compiler
-from cfd_pneumatic.recording.spool import Growing, extent, parts, taken
 
 Array = NDArray[np.float64]
 
@@ -53,48 +52,30 @@ def turning_points(displacement: Array, threshold: float) -> NDArray[np.intp]:
     A stroke is a run of motion in one direction; a reversal, or a rest, counts once the displacement has left its last
     extremum by more than `threshold` [m].
     """
-    points = Growing(np.intp)
-    before = np.zeros(3, np.intp)
-    extremes = np.full(2, displacement[0])
-    for part in parts(displacement):
-        points.append(_turns(displacement[part], part.start, threshold, before, extremes))
-    low, high, direction = before
-    if len(points):
-        points.append(np.array([high if direction > 0 else low]))
-    return points.array()
+    points = np.empty(displacement.size + 1, np.intp)
+    return points[: _turns(displacement, threshold, points)].copy()
 
 
 @compiler()
-def _turns(
-    displacement: Array, first: int, threshold: float, before: NDArray[np.intp], extremes: Array
-) -> NDArray[np.intp]:
-    """
-    Return the indices at which strokes begin in a piece whose first sample has the index `first`.
-
-    `before` holds where the displacement was lowest and highest since the last of them, and the direction of the stroke
-    (0 before the first one), `extremes` these displacements; they are carried on.
-    """
-    points = np.empty(displacement.size, np.intp)
-    count = 0
-    low, high, direction = before
-    lowest, highest = extremes
+def _turns(displacement: Array, threshold: float, points: NDArray[np.intp]) -> int:
+    """Write the indices at which strokes begin, and that at which the last one ends; return how many they are."""
+    count, direction, low, high = 0, 0, 0, 0
     for index in range(displacement.size):
         value = displacement[index]
-        if value > highest:
-            high, highest = first + index, value
-        if value < lowest:
-            low, lowest = first + index, value
-        if direction <= 0 and value - lowest > threshold:
+        if value > displacement[high]:
+            high = index
+        if value < displacement[low]:
+            low = index
+        if direction <= 0 and value - displacement[low] > threshold:
             points[count] = low
-            count += 1
-            direction, high, highest = 1, first + index, value
-        elif direction >= 0 and highest - value > threshold:
+            count, direction, high = count + 1, 1, index
+        elif direction >= 0 and displacement[high] - value > threshold:
             points[count] = high
-            count += 1
-            direction, low, lowest = -1, first + index, value
-    before[:] = low, high, direction
-    extremes[:] = lowest, highest
-    return points[:count]
+            count, direction, low = count + 1, -1, index
+    if count:
+        points[count] = high if direction > 0 else low
+        count += 1
+    return count
 
 
 def stroke_times(times: Array, displacement: Array, noise: float) -> Array:
@@ -103,9 +84,8 @@ def stroke_times(times: Array, displacement: Array, noise: float) -> Array:
 
     What counts as motion is more than `MOTION` times the displacement's noise [m] and 2 % of its whole range.
     """
-    low, high = extent(displacement)
-    threshold = max(MOTION * noise, 0.02 * (high - low))
-    return taken(times, turning_points(displacement, threshold))
+    threshold = max(MOTION * noise, 0.02 * float(np.ptp(displacement)))
+    return times[turning_points(displacement, threshold)]
 
 
 def _cut(strokes: Array, fractions: tuple[float, float, float]) -> Split:

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from cfd_pneumatic.recording.spool import PART, Growing, give_back, overlapping
-
 Array = NDArray[np.float64]
 
 _FEWEST = 100  # of fewer, steps drawn anew are anticorrelated by chance
+_TOGETHER = 65_536  # samples that are looked at together
 _WINDOW = 101  # samples over which the clock may drift
 _LARGEST_JITTER = 0.2  # of a period
 _RESOLUTION = 1e-9  # of ROS's stamps [s]; finer jitter is rounding
 _ANTICORRELATED = -0.3  # of neighbouring steps; jitter about a clock makes -0.5, steps drawn anew make 0
+
+
+def overlapping(count: int, size: int, margin: int) -> Iterator[tuple[slice, slice]]:
+    """Yield slices that cover an array one after the other, of about some size, and each with a margin around it."""
+    edges = np.linspace(0, count, max(1, round(count / size)) + 1).astype(int).tolist()
+    for begin, end in pairwise(edges):
+        yield slice(begin, end), slice(max(begin - margin, 0), min(end + margin, count))
 
 
 def regular_clock(stamps: Array) -> Array | None:
@@ -25,14 +34,13 @@ def regular_clock(stamps: Array) -> Array | None:
     """
     if stamps.size < _FEWEST:
         return None
-    taken = Growing()
-    for own, window in overlapping(stamps.size, PART, _WINDOW):
+    taken = []
+    for own, window in overlapping(stamps.size, _TOGETHER, _WINDOW):
         clock = _clock(stamps[window])
         if clock is None:
             return None
         taken.append(clock[own.start - window.start : own.stop - window.start])
-        give_back(stamps)
-    return taken.array()
+    return np.concatenate(taken)
 
 
 def _clock(stamps: Array) -> Array | None:

@@ -24,7 +24,6 @@ _LARGEST_DAMPING = 1e12
 _LEAST_SCALE = 1e-12  # of the largest: of an unknown with a millionth of another's influence slopes are mostly rounding
 _LEAST = 1e-200  # of what may be inverted, where nothing depends on any
 _MOST_CHANGES = 4  # of what is held, for each unknown
-_LONGEST_STEP = 2.0  # in any unknown: a factor of seven where it is a logarithm
 
 
 @dataclass(frozen=True)
@@ -48,16 +47,10 @@ class Quadratic:
     normal: Array
 
     @classmethod
-    def of(cls, residuals: Array, jacobian: Array) -> Quadratic:
-        """Return it for residuals, shape (n,), with their Jacobian, shape (n, k)."""
-        with np.errstate(over='ignore', invalid='ignore'):  # a model may run away, and is then turned down
-            return cls(float(residuals @ residuals), jacobian.T @ residuals, jacobian.T @ jacobian)
-
-    @classmethod
-    def of_rows(cls, rows: Array) -> Quadratic:
+    def of(cls, rows: Array) -> Quadratic:
         """Return it for residuals with their derivatives below them, shape (1 + k, n)."""
-        both = gram(rows)
-        return cls(float(both[0, 0]), both[0, 1:], both[1:, 1:])
+        products = gram(rows)
+        return cls(float(products[0, 0]), products[0, 1:], products[1:, 1:])
 
     @property
     def is_finite(self) -> bool:
@@ -77,6 +70,7 @@ def least_squares(
     tolerance: float,
     evaluations: int,
     enough: float = 0.0,
+    longest: Array | None = None,
 ) -> tuple[Array, Quadratic]:
     """
     Return the point with the least sum of squared residuals that is found from a start, and what the sum is like there.
@@ -97,8 +91,11 @@ def least_squares(
         Most calls of `evaluate`.
     enough
         A sum that is not to be lowered any more.
+    longest
+        Step of each unknown at most, shape (k,); by default any.
 
     """
+    longest = np.full(start.size, np.inf) if longest is None else longest
     point = np.clip(start, lower, upper)
     here = evaluate(point)
     if not here.is_finite:
@@ -107,7 +104,7 @@ def least_squares(
     for _ in range(evaluations - 1):
         if here.total <= enough:
             break
-        step, foretold = _step(here.normal, here.gradient, damping, lower - point, upper - point)
+        step, foretold = _step(here.normal, here.gradient, damping, lower - point, upper - point, longest)
         if foretold <= tolerance * here.total:
             break
         trial = np.clip(point + step, lower, upper)  # exactly, where rounding takes it past a bound
@@ -126,7 +123,9 @@ def least_squares(
 
 
 @kernel
-def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array) -> tuple[Array, float]:
+def _step(
+    normal: Array, gradient: Array, damping: float, down: Array, up: Array, longest: Array
+) -> tuple[Array, float]:
     """
     Return the damped step within `down` and `up` that lowers the sum most, as far as it is foretold, and by how much.
 
@@ -157,6 +156,6 @@ def _step(normal: Array, gradient: Array, damping: float, down: Array, up: Array
         if np.max(inwards) <= 0.0:
             break
         held[np.argmax(inwards)] = False
-    step *= min(1.0, _LONGEST_STEP / max(np.max(np.abs(step)), 1e-300))
+    step /= max(1.0, np.max(np.abs(step) / longest))
     step = np.minimum(np.maximum(step, down), up)
     return step, -float(step @ (2.0 * gradient + normal @ step))

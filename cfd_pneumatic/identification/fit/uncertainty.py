@@ -9,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.recording.spool import dot, give_back
-
 Array = NDArray[np.float64]
 
 LARGEST_RELATIVE_STD = 1.0 / 3.0
@@ -18,24 +16,6 @@ LARGEST_RELATIVE_STD = 1.0 / 3.0
 
 _LEAST_TOLD = 1e-14  # of what is told best, to be told at all
 _FINEST_LAGS = 64  # up to which a window is taken sample by sample
-
-
-def covariance(jacobian: Array, residuals: Array, degrees: int, lengths: Sequence[int]) -> Array:
-    """
-    Return the covariance of fitted unknowns, shape (k, k).
-
-    Parameters
-    ----------
-    jacobian, residuals
-        Of the residuals by the unknowns, shape (n, k), and the residuals, shape (n,), at the fit.
-    degrees
-        Degrees of freedom, samples less unknowns.
-    lengths
-        Of the runs of neighbouring samples that the residuals are made of.
-
-    """
-    ends = np.cumsum(lengths)[:-1]
-    return information(np.split(jacobian, ends), np.split(residuals, ends)).covariance(degrees)
 
 
 @dataclass(frozen=True)
@@ -83,7 +63,7 @@ class Information:
         return np.asarray(inverse @ self.scores[at] @ inverse * (self.size / degrees))
 
 
-def information(jacobians: Iterable[Array], residuals: Sequence[Array], known: Array | None = None) -> Information:
+def information(jacobians: Iterable[Array], residuals: Sequence[Array]) -> Information:
     """
     Return what residuals tell about unknowns, in one walk over their Jacobian.
 
@@ -93,15 +73,11 @@ def information(jacobians: Iterable[Array], residuals: Sequence[Array], known: A
         The Jacobian in blocks of rows, in order; none reaches over the end of a run.
     residuals
         Runs of neighbouring residuals, each of shape (n,).
-    known
-        J'J where it is known, shape (k, k): there is no walk then where the residual is white.
 
     """
-    power = sum(dot(run, run) for run in residuals)
+    power = sum(float(run @ run) for run in residuals)
     size = sum(run.size for run in residuals)
     lags = _correlation_length(residuals, power)
-    if known is not None and not lags:
-        return Information(known, None, power, size)
     runs = iter(residuals)
     run, at = np.empty(0), 0
     normal: Array | float = 0.0
@@ -117,7 +93,6 @@ def information(jacobians: Iterable[Array], residuals: Sequence[Array], known: A
         normal = normal + jacobian.T @ jacobian
         if lags:
             scores = scores + window.products(jacobian * run[rows, None], at == run.size)
-            give_back(run)
     return Information(np.asarray(normal), np.asarray(scores) if lags else None, power, size)
 
 
@@ -152,7 +127,7 @@ def _correlation_length(runs: Sequence[Array], power: float) -> int:
     longest = max(1, min(run.size for run in runs) // 4)
 
     def correlation(lag: int) -> float:
-        return sum(dot(run[lag:], run[:-lag]) for run in runs) / power
+        return sum(float(run[lag:] @ run[:-lag]) for run in runs) / power
 
     if power == 0.0 or abs(correlation(1)) < significance:
         return 0

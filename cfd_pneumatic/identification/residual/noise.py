@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.stats import norm
 
-from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
-from cfd_pneumatic.recording.spool import give_back
 
 Array = NDArray[np.float64]
 
 _SETTLING = 0.15  # after which a pressure is at rest [s]
-_STILL = 6.0  # standard deviations of the displacement's noise
 _SHORTEST_REST = 30  # samples
 SLOWEST = 6.0
 """Noise of a sensor over its white part, at most: with a memory of 25 samples [-]."""
@@ -58,12 +55,12 @@ def sample_noise(times: Array, values: Array) -> float:
 @dataclass(frozen=True)
 class Noise:
     """
-    The noise of a cylinder's pressure.
+    The noise of a signal.
 
     Attributes
     ----------
     std
-        Standard deviation that it gives the residual of the true model [Pa].
+        Standard deviation that it gives the residual of the true model [signal's unit].
     colour
         As in `colour.autoregression`; white where it is not known.
     uncertainty
@@ -82,35 +79,6 @@ class Noise:
     uncertainty: float
     known: bool
     rounded: bool
-
-
-def pressure_noise(experiments: Sequence[Experiment], simulated: Sequence[Array], k_x: float) -> Noise:
-    """
-    Return the noise, from the rests where there are enough of them.
-
-    Parameters
-    ----------
-    experiments
-        What was measured.
-    simulated
-        Pressures by a model, which at rest need not be right but for a level and a trend [Pa].
-    k_x
-        By which the uncertainty of the displacement reaches the pressure [Pa/m].
-
-    """
-    roundings, variances, sizes = [], [], []
-    rests: list[Array] = []
-    for one, pressure in zip(experiments, simulated):
-        for part, samples in one.stretches():
-            residual = part.pressure - pressure[samples]
-            roundings.append(rounding_step(part.pressure) ** 2 / 12.0)
-            variances.append(_white_variance(part, residual, k_x))
-            sizes.append(residual.size)
-            rests += [rest - np.mean(rest) for rest in _at_rest(part, residual)]
-            one.give_back()
-            give_back(pressure)
-    white = math.sqrt(float(np.average(variances, weights=sizes)))
-    return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
 
 
 def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) -> Noise:
@@ -139,12 +107,6 @@ def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) 
     return Noise(max(std, rounding), colour, uncertainty, known, rounding > _MOSTLY_ROUNDING * std)
 
 
-def _white_variance(experiment: Experiment, residual: Array, k_x: float) -> float:
-    """Return the variance of white noise, with what the displacement's uncertainty adds [Pa^2]."""
-    noise = sample_noise(experiment.sample_times, residual)
-    return noise**2 + (k_x * experiment.motion.uncertainty) ** 2
-
-
 def rounding_step(values: Array) -> float:
     """Return the step of the converter that a signal's values are multiples of, 0 where there is none to be seen."""
     distinct = np.unique(values)
@@ -163,13 +125,6 @@ def _spread(rests: Sequence[Array]) -> float:
     apart = min(_APART, max(rest.size for rest in rests) // 2)
     differences = np.concatenate([rest[apart:] - rest[:-apart] for rest in rests if rest.size > apart])
     return math.sqrt(0.5 * float(np.mean(differences**2)))
-
-
-def _at_rest(experiment: Experiment, values: Array) -> list[Array]:
-    """Return the runs of a signal's samples in which nothing has moved for a while."""
-    at = experiment.samples
-    slack = _STILL * experiment.motion.noise
-    return runs_at_rest(experiment.sample_times, experiment.displacement[at], experiment.setpoint[at], slack, values)
 
 
 def runs_at_rest(times: Array, x: Array, setpoint: Array, slack: float, values: Array) -> list[Array]:
@@ -200,29 +155,3 @@ def stamp_jitter(times: Array) -> float:
     """
     steps = np.diff(times)
     return float(np.median(np.abs(steps - np.median(steps)))) * _NORMAL_PER_MEDIAN / math.sqrt(2.0)
-
-
-def precision(experiment: Experiment, simulated: Array) -> Array:
-    """
-    Return the inverse of each pressure sample's standard deviation, relative to a sample at rest, shape (m,) in (0, 1].
-
-    While the pressure changes fast, the jitter of its stamp counts beside the sensor's noise: a step of the set-point
-    makes 10 kPa in a few milliseconds, and 50 microseconds of it are many times the noise.
-
-    Parameters
-    ----------
-    experiment
-        What was measured.
-    simulated
-        The pressure without noise, shape (m,) [Pa].
-
-    """
-    times = experiment.sample_times
-    noise = sample_noise(times, experiment.pressure)
-    jitter = stamp_jitter(times)
-    if noise == 0.0 or jitter == 0.0:
-        return np.ones_like(simulated)
-    before = np.diff(simulated, prepend=simulated[:1]) / np.diff(times, prepend=times[0] - 1.0)
-    slope = np.maximum(np.abs(before), np.abs(np.append(before[1:], before[-1:])))
-    precisions: Array = 1.0 / np.sqrt(1.0 + (slope * jitter / noise) ** 2)
-    return precisions

@@ -15,14 +15,13 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import median_filter
 from scipy.signal import lfilter
 from scipy.stats import beta, f
 
-from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.residual.autoregression import autocovariance, autoregression, whitened
 from cfd_pneumatic.identification.residual.gram import gram
-from cfd_pneumatic.identification.residual.noise import SLOWEST, Noise, precision
+from cfd_pneumatic.identification.residual.noise import SLOWEST, Noise
 from cfd_pneumatic.identification.residual.regressors import Regressors
 
 Array = NDArray[np.float64]
@@ -43,7 +42,6 @@ _LAGS_WHITE = 25
 _LARGEST, _LARGEST_LONG, _LONG = 1.10, 1.05, 5000  # residual over noise; in records with so many samples
 _BESIDE_ROUNDING = 1.25  # over what rounding makes, and leaves at rest: the noise that is rounded comes on top
 _APART = 1e-6  # singular values of columns beside the largest, below which they are not told apart
-_SMOOTHED = 25  # samples
 _SLOW = 4  # ordinates
 _MOST_ASKED = 60_000  # samples that a regression on the inputs is of
 _STRETCH = 2000  # samples, long beside all lags
@@ -88,35 +86,6 @@ def explained(tests: Sequence[Test]) -> bool:
     return all(test.passed for test in tests if test.decisive)
 
 
-def residual_tests(
-    experiments: Sequence[Experiment], simulated: Sequence[Array], masks: Sequence[NDArray[np.bool_]], noise: Noise
-) -> list[Test]:
-    """
-    Return the tests of measured less simulated pressure.
-
-    Parameters
-    ----------
-    experiments, masks
-        As in `fit.fit`; the samples of a mask follow each other.
-    simulated
-        Pressure at the samples of each experiment [Pa].
-    noise
-        Of the pressure.
-
-    """
-    precisions = [precision(one, pressure) for one, pressure in zip(experiments, simulated)]
-    residuals = [
-        ((one.pressure - pressure) * weight)[mask]
-        for one, pressure, weight, mask in zip(experiments, simulated, precisions, masks)
-    ]
-    regressors = [
-        _regressors(one, pressure, weight, mask)
-        for one, pressure, weight, mask in zip(experiments, simulated, precisions, masks)
-        if np.any(mask)
-    ]
-    return tests_of([residual for residual in residuals if residual.size], regressors, noise)
-
-
 def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise: Noise) -> list[Test]:
     """
     Return the tests of residuals, whatever they are of.
@@ -147,26 +116,6 @@ def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise
     if noise.rounded:  # what rounding leaves depends on the signal: only its size tells
         return [replace(test, decisive=test.name == 'noise_floor') for test in tests]
     return tests
-
-
-def _regressors(experiment: Experiment, simulated: Array, weight: Array, mask: NDArray[np.bool_]) -> Regressors:
-    """Return what the residual may depend on: inputs, what the model makes of them, and their products."""
-    at = experiment.samples
-    times = experiment.sample_times
-    x = experiment.displacement[at]
-    setpoint = experiment.setpoint[at]
-    # by a smoothed period: the stamps' jitter in a rate would pass for a dependence on it
-    period = uniform_filter1d(np.gradient(times), _SMOOTHED, mode='nearest')
-    rate = np.gradient(x) / period
-    error = setpoint - simulated
-    change = np.gradient(simulated) / period
-    progress = 2.0 * (times - times[0]) / (times[-1] - times[0]) - 1.0
-    centred = (x - np.mean(x)) / max(float(np.std(x)), 1e-12)
-    level = setpoint - np.mean(setpoint)
-    lagged = [rate, change, error, np.abs(error), np.abs(rate), np.sign(rate) * (np.abs(rate) > 0.05 * np.std(rate))]
-    once = [x, level, centred * rate, centred * error, level * error, progress * change, progress * rate, x * x]
-    once += [level * level, np.abs(change), error * np.abs(error)]
-    return Regressors(once, lagged, weight, int(np.argmax(mask)), int(np.count_nonzero(mask)))
 
 
 def _inputs_test(innovations: Sequence[Array], regressors: Sequence[Regressors], colour: Array) -> Test:

@@ -10,16 +10,15 @@ against its rivals. The test part is never looked at.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share, whitened
+from cfd_pneumatic.identification.residual.autoregression import autoregression
 from cfd_pneumatic.identification.residual.tests import Test, explained
+from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 
 Array = NDArray[np.float64]
 
@@ -68,6 +67,8 @@ class Trial:
         Whether it was added.
     why
         Why, or why not.
+    beside
+        Effects that the model had already.
 
     """
 
@@ -77,33 +78,11 @@ class Trial:
     validation_rmse: float | None
     accepted: bool
     why: str
-
-
-class Candidate(Protocol):
-    """A model with some effects, fitted to the train part."""
-
-    @property
-    def effects(self) -> Mapping[str, Sequence[float]]:
-        """Its effects, in the order in which they were added."""
-
-    @property
-    def residuals(self) -> Sequence[Array]:
-        """What it leaves of the train part of each experiment, weighted."""
-
-    @property
-    def rss(self) -> float:
-        """Their sum of squares."""
-
-    @property
-    def unknowns(self) -> int:
-        """How many numbers were fitted."""
-
-
-Model = TypeVar('Model', bound=Candidate)
+    beside: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Found(Generic[Model]):
+class Found:
     """
     Effects that were found.
 
@@ -118,13 +97,13 @@ class Found(Generic[Model]):
 
     """
 
-    model: Model
+    model: Candidate
     alternatives: Mapping[str, tuple[str, ...]]
     tried: tuple[Trial, ...]
 
 
 @dataclass(frozen=True)
-class Step(Generic[Model]):
+class Step:
     """
     Every effect tried beside a model.
 
@@ -141,7 +120,7 @@ class Step(Generic[Model]):
 
     """
 
-    candidates: Mapping[str, Model]
+    candidates: Mapping[str, Candidate]
     ranked: Sequence[str]
     leads: tuple[str, ...]
     tried: Mapping[str, Trial]
@@ -158,62 +137,40 @@ class Step(Generic[Model]):
         return [other for other in self.ranked if other != name][:_RIVALS]
 
 
-class EffectSearch(ABC, Generic[Model]):
-    """The search for missing effects; how models with effects are fitted is for its subclasses to say."""
+class Search:
+    """
+    The search for missing effects.
 
-    def __init__(self, names: Sequence[str], samples: int) -> None:
-        self.names = names
-        self.samples = samples
-        self._accepted: dict[tuple[str, ...], Model] = {}
-        self._tried: dict[tuple[str, ...], Model] = {}
+    Parameters
+    ----------
+    candidates
+        Fits models with effects.
 
-    def promising(self, model: Model, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
-        """Return the effects to fit beside a model, and the share of its residual that each other one may take."""
-        del model
-        return names, {}
+    """
 
-    @abstractmethod
-    def extensions(self, model: Model, names: Sequence[str]) -> dict[str, Model]:
-        """Return a model with one more effect, for each of some names."""
+    def __init__(self, candidates: Candidates) -> None:
+        self.candidates = candidates
+        self._likelihood = candidates.train
+        self._accepted: dict[tuple[str, ...], Candidate] = {}
+        self._tried: dict[tuple[str, ...], Candidate] = {}
 
-    @abstractmethod
-    def without(self, model: Model, name: str) -> Model:
-        """Return a model with one effect less."""
-
-    @abstractmethod
-    def validation_rmse(self, model: Model) -> float | None:
-        """Return a model's error on the validation part; None where there is no such part."""
-
-    @abstractmethod
-    def resting_colour(self, model: Model) -> Array:
-        """Return the colour of the noise at rest, as a model leaves it, as in `colour.autoregression`."""
-
-    @abstractmethod
-    def residual_tests(self, model: Model) -> list[Test]:
-        """Return the tests of what a model leaves of train and validation."""
-
-    def criterion(self, model: Model, colour: Array) -> float:
+    def criterion(self, model: Candidate, colour: Array) -> float:
         """Return the Bayesian information criterion of a model at a colour of noise."""
-        rss = sum(float(np.sum(whitened(residual, colour) ** 2)) for residual in model.residuals)
-        return self.samples * math.log(max(rss, 1e-300)) + model.unknowns * math.log(self.samples)
+        return self._likelihood.criterion(model.residuals, model.unknowns, colour)
 
-    def evidence(self, model: Model, candidate: Model) -> float:
-        """
-        Return by how much a candidate lowers the criterion where noise of its colour at rest counts for less.
-
-        A slow effect, a sine for one, suits slow noise too, and whitening alone doesn't see that.
-        """
-        samples = self.samples * independent_share(self.resting_colour(candidate))
+    def evidence(self, model: Candidate, candidate: Candidate) -> float:
+        """Return by how much a candidate lowers the criterion where noise of its colour at rest counts for less."""
         more = candidate.unknowns - model.unknowns
-        return samples * math.log(model.rss / max(candidate.rss, 1e-300)) - more * math.log(self.samples)
+        return self._likelihood.evidence(model.rss, candidate.rss, more, self.candidates.resting_colour(candidate))
 
-    def search(self, model: Model) -> Found[Model]:
+    def run(self) -> Found:
         """
         Add what is worth it, take out what is not needed any more, and try each effect against its rivals.
 
         The first effect leads all others. Where it depends on whether the residual is whitened which one is best, each
         is followed to the end.
         """
+        model = self.candidates.baseline
         self._accepted[tuple(model.effects)] = model
         first = self.step(model)
         found = [self._followed(first, lead) for lead in first.leads]
@@ -225,12 +182,12 @@ class EffectSearch(ABC, Generic[Model]):
                 best = other
         return best
 
-    def _followed(self, step: Step[Model], lead: str) -> Found[Model]:
+    def _followed(self, step: Step, lead: str) -> Found:
         """Return what is found after a first effect."""
         trials, ranking = step.trials(lead), {lead: step.rivals(lead)}
         model = self._accepted[lead,] = step.candidates[lead]
-        most = _MOST_EFFECTS if self.validation_rmse(model) is not None else _MOST_EFFECTS_UNSEEN
-        while len(model.effects) < most and not small_enough(self.residual_tests(model)):
+        most = _MOST_EFFECTS if model.validation_rmse is not None else _MOST_EFFECTS_UNSEEN
+        while len(model.effects) < most and not small_enough(self.candidates.residual_tests(model)):
             step = self.step(model)
             if not step.leads:
                 trials += step.trials()
@@ -243,66 +200,69 @@ class EffectSearch(ABC, Generic[Model]):
         model, alternatives = self.challenged(model, ranking)
         return Found(model, alternatives, trials)
 
-    def step(self, model: Model) -> Step[Model]:
+    def step(self, model: Candidate) -> Step:
         """Try every effect beside a model."""
-        chosen, others = self.promising(model, [name for name in self.names if name not in model.effects])
+        chosen, others = self.candidates.promising(model, self.candidates.names(model))
         candidates = self._beside(model, chosen)
         colour = autoregression(min((*candidates.values(), model), key=lambda one: one.rss).residuals)
-        before, reference = self.criterion(model, colour), self.validation_rmse(model)
+        before, reference = self.criterion(model, colour), model.validation_rmse
         coloured = {name: self.criterion(one, colour) for name, one in candidates.items()}
         trials: dict[str, Trial] = {}
+        beside = tuple(model.effects)
         objections: dict[str, str | None] = {}
         for name, candidate in candidates.items():
             gain = min(before - coloured[name], self.evidence(model, candidate))
             drop = 1.0 - candidate.rss / model.rss
-            validation = self.validation_rmse(candidate)
+            validation = candidate.validation_rmse
             reason = objection(gain, drop, len(model.effects), validation, reference)
             little = model.effects and drop < _LEAST_DROP_OF_MORE
-            if reason is None and little and not explained(self.residual_tests(candidate)):
+            if reason is None and little and not explained(self.candidates.residual_tests(candidate)):
                 reason = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %, and more than noise is left'
             objections[name] = reason
-            trials[name] = Trial(name, gain, drop, validation, False, objections[name] or _OUTDONE)
-        trials.update({name: Trial(name, None, share, None, False, _UNPROMISING) for name, share in others.items()})
+            trials[name] = Trial(name, gain, drop, validation, False, reason or _OUTDONE, beside)
+        trials.update(
+            {name: Trial(name, None, part, None, False, _UNPROMISING, beside) for name, part in others.items()}
+        )
         ranked = sorted(candidates, key=lambda name: self.criterion(candidates[name], _WHITE))
         worthy = [name for name in ranked if objections[name] is None]
         leads = dict.fromkeys([*sorted(worthy, key=lambda name: coloured[name])[:1], *worthy[:1]])
         return Step(candidates, ranked, tuple(leads), trials)
 
-    def _beside(self, model: Model, names: Sequence[str]) -> dict[str, Model]:
+    def _beside(self, model: Candidate, names: Sequence[str]) -> dict[str, Candidate]:
         """Return a model with one more effect, for each of some names that may tell; none is fitted twice."""
         keys = {name: (*model.effects, name) for name in names}
         if self._accepted.get(tuple(model.effects)) is not model:
-            return self.extensions(model, names)
+            return self.candidates.beside(model, names)
         fresh = [name for name in names if keys[name] not in self._tried]
         if fresh:
-            found = self.extensions(model, fresh)
+            found = self.candidates.beside(model, fresh)
             self._tried.update({keys[name]: candidate for name, candidate in found.items()})
         return {name: self._tried[keys[name]] for name in names if keys[name] in self._tried}
 
-    def _rest(self, model: Model, name: str) -> Model:
+    def _rest(self, model: Candidate, name: str) -> Candidate:
         """Return a model with one effect less, as it was before that one was added if it was the last."""
         known = self._accepted.get(tuple(other for other in model.effects if other != name))
-        return known if known is not None else self.without(model, name)
+        return known if known is not None else self.candidates.without(model, name)
 
-    def pruned(self, model: Model) -> Model:
+    def pruned(self, model: Candidate) -> Candidate:
         """Return a model without the effects that it does not need any more, the last one apart."""
         for name in list(model.effects)[:-1]:
             fewer = self._rest(model, name)
             colour = autoregression(model.residuals)
             gain = self.criterion(fewer, colour) - self.criterion(model, colour)
-            if objection(gain, 1.0 - model.rss / fewer.rss, 1, self.validation_rmse(model), math.inf) is not None:
+            if objection(gain, 1.0 - model.rss / fewer.rss, 1, model.validation_rmse, math.inf) is not None:
                 model = fewer
         return model
 
     def challenged(
-        self, model: Model, ranking: Mapping[str, Sequence[str]]
-    ) -> tuple[Model, Mapping[str, tuple[str, ...]]]:
+        self, model: Candidate, ranking: Mapping[str, Sequence[str]]
+    ) -> tuple[Candidate, Mapping[str, tuple[str, ...]]]:
         """Try rivals in each effect's place; return the best model, and for each effect those that do as well."""
         for _ in range(_ROUNDS):
             colour = autoregression(model.residuals)
-            own, more_is_left = self.criterion(model, colour), not explained(self.residual_tests(model))
+            own, more_is_left = self.criterion(model, colour), not explained(self.candidates.residual_tests(model))
             alternatives: dict[str, tuple[str, ...]] = {}
-            better: tuple[float, Model] | None = None
+            better: tuple[float, Candidate] | None = None
             for name in model.effects:
                 rest = self._rest(model, name)
                 rivals = self._beside(rest, [rival for rival in ranking.get(name, ()) if rival not in model.effects])

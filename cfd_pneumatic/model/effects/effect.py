@@ -137,7 +137,7 @@ class EffectParameter:
 
 
 Data = Mapping[str, float]
-"""What starting values are drawn from: see `identification.starts`."""
+"""What starting values are drawn from: see `data` of the channels in `identification.channels`."""
 
 
 @dataclass(frozen=True)
@@ -171,6 +171,12 @@ class Effect:
         displacement [m] and its parameters.
     fastest
         Returns the inverse of its fastest time constant from its parameters [1/s], where it has one.
+    of_time
+        Whether it is one of the time alone: how long a recording is tells it, whatever is done in it.
+    constant
+        Whether it does the same all the time, as a wrong scale does at one pressure.
+    as_constant
+        Returns the parameters of its weakest form that may make a given constant, where it has one.
     rank
         Among effects that change the same value the lower comes first.
     shown_by
@@ -203,6 +209,9 @@ class Effect:
     delays: bool = False
     quickens: Callable[..., float] | None = field(default=None, repr=False)
     fastest: Callable[..., float] | None = field(default=None, repr=False)
+    of_time: bool = False
+    constant: bool = False
+    as_constant: Callable[[float], tuple[float, ...]] | None = field(default=None, repr=False)
     rank: int = 50
 
     @property

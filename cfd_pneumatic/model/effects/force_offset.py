@@ -14,7 +14,7 @@ def force(value, moment, offset):
 
 def starts(data: Data) -> list[tuple[float, ...]]:
     """Return the residual's mean."""
-    return [(data['force_mean'],)]
+    return [(data['mean'],)]
 
 
 EFFECT = Effect(
@@ -26,5 +26,6 @@ EFFECT = Effect(
     shown_by='rest at two set-points well apart',
     seen_against='pressure',
     families=(LOADS,),
+    constant=True,
     rank=90,
 )

@@ -24,7 +24,12 @@ def force(value, moment, mass, inclination):
 
 def starts(data: Data) -> list[tuple[float, ...]]:
     """Return a mass whose inertia is the residual's size, level."""
-    return [(data['force_residual'] / data['largest_acceleration'], 0.0)]
+    return [(data['residual'] / data['largest_acceleration'], 0.0)]
+
+
+def as_constant(offset: float) -> tuple[float, ...]:
+    """Return the mass that on the steepest incline weighs as much, level."""
+    return abs(offset) / GRAVITY, 0.0
 
 
 EFFECT = Effect(
@@ -39,5 +44,6 @@ EFFECT = Effect(
     shown_by='fast strokes, sampled at 500 Hz or more',
     seen_against='acceleration',
     families=(LOADS,),
+    as_constant=as_constant,
     rank=20,
 )

@@ -34,7 +34,7 @@ def slide(travel, stretch, coulomb, per_pressure, viscous, presliding):
 
 def starts(data: Data) -> list[tuple[float, ...]]:
     """Return friction of the residual's size, half of it from pressure, that turns round quickly or slowly."""
-    half = 0.5 * data['force_residual']
+    half = 0.5 * data['residual']
     return [(half, half / data['gauge'], 0.0, presliding) for presliding in (5e-5, 5e-4)]
 
 

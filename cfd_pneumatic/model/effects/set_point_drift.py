@@ -26,6 +26,7 @@ EFFECT = Effect(
     starts=starts,
     shown_by='a long recording at one set-point',
     seen_against='time',
+    of_time=True,
     families=(OFFSETS,),
     rank=30,
 )

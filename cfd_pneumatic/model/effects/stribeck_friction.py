@@ -29,7 +29,7 @@ def slide(travel, stretch, breakaway, speed, presliding):
 
 def starts(data: Data) -> list[tuple[float, ...]]:
     """Return friction of the residual's size up to a slow speed or a medium one, that turns round at once or not."""
-    size, fast = data['force_residual'], data['largest_speed']
+    size, fast = data['residual'], data['largest_speed']
     return [(size, share * fast, presliding) for share in (0.03, 0.3) for presliding in (2e-5, 2e-4)]
 
 

@@ -32,5 +32,6 @@ EFFECT = Effect(
     starts=starts,
     shown_by='a long recording at one set-point',
     seen_against='frequency',
+    of_time=True,
     rank=40,
 )

@@ -1,0 +1,27 @@
+"""
+What is measured: one file for each kind of channel.
+
+A further one is a module here that defines a subclass of `Channel`; nothing else has to know of it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Sequence
+
+from cfd_pneumatic.identification.channels.channel import Channel
+from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.recording import Recording
+
+for _found in pkgutil.iter_modules(__path__):
+    importlib.import_module(f'{__name__}.{_found.name}')
+
+
+def channels_of(recordings: Sequence[Recording], options: Options) -> list[Channel]:
+    """Return the channels that recordings hold, cylinders first."""
+    kinds = sorted(Channel.__subclasses__(), key=lambda kind: kind.rank)
+    return [channel for kind in kinds for channel in kind.found_in(recordings, options)]
+
+
+__all__ = ['Channel', 'channels_of']

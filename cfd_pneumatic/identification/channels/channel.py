@@ -1,0 +1,489 @@
+"""What a measured channel is: a signal, the model that simulates it, and what may be missing from that model."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.motion import Motion
+from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.identification.data.split import Split
+from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, runs_at_rest, sample_noise
+from cfd_pneumatic.identification.residual.regressors import Regressors
+from cfd_pneumatic.identification.residual.tests import Test, tests_of
+from cfd_pneumatic.model.effects import Data, Effect
+from cfd_pneumatic.recording import Recording, Signal
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Effects = Mapping[str, tuple[float, ...]]
+"""Parameters of each effect that is on, by its name."""
+
+_SHORTEST_LAG = 0.15  # of a sample: what is faster can't be told from nothing, and would cost steps
+_FEWEST_PERIODS = 0.5  # in the longest experiment: with fewer, a period can't be told from a drift
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A unit to show numbers in, and what one of it is in SI."""
+
+    unit: str
+    si: float
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """
+    What is measured, for people.
+
+    Attributes
+    ----------
+    name
+        Of the quantity.
+    key
+        What the names of its numbers end with in data.
+    model
+        What simulates it without effects.
+    small, other, large
+        Units of its errors, the paper's unit of its errors, and the unit of its values in figures.
+
+    """
+
+    name: str
+    key: str
+    model: str
+    small: Scale
+    other: Scale
+    large: Scale
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """
+    One number that a fit searches.
+
+    Attributes
+    ----------
+    name, unit
+        `k_x`, `leakage.flow`; empty where it concerns one experiment only.
+    slot
+        Where it stands in a row, see `Channel.row`.
+    lower, upper
+        Bounds [unit].
+    scale
+        In which it is about one [unit]; not used where it is searched in its logarithm.
+    logarithmic
+        Whether it is.
+
+    """
+
+    name: str
+    unit: str
+    slot: int
+    lower: float
+    upper: float
+    scale: float
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """
+    One fitted parameter.
+
+    Attributes
+    ----------
+    name, unit
+        `k_x`, or `EFFECT.PARAMETER`.
+    value, std
+        Estimate and standard error [unit]; None where not identifiable.
+    interval
+        95 % confidence interval [unit]; None where not identifiable.
+    reason
+        Why it is not identifiable, or None.
+
+    """
+
+    name: str
+    unit: str
+    value: float | None
+    std: float | None
+    interval: tuple[float, float] | None
+    reason: str | None
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the recordings tell the value."""
+        return self.reason is None
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """
+    A channel's model with values for everything.
+
+    Attributes
+    ----------
+    parameters
+        Of the model without effects, in the channel's order, shape (base,) [SI].
+    effects
+        Parameters of each effect that is on, in the order in which they were added.
+    own
+        What each recording has for itself, in the channel's order, shape (recordings, own) [SI].
+    unknowns
+        How many of them were searched.
+
+    """
+
+    parameters: Array
+    effects: Effects
+    own: Array
+    unknowns: int = 0
+
+
+class Channel(ABC):
+    """
+    A measured signal and its model.
+
+    A subclass in this package that `found_in` returns is all that a further channel needs.
+
+    Attributes
+    ----------
+    name
+        In results: `cylinder_a`, `cylinder_b`, `force`.
+    quantity
+        What is measured.
+    topics
+        Topics of the signal as measured and as simulated, in a cell's namespace.
+    msgtype
+        Type of their messages.
+    effects
+        Every effect that the model knows, in the order in which their parameters stand in a row.
+    library
+        Those that a search chooses from.
+    parameters
+        Units of the parameters without effects, by their names.
+    hints
+        What to record so that one of them shows.
+    own
+        Names of what each experiment has for itself.
+    needed
+        Whether an identification fails where it tells nothing.
+    steady
+        Input that stands still while the signal rests.
+    slack
+        By how much the displacement may stray meanwhile [standard deviations of its noise].
+    lead
+        Samples before a stroke that are no rest any more.
+    rank
+        Which come first in results.
+    immaterial
+        Share of the signal's range below which nothing is looked for: a simulated signal has no noise.
+
+    """
+
+    name: str
+    quantity: Quantity
+    topics: tuple[str, str]
+    msgtype: str
+    effects: Mapping[str, Effect]
+    library: Mapping[str, Effect]
+    parameters: Mapping[str, str]
+    hints: Mapping[str, str] = MappingProxyType({})
+    own: tuple[str, ...]
+    steady: str
+    slack: float = 0.0
+    lead: int = 0
+    immaterial: float = 0.0
+    needed: bool = False
+    rank: int = 50
+
+    # data
+
+    @classmethod
+    @abstractmethod
+    def found_in(cls, recordings: Sequence[Recording], options: Options) -> Sequence[Channel]:
+        """Return the channels of this kind that recordings hold."""
+
+    @abstractmethod
+    def signal(self, recording: Recording) -> Signal | None:
+        """Return the signal in a recording, None where that does not hold it."""
+
+    @abstractmethod
+    def experiment(self, recording: Recording, motion: Motion, split: Split) -> Experiment:
+        """
+        Return a recording that holds the signal made ready for the model.
+
+        Raises
+        ------
+        InputError
+            If it tells nothing.
+
+        """
+
+    # model
+
+    @abstractmethod
+    def starts(self, experiments: Sequence[Experiment], masks: Sequence[Mask]) -> list[Model]:
+        """Return models without effects that a first fit may start from."""
+
+    @abstractmethod
+    def follow(
+        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int
+    ) -> Iterator[tuple[slice, Array]]:
+        """
+        Yield what models side by side make of an experiment.
+
+        Parameters
+        ----------
+        experiment
+            What drives them.
+        effects
+            Those that are on.
+        rows
+            Numbers of each model: parameters, every effect's parameters, the experiment's own, shape (models, slots).
+        count
+            How many of the first samples to simulate.
+
+        Yields
+        ------
+        samples, simulated
+            Which samples, and the signal at them, shape (m, models) [SI].
+
+        """
+
+    def linearised(
+        self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Array, steps: Array, count: int
+    ) -> Iterator[tuple[slice, Array, Array]]:
+        """
+        Yield what a model makes of an experiment, and its derivatives by some of its numbers.
+
+        Parameters
+        ----------
+        experiment, effects, count
+            As in `follow`.
+        row
+            The model's numbers, shape (slots,).
+        slots, steps
+            By which of them, shape (k,), and differences that are small for these [SI].
+
+        Yields
+        ------
+        samples, simulated, jacobian
+            Which samples, the signal at them, shape (m,), and its derivatives, shape (m, k) [SI].
+
+        """
+        rows = np.repeat(row[None], 1 + slots.size, axis=0)
+        rows[1 + np.arange(slots.size), slots] += steps
+        for samples, simulated in self.follow(experiment, effects, rows, count):
+            base = simulated[:, :1]
+            yield samples, base[:, 0], (simulated[:, 1:] - base) / steps
+
+    @abstractmethod
+    def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
+        """Return which parameters without effects, and which numbers of the experiments, are searched."""
+
+    def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
+        """Return why parameters of the model, and of its effects, are held and not searched, by their names."""
+        del experiments, model
+        return {}
+
+    def check(
+        self,
+        experiments: Sequence[Experiment],
+        masks: Sequence[Mask],
+        simulated: Sequence[Array],
+        model: Model,
+        estimates: Sequence[Estimate],
+    ) -> None:
+        """Raise InputError where a fit without effects tells nothing, or nothing that can be."""
+        del experiments, masks, simulated, model, estimates
+
+    def untold(self, experiments: Sequence[Experiment], effect: str) -> str | None:
+        """Return why experiments cannot tell an effect's parameters, whatever a fit says, or None."""
+        del experiments, effect
+        return None
+
+    def beginnings(self, model: Model, astray: bool) -> list[Model]:
+        """Return where a fit with a further effect may start; the lack of it may have led a model `astray`."""
+        del astray
+        return [model]
+
+    def may_tell(self, experiments: Sequence[Experiment], effect: str, model: Model) -> bool:
+        """Return whether experiments may tell an effect beside a model from what the model's own parameters do."""
+        del experiments, effect, model
+        return True
+
+    def confounded(
+        self,
+        experiments: Sequence[Experiment],
+        model: Model,
+        estimates: Sequence[Estimate],
+        residual: Array,
+        left: Callable[[str, tuple[float, ...]], Array],
+    ) -> Mapping[str, tuple[str, ...]]:
+        """
+        Return effects that others, whose own signature is too weak to show, may pass for, with these.
+
+        Parameters
+        ----------
+        experiments, model, estimates
+            What was measured, what was fitted, and how well.
+        residual
+            What the model leaves at the samples that count, shape (n,).
+        left
+            Returns what an effect with some parameters adds that the model's unknowns can't make up for, shape (n,).
+
+        """
+        del experiments, model, estimates, residual, left
+        return {}
+
+    def levels(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
+        """Return what its parameters are scheduled over, at the samples of each experiment [Pa]; empty: nothing."""
+        del experiments, model
+        return []
+
+    # residual
+
+    @abstractmethod
+    def sensitivity(self, model: Model) -> float:
+        """Return by how much the displacement's error reaches the signal [SI/m]."""
+
+    @abstractmethod
+    def regressors(self, experiment: Experiment, simulated: Array, weight: Array, mask: Mask) -> Regressors:
+        """Return what the residual may depend on: inputs, what the model makes of them, and their products."""
+
+    @abstractmethod
+    def data(self, experiments: Sequence[Experiment], model: Model, simulated: Sequence[Array]) -> Data:
+        """Return what effects draw their starting values from; `residual`, `mean` and `lag` are among it."""
+
+    def precision(self, experiment: Experiment, simulated: Array) -> Array:
+        """Return the inverse of each sample's standard deviation, relative to one at rest, shape (m,) in (0, 1]."""
+        del experiment
+        return np.ones_like(simulated)
+
+    @abstractmethod
+    def shown(self, experiment: Experiment) -> Mapping[str, Array]:
+        """Return the inputs to show beside the residual, by their names for people, at the samples, shape (m,)."""
+
+    # what follows from that
+
+    def slots_of(self, effect: str) -> range:
+        """Return where an effect's parameters stand in a row."""
+        first = len(self.parameters)
+        for name, one in self.effects.items():
+            if name == effect:
+                return range(first, first + len(one.parameters))
+            first += len(one.parameters)
+        raise KeyError(effect)
+
+    @property
+    def shared(self) -> int:
+        """How many numbers of a row are those of all experiments."""
+        return len(self.parameters) + sum(len(one.parameters) for one in self.effects.values())
+
+    def own_slots(self, index: int) -> range:
+        """Return where the numbers of one recording stand in a row."""
+        first = self.shared + index * len(self.own)
+        return range(first, first + len(self.own))
+
+    def row(self, model: Model) -> Array:
+        """Return all numbers of a model: its parameters, every effect's (null where it is off), each experiment's."""
+        own = [model.effects.get(name, effect.null) for name, effect in self.effects.items()]
+        return np.concatenate([model.parameters, *own, model.own.ravel()])
+
+    def model(self, row: Array, effects: Sequence[str], unknowns: int = 0) -> Model:
+        """Return the model that a row stands for."""
+        own = {name: tuple(row[list(self.slots_of(name))].tolist()) for name in effects}
+        return Model(
+            row[: len(self.parameters)].copy(), own, row[self.shared :].reshape(-1, len(self.own)).copy(), unknowns
+        )
+
+    def simulate(self, experiments: Sequence[Experiment], models: Sequence[Model]) -> list[Array]:
+        """Return what models with the same effects make of each experiment, shape (m, models) [SI]."""
+        rows = np.array([self.row(one) for one in models])
+        effects = tuple(models[0].effects)
+        return [
+            np.concatenate([found for _, found in self.follow(one, effects, self._of_one(rows, one), one.part.size)])
+            for one in experiments
+        ]
+
+    def simulated(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
+        """Return what one model makes of each experiment, shape (m,) [SI]."""
+        return [found[:, 0] for found in self.simulate(experiments, [model])]
+
+    def _of_one(self, rows: Array, experiment: Experiment) -> Array:
+        """Return the numbers that concern one experiment, shape (models, slots)."""
+        return rows[:, [*range(self.shared), *self.own_slots(experiment.index)]]
+
+    def unknowns(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
+        """Return everything that is searched of a model with its effects."""
+        period = min(one.period for one in experiments)
+        duration = max(float(np.ptp(one.sample_times)) for one in experiments)
+        found, held = self.searched(experiments, model), self.held(experiments, model)
+        for name, values in model.effects.items():
+            for slot, parameter, value in zip(self.slots_of(name), self.effects[name].parameters, values):
+                full = f'{name}.{parameter.name}'
+                if parameter.choice or full in held:
+                    continue
+                least = {'s': _SHORTEST_LAG * period, 'Hz': _FEWEST_PERIODS / duration}.get(parameter.unit, 0.0)
+                lower = max(parameter.lower, least) if parameter.logarithmic else parameter.lower
+                scale = abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
+                found.append(
+                    Unknown(
+                        full,
+                        parameter.unit,
+                        slot,
+                        min(lower, parameter.upper),
+                        parameter.upper,
+                        scale,
+                        parameter.logarithmic,
+                    )
+                )
+        return found
+
+    def noise(self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model) -> Noise:
+        """
+        Return the noise of the residual, from the rests where there are enough of them.
+
+        At rest the simulated signal need not be right but for a level and a trend.
+        """
+        rests: list[Array] = []
+        variances, roundings, sizes = [], [], []
+        for one, values in zip(experiments, simulated):
+            residual = one.measured - values
+            blurred = self.sensitivity(model) * one.motion.uncertainty
+            variances.append(sample_noise(one.sample_times, residual) ** 2 + blurred**2)
+            immaterial = self.immaterial * float(np.ptp(one.measured))
+            roundings.append(rounding_step(one.measured) ** 2 / 12.0 + immaterial**2)
+            sizes.append(residual.size)
+            runs = runs_at_rest(
+                one.sample_times,
+                one.at_samples('displacement'),
+                one.at_samples(self.steady),
+                self.slack * one.motion.noise,
+                residual,
+            )
+            runs = [run[: run.size - self.lead] for run in runs]
+            rests += [run - np.mean(run) for run in runs]
+        white = math.sqrt(float(np.average(variances, weights=sizes)))
+        return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
+
+    def tests(
+        self, experiments: Sequence[Experiment], simulated: Sequence[Array], masks: Sequence[Mask], noise: Noise
+    ) -> list[Test]:
+        """Return the tests of what simulations leave, at the samples of masks, which follow each other."""
+        residuals, regressors = [], []
+        for experiment, values, mask in zip(experiments, simulated, masks):
+            if np.any(mask):
+                weight = self.precision(experiment, values)
+                residuals.append(((experiment.measured - values) * weight)[mask])
+                regressors.append(self.regressors(experiment, values, weight, mask))
+        return tests_of(residuals, regressors, noise)

@@ -1,0 +1,368 @@
+"""
+The contact force: piston area times geometric factor times the difference of the measured pressures.
+
+The pressures are the measured ones, so that what the pressure's model lacks is not laid on the force. Of area and
+geometric factor only the product shows: the factor is held as given, and so is the area where all recordings have one
+set-point, for there an offset of the force is as good as any area.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from cfd_pneumatic.convention import AREAS, CONTACT_FORCE, CYLINDERS, MEASURED_FORCE
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Mask, Model, Quantity, Scale, Unknown
+from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
+from cfd_pneumatic.identification.data.motion import Motion
+from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES
+from cfd_pneumatic.identification.data.reversals import reversals, travelled
+from cfd_pneumatic.identification.data.split import Split
+from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
+from cfd_pneumatic.identification.residual.regressors import Regressors
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, Data
+from cfd_pneumatic.model.extended_force import ExtendedForce
+from cfd_pneumatic.recording import Recording, Signal, messages
+from cfd_pneumatic.units import POUND_FORCE
+
+Array = NDArray[np.float64]
+
+_LARGEST_RATIO = 1.5  # farther from where it begins the area is not searched
+_LEVEL_GAP = 0.03  # set-points closer than this share of the pressure tell the area no better than one
+_SMOOTHED = 25  # samples
+_SLOW = 0.05  # share of the speed's spread at which the piston stands, as far as friction goes
+_ROUGH = 0.3  # share of an acceleration that may stray from its neighbours' mean
+_TIED = 3.2  # standard errors: by so much the criterion tells as little as between tied effects
+_AREA, _FACTOR = range(2)
+
+
+class Force(Channel):
+    """
+    The contact force.
+
+    Inputs of an experiment: `displacement`, `rate`, `acceleration` [m, m/s, m/s^2], +x grows cylinder A; measured
+    absolute `pressure` in A and `opposing` in B, ambient where one was not recorded [Pa]; `level`, the set-point of A
+    less that of B [Pa]. Each experiment has a `stretch` of the seals at its first sample, -1 to 1 [-].
+    """
+
+    name = 'force'
+    quantity = Quantity(
+        'contact force', 'n', 'area times pressure', Scale('N', 1.0), Scale('lbf', POUND_FORCE), Scale('N', 1.0)
+    )
+    topics = MEASURED_FORCE, CONTACT_FORCE
+    msgtype = messages.WRENCH_STAMPED
+    effects = FORCE_EFFECTS
+    library = FORCE_EFFECTS
+    parameters = MappingProxyType({'area': 'm^2', 'geometric_factor': '-'})
+    own = ('stretch',)
+    steady = 'level'
+    lead = 5  # into which a smoothed acceleration reaches
+    immaterial = 1e-4
+    rank = 90
+
+    def __init__(self, area: float | None, factor: float, ambient_pressure: float) -> None:
+        self.area = area
+        self.factor = factor
+        self.ambient_pressure = ambient_pressure
+
+    @classmethod
+    def found_in(cls, recordings: Sequence[Recording], options: Options) -> list[Force]:
+        """Return it where a force was recorded."""
+        if all(recording.force is None for recording in recordings):
+            return []
+        factor = 1.0 if options.geometric_factor is None else options.geometric_factor
+        return [cls(options.area, factor, options.ambient_pressure)]
+
+    def signal(self, recording: Recording) -> Signal | None:
+        """Return the measured force."""
+        return recording.force
+
+    def experiment(self, recording: Recording, motion: Motion, split: Split) -> Experiment:
+        """Return the force in a recording; the grid holds the piston's reversals: friction sees each of them."""
+        assert recording.force is not None
+        stamps, force = motion.clock_of(recording.force.times), recording.force.values
+        pressures = {
+            name: Signal(motion.clock_of(signals.pressure.times), signals.pressure.values)
+            for name, signals in recording.cylinders.items()
+        }
+        first = max(motion.times[0], *(pressure.times[0] for pressure in pressures.values()))
+        last = min(motion.times[-1], *(pressure.times[-1] for pressure in pressures.values()))
+        within = (stamps >= first) & (stamps <= last)
+        sampled, force = stamps[within], force[within]
+        if force.size < FEWEST_SAMPLES:
+            raise InputError(
+                f'{recording.name}: only {force.size} samples of the force lie between the first and the last sample '
+                'of displacement and pressure: check the time offsets of the topics'
+            )
+        if np.ptp(force) == 0.0:
+            raise InputError(f'{recording.name}: the force never changes ({force[0]:g} N): is its sensor connected?')
+        moved = np.concatenate([motion.times, reversals(motion)])
+        times = np.union1d(moved[(moved >= sampled[0]) & (moved <= sampled[-1])], sampled)
+        absent = np.full(times.size, self.ambient_pressure)
+        pressure, opposing = (
+            np.interp(times, pressures[name].times, pressures[name].values) if name in pressures else absent
+            for name in CYLINDERS
+        )
+        levels = [self._level(recording, name, motion, times) for name in CYLINDERS]
+        return Experiment(
+            recording=recording.name,
+            times=times,
+            inputs={
+                'displacement': travelled(motion, recording.displacement.values, times),
+                'rate': motion.rate_at(times),
+                'acceleration': motion.acceleration_at(times),
+                'pressure': pressure,
+                'opposing': opposing,
+                'level': levels[0] - levels[1],
+            },
+            samples=np.searchsorted(times, sampled),
+            measured=force,
+            part=split.part_of(sampled),
+            motion=motion,
+            starts_at_rest=rests_at_start(motion),
+        )
+
+    def _level(self, recording: Recording, cylinder: str, motion: Motion, times: Array) -> Array:
+        """Return a cylinder's set-point, its median pressure where none was recorded, or ambient [Pa]."""
+        signals = recording.cylinders.get(cylinder)
+        if signals is None:
+            return np.full(times.size, self.ambient_pressure)
+        if signals.setpoint is None:
+            return np.full(times.size, float(np.median(signals.pressure.values)))
+        held = np.searchsorted(motion.on_clock(signals.setpoint.times), times, side='right') - 1
+        return signals.setpoint.values[np.maximum(held, 0)]
+
+    # the area
+
+    def starts(self, experiments: Sequence[Experiment], masks: Sequence[Mask]) -> list[Model]:
+        """Return one model, with the area to begin at."""
+        own = np.zeros((len(experiments), len(self.own)))
+        return [Model(np.array([self._first_area(experiments, masks), self.factor]), {}, own)]
+
+    def _first_area(self, experiments: Sequence[Experiment], masks: Sequence[Mask]) -> float:
+        """
+        Return the area to begin at [m^2].
+
+        At one set-point by a line through zero: friction, which follows the pressure as both follow the motion, hardly
+        tilts it.
+
+        Raises
+        ------
+        InputError
+            If the force falls with the pressure.
+
+        """
+        differences = np.concatenate([_difference(one)[mask] for one, mask in zip(experiments, masks)])
+        forces = np.concatenate([one.measured[mask] for one, mask in zip(experiments, masks)])
+        if _hold_several_levels(experiments):
+            slope = float(np.polyfit(differences, forces, 1)[0]) / self.factor
+            if not slope > 0.0:
+                raise InputError('the force falls while the pressure difference grows: check the sign of the force')
+            return slope if self.area is None else self.area
+        if self.area is not None:
+            return self.area
+        area = float(forces @ differences) / float(differences @ differences) / self.factor
+        if not area > 0.0:
+            raise InputError('the force is against the pressure difference: check the sign of the force')
+        return area
+
+    def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
+        """Return the area where there are several set-points, and the seals' stretches where anything slides."""
+        found = []
+        if 'area' not in self.held(experiments, model):
+            area = self._first_area(experiments, [one.fitted for one in experiments])
+            found.append(Unknown('area', 'm^2', _AREA, area / _LARGEST_RATIO, area * _LARGEST_RATIO, area))
+        if any(self.effects[name].states for name in model.effects):
+            for index in sorted({one.index for one in experiments if one.whole}):
+                found.append(Unknown('', '1', self.own_slots(index)[0], -1.0, 1.0, 1.0))
+        return found
+
+    def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
+        """Return why the factor, and at one set-point the area, is not searched."""
+        reasons = {'geometric_factor': f'only its product with the area shows: it is held at {self.factor:g}'}
+        if not _hold_several_levels(experiments):
+            level = float(np.median(np.concatenate([one.at_samples('level') for one in experiments])))
+            reasons['area'] = (
+                f'all recordings have one set-point, {level:.0f} Pa: record a second one '
+                f'(it is held at {model.parameters[_AREA] * 1e6:.1f} mm^2)'
+            )
+            for effect in model.effects:
+                for parameter in self.effects[effect].parameters:
+                    if parameter.of_pressure:
+                        reasons[f'{effect}.{parameter.name}'] = 'one set-point does not tell it'
+        return reasons
+
+    def check(
+        self,
+        experiments: Sequence[Experiment],
+        masks: Sequence[Mask],
+        simulated: Sequence[Array],
+        model: Model,
+        estimates: Sequence[Estimate],
+    ) -> None:
+        """Raise InputError where the area is none that a piston has."""
+        area = float(model.parameters[_AREA])
+        if not AREAS[0] <= area <= AREAS[1]:
+            raise InputError(
+                f'the force makes the piston area {area:.3g} m^2, outside {AREAS[0]:g} to {AREAS[1]:g} m^2: check the '
+                'units of force and pressure'
+            )
+
+    # what recordings can tell
+
+    def may_tell(self, experiments: Sequence[Experiment], effect: str, model: Model) -> bool:
+        """Return whether an effect shows beside the area, and beside an inertia that the samples do not resolve."""
+        if self.effects[effect].constant:
+            return self.area is not None or _hold_several_levels(experiments)
+        inert = any(self.effects[name].seen_against == 'acceleration' for name in model.effects)
+        return not inert or _resolve_acceleration(experiments)  # what it leaves behind then looks like friction
+
+    def untold(self, experiments: Sequence[Experiment], effect: str) -> str | None:
+        """Return that an acceleration which is not resolved tells nothing."""
+        if self.effects[effect].seen_against != 'acceleration' or _resolve_acceleration(experiments):
+            return None
+        return 'the acceleration changes from sample to sample: sample faster'
+
+    def confounded(
+        self,
+        experiments: Sequence[Experiment],
+        model: Model,
+        estimates: Sequence[Estimate],
+        residual: Array,
+        left: Callable[[str, tuple[float, ...]], Array],
+    ) -> Mapping[str, tuple[str, ...]]:
+        """Return constants that may be the weight of a mass on an incline, whose inertia would not have shown."""
+        found = {}
+        for name in model.effects:
+            if not self.effects[name].constant:
+                continue
+            for other, effect in self.library.items():
+                if effect.as_constant is None:
+                    continue
+                weakest = effect.as_constant(model.effects[name][0])
+                if other in model.effects:
+                    (own,) = (one for one in estimates if one.name == f'{other}.{effect.parameters[0].name}')
+                    may_be = own.value is None or own.std is None or weakest[0] <= own.value + _TIED * own.std
+                else:
+                    signature = left(other, weakest)
+                    size = float(np.linalg.norm(signature))
+                    may_be = size == 0.0 or not _resolve_acceleration(experiments)
+                    if not may_be:
+                        independent = independent_share(autoregression([residual]))
+                        std = math.sqrt(float(np.mean(residual**2)) / independent) / size
+                        may_be = float(signature @ residual) / size**2 + _TIED * std >= 1.0
+                if may_be:
+                    found[name] = (other,)
+        return found
+
+    # model and residual
+
+    def follow(
+        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int
+    ) -> Iterator[tuple[slice, Array]]:
+        """Yield the forces."""
+        names = ('displacement', 'rate', 'acceleration', 'pressure', 'opposing')
+        models = [
+            ExtendedForce(
+                row[_AREA] * row[_FACTOR],
+                {name: row[list(self.slots_of(name))] for name in effects},
+                self.ambient_pressure,
+            )
+            for row in rows
+        ]
+        moving = float(_direction(experiment.inputs['rate'])[0])  # in whose direction the seals are stretched then
+        stretches = rows[:, -1].tolist() if experiment.whole else [moving] * len(rows)
+        states = [one.begin(experiment.inputs['displacement'][0], own) for one, own in zip(models, stretches)]
+        for block in experiment.blocks(count):
+            piece = experiment.times[block.grid], *(experiment.inputs[name][block.grid] for name in names)
+            forces = [one.follow(state, experiment.begin, *piece)[block.at] for one, state in zip(models, states)]
+            yield block.samples, np.column_stack(forces)
+
+    def sensitivity(self, model: Model) -> float:
+        """Return zero: the measured pressures have it in them."""
+        return 0.0
+
+    def regressors(self, experiment: Experiment, simulated: Array, weight: Array, mask: Mask) -> Regressors:
+        """Return motion, pressures and their products."""
+        x, rate, acceleration = (experiment.at_samples(name) for name in ('displacement', 'rate', 'acceleration'))
+        # smoothed: the noise of the pressures, which the residual has in it, would pass for a dependence on them
+        difference = uniform_filter1d(_difference(experiment), _SMOOTHED, mode='nearest')
+        both = experiment.at_samples('pressure') + experiment.at_samples('opposing')
+        gauge = uniform_filter1d(both, _SMOOTHED, mode='nearest')
+        change = np.gradient(difference)
+        centred = (x - np.mean(x)) / max(float(np.std(x)), 1e-12)
+        level = difference - np.mean(difference)
+        direction = _direction(rate)
+        lagged = [rate, direction, np.abs(direction), acceleration]
+        once = [x, difference, gauge, change, centred * rate, centred * difference, gauge * direction, gauge * rate]
+        once += [x * x, level * level, rate * np.abs(rate), np.abs(acceleration), centred * direction]
+        return Regressors(once, lagged, weight, int(np.argmax(mask)), int(np.count_nonzero(mask)))
+
+    def data(self, experiments: Sequence[Experiment], model: Model, simulated: Sequence[Array]) -> Data:
+        """
+        Return what effects draw their starting values from.
+
+        =======================================  =======================================================
+        `residual`, `mean` [N]                   spread and mean of what a fit leaves of the force
+        `gauge` [Pa]                             median gauge pressure, both cylinders added
+        `largest_speed` [m/s]                    of the piston, but for the fastest hundredth
+        `largest_acceleration` [m/s^2]           likewise
+        =======================================  =======================================================
+        """
+        residual = np.concatenate([one.measured - force for one, force in zip(experiments, simulated)])
+        rate, acceleration, pressure, opposing = (
+            np.concatenate([one.inputs[name] for one in experiments])
+            for name in ('rate', 'acceleration', 'pressure', 'opposing')
+        )
+        gauge = float(np.median(pressure + opposing)) - 2.0 * self.ambient_pressure
+        return {
+            'residual': max(float(np.std(residual)), 1e-3),
+            'mean': float(np.mean(residual)),
+            'lag': 0.0,
+            'gauge': max(gauge, 1e3),
+            'largest_speed': max(float(np.percentile(np.abs(rate), 99.0)), 1e-5),
+            'largest_acceleration': max(float(np.percentile(np.abs(acceleration), 99.0)), 1e-3),
+        }
+
+    def shown(self, experiment: Experiment) -> Mapping[str, Array]:
+        """Return displacement, speed and the pressures' difference."""
+        return {
+            'displacement': experiment.at_samples('displacement'),
+            'piston speed': experiment.at_samples('rate'),
+            'pressure difference': _difference(experiment),
+        }
+
+
+def _difference(experiment: Experiment) -> Array:
+    """Return the pressure in A less that in B at the samples, shape (m,) [Pa]."""
+    return experiment.at_samples('pressure') - experiment.at_samples('opposing')
+
+
+def _direction(rate: Array) -> Array:
+    """Return in which direction the piston moves: 1, -1, or 0 where it hardly does, shape (m,)."""
+    return np.asarray(np.sign(rate) * (np.abs(rate) > _SLOW * np.std(rate)))
+
+
+def _hold_several_levels(experiments: Sequence[Experiment]) -> bool:
+    """Return whether the samples that count hold more than one set-point, as they must to tell the area."""
+    levels = np.concatenate([one.at_samples('level')[one.fitted] for one in experiments])
+    return bool(np.ptp(levels) > _LEVEL_GAP * np.max(np.abs(levels)))
+
+
+def _resolve_acceleration(experiments: Sequence[Experiment]) -> bool:
+    """Return whether the acceleration is seen: what changes at every sample comes and goes between them, too."""
+    return any(_roughness(one.inputs['acceleration']) <= _ROUGH for one in experiments)
+
+
+def _roughness(values: Array) -> float:
+    """Return by how much values stray from the mean of their neighbours, as a share of their own size."""
+    middle = 0.5 * (values[:-2] + values[2:])
+    size = float(np.linalg.norm(values))
+    return float(np.linalg.norm(values[1:-1] - middle)) / size if size > 0.0 else 0.0

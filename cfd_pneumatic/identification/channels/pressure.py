@@ -1,0 +1,373 @@
+"""A cylinder's pressure: equations (8) and (12) of the paper, exactly where no effect is on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from cfd_pneumatic.convention import CYLINDERS, pressure_topic
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Mask, Model, Quantity, Scale, Unknown
+from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
+from cfd_pneumatic.identification.data.motion import Motion
+from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_range
+from cfd_pneumatic.identification.data.split import Split
+from cfd_pneumatic.identification.residual.noise import sample_noise, stamp_jitter
+from cfd_pneumatic.identification.residual.regressors import Regressors
+from cfd_pneumatic.identification.residual.shape import lag_of, speed_of, strongest_frequency
+from cfd_pneumatic.model import DIRECTIONS, SPECS, Course
+from cfd_pneumatic.model.baseline import (
+    HINTS,
+    SHORTEST_TAU,
+    displacement_sensitivity,
+    flows,
+    other_gains,
+    starting_gains,
+)
+from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Data
+from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
+from cfd_pneumatic.recording import Recording, Signal, messages
+from cfd_pneumatic.units import PSI
+
+Array = NDArray[np.float64]
+
+_LARGEST = 1e9  # [Pa]
+_SMOOTHED = 25  # samples
+_LEAST_FLOW = 10.0  # that a limit may be drawn from [Pa/s]
+_LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone stays below
+_OFFSET, _START = range(2)
+_OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
+
+
+class Pressure(Channel):
+    """
+    The pressure of one cylinder.
+
+    Inputs of an experiment: `displacement` that grows this chamber [m], absolute `setpoint` on the step that ends at
+    each grid time [Pa]. Each experiment has an `offset` of its set-point, and a `start` of the pressure above it [Pa].
+    """
+
+    quantity = Quantity(
+        'pressure', 'pa', 'paper’s model', Scale('Pa', 1.0), Scale('mpsi', 1e-3 * PSI), Scale('kPa', 1e3)
+    )
+    msgtype = messages.FLUID_PRESSURE
+    effects = PRESSURE_EFFECTS
+    library = PRESSURE_EFFECTS
+    parameters = MappingProxyType({spec.name: spec.unit for spec in SPECS})
+    hints = HINTS
+    own = ('offset', 'start')
+    steady = 'setpoint'
+    slack = 6.0
+    needed = True
+    rank = 10
+
+    def __init__(self, cylinder: str, ambient_pressure: float) -> None:
+        self.name = cylinder
+        self.topics = pressure_topic(cylinder), pressure_topic(cylinder)
+        self.ambient_pressure = ambient_pressure
+
+    @classmethod
+    def found_in(cls, recordings: Sequence[Recording], options: Options) -> list[Pressure]:
+        """Return one for each cylinder whose pressure was recorded."""
+        present = [name for name in CYLINDERS if any(name in recording.cylinders for recording in recordings)]
+        return [cls(name, options.ambient_pressure) for name in present]
+
+    def signal(self, recording: Recording) -> Signal | None:
+        """Return the cylinder's pressure."""
+        signals = recording.cylinders.get(self.name)
+        return None if signals is None else signals.pressure
+
+    def experiment(self, recording: Recording, motion: Motion, split: Split) -> Experiment:
+        """Return the cylinder in a recording."""
+        signals = recording.cylinders[self.name]
+        stamped = motion.clock_of(signals.pressure.times)
+        during = slice(*np.searchsorted(stamped, [motion.times[0], np.nextafter(motion.times[-1], np.inf)]))
+        sampled, pressure = stamped[during], signals.pressure.values[during]
+        self._check(recording.name, pressure)
+        setpoint = signals.setpoint
+        if setpoint is not None:
+            setpoint = Signal(motion.on_clock(setpoint.times), setpoint.values)
+        else:
+            seen = pressure[: np.searchsorted(sampled, split.bounds[1])]
+            setpoint = Signal(motion.times[:1], np.array([float(np.median(seen if seen.size else pressure))]))
+        times, displacement = motion.on_grid(sampled, setpoint.times)
+        begins = np.append(motion.times[0], times[:-1])
+        held = np.searchsorted(setpoint.times, begins, side='right') - 1
+        return Experiment(
+            recording=recording.name,
+            times=times,
+            inputs={
+                'displacement': DIRECTIONS[self.name] * displacement,
+                'setpoint': setpoint.values[np.maximum(held, 0)],
+            },
+            samples=np.searchsorted(times, sampled),
+            measured=pressure,
+            part=split.part_of(sampled),
+            motion=motion,
+            starts_at_rest=rests_at_start(motion),
+        )
+
+    def _check(self, recording: str, pressure: Array) -> None:
+        topic = f'{self.name}/pressure'
+        if pressure.size < FEWEST_SAMPLES:
+            raise InputError(
+                f'{recording}: only {pressure.size} samples of {topic} lie between the first and the last '
+                'displacement sample: check the time offsets of the two topics'
+            )
+        if np.ptp(pressure) == 0.0:
+            raise InputError(f'{recording}: {topic} never changes ({pressure[0]:g} Pa): is its sensor connected?')
+        check_range(f'{recording}: {topic}', pressure, _LARGEST, 'Pa')
+
+    def starts(self, experiments: Sequence[Experiment], masks: Sequence[Mask]) -> list[Model]:
+        """Return models of several regulators."""
+        pressure = float(np.median(np.concatenate([one.measured[mask] for one, mask in zip(experiments, masks)])))
+        stroke = max(float(np.ptp(one.inputs['displacement'])) for one in experiments)
+        own = np.zeros((len(experiments), len(self.own)))
+        for one in experiments:
+            own[one.index, _START] = 0.0 if one.starts_at_rest else one.first - one.inputs['setpoint'][0]
+        return [Model(gains, {}, own) for gains in starting_gains(pressure, stroke)]
+
+    def beginnings(self, model: Model, astray: bool) -> list[Model]:
+        """Return the model, and with other gains."""
+        return [model, *(replace(model, parameters=gains) for gains in other_gains(model.parameters, astray))]
+
+    def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
+        """Return the gains, every offset, and the starts where the piston does not begin at rest."""
+        shortest = SHORTEST_TAU * min(one.period for one in experiments) if model.effects else 0.0
+        found = [
+            Unknown(
+                spec.name,
+                spec.unit,
+                slot,
+                max(spec.lower, shortest) if spec.unit == 's' else spec.lower,
+                spec.upper,
+                1.0,
+                logarithmic=True,
+            )
+            for slot, spec in enumerate(SPECS)
+        ]
+        scale = (
+            max(float(np.ptp(one.measured[one.fitted])) if np.any(one.fitted) else 0.0 for one in experiments) or 1.0
+        )
+        anywhere = any(self.effects[name].rests_anywhere for name in model.effects)
+        for index in sorted({one.index for one in experiments}):
+            offset, start = self.own_slots(index)
+            found.append(Unknown('', 'Pa', offset, -np.inf, np.inf, scale))
+            if any(one.index == index and one.whole and (anywhere or not one.starts_at_rest) for one in experiments):
+                found.append(Unknown('', 'Pa', start, -np.inf, np.inf, scale))
+        return found
+
+    def check(
+        self,
+        experiments: Sequence[Experiment],
+        masks: Sequence[Mask],
+        simulated: Sequence[Array],
+        model: Model,
+        estimates: Sequence[Estimate],
+    ) -> None:
+        """Raise InputError where the pressure is explained as well by one that does not follow the piston at all."""
+        if any(estimate.identifiable for estimate in estimates) and (
+            any(np.ptp(one.inputs['setpoint']) > 0.0 for one in experiments)
+            or _evidence(experiments, masks, simulated) >= _LEAST_EVIDENCE
+        ):
+            return
+        raise InputError(
+            'no parameter can be told from these recordings, the pressure does not follow the piston: let it move '
+            'faster or farther, both ways'
+        )
+
+    def follow(
+        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int
+    ) -> Iterator[tuple[slice, Array]]:
+        """Yield the pressures: exactly without effects, by Runge-Kutta with them."""
+        if not effects:
+            for parts in zip(*(self._exact(experiment, row, count, slopes=False) for row in rows)):
+                yield parts[0][0], np.column_stack([pressure for _, pressure, _ in parts])
+            return
+        delays = np.zeros(len(rows))
+        for name in effects:
+            if self.effects[name].delays:
+                delays += rows[:, self.slots_of(name)[0]]
+        groups = [np.flatnonzero(delays == delay) for delay in np.unique(delays)]
+        walks = [self._composed(experiment.read_late(delays[own[0]]), effects, rows[own], count) for own in groups]
+        for parts in zip(*walks):
+            samples, pressures = parts[0][0], np.empty((len(parts[0][1]), len(rows)))
+            for own, (_, readings) in zip(groups, parts):
+                pressures[:, own] = readings
+            yield samples, pressures
+
+    def linearised(
+        self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Array, steps: Array, count: int
+    ) -> Iterator[tuple[slice, Array, Array]]:
+        """Yield the pressure and its derivatives; without effects they are exact."""
+        if effects:
+            yield from super().linearised(experiment, effects, row, slots, steps, count)
+            return
+        columns = np.where(slots < self.shared, slots, slots - self.shared + len(SPECS))
+        for samples, pressure, jacobian in self._exact(experiment, row, count, slopes=True):
+            yield samples, pressure, jacobian[:, columns]
+
+    def _exact(
+        self, experiment: Experiment, row: Array, count: int, *, slopes: bool
+    ) -> Iterator[tuple[slice, Array, Array]]:
+        """Yield pressure and derivatives by the gains, the offset and the start."""
+        setpoint, offset = experiment.inputs['setpoint'], row[self.shared]
+        start = setpoint[0] + offset + self._starts(experiment, row[None])[0]
+        course = Course(row[: len(SPECS)], start)
+        for block in experiment.blocks(count):
+            grid = block.grid
+            moved, held = experiment.inputs['displacement'][grid], setpoint[grid] + offset
+            pressure, jacobian = course.follow(experiment.times[grid], moved, held, slopes=slopes)
+            if slopes and not experiment.whole:
+                jacobian[:, _OF_OFFSET] -= jacobian[:, _OF_START]  # the start is measured, whatever the offset
+            yield block.samples, pressure[block.at], jacobian[block.at] if slopes else jacobian
+
+    def _composed(
+        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int
+    ) -> Iterator[tuple[slice, Array]]:
+        """Yield the pressures with effects, the cylinders side by side."""
+        displacement, setpoint = experiment.inputs['displacement'], experiment.inputs['setpoint']
+        cylinders = [
+            ExtendedCylinder(
+                row[: len(SPECS)],
+                {name: row[list(self.slots_of(name))].tolist() for name in effects},
+                self.ambient_pressure,
+            )
+            for row in rows
+        ]
+        stiffness = max(one.stiffness_over(displacement, setpoint) for one in cylinders)
+        at_rest = experiment.whole and experiment.starts_at_rest
+        side_by_side = SideBySide(
+            cylinders[0],
+            rows[:, : self.shared],
+            rows[:, self.shared],
+            self._starts(experiment, rows),
+            experiment.begin,
+            stiffness,
+            settles=at_rest and any(self.effects[name].moves_rest for name in effects),
+        )
+        for block in experiment.blocks(count):
+            grid = block.grid
+            readings = side_by_side.follow(experiment.times[grid], displacement[grid], setpoint[grid])
+            yield block.samples, readings[block.at]
+
+    def _starts(self, experiment: Experiment, rows: Array) -> Array:
+        """Return by how much models start above the set-point, shape (models,) [Pa]."""
+        offsets, starts = rows[:, self.shared], rows[:, self.shared + 1]
+        if experiment.whole:
+            return np.asarray(starts)
+        return np.asarray(experiment.first - experiment.inputs['setpoint'][0] - offsets)
+
+    def levels(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
+        """Return the gauge set-point."""
+        offsets = model.own[:, _OFFSET] - self.ambient_pressure
+        return [one.at_samples('setpoint') + float(offsets[one.index]) for one in experiments]
+
+    def sensitivity(self, model: Model) -> float:
+        """Return K_x [Pa/m]."""
+        return displacement_sensitivity(model.parameters)
+
+    def precision(self, experiment: Experiment, simulated: Array) -> Array:
+        """
+        Return the inverse of each sample's standard deviation, relative to a sample at rest.
+
+        While the pressure changes fast, the jitter of its stamp counts beside the sensor's noise: a step of the
+        set-point makes 10 kPa in a few milliseconds, and 50 microseconds of it are many times the noise.
+        """
+        times, seen = experiment.sample_times, experiment.fitted  # the test part has no say in what samples weigh
+        seen = seen if np.count_nonzero(seen) >= FEWEST_SAMPLES else ~seen
+        noise, jitter = sample_noise(times[seen], experiment.measured[seen]), stamp_jitter(times)
+        if noise == 0.0 or jitter == 0.0:
+            return np.ones_like(simulated)
+        before = np.diff(simulated, prepend=simulated[:1]) / np.diff(times, prepend=times[0] - 1.0)
+        slope = np.maximum(np.abs(before), np.abs(np.append(before[1:], before[-1:])))
+        precisions: Array = 1.0 / np.sqrt(1.0 + (slope * jitter / noise) ** 2)
+        return precisions
+
+    def regressors(self, experiment: Experiment, simulated: Array, weight: Array, mask: Mask) -> Regressors:
+        """Return inputs, what the model makes of them, and their products."""
+        times = experiment.sample_times
+        x, setpoint = experiment.at_samples('displacement'), experiment.at_samples('setpoint')
+        # by a smoothed period: the stamps' jitter in a rate would pass for a dependence on it
+        period = uniform_filter1d(np.gradient(times), _SMOOTHED, mode='nearest')
+        rate = np.gradient(x) / period
+        error = setpoint - simulated
+        change = np.gradient(simulated) / period
+        progress = 2.0 * (times - times[0]) / (times[-1] - times[0]) - 1.0
+        centred = (x - np.mean(x)) / max(float(np.std(x)), 1e-12)
+        level = setpoint - np.mean(setpoint)
+        moving = np.sign(rate) * (np.abs(rate) > 0.05 * np.std(rate))
+        lagged = [rate, change, error, np.abs(error), np.abs(rate), moving]
+        once = [x, level, centred * rate, centred * error, level * error, progress * change, progress * rate, x * x]
+        once += [level * level, np.abs(change), error * np.abs(error)]
+        return Regressors(once, lagged, weight, int(np.argmax(mask)), int(np.count_nonzero(mask)))
+
+    def data(self, experiments: Sequence[Experiment], model: Model, simulated: Sequence[Array]) -> Data:
+        """
+        Return what effects draw their starting values from.
+
+        =====================  ============================================================
+        `k_x` [Pa/m], `k_sv`, `k_v` [1/s], `tau` [s]  gains as fitted
+        `residual`, `mean` [Pa]  root mean square and mean of the residual
+        `gauge` [Pa]           median gauge pressure
+        `highest_pressure` [Pa]  absolute
+        `x_low`, `x_high` [m]  range of the displacement
+        `speed` [m/s]          root mean square of the piston's, while it moves
+        `lag` [s]              by which the measured pressure comes later than the simulated one
+        `period`, `duration` [s]  between samples, and of the longest experiment
+        `largest_charge`, `largest_exhaust` [Pa/s]  what the valves' flow reaches
+        `slow_frequency` [Hz]  strongest period of the residual below 3 Hz
+        =====================  ============================================================
+        """
+        residuals = [one.measured - pressure for one, pressure in zip(experiments, simulated)]
+        pressures, left = (np.concatenate(runs) for runs in ([one.measured for one in experiments], residuals))
+        displacement = np.concatenate([one.inputs['displacement'] for one in experiments])
+        errors = [
+            one.at_samples('setpoint') + model.own[one.index, _OFFSET] - pressure
+            for one, pressure in zip(experiments, simulated)
+        ]
+        charge, exhaust = flows(model.parameters, np.concatenate(errors))
+        longest = max(range(len(experiments)), key=lambda index: float(np.ptp(experiments[index].sample_times)))
+        one = experiments[longest]
+        return {
+            **dict(zip(self.parameters, model.parameters.tolist())),
+            'residual': float(np.sqrt(np.mean(left**2))),
+            'mean': float(np.mean(left)),
+            'gauge': max(float(np.median(pressures)) - self.ambient_pressure, 1e3),
+            'highest_pressure': float(np.max(pressures)),
+            'x_low': float(np.min(displacement)),
+            'x_high': float(np.max(displacement)),
+            'speed': speed_of(one.times, one.inputs['displacement']),
+            'lag': lag_of(one.sample_times, one.measured, simulated[longest]),
+            'period': min(one.period for one in experiments),
+            'duration': float(np.ptp(one.sample_times)),
+            'largest_charge': max(charge, _LEAST_FLOW),
+            'largest_exhaust': max(exhaust, _LEAST_FLOW),
+            'slow_frequency': strongest_frequency(one.sample_times, residuals[longest]),
+        }
+
+    def shown(self, experiment: Experiment) -> Mapping[str, Array]:
+        """Return displacement, speed and set-point."""
+        displacement = experiment.at_samples('displacement')
+        return {
+            'displacement': displacement,
+            'piston speed': np.gradient(displacement, experiment.sample_times),
+            'set-point': experiment.at_samples('setpoint'),
+        }
+
+
+def _evidence(experiments: Sequence[Experiment], masks: Sequence[Mask], simulated: Sequence[Array]) -> float:
+    """Return by how much following the piston raises twice the log likelihood of a pressure that rests."""
+    evidence = 0.0
+    for one, mask, pressure in zip(experiments, masks, simulated):
+        if np.any(mask):
+            rested, left = float(np.var(one.measured[mask])), float(np.mean((one.measured - pressure)[mask] ** 2))
+            evidence += np.count_nonzero(mask) * math.log(rested / max(left, 1e-300))
+    return evidence

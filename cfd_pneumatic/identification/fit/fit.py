@@ -1,0 +1,234 @@
+"""Fits of a channel's model, with or without effects, and what they tell of each parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Mask, Model
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.fit.levenberg import least_squares
+from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
+from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, Information, information
+
+Array = NDArray[np.float64]
+
+ROUGH = (1e-4, 40)
+"""Tolerance and evaluations of a fit that chooses among starts."""
+
+FINE = (1e-9, 200)
+"""The same of a fit whose numbers are reported."""
+
+_EXCERPT = 50_000  # grid steps
+_CONFIDENCE = 0.95
+_AT_BOUND = 1e-3  # of what is searched
+_SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not told
+
+
+@dataclass(frozen=True)
+class Fit:
+    """
+    A channel's model, fitted.
+
+    Attributes
+    ----------
+    model
+        Its values.
+    estimates
+        Parameters, then those of effects (`EFFECT.PARAMETER`), with standard errors or why they have none.
+    stds
+        Standard errors of what each experiment has for itself, shape (experiments, own); 0 where it was held [SI].
+    simulated
+        What it makes of each experiment, shape (m,) [SI].
+    likelihood
+        By which it was fitted.
+
+    """
+
+    model: Model
+    estimates: tuple[Estimate, ...]
+    stds: Array
+    simulated: tuple[Array, ...]
+    likelihood: Likelihood
+
+
+def fit(
+    channel: Channel, experiments: Sequence[Experiment], masks: Sequence[Mask], initial: Model | None = None
+) -> Fit:
+    """
+    Fit a channel's model without effects jointly to several recordings.
+
+    It is fitted twice: what the first fit leaves says what samples weigh in the second.
+
+    Parameters
+    ----------
+    channel, experiments, masks
+        What was measured, and which of its samples count.
+    initial
+        First guess; by default several are tried.
+
+    Raises
+    ------
+    InputError
+        If the recordings tell no parameter.
+
+    """
+    alike = Likelihood.alike(channel, experiments, masks)
+    starts = channel.starts(experiments, masks) if initial is None else [initial]
+    start = starts[0]
+    if len(starts) > 1 or alike.excerpt(_EXCERPT) is not alike:
+        part = alike.excerpt(_EXCERPT)
+        start, _ = min((search(part, one, *ROUGH) for one in starts), key=lambda found: found[1])
+    first, _ = search(alike, start, *FINE)
+    weighed = alike.weighed(alike.simulate(first))
+    found, _ = search(weighed, first, *FINE)
+    return summary(weighed, found)
+
+
+def search(
+    likelihood: Likelihood, start: Model, tolerance: float, evaluations: int, enough: float = 0.0
+) -> tuple[Model, float]:
+    """
+    Return the best model that is found from a start with its effects, and its sum of squares, infinite if it ran away.
+
+    The search ends when the sum falls by less than a share `tolerance`, after so many evaluations, or when it is
+    `enough`.
+    """
+    unknowns = Unknowns(likelihood.channel, likelihood.experiments, start)
+    if not unknowns.start.size:
+        left = likelihood.residuals(likelihood.simulate(start))
+        return start, sum(float(run @ run) for run in left)
+    point, cost = least_squares(
+        lambda at: likelihood.evaluate(unknowns, at),
+        unknowns.start,
+        unknowns.lower,
+        unknowns.upper,
+        tolerance,
+        evaluations,
+        enough,
+        unknowns.longest_step,
+    )
+    return unknowns.model(point), cost.total
+
+
+def summary(likelihood: Likelihood, model: Model) -> Fit:
+    """
+    Return a fitted model with what the recordings tell of each parameter.
+
+    What is not told is held, and the standard errors of the others are so.
+
+    Raises
+    ------
+    InputError
+        If there are too few samples, or they tell nothing.
+
+    """
+    channel, experiments = likelihood.channel, likelihood.experiments
+    simulated = likelihood.simulate(model)
+    unknowns = Unknowns(channel, experiments, model)
+    told = _information(likelihood, unknowns, simulated)
+    degrees = told.size - len(unknowns.table)
+    if degrees < 1:
+        raise InputError(
+            f'{told.size} {channel.quantity.name} samples are too few for {len(unknowns.table)} unknowns: record longer'
+        )
+    reasons = _untold(likelihood, unknowns, told)
+    stds = _standard_errors(channel, unknowns, told, degrees, reasons)
+    values = dict(zip(unknowns.slots.tolist(), zip(unknowns.table, stds.tolist())))
+    quantile = float(stdtrit(degrees, 0.5 + 0.5 * _CONFIDENCE))
+    why = {unknowns.table[index].slot: reason for index, reason in reasons.items()}
+    row = channel.row(model)
+    held = channel.held(experiments, model)
+    estimates = []
+    for slot, name, unit in _reported(channel, model):
+        reason = why.get(slot, held.get(name))
+        if reason is not None:
+            estimates.append(Estimate(name, unit, None, None, None, reason))
+            continue
+        value, std = float(row[slot]), values[slot][1] if slot in values else 0.0
+        estimates.append(Estimate(name, unit, value, std, (value - quantile * std, value + quantile * std), None))
+    own = np.array(
+        [
+            [values[slot][1] if slot in values else 0.0 for slot in channel.own_slots(index)]
+            for index in range(len(model.own))
+        ]
+    )
+    channel.check(likelihood.experiments, likelihood.masks, simulated, model, estimates)
+    return Fit(model, tuple(estimates), own, tuple(simulated), likelihood)
+
+
+def _information(likelihood: Likelihood, unknowns: Unknowns, simulated: Sequence[Array]) -> Information:
+    """Return what the residuals tell about the unknowns, as they are searched."""
+
+    def jacobians() -> Iterator[Array]:
+        for rows, own in likelihood.rows(unknowns, unknowns.start):
+            jacobian = np.zeros((rows.shape[1], len(unknowns.table)))
+            jacobian[:, own] = rows[1:].T
+            yield jacobian
+
+    return information(jacobians(), [run for run in likelihood.residuals(simulated) if run.size])
+
+
+def _untold(likelihood: Likelihood, unknowns: Unknowns, told: Information) -> dict[int, str]:
+    """Return why the values of some unknowns mean nothing, before any statistics."""
+    channel, reasons = likelihood.channel, {}
+    size = np.sqrt(np.diag(told.normal))
+    for index, (one, value) in enumerate(zip(unknowns.table, unknowns.start.tolist())):
+        hint = f': {channel.hints[one.name]}' if one.name in channel.hints else ''
+        effect = one.name.partition('.')[0]
+        reason = channel.untold(likelihood.experiments, effect) if effect in channel.effects else None
+        if size[index] == 0.0:
+            reason = f'nothing in the recordings depends on it{hint}'
+        elif one.name and value - unknowns.lower[index] < _AT_BOUND:
+            reason = f'the fit ends at its lower bound {one.lower:g} {one.unit}{hint}'
+        elif one.name and unknowns.upper[index] - value < _AT_BOUND:
+            reason = f'the fit ends at its upper bound {one.upper:g} {one.unit}{hint}'
+        if reason is not None:
+            reasons[index] = reason
+    free = np.array([index for index in range(size.size) if index not in reasons], dtype=np.intp)
+    powers, directions = np.linalg.eigh(told.normal[np.ix_(free, free)] / np.outer(size[free], size[free]))
+    blind = np.abs(directions[:, powers < _SINGULAR**2 * np.max(powers, initial=0.0)]) > LARGEST_RELATIVE_STD
+    for index in free[np.any(blind, axis=1)].tolist():
+        reasons[index] = 'it can not be told from other unknowns: let the piston reverse, or change the set-point'
+    return reasons
+
+
+def _standard_errors(
+    channel: Channel, unknowns: Unknowns, told: Information, degrees: int, reasons: dict[int, str]
+) -> Array:
+    """
+    Return the standard errors of what is told [unknown's unit], and add to the reasons why the rest is not.
+
+    A parameter of the model itself is told if zero lies three of them away, an effect's if it lies one away. One of the
+    model's that is not told is held.
+    """
+    stds = np.zeros(len(unknowns.table))
+    own = [index for index, one in enumerate(unknowns.table) if one.logarithmic and one.name in channel.parameters]
+    while True:
+        free = np.array([index for index in range(stds.size) if index not in reasons], dtype=np.intp)
+        stds[free] = np.sqrt(np.diag(told.covariance(degrees, free)))
+        worst = max((index for index in own if index not in reasons), key=stds.__getitem__, default=None)
+        if worst is None or stds[worst] <= LARGEST_RELATIVE_STD:
+            break
+        hint = channel.hints[unknowns.table[worst].name]
+        reasons[worst] = f'its standard error would be {100.0 * stds[worst]:.0f} % of its value: {hint}'
+    errors = stds * unknowns.scales(unknowns.start)
+    values = unknowns.row(unknowns.start)[unknowns.slots]
+    for index, one in enumerate(unknowns.table):
+        if '.' in one.name and errors[index] > abs(values[index]):
+            reasons.setdefault(index, 'these recordings tell the effect, but not this parameter')
+    return errors
+
+
+def _reported(channel: Channel, model: Model) -> Iterator[tuple[int, str, str]]:
+    """Yield slot, name and unit of the model's parameters and of its effects'."""
+    for slot, (name, unit) in enumerate(channel.parameters.items()):
+        yield slot, name, unit
+    for effect in model.effects:
+        for slot, parameter in zip(channel.slots_of(effect), channel.effects[effect].parameters):
+            yield slot, f'{effect}.{parameter.name}', parameter.unit

@@ -1,0 +1,279 @@
+"""
+The likelihood of a channel's samples: what they weigh, how their residual is whitened, what a model has to gain.
+
+Samples are normal, each with a standard deviation in proportion to that of its recording's residual and to what the
+jitter of its stamp adds. Every fit, search and comparison of one channel asks one object of this kind, or one that is
+cut from it. Whoever wants another likelihood changes this file.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.identification.channels.channel import Channel, Model, Unknown
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.levenberg import Quadratic
+from cfd_pneumatic.identification.residual.autoregression import independent_share, whitened
+from cfd_pneumatic.identification.residual.noise import Noise
+from cfd_pneumatic.identification.residual.tests import Test
+from cfd_pneumatic.model.kernel import kernel
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's scale
+_LONGEST_STEP = 2.0
+_STRETCHES = 32  # of long recordings, which a search reads
+_STRETCH = 16_384  # samples
+_LEAD = 0.1  # share of a stretch
+_LEAST = 1e-300  # sum of squares whose logarithm is taken
+
+
+class Unknowns:
+    """
+    What is searched of a model, and how: in logarithms, or in units that make numbers about one.
+
+    Parameters
+    ----------
+    channel, experiments, model
+        Whose, and where the search begins.
+
+    """
+
+    def __init__(self, channel: Channel, experiments: Sequence[Experiment], model: Model) -> None:
+        self.table: list[Unknown] = channel.unknowns(experiments, model)
+        self.effects = tuple(model.effects)
+        self.slots = np.array([one.slot for one in self.table], dtype=np.intp)
+        self._channel = channel
+        self._row = channel.row(model)
+        for name in channel.held(experiments, model):
+            effect, _, parameter = name.partition('.')
+            if parameter:
+                names = [one.name for one in channel.effects[effect].parameters]
+                rank = names.index(parameter)
+                self._row[channel.slots_of(effect)[rank]] = channel.effects[effect].null[rank]
+        self._logarithmic = np.array([one.logarithmic for one in self.table], dtype=np.bool_)
+        self._units = np.array([1.0 if one.logarithmic else one.scale for one in self.table])
+        self.lower, self.upper = (
+            self._inward(np.array([getattr(one, side) for one in self.table])) for side in ('lower', 'upper')
+        )
+        self.start = np.clip(self._inward(self._row[self.slots]), self.lower, self.upper)
+
+    @property
+    def longest_step(self) -> Array:
+        """Farthest that a search may go at once: a factor of seven where it searches a logarithm, shape (k,)."""
+        return np.where(self._logarithmic, _LONGEST_STEP, np.inf)
+
+    def _inward(self, values: Array) -> Array:
+        with np.errstate(divide='ignore', invalid='ignore'):
+            return np.where(self._logarithmic, np.log(np.maximum(values, 0.0)), values / self._units)
+
+    def row(self, point: Array) -> Array:
+        """Return all numbers of the model at a point."""
+        row = self._row.copy()
+        row[self.slots] = np.where(
+            self._logarithmic, np.exp(np.where(self._logarithmic, point, 0.0)), point * self._units
+        )
+        return row
+
+    def scales(self, point: Array) -> Array:
+        """Return by how much each number moves with what is searched, shape (k,)."""
+        return np.where(self._logarithmic, self.row(point)[self.slots], self._units)
+
+    def model(self, point: Array) -> Model:
+        """Return the model at a point."""
+        return self._channel.model(self.row(point), self.effects, len(self.table))
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """
+    The likelihood of some experiments of a channel.
+
+    Attributes
+    ----------
+    channel
+        What was measured.
+    experiments
+        In which recordings.
+    masks
+        Which samples of each count, shape (m,).
+    weights
+        Of each experiment's samples, shape (m,).
+
+    """
+
+    channel: Channel
+    experiments: tuple[Experiment, ...]
+    masks: tuple[Mask, ...]
+    weights: tuple[Array, ...]
+
+    @classmethod
+    def alike(cls, channel: Channel, experiments: Sequence[Experiment], masks: Sequence[Mask]) -> Likelihood:
+        """Return one in which all samples weigh alike."""
+        return cls(channel, tuple(experiments), tuple(masks), tuple(np.ones(one.part.size) for one in experiments))
+
+    def weighed(self, simulated: Sequence[Array]) -> Likelihood:
+        """Return it with the weights that follow from a model's simulation and what that leaves."""
+        precisions = [self.channel.precision(*one) for one in zip(self.experiments, simulated)]
+        left = [
+            (one.measured - values)[mask] * own[mask]
+            for one, values, own, mask in zip(self.experiments, simulated, precisions, self.masks)
+        ]
+        rms = np.array([math.sqrt(float(run @ run) / run.size) if run.size else math.nan for run in left])
+        scales = np.nan_to_num(np.nanmean(rms) / np.maximum(rms, 1e-9), nan=1.0)
+        return replace(self, weights=tuple(own * scale for own, scale in zip(precisions, scales.tolist())))
+
+    def until(self, part: str) -> Likelihood:
+        """Return what lies up to a part, of which only that part's and earlier samples count."""
+        cut = [one.until(part) for one in self.experiments]
+        masks = [mask[: one.part.size] & (one.part <= PARTS.index(part)) for one, mask in zip(cut, self.masks)]
+        weights = [weight[: one.part.size] for one, weight in zip(cut, self.weights)]
+        return replace(self, experiments=tuple(cut), masks=tuple(masks), weights=tuple(weights))
+
+    def excerpt(self, steps: int) -> Likelihood:
+        """Return the liveliest part of each experiment; itself where none has more grid steps."""
+        if max(one.times.size for one in self.experiments) <= steps:
+            return self
+        return self._cut([(rank, one.liveliest(steps, self.masks[rank])) for rank, one in enumerate(self.experiments)])
+
+    def representative(self) -> Likelihood:
+        """
+        Return stretches spread evenly over the train and validation parts; itself where they are hardly more.
+
+        Which they are depends on the number of samples only, so that they favour no effect.
+        """
+        count = sum(int(np.count_nonzero(one.fitted)) for one in self.experiments)
+        if count <= 2 * _STRETCHES * _STRETCH:
+            return self
+        places = []
+        for rank, one in enumerate(self.experiments):
+            for begin, end in pairwise(np.searchsorted(one.part, range(PARTS.index('test') + 1)).tolist()):
+                number = math.ceil(_STRETCHES * (end - begin) / count)
+                length = min(_STRETCH, (end - begin) // max(number, 1))
+                firsts = np.linspace(begin, end - length, number).astype(int).tolist()
+                places += [(rank, slice(first, first + length)) for first in firsts]
+        return self._cut(places)
+
+    def _cut(self, places: Sequence[tuple[int, slice]]) -> Likelihood:
+        """
+        Return some stretches of some experiments.
+
+        One from the middle starts as measured; its first samples don't count, until that is forgotten.
+        """
+        experiments = [self.experiments[rank].stretch(samples) for rank, samples in places]
+        masks = [self.masks[rank][samples].copy() for rank, samples in places]
+        for one, mask in zip(experiments, masks):
+            if not one.whole:
+                mask[: int(_LEAD * mask.size)] = False
+        weights = [self.weights[rank][samples] for rank, samples in places]
+        return replace(self, experiments=tuple(experiments), masks=tuple(masks), weights=tuple(weights))
+
+    @property
+    def steps(self) -> int:
+        """How many grid steps there are."""
+        return sum(one.times.size for one in self.experiments)
+
+    @property
+    def samples(self) -> int:
+        """How many samples count."""
+        return sum(int(np.count_nonzero(mask)) for mask in self.masks)
+
+    def simulate(self, model: Model) -> list[Array]:
+        """Return what a model makes of each experiment, shape (m,) [SI]."""
+        return self.channel.simulated(self.experiments, model)
+
+    def counted(self, signals: Sequence[Array]) -> list[Array]:
+        """Return signals of each experiment at the samples that count, weighted, each of shape (n,)."""
+        return [(one * weight)[mask] for one, weight, mask in zip(signals, self.weights, self.masks)]
+
+    def residuals(self, simulated: Sequence[Array]) -> list[Array]:
+        """Return measured less simulated at the samples that count, weighted."""
+        return self.counted([one.measured - values for one, values in zip(self.experiments, simulated)])
+
+    def noise(self, model: Model) -> Noise:
+        """Return the noise that a model leaves, from what represents all samples."""
+        telling = self.representative()
+        return self.channel.noise(telling.experiments, telling.simulate(model), model)
+
+    def tests(self, model: Model, noise: Noise) -> list[Test]:
+        """Return the tests of what a model leaves, from what represents all samples."""
+        telling = self.representative()
+        return self.channel.tests(telling.experiments, telling.simulate(model), telling.masks, noise)
+
+    # a fit
+
+    def evaluate(self, unknowns: Unknowns, point: Array) -> Quadratic:
+        """Return what the sum of squared residuals is like near a point."""
+        total = 0.0
+        gradient, normal = np.zeros(point.size), np.zeros((point.size, point.size))
+        for rows, own in self.rows(unknowns, point):
+            here = Quadratic.of(rows)
+            total += here.total
+            gradient[own] += here.gradient
+            normal[np.ix_(own, own)] += here.normal
+        return Quadratic(total, gradient, normal)
+
+    def rows(self, unknowns: Unknowns, point: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+        """
+        Yield the residuals piece by piece, simulated less measured, and below them their derivatives.
+
+        Yields
+        ------
+        rows, own
+            Shape (1 + k, n) [SI], and by which unknowns, shape (k,).
+
+        """
+        row, scales = unknowns.row(point), unknowns.scales(point)
+        steps = np.where(point + _DIFFERENCE <= unknowns.upper, _DIFFERENCE, -_DIFFERENCE) * scales
+        shared = self.channel.shared
+        for experiment, mask, weight in zip(self.experiments, self.masks, self.weights):
+            mine = self.channel.own_slots(experiment.index)
+            concerns = (unknowns.slots < shared) | np.isin(unknowns.slots, mine)
+            own = np.flatnonzero(concerns)
+            slots = unknowns.slots[own]
+            local = np.where(slots < shared, slots, slots - mine.start + shared)
+            numbers = np.concatenate([row[:shared], row[mine.start : mine.stop]])
+            last = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
+            walk = self.channel.linearised(experiment, unknowns.effects, numbers, local, steps[own], last)
+            for samples, simulated, jacobian in walk:
+                here = slice(samples.start, samples.stop)
+                rows = _rows(simulated, experiment.measured[here], weight[here], mask[here], jacobian, scales[own])
+                yield rows, own
+
+    # what a model is worth
+
+    def criterion(self, residuals: Sequence[Array], unknowns: int, colour: Array) -> float:
+        """Return the Bayesian information criterion of what a model leaves, whitened as noise of a colour."""
+        squares = sum(float(np.sum(whitened(residual, colour) ** 2)) for residual in residuals)
+        return self.samples * math.log(max(squares, _LEAST)) + unknowns * math.log(self.samples)
+
+    def evidence(self, before: float, after: float, unknowns: int, colour: Array) -> float:
+        """
+        Return by how much sums of squares lower the criterion where noise of a colour counts for less.
+
+        A slow effect, a sine for one, suits slow noise too, and whitening alone doesn't see that.
+        """
+        samples = self.samples * independent_share(colour)
+        return samples * math.log(before / max(after, _LEAST)) - unknowns * math.log(self.samples)
+
+
+@kernel
+def _rows(simulated: Array, measured: Array, weight: Array, counts: Mask, jacobian: Array, scales: Array) -> Array:
+    """Return the weighted residuals of the samples that count, and below them their derivatives, shape (1 + k, n)."""
+    rows = np.empty((1 + scales.size, np.count_nonzero(counts)))
+    kept = 0
+    for sample in range(measured.size):
+        if counts[sample]:
+            rows[0, kept] = (simulated[sample] - measured[sample]) * weight[sample]
+            for rank in range(scales.size):
+                rows[1 + rank, kept] = jacobian[sample, rank] * scales[rank] * weight[sample]
+            kept += 1
+    return rows

@@ -1,0 +1,62 @@
+"""What a residual and a motion are like: period, lag, speed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+
+Array = NDArray[np.float64]
+
+_FASTEST_SUPPLY = 3.0  # highest frequency of a supply's variation [Hz]
+_MOST_FREQUENCIES = 100  # that are looked at closely
+_FEWEST_ORDINATES = 1024
+_LONGEST_LAG = 0.2  # [s]
+_BIN = 0.05  # over which residuals are averaged, short beside the fastest period [s]
+
+
+def strongest_frequency(times: Array, residual: Array) -> float:
+    """Return the frequency [Hz], of those a supply's variation may have, that explains most of the residual."""
+    slowest = 1.0 / max(float(np.ptp(times)), 1e-9)
+    if slowest >= _FASTEST_SUPPLY:
+        return _FASTEST_SUPPLY
+    bins = ((times - times[0]) / _BIN).astype(np.intp)
+    present, rank = np.unique(bins, return_inverse=True)
+    counts = np.bincount(rank)
+    centres = np.bincount(rank, times) / counts
+    means = np.bincount(rank, residual - np.mean(residual)) / counts
+    # the periodogram finds where to look, four times as fine as lines are wide
+    filled = np.zeros(int(present[-1]) + 1)
+    filled[present] = means
+    length = max(4 * filled.size, _FEWEST_ORDINATES)
+    frequencies = np.fft.rfftfreq(length, _BIN)
+    power = np.abs(np.fft.rfft(filled, length)) ** 2
+    within = np.flatnonzero((frequencies >= slowest) & (frequencies <= _FASTEST_SUPPLY))
+    tallest = frequencies[within[np.argsort(power[within])[-_MOST_FREQUENCIES:]]]
+    return float(tallest[int(np.argmax([_explained(centres, means, one) for one in tallest]))])
+
+
+def _explained(times: Array, values: Array, frequency: float) -> float:
+    """Return how much of the sum of squares a sine and a level explain."""
+    angle = 2.0 * np.pi * frequency * times
+    basis, _ = np.linalg.qr(np.column_stack([np.ones_like(times), np.sin(angle), np.cos(angle)]))
+    return float(np.sum((basis.T @ values) ** 2))
+
+
+def speed_of(times: Array, displacement: Array) -> float:
+    """Return the root mean square of the piston's speed while it moves [m/s]."""
+    speed = np.abs(np.gradient(displacement, times))
+    return max(float(np.sqrt(np.mean(speed[speed >= np.median(speed)] ** 2))), 1e-5)
+
+
+def lag_of(times: Array, measured: Array, simulated: Array) -> float:
+    """Return by how much a measured signal comes later than a simulated one, by their correlation [s]."""
+    period = float(np.median(np.diff(times)))
+    reach = min(int(_LONGEST_LAG / period), times.size // 4)
+    centred = measured - np.mean(measured)
+    expected = simulated - np.mean(simulated)
+    inner = centred[reach : measured.size - reach]
+    likeness = fftconvolve(expected, inner[::-1], mode='valid')  # by samples that the simulated one is taken later
+    total = np.concatenate([[0.0], np.cumsum(expected**2)])
+    mismatch = total[inner.size :] - total[: -inner.size] - 2.0 * likeness
+    return float(reach - int(np.argmin(mismatch))) * period

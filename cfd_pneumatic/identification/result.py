@@ -1,0 +1,253 @@
+"""What an identification comes to: one result for each measured channel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Quantity
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.identification.data.split import Split
+from cfd_pneumatic.identification.fit.fit import Fit
+from cfd_pneumatic.identification.residual.noise import Noise
+from cfd_pneumatic.identification.verdict import Conclusion, PartError
+from cfd_pneumatic.recording import Recording, Signal
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """A fit at one set-point, gauge [Pa]."""
+
+    setpoint: float
+    fit: Fit
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """
+    One recording: what was measured, and what the model makes of it without and with the effects.
+
+    Attributes
+    ----------
+    channel
+        What was measured.
+    recording
+        Index of the recording.
+    experiment
+        The recording made ready for the model.
+    before, after
+        Simulated without and with effects at its samples, shape (m,) [SI].
+
+    """
+
+    channel: Channel
+    recording: int
+    experiment: Experiment
+    before: Array
+    after: Array
+
+    @property
+    def name(self) -> str:
+        """Of the recording."""
+        return self.experiment.recording
+
+    @property
+    def times(self) -> Array:
+        """Of the samples, shape (m,) [s]."""
+        return self.experiment.sample_times
+
+    @property
+    def inputs(self) -> Mapping[str, Array]:
+        """What drives the model, by its name for people, at the samples, each of shape (m,) [SI]."""
+        return self.channel.shown(self.experiment)
+
+    @property
+    def residuals(self) -> tuple[Array, Array]:
+        """Measured less simulated, without and with effects, each of shape (m,) [SI]."""
+        return self.experiment.measured - self.before, self.experiment.measured - self.after
+
+    def tested(self, which: int) -> Array:
+        """Return the residual without (0) or with effects (1) as it is tested: weighted, before the test part."""
+        simulated = (self.before, self.after)[which]
+        weighted = self.residuals[which] * self.channel.precision(self.experiment, simulated)
+        return np.asarray(weighted[self.experiment.fitted])
+
+    def stamps(self, signal: Signal) -> Array:
+        """Return the stamps of the samples in the signal that they come from, a run of it, shape (m,) [s]."""
+        measured = self.experiment.measured
+        for first in range(len(signal) - measured.size + 1):
+            run = slice(first, first + measured.size)
+            if np.array_equal(signal.values[run], measured):
+                return signal.times[run]
+        return self.times
+
+
+@dataclass(frozen=True)
+class ChannelResult:
+    """
+    What was found on one channel.
+
+    Attributes
+    ----------
+    channel
+        What was measured.
+    fit
+        One joint fit without effects, to train and validation together.
+    schedule
+        Fits at each set-point with `Options.per_setpoint`; otherwise the joint fit at the mean set-point. Empty where
+        nothing is scheduled.
+    comparisons
+        One for each recording that holds the channel; without effects by the schedule, or the joint fit.
+    before, after
+        Error without and with effects on each part that has samples, by its name.
+    span
+        Span p99 - p1 of what was measured, mean over recordings [SI].
+    noise
+        Of the channel.
+    notes
+        Set-points that were left out, for people to read.
+    found
+        The fit with the effects that were found; `fit` itself where there are none.
+    conclusion
+        What closing the loop comes to; None where it wasn't asked for.
+
+    """
+
+    channel: Channel
+    fit: Fit
+    schedule: tuple[OperatingPoint, ...]
+    comparisons: tuple[Comparison, ...]
+    before: Mapping[str, PartError]
+    after: Mapping[str, PartError]
+    span: float
+    noise: Noise
+    notes: tuple[str, ...]
+    found: Fit
+    conclusion: Conclusion | None
+
+    @property
+    def name(self) -> str:
+        """Of the channel: `cylinder_a`, `cylinder_b`, `force`."""
+        return self.channel.name
+
+    @property
+    def quantity(self) -> Quantity:
+        """What was measured."""
+        return self.channel.quantity
+
+    @property
+    def experiments(self) -> tuple[Experiment, ...]:
+        """The recordings made ready for the model."""
+        return tuple(one.experiment for one in self.comparisons)
+
+    @property
+    def findings(self) -> Conclusion:
+        """What closing the loop comes to; the loop was closed."""
+        assert self.conclusion is not None
+        return self.conclusion
+
+    @property
+    def judged_on(self) -> str:
+        """The part on which before and after are compared: the test part, or all samples where there is none."""
+        return 'test' if 'test' in self.before else 'all'
+
+    @property
+    def gains(self) -> tuple[Estimate, ...]:
+        """Parameters of the model itself, fitted with the effects."""
+        return tuple(estimate for estimate in self.found.estimates if '.' not in estimate.name)
+
+    def parameters(self, effect: str) -> dict[str, Estimate]:
+        """Return an effect's parameters by their names."""
+        names = {estimate.name: estimate for estimate in self.found.estimates}
+        own = [one.name for one in self.channel.effects[effect].parameters]
+        return {name: names[f'{effect}.{name}'] for name in own if f'{effect}.{name}' in names}
+
+    def rmse(self, which: int) -> float:
+        """Return the error without (0) or with effects (1), on the part on which they are compared [SI]."""
+        errors = (self.before, self.after)[which]
+        if 'test' in errors:
+            return errors['test'].rmse
+        return float(np.sqrt(np.mean(np.concatenate([one.residuals[which] for one in self.comparisons]) ** 2)))
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """
+    How pressures make the contact force, as far as the recordings told it or somebody gave it.
+
+    Attributes
+    ----------
+    area
+        Of either piston [m^2]; None where nobody knows.
+    factor
+        Contact force over piston force that the area goes with [-]; None where nobody knows.
+    note
+        Why the area is not the recordings' own, or not known, for people to read; None where there is nothing to say.
+
+    """
+
+    area: float | None = None
+    factor: float | None = None
+    note: str | None = None
+
+
+@dataclass(frozen=True)
+class Identification:
+    """
+    The result for all channels.
+
+    Attributes
+    ----------
+    recordings
+        What was identified.
+    splits
+        Where each recording was cut.
+    no_test
+        Why there is no test part, or None.
+    channels
+        Results by `cylinder_a`, `cylinder_b`, `force`.
+    untold
+        Why a channel that was recorded told nothing, by its name.
+    options
+        How it was identified.
+
+    """
+
+    recordings: tuple[Recording, ...]
+    splits: tuple[Split, ...]
+    no_test: str | None
+    channels: Mapping[str, ChannelResult]
+    untold: Mapping[str, str]
+    options: Options
+
+    @property
+    def ambient_pressure(self) -> float:
+        """What gauge pressures are counted from [Pa]."""
+        return self.options.ambient_pressure
+
+    @property
+    def cylinders(self) -> Mapping[str, ChannelResult]:
+        """The results of the cylinders."""
+        return {name: result for name, result in self.channels.items() if name in CYLINDERS}
+
+    @property
+    def closed(self) -> tuple[ChannelResult, ...]:
+        """The results of the channels on which the loop was closed, cylinders first."""
+        return tuple(result for result in self.channels.values() if result.conclusion is not None)
+
+    @property
+    def geometry(self) -> Geometry:
+        """What makes the contact force: as fitted, or as given."""
+        force = self.channels.get('force')
+        if force is None:
+            note = 'as given' if self.options.area is not None else self.untold.get('force')
+            return Geometry(self.options.area, self.options.geometric_factor, note)
+        area, factor = force.found.model.parameters.tolist()
+        return Geometry(area, factor, force.found.estimates[0].reason)

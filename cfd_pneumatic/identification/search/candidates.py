@@ -1,0 +1,236 @@
+"""Models with one effect more or less: roughly fitted from every start, to the end where that promises much."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.identification.channels.channel import Effects, Model
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.fit.fit import search
+from cfd_pneumatic.identification.fit.likelihood import Likelihood
+from cfd_pneumatic.identification.residual.noise import sample_noise
+from cfd_pneumatic.identification.residual.tests import Test
+from cfd_pneumatic.identification.search.complement import Complement, Start
+from cfd_pneumatic.parallel import each
+
+Array = NDArray[np.float64]
+
+_REFINED = 2  # of an effect's starts
+_PROMISING = 4  # effects that are fitted to the end at least
+_LONG = 5000  # grid steps
+_EXCERPT = 5000  # grid steps of each recording that rough fits are of
+_LONGER_EXCERPT = 40_000  # that fits are brought close on where everything is more than twice as much
+_FITTED_OF_LONG = 6  # effects
+_RIVALLING = 0.3  # of what the best one takes: what is fitted to the end of long recordings
+_ALIKE = 0.7  # of what its best start takes: starts whose rough fits may change places
+_STRONG = 5.0  # in sample noises: a residual that may have led the model astray
+_ROUGH = (1e-2, 10)  # tolerance and evaluations from each start
+_FINE = (1e-5, 20)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """
+    A model with some effects, fitted to the train part.
+
+    Attributes
+    ----------
+    model
+        Its values.
+    simulated
+        What it makes of train and validation [SI].
+    residuals
+        What it leaves of train, weighted.
+    validation_rmse
+        Its error on the validation part [SI]; None where there is no such part.
+
+    """
+
+    model: Model
+    simulated: list[Array]
+    residuals: list[Array]
+    validation_rmse: float | None
+
+    @property
+    def effects(self) -> Effects:
+        """Its effects, in the order in which they were added."""
+        return self.model.effects
+
+    @property
+    def rss(self) -> float:
+        """The residuals' sum of squares."""
+        return float(sum(residual @ residual for residual in self.residuals))
+
+    @property
+    def unknowns(self) -> int:
+        """How many numbers were fitted."""
+        return self.model.unknowns
+
+
+@dataclass(frozen=True)
+class _Rough:
+    """A rough fit, and the sum of squares that it leaves."""
+
+    model: Model
+    cost: float
+
+
+class Candidates:
+    """
+    Candidates for the model of a channel.
+
+    Parameters
+    ----------
+    likelihood
+        Of everything before the test part.
+    begin
+        The model without effects, fitted to that.
+
+    """
+
+    def __init__(self, likelihood: Likelihood, begin: Model) -> None:
+        self.channel = likelihood.channel
+        whole, telling = likelihood.until('train'), likelihood.representative()
+        self.learn = telling.until('validation')
+        self.train = telling.until('train')
+        self._excerpt = whole.excerpt(_EXCERPT)
+        longer = whole.excerpt(_LONGER_EXCERPT)
+        self._longer_excerpt = longer if 2 * longer.steps < self.train.steps else None
+        noises = [sample_noise(one.sample_times, one.measured) ** 2 for one in self.train.experiments]
+        self._noise = math.sqrt(float(np.mean(noises)))
+        self._is_long = self.train.steps > _LONG
+        self._known_shares: dict[Candidate, dict[str, float]] = {}
+        self._known_tests: dict[Candidate, list[Test]] = {}
+        self.baseline = self._finished(search(self.train, begin, *_FINE)[0], begin)
+
+    def names(self, candidate: Candidate) -> list[str]:
+        """Return the effects that these recordings may tell beside a candidate's."""
+        return [
+            name
+            for name in self.channel.library
+            if name not in candidate.effects and self.channel.may_tell(self.train.experiments, name, candidate.model)
+        ]
+
+    def beside(self, candidate: Candidate, names: Sequence[str]) -> dict[str, Candidate]:
+        """
+        Return candidates with each of some effects beside those of one.
+
+        All are fitted roughly, from every start; the more promising ones are fitted to the end.
+        """
+        starts = self._starts(candidate, names)
+        rough = dict(zip(names, each(lambda name: self._rough(candidate, name, starts[name]), names)))
+        before = self._cost_of_excerpt(candidate)
+        promising = self._rivals(candidate, rough, before)
+        fine = dict(zip(promising, each(lambda name: self._fine(rough[name], before), promising)))
+        found = [fine.get(name, rough[name][0]).model for name in names]
+        return dict(zip(names, each(lambda one: self._finished(one, candidate.model), found)))
+
+    def without(self, candidate: Candidate, name: str) -> Candidate:
+        """Return a candidate with one effect less."""
+        fewer = {other: own for other, own in candidate.effects.items() if other != name}
+        found, _ = search(self.train, replace(candidate.model, effects=fewer), *_FINE)
+        return self._finished(found, candidate.model)
+
+    def promising(self, candidate: Candidate, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
+        """Return the effects to fit beside a candidate's, and the share of its residual that each other may take."""
+        if not self._is_long or len(names) <= _FITTED_OF_LONG:
+            return names, {}
+        shares = self._shares(candidate, names)
+        ranked = sorted(names, key=lambda name: -shares[name])
+        return ranked[:_FITTED_OF_LONG], {name: shares[name] for name in ranked[_FITTED_OF_LONG:]}
+
+    def resting_colour(self, candidate: Candidate) -> Array:
+        """Return the colour of the noise at rest, as a candidate leaves it."""
+        simulated = [values[: one.part.size] for one, values in zip(self.train.experiments, candidate.simulated)]
+        return self.channel.noise(self.train.experiments, simulated, candidate.model).colour
+
+    def residual_tests(self, candidate: Candidate) -> list[Test]:
+        """Return the tests of what a candidate leaves of train and validation; none is tested twice."""
+        if candidate not in self._known_tests:
+            noise = self.channel.noise(self.learn.experiments, candidate.simulated, candidate.model)
+            self._known_tests[candidate] = self.channel.tests(
+                self.learn.experiments, candidate.simulated, self.learn.masks, noise
+            )
+        return self._known_tests[candidate]
+
+    def _finished(self, model: Model, begin: Model) -> Candidate:
+        """Return a fit with what it leaves; one that ran away is as if its effects were not there."""
+        simulated = self.learn.simulate(model)
+        if not all(np.all(np.isfinite(values)) for values in simulated):
+            absent = {name: begin.effects.get(name, self.channel.effects[name].null) for name in model.effects}
+            model = replace(begin, effects=absent, unknowns=model.unknowns)
+            simulated = self.learn.simulate(model)
+        residuals = self.train.residuals([own[: one.part.size] for one, own in zip(self.train.experiments, simulated)])
+        errors = np.concatenate(
+            [
+                (values - one.measured)[one.part == PARTS.index('validation')]
+                for one, values in zip(self.learn.experiments, simulated)
+            ]
+        )
+        rmse = math.sqrt(float(np.mean(errors**2))) if errors.size else None
+        return Candidate(model, simulated, residuals, rmse)
+
+    def _rivals(self, candidate: Candidate, rough: Mapping[str, Sequence[_Rough]], before: float) -> list[str]:
+        """Return the effects to fit to the end: the better half; of long recordings those that may be the best."""
+        ranked = sorted(rough, key=lambda name: rough[name][0].cost)
+        if not self._is_long:
+            return ranked[: max(_PROMISING, len(ranked) // 2)]
+        taken = {name: 1.0 - rough[name][0].cost / before for name in rough}
+        promised = self._shares(candidate, ranked)
+        least, least_promised = _RIVALLING * max(taken.values()), _RIVALLING * max(promised.values())
+        may_be = [name for name in ranked if taken[name] >= least or promised[name] >= least_promised]
+        return sorted(may_be, key=lambda name: -max(taken[name], promised[name]))[:_PROMISING]
+
+    def _cost_of_excerpt(self, candidate: Candidate) -> float:
+        """Return the sum of squares that a candidate leaves of the excerpt."""
+        left = self._excerpt.residuals(self._excerpt.simulate(candidate.model))
+        return sum(float(run @ run) for run in left)
+
+    def _starts(self, candidate: Candidate, names: Sequence[str]) -> dict[str, Sequence[Start]]:
+        train = self.train.experiments
+        simulated = [values[: one.part.size] for one, values in zip(train, candidate.simulated)]
+        data = self.channel.data(train, candidate.model, simulated)
+        return {name: self.channel.library[name].starts(data) for name in names}
+
+    def _shares(self, candidate: Candidate, names: Sequence[str]) -> dict[str, float]:
+        """Return what share of a candidate's residual each effect may take; nothing is simulated twice."""
+        known = self._known_shares.setdefault(candidate, {})
+        fresh = [name for name in names if name not in known]
+        if fresh:
+            complement = Complement(self.train, candidate.model)
+            starts = self._starts(candidate, fresh)
+            _ = complement.residual  # made once, before threads ask for it
+            known.update(zip(fresh, each(lambda name: complement.share(name, starts[name]), fresh)))
+        return {name: known[name] for name in names}
+
+    def _rough(self, candidate: Candidate, name: str, starts: Sequence[Start]) -> list[_Rough]:
+        """Return a candidate with one more effect as rough fits from each start leave it, the best first."""
+        data, effects = self._excerpt, candidate.effects
+        astray = candidate.rss > self.train.samples * (_STRONG * self._noise) ** 2
+        begins = self.channel.beginnings(candidate.model, astray)
+        fits = [
+            _Rough(*search(data, replace(begin, effects={**effects, name: start}), *_ROUGH))
+            for begin in begins
+            for start in starts
+        ]
+        return sorted(fits, key=lambda one: one.cost)
+
+    def _fine(self, rough: Sequence[_Rough], before: float) -> _Rough:
+        """Return the best of a few rough fits, fitted to the end."""
+        best, *others = rough[:_REFINED]
+        if self._is_long:
+            others = [one for one in others if before - one.cost > _ALIKE * (before - best.cost)]
+        fits = [_Rough(*search(self.train, self._closer(one.model), *_FINE)) for one in (best, *others)]
+        return min(fits, key=lambda one: one.cost)
+
+    def _closer(self, rough: Model) -> Model:
+        """Return a model that needs few steps to the end; those of a long way are taken where they are cheap."""
+        data = self._longer_excerpt
+        if data is None:
+            return rough
+        return search(data, rough, *_FINE)[0]

@@ -1,0 +1,49 @@
+"""What a fit needs to know of the paper's model: where to start, what shows a parameter, what inputs do."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+HINTS = {
+    'k_x': 'let the piston move farther',
+    'k_sv': 'let the chamber grow, so that the regulator charges it',
+    'k_v': 'let the chamber shrink, so that the regulator vents it',
+    'tau': 'sample faster, or let the piston move in steps',
+}
+"""What to record so that a parameter shows."""
+
+SHORTEST_TAU = 0.3
+"""Sample periods: a quicker sensing can't be told from none, and would cost steps [-]."""
+
+_STARTING_K = (3.0, 30.0, 150.0)  # charging gains [1/s]
+_SHORTEST_CHAMBER = 0.03  # [m]
+_QUICKER = 5.0
+_SLOWEST_RELIEF, _USUAL_RELIEF = 0.1, 0.25  # K_v over K_sv; the paper's tables have 0.15 to 0.3
+
+
+def starting_gains(pressure: float, stroke: float) -> list[Array]:
+    """Return starts about K_x = n p / L with the chamber's length L taken as the stroke's order [m], and several K."""
+    k_x = pressure / max(stroke, _SHORTEST_CHAMBER)
+    return [np.array([k_x, gain, 0.5 * gain, 0.1 / gain]) for gain in _STARTING_K]
+
+
+def other_gains(gains: Array, astray: bool) -> list[Array]:
+    """Return gains to start from beside those of a fit; what it lacks may have led them `astray`."""
+    k_x, k_sv, k_v, tau = gains
+    others = [np.array([k_x, _QUICKER * k_sv, _QUICKER * k_v, tau / _QUICKER])] if astray else []
+    if not _SLOWEST_RELIEF * k_sv <= k_v <= k_sv:
+        others.append(np.array([k_x, k_sv, _USUAL_RELIEF * k_sv, tau]))
+    return others
+
+
+def displacement_sensitivity(gains: Array) -> float:
+    """Return by how much a displacement that jumps moves the pressure [Pa/m]."""
+    return float(gains[0])
+
+
+def flows(gains: Array, errors: Array) -> tuple[float, float]:
+    """Return the largest pressure rates of charge and exhaust that valve errors make [Pa/s], either maybe negative."""
+    return float(gains[1] * np.max(errors)), float(-gains[2] * np.min(errors))

@@ -1,0 +1,27 @@
+"""Long series made short for people: minima and maxima, so that nothing that can be seen is lost."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Times = TypeVar('Times', NDArray[np.float64], NDArray[np.int64])
+
+
+def thinned(times: Times, values: Array, columns: int) -> tuple[Times, Array]:
+    """
+    Return the lowest and the highest sample of each of so many columns of equally many samples, in their order.
+
+    A series that is not longer than two samples a column comes back as it is.
+    """
+    if times.size <= 2 * columns:
+        return times, values
+    edges = np.linspace(0, values.size, columns + 1).astype(np.intp)
+    kept = []
+    for begin, end in zip(edges[:-1].tolist(), edges[1:].tolist()):
+        column = values[begin:end]
+        kept += sorted({begin + int(np.argmin(column)), begin + int(np.argmax(column))})
+    return times[kept], values[kept]
