@@ -50,6 +50,21 @@ UNITS = {
 }
 
 
+def quantity(unit: str) -> str:
+    """
+    Return what a unit measures.
+
+    Raises
+    ------
+    InputError
+        If the unit is unknown.
+
+    """
+    if unit not in UNITS:
+        raise InputError(f'unit {unit!r} is not known: use one of {", ".join(UNITS)}')
+    return UNITS[unit].quantity
+
+
 def factor(unit: str, quantity: str) -> float:
     """
     Return what one `unit` of `quantity` is in SI.

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Role = Literal['displacement', 'pressure', 'setpoint', 'setpoint_applied', 'force']
+Role = Literal['displacement', 'pressure', 'setpoint', 'setpoint_applied', 'force', 'other']
 
 RECEIVE = 'receive'
 """As a `Channel.stamp`: the time of reception, whatever stamps the messages have."""
@@ -26,7 +26,7 @@ class Channel:
     role : str
         What the signal is.
     cylinder : str or None
-        Whose it is; None for the displacement and the force.
+        Whose it is; None for the displacement and the force. The name of a signal in another role.
     source : str or int
         Topic of a bag, or column of a table: its name, or its number from 1 on.
     field : str or None
@@ -58,7 +58,7 @@ class Channel:
     @property
     def name(self) -> str:
         """Name for people: `displacement`, `cylinder_a pressure`."""
-        return self.role if self.cylinder is None else f'{self.cylinder} {self.role}'
+        return ' '.join(word for word in (self.cylinder, self.role) if word not in (None, 'other'))
 
     def si(self, raw: NDArray[np.float64], ambient_pressure: float) -> NDArray[np.float64]:
         """Return raw numbers in SI units; pressures come out absolute."""

@@ -25,6 +25,8 @@ A mapping is YAML, with an entry for each signal. For a bag::
     cylinder_b:
       pressure: {topic: /press/pressure_b, unit: Pa, reference: absolute}
     force: {topic: /press/load_cell, field: wrench.force.z, unit: N}
+    others:                      # what a measured channel of your own is of, by names of your own
+      tool_force: {topic: /press/second_cell, unit: N}
 
 For a table, with columns by number (from 1 on) or, where there are header rows, by name::
 
@@ -209,7 +211,7 @@ class _Entry:
 
 
 def _mapping(path: Path, root: _Entry) -> ChannelMapping:
-    root.check_keys('displacement', *CYLINDERS, 'force', 'table', 'types')
+    root.check_keys('displacement', *CYLINDERS, 'force', 'others', 'table', 'types')
     table = _table(root.inner('table')) if 'table' in root else None
     channels = [_channel(root.inner('displacement'), 'displacement', None, table)]
     for cylinder in CYLINDERS:
@@ -226,6 +228,9 @@ def _mapping(path: Path, root: _Entry) -> ChannelMapping:
         raise root.error(f'{CYLINDERS[0]} is missing: give the pressure of a cylinder')
     if 'force' in root:
         channels.append(_channel(root.inner('force'), 'force', None, table))
+    if 'others' in root:
+        others = root.inner('others')
+        channels += [_channel(others.inner(name), 'other', name, table) for name in others.content]
     types = (path.parent / root.text('types')).absolute() if 'types' in root else None
     if types is not None and not types.is_dir():
         raise root.error(f'types: {types} is not a folder')
@@ -251,11 +256,12 @@ def _table(entry: _Entry) -> TableFormat:
 
 def _channel(entry: _Entry, role: Role, cylinder: str | None, table: TableFormat | None) -> Channel:
     source_keys = _TOPIC_KEYS if table is None else ('column',)
-    pressure = _QUANTITIES[role] == 'pressure'
+    quantity = _QUANTITIES.get(role) or units.quantity(entry.text('unit'))
+    pressure = quantity == 'pressure'
     entry.check_keys(*source_keys, *_NUMBER_KEYS, *(('reference',) if pressure else ()))
     source = entry.text('topic') if table is None else entry.column()
     sign = entry.choice('sign', (1, -1)) if 'sign' in entry else 1
-    unit = entry.unit(_QUANTITIES[role]) * (-1.0 if sign == -1 else 1.0)
+    unit = entry.unit(quantity) * (-1.0 if sign == -1 else 1.0)
     return Channel(
         role=role,
         cylinder=cylinder,

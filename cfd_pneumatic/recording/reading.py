@@ -125,7 +125,12 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
     assert displacement is not None
     _check_overlap(displacement, cylinders)
     health = [*notes, *(note for one in tidied.values() for note in one.notes)]
-    return Recording(name, epoch, displacement, cylinders, signal('force'), tuple(health))
+    others = {
+        other: Signal(_seconds_since(epoch, found.times), found.values)
+        for (role, other), found in tidied.items()
+        if role == 'other' and other is not None
+    }
+    return Recording(name, epoch, displacement, cylinders, signal('force'), tuple(health), others)
 
 
 def _seconds_since(epoch: int, times: NDArray[np.int64]) -> NDArray[np.float64]:

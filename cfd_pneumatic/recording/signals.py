@@ -8,7 +8,7 @@ A long recording's signals are kept in files. They are arrays like any others; w
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +100,8 @@ class Recording:
         Measured contact force [N].
     health : tuple of str
         What was amiss and how it was treated, for people to read.
+    others : Mapping
+        Further signals, by the names that a mapping gives them [SI].
 
     """
 
@@ -109,6 +111,7 @@ class Recording:
     cylinders: Mapping[str, CylinderSignals]
     force: Signal | None
     health: tuple[str, ...]
+    others: Mapping[str, Signal] = field(default_factory=dict)
 
     def between(self, begin: float, end: float) -> Recording:
         """
@@ -130,4 +133,5 @@ class Recording:
             displacement=self.displacement.between(begin, end),
             cylinders={name: signals.between(begin, end) for name, signals in self.cylinders.items()},
             force=None if self.force is None else self.force.between(begin, end),
+            others={name: signal.between(begin, end) for name, signal in self.others.items()},
         )

@@ -310,9 +310,11 @@ def stamps_of(recording: Recording, times: NDArray[np.float64]) -> NDArray[np.in
 
     """
     stamps = recording.epoch + np.rint(times * NANOSECONDS).astype(np.int64)
-    if recording.epoch < 0 or stamps[-1] >= _LAST_STAMP * NANOSECONDS:
-        last = stamps[-1] / NANOSECONDS
-        raise InputError(f'{recording.name}: times up to {last:g} s do not fit a stamp: check their unit and offset')
+    if stamps[0] < 0 or stamps[-1] >= _LAST_STAMP * NANOSECONDS:
+        first, last = stamps[[0, -1]] / NANOSECONDS
+        raise InputError(
+            f'{recording.name}: times of {first:g} to {last:g} s do not fit a stamp: check their unit and offset'
+        )
     return stamps
 
 

@@ -35,6 +35,14 @@ def recorded(times, displacement, setpoint, pressure, name='made', force=None):
     return Recording(name, 0, Signal(times, displacement), {'cylinder_a': cylinder}, felt, ())
 
 
+def both_cylinders(drawn):
+    """Return what the sensors of a draw gave, cylinder B too, as the force is of both."""
+    recording = recording_of(drawn)
+    got = drawn.recording
+    other = recorded(got.times, got.displacement, got.setpoints[:, 1], got.pressures[:, 1])
+    return replace(recording, cylinders={**recording.cylinders, 'cylinder_b': other.cylinders['cylinder_a']})
+
+
 def experiments_of(recordings, channel=CHANNEL):
     """Return cylinder A of each recording, as the identification sees it."""
     return list(prepared(recordings).experiments(channel))

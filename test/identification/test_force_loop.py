@@ -12,8 +12,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from drawn import both_cylinders
 from drawn import experiments_of as experiments_on
-from drawn import recorded, recording_of
 from measured import MAPPING, ROOT, needs_measured_data
 from reference import AMBIENT
 
@@ -33,14 +33,6 @@ AREA = 1.14e-3
 BORE = 0.25 * math.pi * 25.7e-3**2
 TEST = PARTS.index('test')
 FRICTION = tuple(f'friction/O-ring257_{bar}bar' for bar in (1, 3, 5, 7))
-
-
-def both_cylinders(drawn):
-    """Return what the sensors of a draw gave, cylinder B too, as the force is of both."""
-    recording = recording_of(drawn)
-    got = drawn.recording
-    other = recorded(got.times, got.displacement, got.setpoints[:, 1], got.pressures[:, 1])
-    return replace(recording, cylinders={**recording.cylinders, 'cylinder_b': other.cylinders['cylinder_a']})
 
 
 def experiments_of(recordings):

@@ -113,6 +113,6 @@ def test_an_unknown_type_is_refused(tmp_path):
 
 
 def test_times_that_do_not_fit_a_stamp(tmp_path):
-    with pytest.raises(InputError, match=r'^made up: times up to 3e\+09 s do not fit a stamp: check their unit'):
+    with pytest.raises(InputError, match=r'^made up: times of 3e\+09 to 3e\+09 s do not fit a stamp: check their unit'):
         write_recording(tmp_path / 'bag', recording(epoch=3 * 10**18))
     assert os.listdir(tmp_path) == []

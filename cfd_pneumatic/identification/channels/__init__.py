@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from cfd_pneumatic.identification.channels.channel import Channel
 from cfd_pneumatic.identification.data.options import Options
@@ -20,8 +20,15 @@ for _found in pkgutil.iter_modules(__path__):
 
 def channels_of(recordings: Sequence[Recording], options: Options) -> list[Channel]:
     """Return the channels that recordings hold, cylinders first."""
-    kinds = sorted(Channel.__subclasses__(), key=lambda kind: kind.rank)
+    kinds = sorted(_kinds(Channel.__subclasses__()), key=lambda kind: kind.rank)
     return [channel for kind in kinds for channel in kind.found_in(recordings, options)]
+
+
+def _kinds(classes: Iterable[type[Channel]]) -> Iterator[type[Channel]]:
+    """Yield classes and what is derived from them."""
+    for kind in classes:
+        yield kind
+        yield from _kinds(kind.__subclasses__())
 
 
 __all__ = ['Channel', 'channels_of']

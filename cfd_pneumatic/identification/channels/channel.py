@@ -409,11 +409,12 @@ class Channel(ABC):
     def simulate(self, experiments: Sequence[Experiment], models: Sequence[Model]) -> list[Array]:
         """Return what models with the same effects make of each experiment, shape (m, models) [SI]."""
         rows = np.array([self.row(one) for one in models])
-        effects = tuple(models[0].effects)
-        return [
-            np.concatenate([found for _, found in self.follow(one, effects, self._of_one(rows, one), one.part.size)])
-            for one in experiments
-        ]
+        found = []
+        for one in experiments:
+            found.append(np.empty((one.part.size, len(models))))
+            for samples, values in self.follow(one, tuple(models[0].effects), self._of_one(rows, one), one.part.size):
+                found[-1][samples] = values
+        return found
 
     def simulated(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
         """Return what one model makes of each experiment, shape (m,) [SI]."""

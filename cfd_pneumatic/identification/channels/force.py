@@ -75,10 +75,9 @@ class Force(Channel):
     @classmethod
     def found_in(cls, recordings: Sequence[Recording], options: Options) -> list[Force]:
         """Return it where a force was recorded."""
-        if all(recording.force is None for recording in recordings):
-            return []
         factor = 1.0 if options.geometric_factor is None else options.geometric_factor
-        return [cls(options.area, factor, options.ambient_pressure)]
+        channel = cls(options.area, factor, options.ambient_pressure)
+        return [channel] if any(channel.signal(recording) is not None for recording in recordings) else []
 
     def signal(self, recording: Recording) -> Signal | None:
         """Return the measured force."""
@@ -86,8 +85,9 @@ class Force(Channel):
 
     def experiment(self, recording: Recording, motion: Motion, split: Split) -> Experiment:
         """Return the force in a recording; the grid holds the piston's reversals: friction sees each of them."""
-        assert recording.force is not None
-        stamps, force = motion.clock_of(recording.force.times), recording.force.values
+        signal = self.signal(recording)
+        assert signal is not None
+        stamps, force = motion.clock_of(signal.times), signal.values
         pressures = {
             name: Signal(motion.clock_of(signals.pressure.times), signals.pressure.values)
             for name, signals in recording.cylinders.items()

@@ -286,10 +286,11 @@ class Pressure(Channel):
         noise, jitter = sample_noise(times[seen], experiment.measured[seen]), stamp_jitter(times)
         if noise == 0.0 or jitter == 0.0:
             return np.ones_like(simulated)
-        before = np.diff(simulated, prepend=simulated[:1]) / np.diff(times, prepend=times[0] - 1.0)
-        slope = np.maximum(np.abs(before), np.abs(np.append(before[1:], before[-1:])))
-        precisions: Array = 1.0 / np.sqrt(1.0 + (slope * jitter / noise) ** 2)
-        return precisions
+        slope = np.abs(np.diff(simulated) / np.diff(times)) * (jitter / noise)
+        strayed = np.zeros_like(simulated)
+        strayed[1:] = slope
+        np.maximum(strayed[:-1], slope, out=strayed[:-1])
+        return np.asarray((1.0 + strayed**2) ** -0.5)
 
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array, mask: Mask) -> Regressors:
         """Return inputs, what the model makes of them, and their products."""

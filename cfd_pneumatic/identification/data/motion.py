@@ -236,24 +236,26 @@ def _joined(
     times: Array, stamps: Array, measured: Array, windows: Sequence[tuple[slice, slice]], known: Motion
 ) -> Motion:
     """Return what is smoothed in windows, of which one is known."""
-
-    def smoothed(place: tuple[slice, slice]) -> Motion:
-        own, window = place
-        motion = _smoothed(times[window], measured[window], (known.order,))
-        return motion.part(slice(own.start - window.start, own.stop - window.start))
-
-    pieces = each(smoothed, windows)
-    displacement = np.concatenate([one.displacement for one in pieces])
-    return replace(
+    size = times.size
+    found = replace(
         known,
         times=times,
-        displacement=displacement,
-        rate=np.concatenate([one.rate for one in pieces]),
-        acceleration=np.concatenate([one.acceleration for one in pieces]),
-        std=np.concatenate([one.std for one in pieces]),
-        reach=float(np.ptp(displacement)),
         stamps=stamps,
+        displacement=np.empty(size),
+        rate=np.empty(size),
+        acceleration=np.empty(size),
+        std=np.empty(size),
     )
+
+    def smooth(place: tuple[slice, slice]) -> None:
+        own, window = place
+        motion = _smoothed(times[window], measured[window], (known.order,))
+        inner = motion.part(slice(own.start - window.start, own.stop - window.start))
+        found.displacement[own], found.rate[own] = inner.displacement, inner.rate
+        found.acceleration[own], found.std[own] = inner.acceleration, inner.std
+
+    each(smooth, windows)
+    return replace(found, reach=float(np.ptp(found.displacement)))
 
 
 def _after(begin: float, end: float, times: Array) -> Array:

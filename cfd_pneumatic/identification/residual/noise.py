@@ -15,6 +15,7 @@ from cfd_pneumatic.identification.residual.autoregression import autoregression,
 
 Array = NDArray[np.float64]
 
+_PIECE = 500_000  # samples
 _SETTLING = 0.15  # after which a pressure is at rest [s]
 _SHORTEST_REST = 30  # samples
 SLOWEST = 6.0
@@ -32,7 +33,8 @@ def sample_noise(times: Array, values: Array) -> float:
     Return the standard deviation of a signal's white noise, in the signal's unit.
 
     Each sample is compared with the straight line through its neighbours (Gasser, Sroka and Jennen-Steinmetz, 1986);
-    the largest tenth of the differences is left out, and made up for as in a normal distribution.
+    the largest tenth of the differences is left out, and made up for as in a normal distribution. A long signal is
+    looked at in pieces.
 
     Parameters
     ----------
@@ -42,6 +44,9 @@ def sample_noise(times: Array, values: Array) -> float:
         The signal, shape (n,).
 
     """
+    if times.size > 2 * _PIECE:
+        pieces = zip(*(np.array_split(series, times.size // _PIECE) for series in (times, values)))
+        return math.sqrt(float(np.mean([sample_noise(*piece) ** 2 for piece in pieces])))
     left = (times[2:] - times[1:-1]) / (times[2:] - times[:-2])
     right = 1.0 - left
     differences = values[1:-1] - left * values[:-2] - right * values[2:]
