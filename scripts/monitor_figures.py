@@ -38,8 +38,8 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.model import DIRECTIONS, Device
-from cfd_pneumatic.monitoring import Channel, Finding, diagnose, news
-from cfd_pneumatic.monitoring.channel import Block
+from cfd_pneumatic.monitoring import Finding, WatchedSignal, diagnose, news
+from cfd_pneumatic.monitoring.watched_signal import ResidualBlock
 from cfd_pneumatic.rig import RigParameters, RigRecord, Sensors, record, surface_following, with_changes
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
 
@@ -91,26 +91,28 @@ def coloured(rng: np.random.Generator, count: int) -> np.ndarray:
     return lfilter([1.0], [1.0, -memory], drawn)[100:]
 
 
-def watchers(blocks: Iterator[Block], intervals: dict[str, float], name: str, channels: int) -> dict[str, Channel]:
+def watchers(
+    blocks: Iterator[ResidualBlock], intervals: dict[str, float], name: str, channels: int
+) -> dict[str, WatchedSignal]:
     """Return a channel for each interval; what is usual is learned once, as each of them would."""
-    first = Channel(name, round(LEARNING / BLOCK), round(BLOCK * 1e9), channels * DAY / BLOCK)
+    first = WatchedSignal(name, round(LEARNING / BLOCK), round(BLOCK * 1e9), channels * DAY / BLOCK)
     while first.baseline is None:
         first.take_block(next(blocks))
     found = {}
     for label, interval in intervals.items():
-        found[label] = Channel(name, 0, round(BLOCK * 1e9), channels * interval / BLOCK)
+        found[label] = WatchedSignal(name, 0, round(BLOCK * 1e9), channels * interval / BLOCK)
         found[label].adopt(first.baseline)
     return found
 
 
-def blocks_of(residuals: np.ndarray, rates: np.ndarray, start: int = EPOCH) -> Iterator[Block]:
+def blocks_of(residuals: np.ndarray, rates: np.ndarray, start: int = EPOCH) -> Iterator[ResidualBlock]:
     """Yield residuals in blocks."""
     for number in range(residuals.size // SAMPLES):
         own = slice(number * SAMPLES, (number + 1) * SAMPLES)
-        yield Block(start + round(number * BLOCK * 1e9), residuals[own], rates[own])
+        yield ResidualBlock(start + round(number * BLOCK * 1e9), residuals[own], rates[own])
 
 
-def rung(channel: Channel, features: tuple[np.ndarray, np.ndarray]) -> int:
+def rung(channel: WatchedSignal, features: tuple[np.ndarray, np.ndarray]) -> int:
     """Return how often the charts ring over means and energies of blocks."""
     alarms = 0
     for chart, values in zip(channel.charts, features):
@@ -122,7 +124,9 @@ def rung(channel: Channel, features: tuple[np.ndarray, np.ndarray]) -> int:
     return alarms
 
 
-def features_of(found: dict[str, Channel], residuals: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def features_of(
+    found: dict[str, WatchedSignal], residuals: np.ndarray, rates: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return means and energies of blocks; channels that have learned the same have the same."""
     weighing = next(iter(found.values())).baseline.weighing
     innovations = weighing.innovations(weighing.weighed(residuals, rates), np.empty(0))

@@ -28,7 +28,7 @@ from cfd_pneumatic.parallel import each, threads
 Array = NDArray[np.float64]
 
 
-class Track(NamedTuple):
+class Readings(NamedTuple):
     """What the sensor would have read at the last samples, as far back as a transport delay reaches."""
 
     times: tuple[float, ...]
@@ -47,14 +47,14 @@ class Track(NamedTuple):
         share = (time - self.times[after - 1]) / (self.times[after] - self.times[after - 1])
         return (1.0 - share) * self.readings[after - 1] + share * self.readings[after]
 
-    def followed_by(self, time: float, reading: float) -> Track:
+    def followed_by(self, time: float, reading: float) -> Readings:
         """Return it with one more sample."""
-        return Track((*self.times, time), (*self.readings, reading))
+        return Readings((*self.times, time), (*self.readings, reading))
 
-    def since(self, time: float) -> Track:
+    def since(self, time: float) -> Readings:
         """Return it without what no later time than this one needs."""
         first = max(bisect_right(self.times, time) - 1, 0)
-        return Track(self.times[first:], self.readings[first:])
+        return Readings(self.times[first:], self.readings[first:])
 
 
 class CylinderState(NamedTuple):
@@ -77,7 +77,7 @@ class CylinderState(NamedTuple):
     p: float
     p_f: float
     extended: ExtendedState | None = None
-    track: Track | None = None
+    track: Readings | None = None
     delayed: float | None = None
 
     @classmethod
@@ -219,7 +219,7 @@ class Cylinder:
 
 
 def _read_late(
-    state: CylinderState, delay: float, movement: Movement, before: float, track: Track | None
+    state: CylinderState, delay: float, movement: Movement, before: float, track: Readings | None
 ) -> CylinderState:
     """
     Return a state after a movement with the reading that a delay [s] lets through.
@@ -229,7 +229,7 @@ def _read_late(
     if delay < 0.0:
         slope = (state.reading - before) / movement.duration
         return state._replace(delayed=state.reading - delay * slope)
-    past = track or Track((movement.time - movement.duration,), (before,))
+    past = track or Readings((movement.time - movement.duration,), (before,))
     past = past.followed_by(movement.time, state.reading)
     wanted = movement.time - delay
     return state._replace(track=past.since(wanted), delayed=past.at(wanted))

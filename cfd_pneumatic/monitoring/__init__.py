@@ -5,18 +5,17 @@ A `Watch` takes what is measured, says what the model predicts, tests what is le
 closed on an alarm in a process of its own (`Worker`), and tells faults of the feed from those of the device.
 """
 
-from cfd_pneumatic.monitoring.channel import Channel, Departure
 from cfd_pneumatic.monitoring.chart import warm_up
 from cfd_pneumatic.monitoring.feed import Fault
 from cfd_pneumatic.monitoring.finding import Diagnosis, Finding, News, diagnose, news
 from cfd_pneumatic.monitoring.run_length import mean_run, threshold_for
 from cfd_pneumatic.monitoring.watch import Alarm, Prediction, Residual, Settings, Watch
+from cfd_pneumatic.monitoring.watched_signal import Departure, WatchedSignal
 from cfd_pneumatic.monitoring.wording import agreed, departed, diagnosed
 from cfd_pneumatic.monitoring.worker import Worker
 
 __all__ = [
     'Alarm',
-    'Channel',
     'Departure',
     'Diagnosis',
     'Fault',
@@ -26,6 +25,7 @@ __all__ = [
     'Residual',
     'Settings',
     'Watch',
+    'WatchedSignal',
     'Worker',
     'agreed',
     'departed',

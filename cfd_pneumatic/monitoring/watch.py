@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.model import Arrival, Device, LiveDevice
-from cfd_pneumatic.monitoring.channel import Channel, Departure
 from cfd_pneumatic.monitoring.feed import Clock, Fault, Sensor
 from cfd_pneumatic.monitoring.finding import Finding, News, news
+from cfd_pneumatic.monitoring.watched_signal import Departure, WatchedSignal
 from cfd_pneumatic.monitoring.window import Window
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.recording.messages import NANOSECONDS
@@ -90,7 +90,7 @@ class Residual(NamedTuple):
 class _Line:
     """One measured topic: its stamps, its sensor, and its channel."""
 
-    def __init__(self, index: int, topic: str, unit: str, channel: Channel, settings: Settings) -> None:
+    def __init__(self, index: int, topic: str, unit: str, channel: WatchedSignal, settings: Settings) -> None:
         self.index = index
         self.topic = topic
         self.channel = channel
@@ -193,7 +193,7 @@ class Watch:
         lines = {}
         for index, name in enumerate((*self._cylinders, convention.CONTACT_FORCE)):
             is_force = name == convention.CONTACT_FORCE
-            channel = Channel(
+            channel = WatchedSignal(
                 name,
                 round(settings.learning / settings.block),
                 round(settings.block * NANOSECONDS),
@@ -416,7 +416,7 @@ class Watch:
         """Of the last sample of the piston [ns]."""
         return self._predictions[-1].stamp if self._predictions else 0
 
-    def channels(self) -> Mapping[str, Channel]:
+    def channels(self) -> Mapping[str, WatchedSignal]:
         """Return the channels that something was heard of."""
         return {name: line.channel for name, line in self._lines.items() if line.clock.heard is not None}
 

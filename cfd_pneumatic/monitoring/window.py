@@ -14,7 +14,7 @@ _WHOLE = 0.95  # share of the window that a signal has to cover
 _SLACK = 0.25  # of what is kept beyond the window
 
 
-class Track:
+class RollingSignal:
     """
     Stamps and values of a signal, those of the last seconds.
 
@@ -89,10 +89,10 @@ class Window:
     def __init__(self, seconds: float) -> None:
         length = round(seconds * NANOSECONDS)
         self.length = length
-        self.displacement = Track(length)
-        self.pressures = {name: Track(length) for name in CYLINDERS}
-        self.setpoints = {name: Track(length) for name in CYLINDERS}
-        self.force = Track(length)
+        self.displacement = RollingSignal(length)
+        self.pressures = {name: RollingSignal(length) for name in CYLINDERS}
+        self.setpoints = {name: RollingSignal(length) for name in CYLINDERS}
+        self.force = RollingSignal(length)
 
     @property
     def begin(self) -> int:

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 from cfd_pneumatic.convention import CONTACT_FORCE
 from cfd_pneumatic.identification import Estimate
-from cfd_pneumatic.monitoring.channel import Channel, Departure
 from cfd_pneumatic.monitoring.finding import News
 from cfd_pneumatic.monitoring.watch import Alarm
+from cfd_pneumatic.monitoring.watched_signal import Departure, WatchedSignal
 from cfd_pneumatic.reporting.wording import number, spoken, title
 
 _DIGITS = 3
@@ -29,7 +29,7 @@ def departed(departure: Departure) -> str:
     return f'{name} {"loses" if shift < 0.0 else "holds"} {amount} more than its model {where}'
 
 
-def agreed(channel: Channel) -> str:
+def agreed(channel: WatchedSignal) -> str:
     """Return what there is to say where there is no alarm."""
     misfit = channel.misfit
     if misfit is None:

@@ -15,7 +15,7 @@ _LEAST_SPAN = 0.02  # of a value: what varies by less is drawn flat
 
 
 @dataclass(frozen=True)
-class Track:
+class Curve:
     """
     A line of a chart.
 
@@ -38,7 +38,7 @@ class Track:
         return [value for value in self.values if value is not None]
 
 
-def drift_chart(places: Sequence[float], tracks: Sequence[Track], marks: Sequence[int], label: str) -> str:
+def drift_chart(places: Sequence[float], tracks: Sequence[Curve], marks: Sequence[int], label: str) -> str:
     """
     Return a chart as SVG.
 
@@ -77,7 +77,7 @@ def drift_chart(places: Sequence[float], tracks: Sequence[Track], marks: Sequenc
     )
 
 
-def _span(tracks: Sequence[Track]) -> tuple[float, float]:
+def _span(tracks: Sequence[Curve]) -> tuple[float, float]:
     """Return the lowest and the highest value that the chart shows."""
     edges = [
         value + sign * std for track in tracks for run in _runs(track) for _, value, std in run for sign in (-1.0, 1.0)
@@ -88,7 +88,7 @@ def _span(tracks: Sequence[Track]) -> tuple[float, float]:
     return middle - half, middle + half
 
 
-def _runs(track: Track) -> Iterator[list[tuple[int, float, float]]]:
+def _runs(track: Curve) -> Iterator[list[tuple[int, float, float]]]:
     """Yield runs of neighbouring values with their indices and standard errors."""
     run: list[tuple[int, float, float]] = []
     for at, (value, std) in enumerate(zip(track.values, track.stds)):

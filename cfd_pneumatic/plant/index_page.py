@@ -14,7 +14,7 @@ from typing import Any
 from cfd_pneumatic import __version__
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
-from cfd_pneumatic.plant.chart import Track, drift_chart
+from cfd_pneumatic.plant.chart import Curve, drift_chart
 from cfd_pneumatic.plant.history import Change, Device, Part, devices, effects_of
 from cfd_pneumatic.plant.table import CSV_FILE, PARQUET_FILE, Row, column_of
 from cfd_pneumatic.reporting import wording
@@ -43,7 +43,7 @@ class Drift:
     name: str
     description: str
     unit: str
-    tracks: tuple[Track, ...]
+    tracks: tuple[Curve, ...]
 
 
 def index_page(rows: Sequence[Row]) -> str:
@@ -173,11 +173,11 @@ def _drifts(rows: Sequence[Row]) -> Iterator[Drift]:
 _AREA = ('area', 'm^2', 'piston area')
 
 
-def _track(rows: Sequence[Row], key: str, column: str, std: str = '') -> Track | None:
+def _track(rows: Sequence[Row], key: str, column: str, std: str = '') -> Curve | None:
     values = [row.get(column) for row in rows]
     if all(value is None for value in values):
         return None
-    return Track(key, values, [row.get(std) for row in rows])
+    return Curve(key, values, [row.get(std) for row in rows])
 
 
 def _effect_drifts(rows: Sequence[Row]) -> Iterator[Drift]:
@@ -189,7 +189,7 @@ def _effect_drifts(rows: Sequence[Row]) -> Iterator[Drift]:
         values = [one.get(full, {}).get('value') for one in found]
         if any(value is not None for value in values) and not parameter.choice:
             stds = [one.get(full, {}).get('std') for one in found]
-            yield Drift(full, parameter.description, parameter.unit, (Track('after', values, stds),))
+            yield Drift(full, parameter.description, parameter.unit, (Curve('after', values, stds),))
 
 
 def _chart(drift: Drift, places: Sequence[float], changed: Sequence[int]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.blocks import Block, OneByOne, Span
+from cfd_pneumatic.recording.blocks import MessageBlock, OneByOne, Span
 from cfd_pneumatic.recording.chunks import McapFile
 from cfd_pneumatic.recording.layout import Serialization
 from cfd_pneumatic.recording.messages import NANOSECONDS
@@ -51,7 +51,7 @@ class Storage(Protocol):
     def left_out(self) -> list[Span]:
         """Times of which messages were left out while reading, because they are damaged."""
 
-    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
+    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
         """Yield the messages of some topics."""
 
 
@@ -114,7 +114,7 @@ class Bag:
             self.close()
             raise
 
-    def blocks(self, topics: Iterable[str]) -> Iterator[tuple[str, Block]]:
+    def blocks(self, topics: Iterable[str]) -> Iterator[tuple[str, MessageBlock]]:
         """
         Yield the messages of some topics, file by file, in each file in the order of reception.
 

@@ -20,7 +20,7 @@ TOGETHER = 16_384
 
 
 @dataclass(frozen=True)
-class Block:
+class MessageBlock:
     """
     Messages of one topic, in order of reception.
 
@@ -41,7 +41,7 @@ class Block:
     sizes: NDArray[np.int64]
 
     @classmethod
-    def of(cls, times: Sequence[int] | NDArray[np.int64], payloads: Sequence[bytes]) -> Block:
+    def of(cls, times: Sequence[int] | NDArray[np.int64], payloads: Sequence[bytes]) -> MessageBlock:
         """Return messages that were one by one."""
         sizes = np.fromiter(map(len, payloads), np.int64, len(payloads))
         return cls(np.array(times, np.int64), b''.join(payloads), np.cumsum(sizes) - sizes, sizes)
@@ -50,9 +50,9 @@ class Block:
         """Return the number of messages."""
         return len(self.times)
 
-    def __getitem__(self, which: slice | NDArray[np.intp]) -> Block:
+    def __getitem__(self, which: slice | NDArray[np.intp]) -> MessageBlock:
         """Return some of the messages, in the same memory."""
-        return Block(self.times[which], self.data, self.starts[which], self.sizes[which])
+        return MessageBlock(self.times[which], self.data, self.starts[which], self.sizes[which])
 
     def payload(self, index: int) -> bytes:
         """Return one message's payload."""
@@ -60,7 +60,7 @@ class Block:
         return self.data[start : start + int(self.sizes[index])]
 
 
-def join(blocks: Sequence[Block]) -> Block:
+def join(blocks: Sequence[MessageBlock]) -> MessageBlock:
     """Return the messages of several blocks in the order of reception, equal times in the order given."""
     if len(blocks) == 1:
         return blocks[0]
@@ -68,7 +68,7 @@ def join(blocks: Sequence[Block]) -> Block:
     shifts = np.cumsum([0, *(len(block.data) for block in blocks[:-1])])
     starts = np.concatenate([block.starts + shift for block, shift in zip(blocks, shifts)])
     sizes = np.concatenate([block.sizes for block in blocks])
-    whole = Block(times, b''.join([block.data for block in blocks]), starts, sizes)
+    whole = MessageBlock(times, b''.join([block.data for block in blocks]), starts, sizes)
     return whole[np.argsort(times, kind='stable')]
 
 
@@ -117,13 +117,13 @@ class OneByOne:
         """The topics."""
         return self.source.connections
 
-    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
+    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
         """Yield the messages of some topics."""
         for owners, block in put_together(self.source.messages(connections)):
             yield from by_topic(block, np.array([owner.id for owner in owners]), connections)
 
 
-def put_together(messages: Iterable[tuple[Owner, int, bytes]]) -> Iterator[tuple[list[Owner], Block]]:
+def put_together(messages: Iterable[tuple[Owner, int, bytes]]) -> Iterator[tuple[list[Owner], MessageBlock]]:
     """Yield messages that come one by one, each with what says whose it is, its time of reception and its payload."""
     owners: list[Owner] = []
     times: list[int] = []
@@ -133,15 +133,15 @@ def put_together(messages: Iterable[tuple[Owner, int, bytes]]) -> Iterator[tuple
         times.append(time)
         payloads.append(payload)
         if len(times) == TOGETHER:
-            yield owners, Block.of(times, payloads)
+            yield owners, MessageBlock.of(times, payloads)
             owners, times, payloads = [], [], []
     if owners:
-        yield owners, Block.of(times, payloads)
+        yield owners, MessageBlock.of(times, payloads)
 
 
 def by_topic(
-    block: Block, ids: NDArray[np.int64], connections: Collection[Connection]
-) -> Iterator[tuple[Connection, Block]]:
+    block: MessageBlock, ids: NDArray[np.int64], connections: Collection[Connection]
+) -> Iterator[tuple[Connection, MessageBlock]]:
     """Part a block whose messages are on several connections; some of these may have one topic."""
     topics: dict[str, list[Connection]] = {}
     for connection in connections:

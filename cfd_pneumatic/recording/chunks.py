@@ -16,7 +16,7 @@ from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
-from cfd_pneumatic.recording.blocks import Block, Span, gather, join
+from cfd_pneumatic.recording.blocks import MessageBlock, Span, gather, join
 from cfd_pneumatic.recording.ordering import earliest_after
 from cfd_pneumatic.recording.pieces import HEAD, Piece, find_pieces, walk
 
@@ -63,7 +63,7 @@ class McapFile:
             self.connections = self._scan(stream) if connections is None else connections
         self.start_time = next((piece.start for piece in self._pieces if piece.start), 0)
 
-    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
+    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
         """
         Yield the messages of some topics, for each in the order of reception.
 
@@ -82,7 +82,7 @@ class McapFile:
                     block, channels = _read(stream, piece)
                 except Exception:  # whatever damage makes a decompressor stumble over
                     self.left_out.append((piece.start, piece.stop))
-                    block, channels = Block.of([], []), np.empty(0, np.int64)
+                    block, channels = MessageBlock.of([], []), np.empty(0, np.int64)
                 for topic in within:
                     its = np.logical_or.reduce([channels == channel for channel in topic.channels])
                     yield topic.connection, topic.take(block[np.flatnonzero(its)])
@@ -132,13 +132,13 @@ class _Topic:
             if self.may_be_in(piece)
         ]
         self._limits = iter(earliest_after(begins))
-        self._waiting: list[Block] = []
+        self._waiting: list[MessageBlock] = []
 
     def may_be_in(self, piece: Piece) -> bool:
         """Return whether a piece holds messages of the topic, so far as it is known."""
         return not piece.places or any(channel in piece.places for channel in self.channels)
 
-    def take(self, block: Block) -> Block:
+    def take(self, block: MessageBlock) -> MessageBlock:
         """Take the messages of the next piece, and return all that came before those of later pieces."""
         limit = next(self._limits)
         queue = [*self._waiting, block[np.argsort(block.times, kind='stable')]]
@@ -147,7 +147,7 @@ class _Topic:
         return join([block[:count] for block, count in zip(queue, ready) if count] or [block[:0]])
 
 
-def _read(stream: IO[bytes], piece: Piece) -> tuple[Block, NDArray[np.int64]]:
+def _read(stream: IO[bytes], piece: Piece) -> tuple[MessageBlock, NDArray[np.int64]]:
     """
     Return the messages of a piece in the order of the file, and their channels.
 
@@ -165,7 +165,7 @@ def _read(stream: IO[bytes], piece: Piece) -> tuple[Block, NDArray[np.int64]]:
     return _messages(content, _walked(content))
 
 
-def _indexed(content: bytes, index: bytes, piece: Piece) -> tuple[Block, NDArray[np.int64]]:
+def _indexed(content: bytes, index: bytes, piece: Piece) -> tuple[MessageBlock, NDArray[np.int64]]:
     """Return the messages of a chunk, and their channels, where its index says that they are."""
     entries = {channel: _entries(index, place - piece.end) for channel, place in piece.places.items()}
     together = np.concatenate(list(entries.values()))
@@ -197,11 +197,11 @@ def _walked(content: bytes) -> NDArray[np.int64]:
     return np.array([begin for opcode, begin, _ in walk(content) if opcode == Opcode.MESSAGE], np.int64)
 
 
-def _messages(content: bytes, records: NDArray[np.int64]) -> tuple[Block, NDArray[np.int64]]:
+def _messages(content: bytes, records: NDArray[np.int64]) -> tuple[MessageBlock, NDArray[np.int64]]:
     """Return the messages that begin at some places, and their channels."""
     sizes = gather(content, '<u8', records + 1).astype(np.int64) + (HEAD.size - _MESSAGE_HEAD)
     if (sizes < 0).any():
         raise ValueError('a message is shorter than can be')
     times = gather(content, '<u8', records + _TIME).astype(np.int64)
     channels = gather(content, '<u2', records + _CHANNEL).astype(np.int64)
-    return Block(times, content, records + _MESSAGE_HEAD, sizes), channels
+    return MessageBlock(times, content, records + _MESSAGE_HEAD, sizes), channels

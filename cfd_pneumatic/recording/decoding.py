@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.blocks import Block, gather
+from cfd_pneumatic.recording.blocks import MessageBlock, gather
 from cfd_pneumatic.recording.fields import FieldPath
 from cfd_pneumatic.recording.layout import Layout, LayoutError, Place, Serialization
 from cfd_pneumatic.recording.messages import NANOSECONDS
@@ -96,7 +96,7 @@ class Decoder:
         """Return the names of a message's entries, as JointState has them."""
         return self._parse(payload).names()
 
-    def decode(self, block: Block) -> Columns:
+    def decode(self, block: MessageBlock) -> Columns:
         """
         Return the numbers and stamps of messages.
 
@@ -117,7 +117,7 @@ class Decoder:
             columns.stamps[which] = self._stamps(layout, messages)
         return columns
 
-    def _alike(self, block: Block) -> Iterator[tuple[Layout, NDArray[np.intp]]]:
+    def _alike(self, block: MessageBlock) -> Iterator[tuple[Layout, NDArray[np.intp]]]:
         """Sort messages by layout: for each layout yield which have it."""
         pending = np.arange(len(block))
         known = iter(tuple(self._known))
@@ -142,7 +142,7 @@ class Decoder:
                 'defined as it was recorded: check the files that `types` names in the mapping'
             ) from error
 
-    def _stamps(self, layout: Layout, messages: Block) -> NDArray[np.int64]:
+    def _stamps(self, layout: Layout, messages: MessageBlock) -> NDArray[np.int64]:
         if isinstance(self._stamp, TimePaths):
             seconds, nanoseconds = layout.place(self._stamp.seconds), layout.place(self._stamp.nanoseconds)
             if seconds is not None and nanoseconds is not None:
@@ -163,6 +163,6 @@ def in_nanoseconds(times: NDArray[Any], unit: float) -> NDArray[np.int64]:
     return np.where(np.isfinite(nanoseconds), nanoseconds, 0).astype(np.int64)
 
 
-def _numbers(messages: Block, place: Place) -> NDArray[Any]:
+def _numbers(messages: MessageBlock, place: Place) -> NDArray[Any]:
     """Return the numbers at one place of every message."""
     return gather(messages.data, place.dtype, messages.starts + place.offset)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.blocks import Block
-from cfd_pneumatic.recording.channels import Channel
+from cfd_pneumatic.recording.blocks import MessageBlock
 from cfd_pneumatic.recording.decoding import Decoder
 from cfd_pneumatic.recording.fields import FieldPath
-from cfd_pneumatic.recording.spool import allocate, give_back
+from cfd_pneumatic.recording.memory_maps import allocate, give_back
+from cfd_pneumatic.recording.sources import SignalSource
 from cfd_pneumatic.recording.wording import counted
 
 MOST_LAGS = 16_384
@@ -27,7 +27,7 @@ class Content:
 
     Attributes
     ----------
-    channel : Channel
+    channel : SignalSource
         The channel.
     times : (n,) array of int
         The stamps [ns], or times of reception where there is none.
@@ -42,7 +42,7 @@ class Content:
 
     """
 
-    channel: Channel
+    channel: SignalSource
     times: NDArray[np.int64]
     raw: NDArray[np.float64]
     unstamped: list[slice | NDArray[np.intp]]
@@ -56,7 +56,7 @@ class Intake:
 
     Parameters
     ----------
-    channel : Channel
+    channel : SignalSource
         The channel.
     decoder : Decoder
         Finds the numbers in the messages.
@@ -64,25 +64,27 @@ class Intake:
         Where they are, for messages.
     count : int
         Number of messages to come, so far as it is known.
-    spool : Path or None
+    folder : Path or None
         Folder to keep the samples in; None for memory.
 
     """
 
-    def __init__(self, channel: Channel, decoder: Decoder, path: FieldPath, count: int, spool: Path | None) -> None:
+    def __init__(
+        self, channel: SignalSource, decoder: Decoder, path: FieldPath, count: int, folder: Path | None
+    ) -> None:
         self.channel = channel
         self._decoder = decoder
         self._path = path
-        self._spool = spool
-        self._times = allocate(count, np.int64, spool)
-        self._raw = allocate(count, np.float64, spool)
+        self._folder = folder
+        self._times = allocate(count, np.int64, folder)
+        self._raw = allocate(count, np.float64, folder)
         self._count = 0
         self._missing = 0
         self._unstamped: list[slice | NDArray[np.intp]] = []
         self._lags = _Lags()
         self._names: list[str] = []
 
-    def add(self, block: Block) -> None:
+    def add(self, block: MessageBlock) -> None:
         """Take in messages."""
         if not len(block):
             return
@@ -144,8 +146,8 @@ class Intake:
     def _grow(self, count: int) -> None:
         """Make room for more messages than were announced."""
         times, raw = self._times[: self._count], self._raw[: self._count]
-        self._times = allocate(count, np.int64, self._spool)
-        self._raw = allocate(count, np.float64, self._spool)
+        self._times = allocate(count, np.int64, self._folder)
+        self._raw = allocate(count, np.float64, self._folder)
         self._times[: self._count], self._raw[: self._count] = times, raw
 
 

@@ -17,7 +17,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 from rosbags.typesys.store import Typestore
 
-from cfd_pneumatic.recording.blocks import Block, gather
+from cfd_pneumatic.recording.blocks import MessageBlock, gather
 from cfd_pneumatic.recording.fields import NAMES, NUMBERS, FieldPath
 
 _PLACEHOLDER = 'structure_needs_at_least_one_member'
@@ -114,7 +114,7 @@ class Layout:
         """Return whether a payload is laid out alike."""
         return len(payload) == self.size and all(payload[span] == self._payload[span] for span in self._deciding)
 
-    def alike(self, block: Block) -> NDArray[np.bool_]:
+    def alike(self, block: MessageBlock) -> NDArray[np.bool_]:
         """Return which messages are laid out alike: their size, all lengths and the names of the entries agree."""
         alike: NDArray[np.bool_] = block.sizes == self.size
         for span in self._deciding:

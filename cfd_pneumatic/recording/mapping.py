@@ -58,8 +58,8 @@ from typing import Any, get_args
 from cfd_pneumatic import units
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.channels import Channel, Role
 from cfd_pneumatic.recording.fields import parse_path
+from cfd_pneumatic.recording.sources import Role, SignalSource
 from cfd_pneumatic.recording.table import TableFormat
 from cfd_pneumatic.yaml_files import read_yaml
 
@@ -87,7 +87,7 @@ class ChannelMapping:
     ----------
     path : Path
         The file it was read from.
-    channels : tuple of Channel
+    channels : tuple of SignalSource
         The signals.
     table : TableFormat or None
         Layout of the table; None if the mapping is for bags.
@@ -97,7 +97,7 @@ class ChannelMapping:
     """
 
     path: Path
-    channels: tuple[Channel, ...]
+    channels: tuple[SignalSource, ...]
     table: TableFormat | None = None
     types: Path | None = None
 
@@ -254,7 +254,7 @@ def _table(entry: _Entry) -> TableFormat:
     )
 
 
-def _channel(entry: _Entry, role: Role, cylinder: str | None, table: TableFormat | None) -> Channel:
+def _channel(entry: _Entry, role: Role, cylinder: str | None, table: TableFormat | None) -> SignalSource:
     source_keys = _TOPIC_KEYS if table is None else ('column',)
     quantity = _QUANTITIES.get(role) or units.quantity(entry.text('unit'))
     pressure = quantity == 'pressure'
@@ -262,7 +262,7 @@ def _channel(entry: _Entry, role: Role, cylinder: str | None, table: TableFormat
     source = entry.text('topic') if table is None else entry.column()
     sign = entry.choice('sign', (1, -1)) if 'sign' in entry else 1
     unit = entry.unit(quantity) * (-1.0 if sign == -1 else 1.0)
-    return Channel(
+    return SignalSource(
         role=role,
         cylinder=cylinder,
         source=source,

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bag import Bag
-from cfd_pneumatic.recording.channels import Channel, Role, Samples
+from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
 from cfd_pneumatic.recording.mapping import ChannelMapping
+from cfd_pneumatic.recording.memory_maps import parts
 from cfd_pneumatic.recording.messages import NANOSECONDS
 from cfd_pneumatic.recording.sampling import Defaults, read_samples
 from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.spool import parts
+from cfd_pneumatic.recording.sources import Role, Samples, SignalSource
 from cfd_pneumatic.recording.table import read_table
-from cfd_pneumatic.recording.tidying import Tidied, at_changes, tidy
 from cfd_pneumatic.recording.topics import convention_channels, resolve
 
 FORCE_AXES = ('x', 'y', 'z')
@@ -33,7 +33,7 @@ def read_recording(
     ambient_pressure: float = AMBIENT_PRESSURE,
     joint: str = PISTON_JOINT,
     force_axis: str = 'x',
-    spool: Path | str | None = None,
+    folder: Path | str | None = None,
 ) -> Recording:
     """
     Read a bag or a table.
@@ -53,7 +53,7 @@ def read_recording(
         Name of the piston in a JointState.
     force_axis : str
         Axis of the force in a WrenchStamped: x, y or z.
-    spool : Path or str, optional
+    folder : Path or str, optional
         Folder for files to keep the signals of a bag in, so that they need no memory. They vanish with the recording.
         By default a long recording's are in the system's temporary folder.
 
@@ -75,15 +75,15 @@ def read_recording(
         if mapping is not None and mapping.table is not None:
             samples, notes = read_table(path, mapping.table, mapping.channels)
         else:
-            folder = None if spool is None else Path(spool)
-            samples, notes = _read_bag(path, mapping, namespace, Defaults(joint, force_axis), folder)
+            defaults = Defaults(joint, force_axis)
+            samples, notes = _read_bag(path, mapping, namespace, defaults, None if folder is None else Path(folder))
         return _assemble(path.resolve().name, samples, notes, ambient_pressure)
     except InputError as error:
         raise InputError(f'{path}: {error}') from error
 
 
 def _read_bag(
-    path: Path, mapping: ChannelMapping | None, namespace: str | None, defaults: Defaults, spool: Path | None
+    path: Path, mapping: ChannelMapping | None, namespace: str | None, defaults: Defaults, folder: Path | None
 ) -> tuple[list[Samples], list[str]]:
     with Bag(path) as bag:
         if mapping is None:
@@ -94,13 +94,13 @@ def _read_bag(
             ]
         types = mapping.types if mapping else None
         try:
-            samples, notes = read_samples(bag, _preferred(channels), types, defaults, spool)
+            samples, notes = read_samples(bag, _preferred(channels), types, defaults, folder)
         except InputError as error:
             raise InputError('; '.join([str(error), *bag.notes])) from error
         return samples, bag.notes + notes
 
 
-def _preferred(channels: Sequence[Channel]) -> list[Channel]:
+def _preferred(channels: Sequence[SignalSource]) -> list[SignalSource]:
     """Leave out the set-points of cylinders whose applied set-point is there."""
     applied = {channel.cylinder for channel in channels if channel.role == 'setpoint_applied'}
     return [channel for channel in channels if channel.role != 'setpoint' or channel.cylinder not in applied]
@@ -108,11 +108,11 @@ def _preferred(channels: Sequence[Channel]) -> list[Channel]:
 
 def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambient_pressure: float) -> Recording:
     """Make a recording of samples, at least of the displacement and of one pressure."""
-    tidied = {(one.channel.role, one.channel.cylinder): _tidy(one, ambient_pressure) for one in samples}
-    epoch = min(int(one.times[0]) for one in tidied.values())
+    cleaned = {(one.channel.role, one.channel.cylinder): _clean(one, ambient_pressure) for one in samples}
+    epoch = min(int(one.times[0]) for one in cleaned.values())
 
     def signal(role: Role, cylinder: str | None = None) -> Signal | None:
-        found = tidied.get((role, cylinder))
+        found = cleaned.get((role, cylinder))
         return None if found is None else Signal(_seconds_since(epoch, found.times), found.values)
 
     cylinders = {}
@@ -124,10 +124,10 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
     displacement = signal('displacement')
     assert displacement is not None
     _check_overlap(displacement, cylinders)
-    health = [*notes, *(note for one in tidied.values() for note in one.notes)]
+    health = [*notes, *(note for one in cleaned.values() for note in one.notes)]
     others = {
         other: Signal(_seconds_since(epoch, found.times), found.values)
-        for (role, other), found in tidied.items()
+        for (role, other), found in cleaned.items()
         if role == 'other' and other is not None
     }
     return Recording(name, epoch, displacement, cylinders, signal('force'), tuple(health), others)
@@ -141,21 +141,21 @@ def _seconds_since(epoch: int, times: NDArray[np.int64]) -> NDArray[np.float64]:
     return seconds
 
 
-def _tidy(samples: Samples, ambient_pressure: float) -> Tidied:
+def _clean(samples: Samples, ambient_pressure: float) -> Cleaned:
     channel, values = samples.channel, samples.raw
     for part in parts(values):
         values[part] = channel.si(values[part], ambient_pressure)
     if channel.role == 'setpoint':
-        return at_changes(tidy(samples.times, values, channel.name, held=True))
-    tidied = tidy(samples.times, values, channel.name)
-    return at_changes(_from_previous(tidied)) if channel.role == 'setpoint_applied' else tidied
+        return at_changes(clean(samples.times, values, channel.name, held=True))
+    cleaned = clean(samples.times, values, channel.name)
+    return at_changes(_from_previous(cleaned)) if channel.role == 'setpoint_applied' else cleaned
 
 
-def _from_previous(applied: Tidied) -> Tidied:
+def _from_previous(applied: Cleaned) -> Cleaned:
     """Return set-points that acted up to their times at the times from which they acted on."""
     if len(applied.times) == 1:
         return applied
-    return Tidied(applied.times[:-1], applied.values[1:], applied.notes)
+    return Cleaned(applied.times[:-1], applied.values[1:], applied.notes)
 
 
 def _check_overlap(displacement: Signal, cylinders: dict[str, CylinderSignals]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Connection
 
-from cfd_pneumatic.recording.blocks import Block, Span, by_topic, put_together
+from cfd_pneumatic.recording.blocks import MessageBlock, Span, by_topic, put_together
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class SqliteRows:
     start_time: int
     left_out: list[Span] = field(default_factory=list)
 
-    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, Block]]:
+    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
         """Yield the messages of some topics, for each in the order of reception."""
         wanted = ', '.join(str(connection.id) for connection in connections)
         rows = self.database.execute(

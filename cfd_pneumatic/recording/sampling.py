@@ -11,13 +11,13 @@ from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bag import Bag, Topic
-from cfd_pneumatic.recording.channels import RECEIVE, Channel, Samples
 from cfd_pneumatic.recording.decoding import CounterPath, Decoder, TimePaths
 from cfd_pneumatic.recording.definitions import read_types, types_of
 from cfd_pneumatic.recording.fields import FieldPath, check_number, has_header, is_time, list_numbers, parse_path
 from cfd_pneumatic.recording.intake import Content, Intake
+from cfd_pneumatic.recording.memory_maps import give_back, parts
 from cfd_pneumatic.recording.messages import NANOSECONDS, obvious_field
-from cfd_pneumatic.recording.spool import give_back, parts
+from cfd_pneumatic.recording.sources import RECEIVE, Samples, SignalSource
 from cfd_pneumatic.recording.topics import list_topics
 
 LONG = 8_000_000
@@ -36,7 +36,7 @@ class Defaults:
 
 
 def read_samples(
-    bag: Bag, channels: Sequence[Channel], types_folder: Path | None, defaults: Defaults, spool: Path | None
+    bag: Bag, channels: Sequence[SignalSource], types_folder: Path | None, defaults: Defaults, folder: Path | None
 ) -> tuple[list[Samples], list[str]]:
     """
     Return what a bag holds for some channels, and notes on what was amiss.
@@ -45,13 +45,13 @@ def read_samples(
     ----------
     bag : Bag
         An open bag.
-    channels : sequence of Channel
+    channels : sequence of SignalSource
         The channels, with full topic names.
     types_folder : Path or None
         Folder with definitions of messages.
     defaults : Defaults
         What is meant where a channel leaves it open.
-    spool : Path or None
+    folder : Path or None
         Folder to keep the samples in; None for memory, or the system's temporary folder if there are more than `LONG`.
 
     Raises
@@ -61,10 +61,10 @@ def read_samples(
 
     """
     found = [_find(bag, channel, types_folder, defaults) for channel in channels]
-    if spool is None and sum(topic.count for topic, _, _ in found) > LONG:
-        spool = Path(gettempdir())
+    if folder is None and sum(topic.count for topic, _, _ in found) > LONG:
+        folder = Path(gettempdir())
     intakes = [
-        Intake(channel, decoder, path, topic.count, spool) for channel, (topic, path, decoder) in zip(channels, found)
+        Intake(channel, decoder, path, topic.count, folder) for channel, (topic, path, decoder) in zip(channels, found)
     ]
     by_topic: dict[str, list[Intake]] = {}
     for intake in intakes:
@@ -76,7 +76,7 @@ def read_samples(
 
 
 def _find(
-    bag: Bag, channel: Channel, types_folder: Path | None, defaults: Defaults
+    bag: Bag, channel: SignalSource, types_folder: Path | None, defaults: Defaults
 ) -> tuple[Topic, FieldPath, Decoder]:
     """Return a channel's topic, where its number is, and what decodes it."""
     topic = bag.topics.get(str(channel.source))
@@ -96,7 +96,7 @@ def _find(
     return topic, path, Decoder(types, topic.msgtype, path, stamp, bag.serialization)
 
 
-def _stamp(types: Typestore, msgtype: str, channel: Channel) -> TimePaths | CounterPath | None:
+def _stamp(types: Typestore, msgtype: str, channel: SignalSource) -> TimePaths | CounterPath | None:
     """Return where the stamps of a channel's messages are."""
     if channel.stamp == RECEIVE or (channel.stamp is None and not has_header(types, msgtype)):
         return None

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.recording.spool import give_back, parts
+from cfd_pneumatic.recording.memory_maps import give_back, parts
 
 
 @dataclass(frozen=True)

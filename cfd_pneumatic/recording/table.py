@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.channels import Channel, Samples
 from cfd_pneumatic.recording.messages import NANOSECONDS
+from cfd_pneumatic.recording.sources import Samples, SignalSource
 from cfd_pneumatic.recording.wording import counted, reason_of
 
 _MAX_TIME = 2**62
@@ -48,7 +48,7 @@ class TableFormat:
     skip_rows: int = 0
 
 
-def read_table(path: Path, layout: TableFormat, channels: Sequence[Channel]) -> tuple[list[Samples], list[str]]:
+def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]) -> tuple[list[Samples], list[str]]:
     """
     Return what a table holds for some channels, in their order, and what was amiss.
 

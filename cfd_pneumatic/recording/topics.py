@@ -14,13 +14,13 @@ from cfd_pneumatic.convention import (
 )
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bag import Topic
-from cfd_pneumatic.recording.channels import Channel, Role
 from cfd_pneumatic.recording.messages import FLOAT64, FLUID_PRESSURE, JOINT_STATE, WRENCH_STAMPED
+from cfd_pneumatic.recording.sources import Role, SignalSource
 
 _MAX_LISTED = 40
 
 
-def convention_channels(topics: Mapping[str, Topic], namespace: str | None) -> list[Channel]:
+def convention_channels(topics: Mapping[str, Topic], namespace: str | None) -> list[SignalSource]:
     """
     Return the channels that a bag in our convention has.
 
@@ -98,13 +98,13 @@ def _fitting(topics: Iterable[str]) -> set[str]:
 
 def _channel(
     topics: Mapping[str, Topic], namespace: str, name: str, msgtype: str, role: Role, cylinder: str | None = None
-) -> Channel | None:
+) -> SignalSource | None:
     topic = topics.get(f'{namespace}/{name}')
     if topic is None:
         return None
     if topic.msgtype != msgtype:
         raise InputError(f'topic {topic.name} holds {topic.msgtype}, not {msgtype}: give a mapping file')
-    return Channel(role, cylinder, topic.name, gauge=role == 'setpoint')
+    return SignalSource(role, cylinder, topic.name, gauge=role == 'setpoint')
 
 
 def _normalise(namespace: str) -> str:

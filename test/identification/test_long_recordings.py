@@ -83,7 +83,7 @@ import resource, sys
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.recording import read_recording
 for path in sys.argv[1:]:
-    found = identify([read_recording(path, spool=sys.argv[1] + '/..')])
+    found = identify([read_recording(path, folder=sys.argv[1] + '/..')])
     print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024, *found.channels['cylinder_a'].fit.model.parameters)
 """
 

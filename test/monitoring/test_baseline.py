@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from cfd_pneumatic.monitoring.baseline import FEWEST_BLOCKS, Baseline, learn
-from cfd_pneumatic.monitoring.channel import Block, Channel
+from cfd_pneumatic.monitoring.watched_signal import ResidualBlock, WatchedSignal
 
 NOISE, TIMING, SAMPLES, BLOCKS = 50.0, 2e-4, 100, 400
 
@@ -92,13 +92,13 @@ def test_whatever_is_learned_from_what_comes_then_is_charted(
     count = 10 * FEWEST_BLOCKS
     residuals = np.resize(pattern, count)
     residuals[list(spikes)] = list(spikes.values())
-    channel = Channel('cylinder_a', FEWEST_BLOCKS, 10, 1e4)
+    channel = WatchedSignal('cylinder_a', FEWEST_BLOCKS, 10, 1e4)
     with np.errstate(divide='raise', invalid='raise', over='raise'):
         for number, blocks in enumerate(
             zip(np.split(residuals, FEWEST_BLOCKS), np.split(np.resize(rates, count), FEWEST_BLOCKS))
         ):
-            channel.take_block(Block(10 * number, *blocks))
+            channel.take_block(ResidualBlock(10 * number, *blocks))
         for number in range(FEWEST_BLOCKS, FEWEST_BLOCKS + 30):
-            channel.take_block(Block(10 * number, np.array(then), np.zeros(10)))
+            channel.take_block(ResidualBlock(10 * number, np.array(then), np.zeros(10)))
         departure = channel.describe(10 * FEWEST_BLOCKS, level=True)
     assert np.all(np.isfinite([channel.usual, channel.nearness, channel.agitation, departure.shift]))

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.monitoring.window import Track, Window
+from cfd_pneumatic.monitoring.window import RollingSignal, Window
 
 SECOND = 1_000_000_000
 EPOCH = 1_700_000_000 * SECOND
@@ -14,7 +14,7 @@ EPOCH = 1_700_000_000 * SECOND
 
 @given(st.lists(st.integers(-5, 3 * SECOND), min_size=1, max_size=100))
 def test_a_track_keeps_the_last_seconds_in_order(steps: list[int]) -> None:
-    track = Track(5 * SECOND)
+    track = RollingSignal(5 * SECOND)
     stamps = (EPOCH + np.cumsum(steps)).tolist()
     for index, stamp in enumerate(stamps):
         track.take(stamp, float(index))

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.plant.chart import HEIGHT, WIDTH, Track, drift_chart
+from cfd_pneumatic.plant.chart import HEIGHT, WIDTH, Curve, drift_chart
 
 VALUES = st.one_of(st.none(), st.floats(-1e9, 1e9, width=32))
 POINTS = st.lists(st.tuples(VALUES, st.floats(0.0, 1e6, width=32)), min_size=1, max_size=30).filter(
@@ -32,7 +32,7 @@ def path(svg, kind):
 
 def chart(values, stds=None, marks=()):
     places = [rank / max(len(values) - 1, 1) for rank in range(len(values))]
-    return drift_chart(places, [Track('before', values, stds or [None] * len(values))], marks, 'k_x <drifts>')
+    return drift_chart(places, [Curve('before', values, stds or [None] * len(values))], marks, 'k_x <drifts>')
 
 
 @given(POINTS)

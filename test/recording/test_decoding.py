@@ -11,7 +11,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.blocks import Block
+from cfd_pneumatic.recording.blocks import MessageBlock
 from cfd_pneumatic.recording.decoding import CounterPath, Decoder, TimePaths, in_nanoseconds
 from cfd_pneumatic.recording.fields import NUMBERS, parse_path
 from cfd_pneumatic.recording.layout import Layout, Serialization
@@ -35,7 +35,7 @@ MSGTYPES = [
 
 
 def block_of(payloads):
-    return Block.of(range(len(payloads)), payloads)
+    return MessageBlock.of(range(len(payloads)), payloads)
 
 
 def any_number(random, kind):

@@ -82,7 +82,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """
     Effects that were found.
 
@@ -163,7 +163,7 @@ class Search:
         more = candidate.unknowns - model.unknowns
         return self._likelihood.evidence(model.rss, candidate.rss, more, self.candidates.resting_colour(candidate))
 
-    def run(self) -> Found:
+    def run(self) -> SearchResult:
         """
         Add what is worth it, take out what is not needed any more, and try each effect against its rivals.
 
@@ -175,14 +175,14 @@ class Search:
         first = self.step(model)
         found = [self._followed(first, lead) for lead in first.leads]
         if not found:
-            return Found(model, {}, first.trials())
+            return SearchResult(model, {}, first.trials())
         best = found[0]
         for other in found[1:]:
             if other.model.rss < (1.0 - _LEAST_DROP_OF_MORE) * best.model.rss:
                 best = other
         return best
 
-    def _followed(self, step: Step, lead: str) -> Found:
+    def _followed(self, step: Step, lead: str) -> SearchResult:
         """Return what is found after a first effect."""
         trials, ranking = step.trials(lead), {lead: step.rivals(lead)}
         model = self._accepted[lead,] = step.candidates[lead]
@@ -198,7 +198,7 @@ class Search:
             model = self.pruned(step.candidates[lead])
             self._accepted[tuple(model.effects)] = model
         model, alternatives = self.challenged(model, ranking)
-        return Found(model, alternatives, trials)
+        return SearchResult(model, alternatives, trials)
 
     def step(self, model: Candidate) -> Step:
         """Try every effect beside a model."""

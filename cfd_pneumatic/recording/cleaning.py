@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.memory_maps import parts
 from cfd_pneumatic.recording.messages import NANOSECONDS
 from cfd_pneumatic.recording.ordering import earliest_after
-from cfd_pneumatic.recording.spool import parts
 from cfd_pneumatic.recording.wording import counted
 
 MAX_DISORDER = 1.0
@@ -36,7 +36,7 @@ _LONGEST = 20
 
 
 @dataclass(frozen=True)
-class Tidied:
+class Cleaned:
     """
     Samples in order.
 
@@ -56,7 +56,7 @@ class Tidied:
     notes: tuple[str, ...]
 
 
-def tidy(times: NDArray[np.int64], values: NDArray[np.float64], name: str, *, held: bool = False) -> Tidied:
+def clean(times: NDArray[np.int64], values: NDArray[np.float64], name: str, *, held: bool = False) -> Cleaned:
     """
     Return samples sorted, each time once, finite; they are moved within the arrays that are given.
 
@@ -99,15 +99,15 @@ def tidy(times: NDArray[np.int64], values: NDArray[np.float64], name: str, *, he
 
     if not held:
         notes += _describe_intervals(times, name)
-    return Tidied(times, values, tuple(notes))
+    return Cleaned(times, values, tuple(notes))
 
 
-def at_changes(tidied: Tidied) -> Tidied:
+def at_changes(cleaned: Cleaned) -> Cleaned:
     """Return the samples that begin a new value, the first included; they are moved within their arrays."""
-    times, values = keep(tidied.times, tidied.values, lambda part: _begins(tidied.values, part))
-    if len(times) < len(tidied.times) / 2:
+    times, values = keep(cleaned.times, cleaned.values, lambda part: _begins(cleaned.values, part))
+    if len(times) < len(cleaned.times) / 2:
         times, values = times.copy(), values.copy()  # or the rest would stay in memory
-    return Tidied(times, values, tidied.notes)
+    return Cleaned(times, values, cleaned.notes)
 
 
 def keep(

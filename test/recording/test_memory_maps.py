@@ -15,8 +15,8 @@ from long_bag import write_long_bag
 from recording_cases import EPOCH, SECOND, assert_same, piston, plain_messages, pressure, setpoint, write_bag
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import read_recording, spool
-from cfd_pneumatic.recording.spool import allocate, parts
+from cfd_pneumatic.recording import memory_maps, read_recording
+from cfd_pneumatic.recording.memory_maps import allocate, parts
 
 MILLISECOND = SECOND // 1000
 APPLIED = '/cfd/device/cylinder_a/setpoint_applied'
@@ -50,17 +50,17 @@ def test_in_files_and_in_small_parts_a_recording_is_the_same(tmp_path_factory, c
     write_bag(folder / 'bag', contents)
     whole = read_recording(folder / 'bag')
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(spool, 'PART', part)
-        spooled = read_recording(folder / 'bag', spool=folder)
-    assert_same(spooled, whole)
-    assert spooled.health == whole.health
+        patch.setattr(memory_maps, 'PART', part)
+        mapped = read_recording(folder / 'bag', folder=folder)
+    assert_same(mapped, whole)
+    assert mapped.health == whole.health
     assert [path.name for path in folder.iterdir()] == ['bag']
 
 
 def test_a_signal_can_be_gone_over_in_parts(tmp_path, monkeypatch):
     write_bag(tmp_path / 'bag', plain_messages(20))
-    monkeypatch.setattr(spool, 'PART', 6)
-    signal = read_recording(tmp_path / 'bag', spool=tmp_path).displacement
+    monkeypatch.setattr(memory_maps, 'PART', 6)
+    signal = read_recording(tmp_path / 'bag', folder=tmp_path).displacement
     pieces = list(signal.parts())
     assert [len(piece) for piece in pieces] == [6, 6, 6, 2]
     np.testing.assert_array_equal(np.concatenate([piece.times for piece in pieces]), signal.times)
@@ -78,7 +78,7 @@ def test_what_is_written_to_a_file_is_still_there_when_memory_was_given_back(tmp
 def test_a_folder_that_is_not_there_is_told(tmp_path):
     write_bag(tmp_path / 'bag', plain_messages())
     with pytest.raises(InputError) as caught:
-        read_recording(tmp_path / 'bag', spool=tmp_path / 'nowhere')
+        read_recording(tmp_path / 'bag', folder=tmp_path / 'nowhere')
     assert str(caught.value) == (
         f'{tmp_path}/bag: 0.0 MB of it cannot be kept in {tmp_path}/nowhere: No such file or directory; '
         'give a folder with room for it in TMPDIR'
@@ -100,7 +100,7 @@ from cfd_pneumatic.recording import read_recording
 read_recording(sys.argv[1])  # what is loaded when it is first needed
 data = int(re.search(r'VmData:\\s+(\\d+)', open('/proc/self/status').read())[1]) * 1024
 resource.setrlimit(resource.RLIMIT_DATA, (data + 12_000_000,) * 2)
-print(len(read_recording(sys.argv[2], spool=sys.argv[3] or None).displacement))
+print(len(read_recording(sys.argv[2], folder=sys.argv[3] or None).displacement))
 """
 
 

@@ -22,7 +22,7 @@ CHARTS = 3
 """One-sided tests in a channel: its mean up, its mean down, its energy up."""
 
 
-class Block(NamedTuple):
+class ResidualBlock(NamedTuple):
     """Residuals over a short time."""
 
     start: int
@@ -73,7 +73,7 @@ class Departure:
     usual: float
 
 
-class Channel:
+class WatchedSignal:
     """
     A measured signal beside its model.
 
@@ -101,8 +101,8 @@ class Channel:
         self._length = block
         self.mean_run = mean_run
         self._tolerance = tolerance
-        self._learned: list[Block] = []
-        self._recent: deque[Block] = deque(maxlen=_KEPT)
+        self._learned: list[ResidualBlock] = []
+        self._recent: deque[ResidualBlock] = deque(maxlen=_KEPT)
         self._samples = 0.0
         self.charts: tuple[Chart, ...] = ()
         self.rings = 0
@@ -162,11 +162,11 @@ class Channel:
         return departure
 
     def _close(self) -> Departure | None:
-        block = Block(self._start, np.array(self._residuals), np.array(self._rates))
+        block = ResidualBlock(self._start, np.array(self._residuals), np.array(self._rates))
         self._residuals, self._rates = [], []
         return self.take_block(block)
 
-    def take_block(self, block: Block) -> Departure | None:
+    def take_block(self, block: ResidualBlock) -> Departure | None:
         """Take a whole block."""
         if self.baseline is None:
             self._learned.append(block)
@@ -226,6 +226,6 @@ class Channel:
         )
 
 
-def _rests(block: Block, weighing: Weighing) -> bool:
+def _rests(block: ResidualBlock, weighing: Weighing) -> bool:
     """Return whether the predicted signal hardly moves in a block."""
     return float(np.sqrt(np.mean(block.rates**2))) * _MOMENT < weighing.noise

@@ -1,4 +1,4 @@
-"""Channels: where a recording keeps the numbers of a signal, and what makes SI units of them."""
+"""Sources: where a recording keeps the numbers of a signal, and what makes SI units of them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 Role = Literal['displacement', 'pressure', 'setpoint', 'setpoint_applied', 'force', 'other']
 
 RECEIVE = 'receive'
-"""As a `Channel.stamp`: the time of reception, whatever stamps the messages have."""
+"""As a `SignalSource.stamp`: the time of reception, whatever stamps the messages have."""
 
 
 @dataclass(frozen=True)
-class Channel:
+class SignalSource:
     """
     One signal of a recording.
 
@@ -72,7 +72,7 @@ class Samples:
 
     Attributes
     ----------
-    channel : Channel
+    channel : SignalSource
         The channel.
     times : (n,) array of int
         Times [ns].
@@ -81,6 +81,6 @@ class Samples:
 
     """
 
-    channel: Channel
+    channel: SignalSource
     times: NDArray[np.int64]
     raw: NDArray[np.float64]
