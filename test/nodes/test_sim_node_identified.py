@@ -30,6 +30,18 @@ def test_it_simulates_the_pressure_of_the_report(graph: Graph, tmp_path: Path) -
     np.testing.assert_allclose(readings[experiment.samples], result.comparisons[0].after, atol=0.5)
 
 
+def test_it_runs_with_a_parameter_file_of_0_1_0(graph: Graph) -> None:
+    arguments = ['--ros-args', '--params-file', str(Path(__file__).parents[1] / 'parameters_0_1_0.yaml')]
+    node = SimNode(context=graph.context, namespace=unique_namespace(), cli_args=arguments)
+    try:
+        assert node.get_parameter('cylinder_a.droop.slope').value == 0.0013775011810227419
+        assert node.get_parameter('cylinder_b.k_sv').value == [144.77469052713832]
+        assert node.get_parameter('contact_force.seal_friction.enabled').value is True
+        assert node.get_parameter('area').value == 0.0012
+    finally:
+        node.destroy_node()
+
+
 def _played(live: LiveDevice, times: np.ndarray, displacement: np.ndarray, setpoint: np.ndarray) -> np.ndarray:
     """Return what cylinder A's sensor reads at some times [Pa]; stamps are whole nanoseconds."""
     readings = []

@@ -284,7 +284,9 @@ class Channel(ABC):
         rows[1 + np.arange(slots.size), slots] += steps
         for samples, simulated in self.follow(experiment, effects, rows, count):
             base = simulated[:, :1]
-            yield samples, base[:, 0], (simulated[:, 1:] - base) / steps
+            with np.errstate(invalid='ignore'):  # a model that runs away is no worse than one that has
+                jacobian = (simulated[:, 1:] - base) / steps
+            yield samples, base[:, 0], jacobian
 
     @abstractmethod
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
