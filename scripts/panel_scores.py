@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from panel_rows import SCHEDULES, Row
+from scipy.stats import binomtest
 
 from cfd_pneumatic.model.effects import FAMILIES
-from cfd_pneumatic.rig.panel import LIBRARY, NOISES, ON_FORCE
+from cfd_pneumatic.rig.panel import NOISES
 
 FLOOR_TOLERANCE = 0.05
 
-GROUPS = tuple(
-    (family, found)
-    for family, found in (
-        (family, tuple(name for name in (*LIBRARY, *ON_FORCE) if name in names)) for family, names in FAMILIES.items()
-    )
-    if found
-)
+GROUPS = tuple(FAMILIES.items())
 """Effects that data may not separate, by their physics: a tie among these is a right answer."""
 
 
@@ -30,9 +25,7 @@ def listed(one: str, other: str) -> bool:
     return any(one in names and other in names for _, names in GROUPS)
 
 
-ANSWERS = ('right', 'listed alternative', 'unlisted alternative', 'wrong name', 'no name')
-
-RIGHT = ANSWERS[:2]
+RIGHT = ('right', 'listed alternative')
 """Answers that the goals count as right."""
 
 
@@ -60,6 +53,27 @@ def found_both(row: Row, alternatives: bool = False) -> bool:
     )
 
 
+def found_exactly(row: Row, alternatives: bool = False) -> bool:
+    """Return whether both effects of a pair are named, and nothing else."""
+    return len(row.named) == len(row.effects) and found_both(row, alternatives)
+
+
+def is_right(row: Row) -> bool:
+    return answer(row) in RIGHT
+
+
+def is_named(row: Row) -> bool:
+    return bool(row.named)
+
+
+def is_unexplained(row: Row) -> bool:
+    return row.verdict == 'unexplained'
+
+
+def is_near_the_floor(row: Row) -> bool:
+    return abs(row.noise - 1.0) <= FLOOR_TOLERANCE
+
+
 class Share(NamedTuple):
     """A share with its 95 % interval (Wilson, 1927)."""
 
@@ -68,16 +82,11 @@ class Share(NamedTuple):
 
     @property
     def value(self) -> float:
-        return self.count / self.total if self.total else math.nan
+        return self.count / self.total
 
     @property
     def interval(self) -> tuple[float, float]:
-        if not self.total:
-            return math.nan, math.nan
-        z2 = 1.959964**2
-        centre = (self.count + 0.5 * z2) / (self.total + z2)
-        half = math.sqrt(z2 * (self.count * (1.0 - self.value) + 0.25 * z2)) / (self.total + z2)
-        return max(0.0, centre - half), min(1.0, centre + half)
+        return binomtest(self.count, self.total).proportion_ci(method='wilson')
 
     def __str__(self) -> str:
         if not self.total:
@@ -86,10 +95,9 @@ class Share(NamedTuple):
         return f'{100 * self.value:.1f} % ({self.count}/{self.total}; {100 * low:.0f} to {100 * high:.0f})'
 
 
-def share(rows: Iterable[Row], passes: Callable[[Row], bool]) -> Share:
+def share(rows: Sequence[Row], passes: Callable[[Row], bool]) -> Share:
     """Return the share of rows that pass."""
-    passed = [passes(row) for row in rows]
-    return Share(sum(passed), len(passed))
+    return Share(sum(map(passes, rows)), len(rows))
 
 
 class Goal(NamedTuple):
@@ -104,22 +112,22 @@ class Goal(NamedTuple):
 
 def goals(rows: Sequence[Row]) -> list[Goal]:
     """Return the goals that these rows can tell of."""
-    singles = [row for row in rows if row.kind == 'effects' and row.visible]
     found = []
 
-    def at_least(what: str, least: float, some: Sequence[Row], passes: Callable[[Row], bool]) -> None:
+    def aim(what: str, some: Sequence[Row], passes: Callable[[Row], bool], least: float = 0, most: float = 1) -> None:
         if some:
             part = share(some, passes)
-            found.append(Goal(what, f'at least {100 * least:.0f} %', str(part), part.total, part.value >= least))
+            limit = f'at least {100 * least:.0f} %' if least else f'at most {100 * most:.0f} %'
+            found.append(Goal(what, limit, str(part), part.total, least <= part.value <= most))
 
+    def visible(kind: str) -> list[Row]:
+        return [row for row in rows if row.kind == kind and row.visible]
+
+    first_name = 'right name first, or a listed alternative; visible draws'
     for schedule in SCHEDULES:
-        at_least(
-            f'right name first, or a listed alternative; visible draws, `{schedule}`',
-            0.90 if schedule == 'paper_step' else 0.95,
-            [row for row in singles if row.schedule == schedule],
-            lambda row: answer(row) in RIGHT,
-        )
-    errors = [row.after_test for row in singles if math.isfinite(row.after_test)]
+        some = [row for row in visible('effects') if row.schedule == schedule]
+        aim(f'{first_name}, `{schedule}`', some, is_right, least=0.90 if schedule == 'paper_step' else 0.95)
+    errors = [row.after_test for row in visible('effects') if math.isfinite(row.after_test)]
     if errors:
         for name, quantile, most in (('median', 0.5, 1.03), ('90th percentile', 0.9, 1.10)):
             value = float(np.quantile(errors, quantile))
@@ -128,45 +136,19 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
     floors = [row for row in rows if row.kind == 'effects' and math.isfinite(row.noise)]
     if floors:
         value = float(np.median([row.noise for row in floors]))
-        near = share(floors, lambda row: abs(row.noise - 1.0) <= FLOOR_TOLERANCE)
-        found.append(
-            Goal(
-                "the report's noise floor over the oracle's; all draws with one effect",
-                'within 5 %',
-                f'median {value:.3f}; {near} of the draws within 5 %',
-                len(floors),
-                abs(value - 1.0) <= FLOOR_TOLERANCE,
-            )
-        )
+        what = "the report's noise floor over the oracle's; all draws with one effect"
+        measured = f'median {value:.3f}; {share(floors, is_near_the_floor)} of the draws within 5 %'
+        found.append(Goal(what, 'within 5 %', measured, len(floors), abs(value - 1.0) <= FLOOR_TOLERANCE))
     for noise in NOISES:
         some = [row for row in rows if row.kind == 'clean' and row.effects == (noise,)]
-        if some:
-            part = share(some, lambda row: bool(row.named))
-            what = f'clean textbook recordings, {noise} noise: a name'
-            found.append(Goal(what, 'at most 2 %', str(part), part.total, part.value <= 0.02))
-    some = [row for row in rows if row.kind == 'clean_force']
-    if some:
-        part = share(some, lambda row: bool(row.named))
-        what = 'contact force of healthy devices: a name'
-        found.append(Goal(what, 'at most 2 %', str(part), part.total, part.value <= 0.02))
-    for kind, what, least in (
-        ('foreign', 'effects outside the library: `unexplained`; visible draws', 0.90),
-        ('leave_one_out', 'leave-one-out: `unexplained`; visible draws', 0.80),
-    ):
-        some = [row for row in rows if row.kind == kind and row.visible]
-        at_least(what, least, some, lambda row: row.verdict == 'unexplained')
-    at_least(
-        'contact force: right name first, or a listed alternative; visible draws',
-        0.90,
-        [row for row in rows if row.kind == 'force' and row.visible],
-        lambda row: answer(row) in RIGHT,
-    )
+        aim(f'clean textbook recordings, {noise} noise: a name', some, is_named, most=0.02)
+    healthy = [row for row in rows if row.kind == 'clean_force']
+    aim('contact force of healthy devices: a name', healthy, is_named, most=0.02)
+    unknown = 'effects outside the library: `unexplained`; visible draws'
+    aim(unknown, visible('foreign'), is_unexplained, least=0.90)
+    aim('leave-one-out: `unexplained`; visible draws', visible('leave_one_out'), is_unexplained, least=0.80)
+    aim(f'contact force: {first_name}', visible('force'), is_right, least=0.90)
     pairs = [row for row in rows if row.kind == 'pairs' and row.both_visible]
-    at_least('two effects: both found; pairs that show beside each other', 0.85, pairs, found_both)
-    at_least(
-        'two effects: exactly the two; the same pairs',
-        0.75,
-        pairs,
-        lambda row: len(row.named) == 2 and found_both(row),
-    )
+    aim('two effects: both found; pairs that show beside each other', pairs, found_both, least=0.85)
+    aim('two effects: exactly the two; the same pairs', pairs, found_exactly, least=0.75)
     return found
