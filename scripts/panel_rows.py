@@ -14,21 +14,21 @@ import multiprocessing
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import patrol
 from provenance import commit
 
-from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import ChannelResult, Fit, Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import search
 from cfd_pneumatic.identification.loop import Closure, close_loop
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.rig import Cylinder
 from cfd_pneumatic.rig.panel import (
     FOREIGN,
@@ -44,7 +44,8 @@ from cfd_pneumatic.rig.panel import (
 
 CYLINDER = 'cylinder_a'
 
-KINDS = ('effects', 'foreign', 'leave_one_out', 'clean', 'pairs', 'force', 'clean_force')
+ON_FORCE_KINDS = ('force', 'clean_force')
+KINDS = ('effects', 'foreign', 'leave_one_out', 'clean', 'pairs', *ON_FORCE_KINDS)
 
 SCHEDULES = ('paper_step', 'out_and_back', 'surface_following')
 
@@ -169,63 +170,38 @@ def measure(job: Job) -> Row:
     except InputError as error:
         return Row(*job, verdict='not_drawn', why=str(error))
     try:
-        return _identified_force(job, drawn) if job.kind in ('force', 'clean_force') else _identified(job, drawn)
+        return _identified(job, drawn)
     except Exception as error:  # counted as a failure: one recording must not end the run
         return Row(*job, verdict='refused', why=f'{type(error).__name__}: {error}')
 
 
 def recording_of(drawn: Draw) -> Recording:
     """Return cylinder A of a draw, as a user would hand it in."""
-    return _recording(drawn, [CYLINDER], None)
-
-
-def force_recording_of(drawn: Draw) -> Recording:
-    """Return both cylinders and the contact force of a draw, as a user would hand them in."""
-    return _recording(drawn, CYLINDERS, Signal(drawn.recording.times, drawn.recording.force))
-
-
-def _recording(drawn: Draw, names: Sequence[str], force: Signal | None) -> Recording:
-    got = drawn.recording
-    begins = np.concatenate([got.times[:1], got.times[:-1]])  # an entry acts from the sample before
-    cylinders = {}
-    for name, pressure, setpoint in zip(names, got.pressures.T, got.setpoints.T):
-        changes = np.diff(setpoint, prepend=np.nan) != 0.0
-        cylinders[name] = CylinderSignals(Signal(got.times, pressure), Signal(begins[changes], setpoint[changes]))
-    return Recording('recording', 0, Signal(got.times, got.displacement), cylinders, force, ())
+    whole = patrol.recording_of(drawn.recording)
+    return replace(whole, cylinders={CYLINDER: whole.cylinders[CYLINDER]}, force=None)
 
 
 def _identified(job: Job, drawn: Draw) -> Row:
-    recording = recording_of(drawn)
-    leaves_out = job.kind == 'leave_one_out'
+    if job.kind in ON_FORCE_KINDS:
+        recording, left, channel = patrol.recording_of(drawn.recording), force_oracle_residual(drawn), 'force'
+        options = Options(close_loop=True, area=Cylinder().area)
+    else:
+        recording, left, channel = recording_of(drawn), oracle_residual(drawn), CYLINDER
+        options = Options(close_loop=job.kind != 'leave_one_out')
     began = time.perf_counter()
-    identification = identify([recording], Options(close_loop=not leaves_out))
-    result = identification.channels[CYLINDER]
+    identification = identify([recording], options)
+    result = identification.channels[channel]
     if result.conclusion is None:
-        channel = result.channel
-        channel.library = {name: effect for name, effect in channel.effects.items() if name not in job.effects}
+        library = result.channel.effects
+        result.channel.library = {name: effect for name, effect in library.items() if name not in job.effects}
         closure = close_loop(result.fit)
     else:
         closure = Closure(result.found, result.conclusion)
     seconds = time.perf_counter() - began
-    left = oracle_residual(drawn)
     of_oracle = identification.splits[0].part_of(recording.displacement.times)
     row = _row_of(job, drawn, result, closure, left, of_oracle)
     beside = _beside(job.effects, result.fit, closure.fit, _rms(left)) if job.kind == 'pairs' else {}
     return replace(row, beside=beside, seconds=seconds)
-
-
-def _identified_force(job: Job, drawn: Draw) -> Row:
-    recording = force_recording_of(drawn)
-    began = time.perf_counter()
-    identification = identify([recording], Options(close_loop=True, area=Cylinder().area))
-    seconds = time.perf_counter() - began
-    result = identification.channels['force']
-    assert result.conclusion is not None
-    left = force_oracle_residual(drawn)
-    of_oracle = identification.splits[0].part_of(recording.displacement.times)
-    return replace(
-        _row_of(job, drawn, result, Closure(result.found, result.conclusion), left, of_oracle), seconds=seconds
-    )
 
 
 def _row_of(
@@ -276,13 +252,8 @@ def _rms(values: np.ndarray) -> float:
 
 def read_rows(path: Path, code: str | None) -> dict[Job, Row]:
     """Return the rows of a file that some version of the program measured, of any where it is None."""
-    rows = {}
-    if path.exists():
-        for line in path.read_text(encoding='utf-8').splitlines():
-            row = _row(line)
-            if row is not None and code in (None, row.code):
-                rows[row.job] = row
-    return rows
+    rows = map(_row, path.read_text(encoding='utf-8').splitlines()) if path.exists() else ()
+    return {row.job: row for row in rows if row is not None and code in (None, row.code)}
 
 
 def _row(line: str) -> Row | None:
@@ -318,9 +289,4 @@ def _measured(jobs: Sequence[Job], processes: int) -> Iterator[Row]:
     for library in ('OMP', 'OPENBLAS', 'MKL', 'NUMBA'):
         os.environ[f'{library}_NUM_THREADS'] = '1'  # read by the new processes
     with ProcessPoolExecutor(processes, multiprocessing.get_context('spawn')) as pool:
-        try:
-            for done in as_completed([pool.submit(measure, job) for job in jobs]):
-                yield done.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        yield from pool.map(measure, jobs)

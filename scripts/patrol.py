@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, PISTON_AREA
 from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.model import Cylinder, Device, ForceGeometry, OperatingPoints
 from cfd_pneumatic.model.effects import EFFECTS
-from cfd_pneumatic.monitoring import Finding, Watch
+from cfd_pneumatic.monitoring import Watch
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-from cfd_pneumatic.rig import Performance, RigParameters, RigRecord, Sensors, surface_following
+from cfd_pneumatic.rig import Performance, RigParameters, RigRecord, surface_following
+from cfd_pneumatic.rig.panel import PanelRecording
 
 EPOCH = 1_700_000_000_000_000_000
-AREA = 1.14e-3
 
 
 class Sample(NamedTuple):
@@ -33,13 +32,8 @@ class Sample(NamedTuple):
 def samples(record: RigRecord) -> Iterator[Sample]:
     """Yield the samples of a record."""
     stamps = EPOCH + np.round(record.times * 1e9).astype(np.int64)
-    for stamp, position, setpoints, pressures, force in zip(
-        stamps.tolist(),
-        record.displacement.tolist(),
-        record.setpoints.tolist(),
-        record.pressures.tolist(),
-        record.force.tolist(),
-    ):
+    columns = (stamps, record.displacement, record.setpoints, record.pressures, record.force)
+    for stamp, position, setpoints, pressures, force in zip(*(column.tolist() for column in columns)):
         yield Sample(stamp, position, tuple(setpoints), tuple(pressures), force)
 
 
@@ -52,10 +46,10 @@ def hear(watch: Watch, sample: Sample, now: float) -> list[tuple[str, int, float
     return list(watch.residuals(now))
 
 
-def surfaces(rig: RigParameters, seed: int, duration: float = 60.0, sensors: Sensors = Sensors()) -> Performance:
+def surfaces(rig: RigParameters, seed: int, duration: float = 60.0) -> Performance:
     """Return a rig that follows a random surface, over and over."""
     schedule = surface_following(duration=duration, seed=seed).with_return()
-    return Performance(schedule, rig, sensors, seed)
+    return Performance(schedule, rig, seed=seed)
 
 
 def take(performance: Performance, count: int) -> RigRecord:
@@ -65,7 +59,7 @@ def take(performance: Performance, count: int) -> RigRecord:
     return performance.take(count)
 
 
-def recording_of(record: RigRecord, name: str = 'healthy') -> Recording:
+def recording_of(record: RigRecord | PanelRecording) -> Recording:
     """Return what a rig's sensors gave, as it is read from a bag."""
     times = record.times
     begins = np.concatenate([times[:1], times[:-1]])
@@ -75,7 +69,7 @@ def recording_of(record: RigRecord, name: str = 'healthy') -> Recording:
         setpoint = Signal(begins[changes], record.setpoints[changes, index])
         cylinders[cylinder] = CylinderSignals(Signal(times, record.pressures[:, index]), setpoint)
     displacement, force = Signal(times, record.displacement), Signal(times, record.force)
-    return Recording(name, EPOCH, displacement, cylinders, force, ())
+    return Recording('recording', EPOCH, displacement, cylinders, force, ())
 
 
 def identified_device(identification: Identification) -> Device:
@@ -87,19 +81,8 @@ def identified_device(identification: Identification) -> Device:
         effects = {key: own for key, own in model.effects.items() if not EFFECTS[key].of_time}
         points = OperatingPoints(np.zeros(1), *(np.array([gain]) for gain in model.parameters))
         cylinders.append(Cylinder(points, AMBIENT_PRESSURE, effects))
-    area, force_effects = AREA, {}
+    area, force_effects = PISTON_AREA, {}
     if 'force' in identification.channels:
         model = identification.channels['force'].found.model
         area, force_effects = float(model.parameters[0]), dict(model.effects)
     return Device(*cylinders, ForceGeometry(area, 1.0, AMBIENT_PRESSURE), force_effects, seal_play=2e-6)
-
-
-def at_once(diagnose: Callable[[Recording], Finding]) -> Callable[[Recording], Future[Finding]]:
-    """Return what closes the loop on a recording there and then."""
-
-    def ask(recording: Recording) -> Future[Finding]:
-        answer: Future[Finding] = Future()
-        answer.set_result(diagnose(recording))
-        return answer
-
-    return ask
