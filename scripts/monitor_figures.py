@@ -15,16 +15,19 @@ from __future__ import annotations
 
 import argparse
 import io
+import itertools
 import json
 import sys
-import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import lru_cache
+from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 
+import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
@@ -34,13 +37,14 @@ from documents import notes_in, table
 from patrol import EPOCH, identified_device, recording_of, surfaces, take
 from provenance import ROOT, commit, machine
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS
+from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.model import DIRECTIONS, Device
 from cfd_pneumatic.monitoring import Finding, WatchedSignal, diagnose, news
+from cfd_pneumatic.monitoring.chart import Chart
 from cfd_pneumatic.monitoring.watched_signal import ResidualBlock
-from cfd_pneumatic.rig import RigParameters, RigRecord, Sensors, record, surface_following, with_changes
+from cfd_pneumatic.rig import Performance, RigParameters, RigRecord, Sensors, record, surface_following, with_changes
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
 
 RATE = 500  # samples in a second
@@ -52,8 +56,9 @@ INTERVALS = {'10 minutes': 600.0, '1 hour': 3600.0, '1 day': 86_400.0}
 
 CHANNELS = (*CYLINDERS, CONTACT_FORCE)
 FIRST_SEED = 1000
-DAY = 86_400.0
+SETTLING = 1.0  # of the model [s]
 PIECE = 3600.0  # residuals that are drawn at a time [s]
+STRETCH = 600.0  # of a rig that is recorded at a time [s]
 WATCH = 6 * 3600.0  # after one learning [s]
 DOCUMENT = Path(__file__).parents[1] / 'docs' / 'monitor.md'
 PICTURE = DOCUMENT.with_suffix('.svg')
@@ -91,77 +96,68 @@ def coloured(rng: np.random.Generator, count: int) -> np.ndarray:
     return lfilter([1.0], [1.0, -memory], drawn)[100:]
 
 
-def watchers(
-    blocks: Iterator[ResidualBlock], intervals: dict[str, float], name: str, channels: int
-) -> dict[str, WatchedSignal]:
-    """Return a channel for each interval; what is usual is learned once, as each of them would."""
-    first = WatchedSignal(name, round(LEARNING / BLOCK), round(BLOCK * 1e9), channels * DAY / BLOCK)
-    while first.baseline is None:
-        first.take_block(next(blocks))
-    found = {}
-    for label, interval in intervals.items():
-        found[label] = WatchedSignal(name, 0, round(BLOCK * 1e9), channels * interval / BLOCK)
-        found[label].adopt(first.baseline)
+def watchers(blocks: Iterator[ResidualBlock], name: str, channels: int) -> dict[str, WatchedSignal]:
+    """Return a channel for each interval, which has learned what is usual from the first blocks."""
+    learning, length = round(LEARNING / BLOCK), round(BLOCK * 1e9)
+    found = {
+        label: WatchedSignal(name, learning, length, channels * interval / BLOCK)
+        for label, interval in INTERVALS.items()
+    }
+    for block, channel in itertools.product(itertools.islice(blocks, learning), found.values()):
+        channel.take_block(block)
     return found
 
 
-def blocks_of(residuals: np.ndarray, rates: np.ndarray, start: int = EPOCH) -> Iterator[ResidualBlock]:
+def blocks_of(residuals: np.ndarray, rates: np.ndarray) -> Iterator[ResidualBlock]:
     """Yield residuals in blocks."""
     for number in range(residuals.size // SAMPLES):
         own = slice(number * SAMPLES, (number + 1) * SAMPLES)
-        yield ResidualBlock(start + round(number * BLOCK * 1e9), residuals[own], rates[own])
+        yield ResidualBlock(EPOCH + round(number * BLOCK * 1e9), residuals[own], rates[own])
 
 
-def rung(channel: WatchedSignal, features: tuple[np.ndarray, np.ndarray]) -> int:
-    """Return how often the charts ring over means and energies of blocks."""
+def alarms_of(found: dict[str, WatchedSignal], residuals: np.ndarray, rates: np.ndarray) -> dict[str, int]:
+    """Return how often charts ring over blocks, whose features are the same at each interval."""
+    weighing = next(iter(found.values())).baseline.weighing
+    innovations = weighing.innovations(weighing.weighed(residuals, rates), np.empty(0))
+    features = weighing.features(innovations.reshape(-1, SAMPLES))
+    return {label: sum(map(rings, channel.charts, features)) for label, channel in found.items()}
+
+
+def rings(chart: Chart, values: np.ndarray) -> int:
+    """Return how often a chart rings."""
     alarms = 0
-    for chart, values in zip(channel.charts, features):
-        left = values
-        while (at := chart.take(left)) >= 0:
-            alarms += 1
-            chart.again()
-            left = left[at + 1 :]
+    while (at := chart.take(values)) >= 0:
+        alarms += 1
+        chart.again()
+        values = values[at + 1 :]
     return alarms
 
 
-def features_of(
-    found: dict[str, WatchedSignal], residuals: np.ndarray, rates: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return means and energies of blocks; channels that have learned the same have the same."""
-    weighing = next(iter(found.values())).baseline.weighing
-    innovations = weighing.innovations(weighing.weighed(residuals, rates), np.empty(0))
-    return weighing.features(innovations.reshape(-1, SAMPLES))
-
-
-def drawn_alarms(draw: Draw, runs: int, seconds: float, first_seed: int) -> dict[str, list[int]]:
-    """Return the number of false alarms of each run, for each interval; a run learns anew."""
-    counts: dict[str, list[int]] = {label: [] for label in INTERVALS}
-    for seed in range(first_seed, first_seed + runs):
-        totals = dict.fromkeys(INTERVALS, 0)
+def drawn_alarms(draw: Draw, runs: int, seconds: float) -> dict[str, Count]:
+    """Return the false alarms over drawn residuals, for each interval; a run learns anew."""
+    alarms: Counter[str] = Counter()
+    for seed in range(FIRST_SEED, FIRST_SEED + runs):
         for name, child in zip(CHANNELS, np.random.SeedSequence(seed).spawn(len(CHANNELS))):
             rng = np.random.default_rng(child)
             learned = draw(rng, round((LEARNING + 1.0) * RATE))
-            found = watchers(blocks_of(learned, np.zeros_like(learned)), INTERVALS, name, len(CHANNELS))
+            found = watchers(blocks_of(learned, np.zeros_like(learned)), name, len(CHANNELS))
             for _ in range(round(seconds / PIECE)):
                 residuals = draw(rng, round(PIECE * RATE))
-                features = features_of(found, residuals, np.zeros_like(residuals))
-                for label, channel in found.items():
-                    totals[label] += rung(channel, features)
-        for label, total in totals.items():
-            counts[label].append(total)
-    return counts
+                alarms.update(alarms_of(found, residuals, np.zeros_like(residuals)))
+    return {label: Count(alarms[label], runs * seconds) for label in INTERVALS}
 
 
 # the rig beside its model
 
 
 def residuals_of(device: Device, got: RigRecord) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return residuals and rates of each cylinder, as the live model makes them sample by sample."""
+    """Return residuals and rates of each cylinder, as the live model makes them, from when it has settled."""
     found = {}
+    begin = round(SETTLING * RATE)
     for index, (name, cylinder) in enumerate(zip(CYLINDERS, (device.a, device.b))):
         predicted = cylinder.simulate(got.times, DIRECTIONS[name] * got.displacement, got.setpoints[:, index])
         rates = np.diff(predicted, prepend=predicted[:1]) / np.diff(got.times, prepend=got.times[0] - 1.0)
-        found[name] = got.pressures[:, index] - predicted, rates
+        found[name] = (got.pressures[:, index] - predicted)[begin:], rates[begin:]
     return found
 
 
@@ -170,39 +166,33 @@ class Healthy(NamedTuple):
 
     rig: RigParameters
     device: Device
+    seed: int
+
+    def performance(self, duration: float) -> Performance:
+        """Return it at the beginning of a random surface of a duration [s]."""
+        return surfaces(self.rig, self.seed + 500_000, duration)
 
 
-@lru_cache(maxsize=8)
 def healthy(seed: int, frozen: bool = True) -> Healthy:
     """Return a rig and its model, identified: one drawn at random that is as the paper's, or the rig as it is."""
     rig = draw_specimen(np.random.default_rng(seed))[0].rig if frozen else RigParameters()
     got = record(surface_following(duration=60.0, seed=seed), rig, seed=seed)
-    return Healthy(rig, identified_device(identify([recording_of(got)])))
+    return Healthy(rig, identified_device(identify([recording_of(got)])), seed)
 
 
-def rig_alarms(frozen: bool, runs: int, seconds: float, first_seed: int) -> dict[str, Count]:
+def rig_alarms(frozen: bool, runs: int, stretches: int) -> dict[str, Count]:
     """Return the false alarms on rigs beside their models, for each interval."""
-    alarms = dict.fromkeys(INTERVALS, 0)
-    watched = 0.0
-    for seed in range(first_seed, first_seed + runs):
+    alarms: Counter[str] = Counter()
+    for seed in range(FIRST_SEED, FIRST_SEED + runs):
         one = healthy(seed, frozen)
-        performance = surfaces(one.rig, seed + 500_000, 3000.0)
+        performance = one.performance(3000.0)
         learned = residuals_of(one.device, take(performance, round((LEARNING + 3.0) * RATE)))
-        found = {
-            name: watchers(blocks_of(residual[RATE:], rate[RATE:]), INTERVALS, name, len(CYLINDERS))
-            for name, (residual, rate) in learned.items()
-        }
-        left = seconds
-        while left > 0.0:
-            got = take(performance, round(min(left, 600.0) * RATE))
-            whole = slice(RATE, RATE + (got.times.size - RATE) // SAMPLES * SAMPLES)  # the model settles first
-            for name, (residual, rate) in residuals_of(one.device, got).items():
-                features = features_of(found[name], residual[whole], rate[whole])
-                for label, channel in found[name].items():
-                    alarms[label] += rung(channel, features)
-            watched += (whole.stop - whole.start) / RATE
-            left -= 600.0
-    return {label: Count(count, watched) for label, count in alarms.items()}
+        found = {name: watchers(blocks_of(*own), name, len(CYLINDERS)) for name, own in learned.items()}
+        for _ in range(stretches):
+            got = take(performance, round(STRETCH * RATE))
+            for name, own in residuals_of(one.device, got).items():
+                alarms.update(alarms_of(found[name], *own))
+    return {label: Count(alarms[label], runs * stretches * (STRETCH - SETTLING)) for label in INTERVALS}
 
 
 # delays
@@ -229,88 +219,46 @@ TROUBLES = (
 )
 PATIENCE = 125.0  # that a trouble is waited for [s]
 WINDOW = 60.0  # of a diagnosis [s]
-STEP = 1.0  # in which a trouble grows [s]
+BEGINS = LEARNING + SETTLING + WINDOW  # when a trouble does [s]
+PLAYED = 1200.0  # duration of the surface [s]
 
 
-class Delay(NamedTuple):
-    """When one trouble was noticed, and what it was taken for."""
-
-    seconds: dict[str, float]
-    """Delay for each interval, infinite where it was not noticed [s]."""
-    named: str | None
-    """`right`, `listed`, `other` or `nothing`; None where nobody asked."""
-
-
-def fields(got: RigRecord) -> dict[str, np.ndarray]:
-    """Return what the sensors read."""
-    return {name: values for name, values in vars(got).items() if name != 'truth'}
-
-
-def joined(records: list[RigRecord]) -> RigRecord:
-    """Return records that follow each other as one."""
-    parts = {name: np.concatenate([fields(one)[name] for one in records]) for name in fields(records[0])}
-    return RigRecord(**parts, truth=records[0].truth)
-
-
-def part(got: RigRecord, begin: float, end: float) -> RigRecord:
-    """Return what was read from one time to another [s]."""
-    own = slice(round(begin * RATE), round(end * RATE))
-    return RigRecord(**{name: values[own] for name, values in fields(got).items()}, truth=got.truth)
-
-
-BEGINS = LEARNING + 1.0 + WINDOW  # when a trouble does [s]
-
-
-def play(one: Healthy, trouble: Trouble, size: float, seed: int) -> RigRecord:
-    """Return a record in which a trouble begins."""
-    performance = surfaces(one.rig, seed + 500_000, 1200.0)
+def play(one: Healthy, trouble: Trouble, size: float) -> RigRecord:
+    """Return a record in which a trouble begins, and grows from second to second."""
+    performance = one.performance(PLAYED)
     records = [take(performance, round(BEGINS * RATE))]
-    for second in range(round(PATIENCE / STEP)):
-        share = min((second + 1) * STEP / trouble.growth, 1.0) if trouble.growth else 1.0
+    for second in range(round(PATIENCE)):
+        share = min((second + 1.0) / trouble.growth, 1.0) if trouble.growth else 1.0
         performance.change(with_changes(one.rig, {f'effects_a.{trouble.field}': share * size}))
-        records.append(take(performance, round(STEP * RATE)))
-    return joined(records)
+        records.append(take(performance, RATE))
+    names = ('times', 'displacement', 'pressures', 'setpoints', 'force')
+    together = {name: np.concatenate([getattr(part, name) for part in records]) for name in names}
+    return RigRecord(**together, truth=records[0].truth)
 
 
-def delay_of(trouble: Trouble, size: float, seed: int, name_it: bool) -> Delay:
-    """Return when a trouble is noticed and what it is taken for, once it has grown for a whole window."""
-    one = healthy(seed)
-    got = play(one, trouble, size, seed)
-    seconds = dict.fromkeys(INTERVALS, np.inf)
-    for name, (residual, rate) in residuals_of(one.device, got).items():
-        blocks = list(blocks_of(residual[RATE:], rate[RATE:]))
-        for label, channel in watchers(iter(blocks), INTERVALS, name, len(CYLINDERS)).items():
-            for number in range(round(LEARNING / BLOCK), len(blocks)):
-                late = 1.0 + (number + 1) * BLOCK - BEGINS
-                if channel.take_block(blocks[number]) is not None and late > 0.0:
-                    seconds[label] = min(seconds[label], late)
-                    break
-    if not name_it or not np.isfinite(seconds['1 day']):
-        return Delay(seconds, 'nothing' if name_it else None)
-    grown = BEGINS + trouble.growth + 1.0
-    before = usual_findings(seed, part(got, 1.0, 1.0 + WINDOW))
-    return Delay(seconds, named(before, part(got, grown, grown + WINDOW), trouble))
+def delays_in(one: Healthy, got: RigRecord) -> dict[str, float]:
+    """Return how late a trouble is noticed for each interval, infinite where it is not [s]."""
+    delays = dict.fromkeys(INTERVALS, np.inf)
+    for name, own in residuals_of(one.device, got).items():
+        blocks = blocks_of(*own)
+        channels = watchers(blocks, name, len(CYLINDERS))
+        for number, block in enumerate(blocks, round(LEARNING / BLOCK) + 1):
+            late = SETTLING + number * BLOCK - BEGINS
+            for label, channel in channels.items():
+                if channel.take_block(block) is not None and late > 0.0:
+                    delays[label] = min(delays[label], late)
+    return delays
 
 
-FINDINGS: dict[int, Finding] = {}
+def found_in(got: RigRecord, begin: float) -> Finding:
+    """Close the loop on the pressures of a window."""
+    window = recording_of(got).between(begin, begin + WINDOW)
+    return diagnose(replace(window, force=None), Options(close_loop=True))
 
 
-def found_in(got: RigRecord) -> Finding:
-    """Close the loop on the pressures of a record."""
-    options = Options(close_loop=True, ambient_pressure=AMBIENT_PRESSURE)
-    return diagnose(replace(recording_of(got), force=None), options)
-
-
-def usual_findings(seed: int, got: RigRecord) -> Finding:
-    """Return what the loop makes of the healthy rig of a seed, the same whatever goes wrong with it later."""
-    if seed not in FINDINGS:
-        FINDINGS[seed] = found_in(got)
-    return FINDINGS[seed]
-
-
-def named(before: Finding, after: RigRecord, trouble: Trouble) -> str:
-    """Return whether the loop, closed on a window, names the trouble as what is new."""
-    told = news(found_in(after).found['cylinder_a'], before.found.get('cylinder_a'))
+def named(trouble: Trouble, before: Finding, after: Finding) -> str:
+    """Return whether the loop names the trouble as what is new."""
+    told = news(after.found['cylinder_a'], before.found.get('cylinder_a'))
     if trouble.effect in told.effects:
         return 'right'
     if any(trouble.effect in others for others in told.effects.values()):
@@ -324,30 +272,32 @@ def named(before: Finding, after: RigRecord, trouble: Trouble) -> str:
 def part_drawn(quick: bool) -> dict:
     """Count false alarms over drawn residuals."""
     runs, seconds = (4, 2 * PIECE) if quick else (120, WATCH)
-    return {
-        name: {'alarms': drawn_alarms(draw, runs, seconds, FIRST_SEED), 'seconds': runs * seconds, 'runs': runs}
-        for name, draw in (('white', white), ('coloured', coloured))
-    }
+    return {f'{draw.__name__} noise, drawn': drawn_alarms(draw, runs, seconds) for draw in (white, coloured)}
 
 
 def part_rig(quick: bool) -> dict:
     """Count false alarms over hours of rigs."""
-    runs, seconds = (1, 1200.0) if quick else (12, 3600.0)
+    runs, stretches = (1, 2) if quick else (12, 6)
     return {
-        name: rig_alarms(frozen, runs, seconds, FIRST_SEED) for name, frozen in (('drawn', True), ('as it is', False))
+        'rig as the paper’s device, beside its model': rig_alarms(True, runs, stretches),
+        'rig as it is, its model without effects': rig_alarms(False, runs, stretches),
     }
 
 
 def part_delays(quick: bool) -> list:
-    """Measure delays."""
-    seeds, to_name = (1, 0) if quick else (4, 1)
+    """Measure delays on some rigs, and ask what the loop names on the first of them."""
+    rigs = [healthy(seed) for seed in range(FIRST_SEED, FIRST_SEED + (1 if quick else 4))]
+    before = None if quick else found_in(take(rigs[0].performance(PLAYED), round(BEGINS * RATE)), SETTLING)
     rows = []
-    for seed in range(FIRST_SEED, FIRST_SEED + seeds):
-        for trouble in TROUBLES:
-            for size in trouble.sizes:
-                delay = delay_of(trouble, size, seed, seed < FIRST_SEED + to_name)
-                rows.append({'trouble': trouble.title, 'size': size, 'seed': seed, **delay._asdict()})
-                print(rows[-1], flush=True)
+    for trouble in TROUBLES:
+        for size in trouble.sizes:
+            records = [play(one, trouble, size) for one in rigs]
+            delays = [delays_in(one, got) for one, got in zip(rigs, records)]
+            told = 'not asked' if quick else 'nothing'
+            if before is not None and np.isfinite(delays[0]['1 day']):
+                told = named(trouble, before, found_in(records[0], BEGINS + trouble.growth + 1.0))
+            rows.append({**trouble._asdict(), 'size': size, 'delays': delays, 'named': told})
+            print(rows[-1], flush=True)
     return rows
 
 
@@ -363,42 +313,23 @@ PARTS = {'drawn': part_drawn, 'rig': part_rig, 'delays': part_delays, 'live': pa
 
 def duration(seconds: float) -> str:
     """Return a time as people say it."""
-    for unit, size in (('days', DAY), ('h', 3600.0), ('min', 60.0)):
+    for unit, size in (('d', 86_400.0), ('h', 3600.0), ('min', 60.0)):
         if seconds >= size:
-            number = f'{seconds / size:.3g}'
-            return f'{number} {unit.rstrip("s") if number == "1" else unit}'
+            return f'{seconds / size:.3g} {unit}'
     return f'{seconds:.3g} s'
 
 
-def alarm_row(noise: str, asked: str, count: Count) -> list[str]:
-    """Return a row of the table of false alarms."""
-    low, high = count.interval()
-    expected = count.seconds / INTERVALS[asked]
-    mean = duration(count.seconds / count.alarms) if count.alarms else 'none'
-    upper = duration(high) if np.isfinite(high) else 'any'
-    return [
-        noise,
-        duration(count.seconds),
-        asked,
-        f'{expected:.3g}',
-        str(count.alarms),
-        mean,
-        f'{duration(low)} to {upper}',
-    ]
-
-
 def false_alarm_section(results: dict) -> str:
-    """Return the tables of false alarms."""
+    """Return the table of false alarms."""
+    counts = {**results.get('drawn', {}), **results.get('rig', {})}
     lines = []
-    for noise, found in results.get('drawn', {}).items():
-        for asked, alarms in found['alarms'].items():
-            lines.append(alarm_row(f'{noise} noise, drawn', asked, Count(sum(alarms), found['seconds'])))
-    titles = {
-        'drawn': 'rig as the paper’s device, beside its model',
-        'as it is': 'rig as it is, its model without effects',
-    }
-    for kind, counts in results.get('rig', {}).items():
-        lines += [alarm_row(titles[kind], asked, Count(*count)) for asked, count in counts.items()]
+    for title, asked in itertools.product(counts, INTERVALS):
+        count = Count(*counts[title][asked])
+        low, high = count.interval()
+        interval = f'{duration(low)} to {duration(high) if np.isfinite(high) else "any"}'
+        mean = duration(count.seconds / count.alarms) if count.alarms else 'none'
+        expected = f'{count.seconds / INTERVALS[asked]:.3g}'
+        lines.append([title, duration(count.seconds), asked, expected, count.alarms, mean, interval])
     heading = ['residual', 'watched', 'asked for', 'expected', 'false alarms', 'mean time between', '95 % interval']
     return table(heading, lines)
 
@@ -406,65 +337,37 @@ def false_alarm_section(results: dict) -> str:
 def delay_section(rows: list[dict]) -> str:
     """Return the table of delays."""
     lines = []
-    for trouble in TROUBLES:
-        for size in trouble.sizes:
-            own = [row for row in rows if (row['trouble'], row['size']) == (trouble.title, size)]
-            told = [row['named'] for row in own if row['named'] is not None]
-            if own:
-                delays = [delays_of(own, asked) for asked in INTERVALS]
-                named = ', '.join(f'{told.count(word)} {word}' for word in dict.fromkeys(told)) or 'not asked'
-                lines.append([trouble.title, f'{size:g} {trouble.unit}', *delays, str(len(own)), named])
-    heading = [
-        'what goes wrong',
-        'size',
-        *(f'asked for: {asked}' for asked in INTERVALS),
-        'rigs',
-        'what the loop names',
-    ]
-    return table(heading, lines)
+    for row in rows:
+        delays = [median_and_range([one[asked] for one in row['delays']]) for asked in INTERVALS]
+        lines.append([row['title'], f'{row["size"]:g} {row["unit"]}', *delays, len(row['delays']), row['named']])
+    asked = [f'asked for: {asked}' for asked in INTERVALS]
+    return table(['what goes wrong', 'size', *asked, 'rigs', 'what the loop names'], lines)
 
 
-def delays_of(rows: list[dict], asked: str) -> str:
-    """Return median and range of delays."""
-    seconds = sorted(row['seconds'][asked] for row in rows)
-    met = [one for one in seconds if np.isfinite(one)]
+def median_and_range(delays: list[float]) -> str:
+    """Return median and range of delays [s]."""
+    met = [one for one in delays if np.isfinite(one)]
     if not met:
         return 'not met'
-    missed = f', {len(seconds) - len(met)} not met' if len(met) < len(seconds) else ''
-    return f'{np.median(met):.1f} s ({met[0]:.1f} to {met[-1]:.1f}{missed})'
+    missed = f', {len(delays) - len(met)} not met' if len(met) < len(delays) else ''
+    return f'{np.median(met):.1f} s ({min(met):.1f} to {max(met):.1f}{missed})'
 
 
-def picture(results: dict) -> str:
-    """Return false alarms against what was asked for, and delays against size, as SVG."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
+def picture(rows: list[dict]) -> str:
+    """Return delays against size, as SVG."""
     with matplotlib.rc_context({'svg.hashsalt': 'monitor', 'svg.fonttype': 'none', 'font.size': 8.0}):
-        figure = Figure(figsize=(9.0, 3.4), layout='constrained')
-        left, right = figure.subplots(1, 2)
-        asked = np.array(list(INTERVALS.values()))
-        left.loglog(asked, asked, color='0.7', linewidth=1.0, label='as asked for')
-        for shift, (noise, found) in zip((0.94, 1.06), results['drawn'].items()):
-            counts = [Count(sum(found['alarms'][label]), found['seconds']) for label in INTERVALS]
-            means = np.array([count.seconds / max(count.alarms, 1) for count in counts])
-            low, high = np.array([count.interval() for count in counts]).T
-            left.errorbar(asked * shift, means, (means - low, high - means), fmt='o', ms=3, capsize=3, label=noise)
-        left.set(xlabel='mean time between false alarms that is asked for [s]', ylabel='measured [s]')
-        left.set_title('30 days of each noise, 95 % intervals')
-        left.legend()
-        for trouble in TROUBLES:
-            own = [row for row in results['delays'] if row['trouble'] == trouble.title]
-            sizes = np.array([row['size'] for row in own]) / trouble.sizes[0]
-            delays = np.array([row['seconds']['1 day'] for row in own])
-            own_label = f'{trouble.title}; 1 is {trouble.sizes[0]:g} {trouble.unit}'
-            (dots,) = right.loglog(sizes, delays, 'o', ms=3, label=own_label)
-            steps = np.unique(sizes)
-            medians = [np.median(delays[sizes == size]) for size in steps]
-            right.loglog(steps, medians, color=dots.get_color(), linewidth=1.0)
-        right.set(xlabel='size over the smallest', ylabel='delay [s]')
-        right.set_title('Delays at one false alarm a day')
-        right.set_ylim(top=20.0 * PATIENCE)  # leaves room for the legend
-        right.legend(loc='upper right')
+        figure = Figure(figsize=(6.0, 3.4), layout='constrained')
+        axes = figure.subplots()
+        for title, some in itertools.groupby(rows, itemgetter('title')):
+            own = list(some)
+            sizes = np.array([row['size'] for row in own])
+            delays = np.array([[one['1 day'] for one in row['delays']] for row in own])
+            label = f'{title}; 1 is {sizes[0]:g} {own[0]["unit"]}'
+            (line,) = axes.loglog(sizes / sizes[0], np.median(delays, axis=1), linewidth=1.0, label=label)
+            axes.loglog(sizes / sizes[0], delays, 'o', ms=3, color=line.get_color())
+        axes.set(xlabel='size over the smallest', ylabel='delay [s]', title='Delays at one false alarm a day')
+        axes.set_ylim(top=20.0 * PATIENCE)  # leaves room for the legend
+        axes.legend(loc='upper right')
         stream = io.StringIO()
         figure.savefig(stream, format='svg', metadata={'Date': None})
     return stream.getvalue()
@@ -472,39 +375,34 @@ def picture(results: dict) -> str:
 
 def document(results: dict) -> str:
     """Return docs/monitor.md."""
-    live = results.get('live')
-    told = [
+    live = [
         f'- {when}: {figures["samples"]} samples, {figures["lost"]} lost; from the piston’s sample to its prediction '
         f'{figures["p50"]:.2f} ms (median), {figures["p99"]:.2f} ms (99th percentile), {figures["max"]:.1f} ms at most'
-        for when, figures in (live or {}).items()
+        for when, figures in results.get('live', {}).items()
     ]
-    return (
-        '\n\n'.join(
-            [
-                '# What the watch notices, and how often it is wrong',
-                'Command: `make monitor-figures`. Machine: ' + machine() + f'. Commit {commit()}.',
-                f'Everything at {RATE} Hz: blocks of {BLOCK:g} s, {LEARNING:g} s of learning, two cylinders and the '
-                'force (drawn) or two cylinders (rig). Thresholds and whitening were developed on seeds below 1000; '
-                f'these are seeds from {FIRST_SEED} on.',
-                '## False alarms',
-                'Noise is drawn as the rig’s pressure sensor makes it (white, 12 bits), and with a memory of 0.9 from '
-                f'sample to sample. Each noise is watched 120 times {WATCH / 3600.0:g} hours, each after a learning '
-                'of its own; intervals are exact for a Poisson count (Garwood, 1936). The rig follows random surfaces '
-                'while its set-points step every 1 to 4 s; its model was identified from another minute.',
-                false_alarm_section(results),
-                '![False alarms and delays](monitor.svg)',
-                '## Delays',
-                'Cylinder A of rigs drawn at random, following a surface. Median and range over rigs; what the loop '
-                f'names is what `identify_bag --close-loop` finds in {WINDOW:g} s behind the change against {WINDOW:g} '
-                f's before it, in the first rig. *Not met* is not within {PATIENCE:g} s; *listed* is as an alternative '
-                'that can’t be told apart.',
-                delay_section(results['delays']),
-                *(['## In a graph', '\n'.join(told)] if told else []),
-                notes_in(DOCUMENT),
-            ]
-        ).rstrip()
-        + '\n'
-    )
+    parts = [
+        '# What the watch notices, and how often it is wrong',
+        f'Command: `make monitor-figures`. Machine: {machine()}. Commit {commit()}.',
+        f'Everything at {RATE} Hz: blocks of {BLOCK:g} s, {LEARNING:g} s of learning, two cylinders and the force '
+        '(drawn) or two cylinders (rig). Thresholds and whitening were developed on seeds below 1000; these are seeds '
+        f'from {FIRST_SEED} on.',
+        '## False alarms',
+        'Noise is drawn as the rig’s pressure sensor makes it (white, 12 bits), and with a memory of 0.9 from sample '
+        f'to sample. Each noise is watched 120 times {WATCH / 3600.0:g} hours, each after a learning of its own; '
+        'intervals are exact for a Poisson count (Garwood, 1936). The rig follows random surfaces while its set-points '
+        'step every 1 to 4 s; its model was identified from another minute.',
+        false_alarm_section(results),
+        '## Delays',
+        'Cylinder A of rigs drawn at random, following a surface. Median and range over rigs; what the loop names is '
+        f'what `identify_bag --close-loop` finds in {WINDOW:g} s behind the change against {WINDOW:g} s before it, in '
+        f'the first rig. *Not met* is not within {PATIENCE:g} s; *listed* is as an alternative that can’t be told '
+        'apart.',
+        delay_section(results['delays']),
+        '![Delays](monitor.svg)',
+        *(['## In a graph', '\n'.join(live)] if live else []),
+        notes_in(DOCUMENT),
+    ]
+    return '\n\n'.join(parts).rstrip() + '\n'
 
 
 def main() -> None:
@@ -514,20 +412,18 @@ def main() -> None:
     parser.add_argument('--quick', action='store_true', help='a taste of each part, printed only')
     parser.add_argument('--results', type=Path, default=ROOT / 'build' / 'monitor_figures', help='folder of the parts')
     arguments = parser.parse_args()
+    chosen = arguments.parts or [*PARTS, 'document']
     arguments.results.mkdir(parents=True, exist_ok=True)
-    for name in arguments.parts or [*PARTS, 'document']:
-        if name == 'document':
-            if arguments.quick:
-                continue
-            results = {file.stem: json.loads(file.read_text())['result'] for file in arguments.results.glob('*.json')}
-            write_text(DOCUMENT, document(results))
-            write_text(PICTURE, picture(results))
-            continue
-        began = time.monotonic()
-        found = {'result': PARTS[name](arguments.quick), 'minutes': (time.monotonic() - began) / 60.0}
-        print(json.dumps(found), flush=True)
-        if not arguments.quick:
-            write_text(arguments.results / f'{name}.json', json.dumps(found))
+    for name in chosen:
+        if name != 'document':
+            found = json.dumps({'result': PARTS[name](arguments.quick)})
+            print(found, flush=True)
+            if not arguments.quick:
+                write_text(arguments.results / f'{name}.json', found)
+    if 'document' in chosen and not arguments.quick:
+        results = {file.stem: json.loads(file.read_text())['result'] for file in arguments.results.glob('*.json')}
+        write_text(DOCUMENT, document(results))
+        write_text(PICTURE, picture(results['delays']))
 
 
 if __name__ == '__main__':

@@ -6,6 +6,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,69 +23,64 @@ from rclpy.node import Node  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from sensor_msgs.msg import FluidPressure, JointState  # noqa: E402
 
-from cfd_pneumatic.convention import (  # noqa: E402
-    CYLINDERS,
-    MEASURED_FORCE,
-    PISTON_STATE,
-    PREDICTED,
-    pressure_topic,
-    setpoint_topic,
-)
+from cfd_pneumatic.convention import PISTON_STATE, PREDICTED, pressure_topic  # noqa: E402
 from cfd_pneumatic.identification import identify  # noqa: E402
 from cfd_pneumatic.reporting import parameter_file  # noqa: E402
 from cfd_pneumatic.rig import record, surface_following  # noqa: E402
 
-DEVICE, MONITOR = '/figures/device', '/figures/monitor'
+NAMESPACE = '/figures'  # of the device, and of the monitor
 LEARNING = 20.0
 QUEUE = QoSProfile(depth=20_000)
-MEASURED = (PISTON_STATE, *map(setpoint_topic, CYLINDERS), *map(pressure_topic, CYLINDERS), MEASURED_FORCE)
 
 
-class Ear:
+class Ear(Node):
     """Hears the device and the monitor, and when."""
 
     def __init__(self) -> None:
-        self.node = Node('ear')
-        self.executor = EventsExecutor()
-        self.executor.add_node(self.node)
-        self.heard: dict[str, dict[int, float]] = {'piston': {}, 'predicted': {}}
-        self.said: dict[str, str] = {}
-        predicted = f'{MONITOR}/{PREDICTED}{pressure_topic("cylinder_b")}'
-        self._listen(JointState, f'{DEVICE}/{PISTON_STATE}', self.heard['piston'])
-        self._listen(FluidPressure, predicted, self.heard['predicted'])
-        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, QUEUE)
-
-    def _listen(self, kind: type, topic: str, heard: dict[int, float]) -> None:
-        def note(message: JointState | FluidPressure) -> None:
-            heard[message.header.stamp.sec * 10**9 + message.header.stamp.nanosec] = time.monotonic()
-
-        self.node.create_subscription(kind, topic, note, QUEUE)
+        """Listen."""
+        super().__init__('ear', namespace=NAMESPACE)
+        self._events = EventsExecutor()
+        self._events.add_node(self)
+        self.piston: dict[int, float] = {}
+        self.predicted: dict[int, float] = {}
+        self.learned = False
+        predicted = PREDICTED + pressure_topic('cylinder_b')
+        self.create_subscription(JointState, PISTON_STATE, partial(note, self.piston), QUEUE)
+        self.create_subscription(FluidPressure, predicted, partial(note, self.predicted), QUEUE)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, QUEUE)
 
     def _on_diagnostics(self, array: DiagnosticArray) -> None:
-        self.said.update({status.name: status.message for status in array.status})
+        self.learned |= any('agrees' in status.message for status in array.status)
 
-    def learned(self) -> bool:
-        """Tell whether the monitor has ended learning."""
-        return any('agrees' in message for message in self.said.values())
+    def until(self, done: Callable[[], bool]) -> None:
+        """Hear until something is done."""
+        while not done():
+            self._events.spin_once(timeout_sec=0.1)
 
-    def spin(self, seconds: float) -> None:
-        """Hear for a while."""
-        limit = time.monotonic() + seconds
-        while (left := limit - time.monotonic()) > 0.0:
-            self.executor.spin_once(timeout_sec=min(left, 0.1))
+    def spin(self, seconds: float) -> tuple[float, float]:
+        """Hear for a while; return its begin and end."""
+        begin = time.monotonic()
+        self.until(lambda: time.monotonic() > begin + seconds)
+        return begin, time.monotonic()
 
     def figures(self, begin: float, end: float) -> dict[str, float]:
         """Return what was heard of the samples that came between two times."""
-        piston, predicted = self.heard['piston'], self.heard['predicted']
-        stamps = [stamp for stamp, at in piston.items() if begin <= at < end]
-        late = np.array([1e3 * (predicted[stamp] - piston[stamp]) for stamp in stamps if stamp in predicted])
-        return {
-            'samples': len(stamps),
-            'lost': len(stamps) - late.size,
-            'p50': float(np.quantile(late, 0.5)),
-            'p99': float(np.quantile(late, 0.99)),
-            'max': float(np.max(late)),
-        }
+        stamps = [stamp for stamp, at in self.piston.items() if begin <= at < end]
+        late = [1e3 * (self.predicted[stamp] - self.piston[stamp]) for stamp in stamps if stamp in self.predicted]
+        p50, p99, most = np.quantile(late, [0.5, 0.99, 1.0]).tolist()
+        return {'samples': len(stamps), 'lost': len(stamps) - len(late), 'p50': p50, 'p99': p99, 'max': most}
+
+
+def note(heard: dict[int, float], message: JointState | FluidPressure) -> None:
+    """Note when a message came, by its stamp."""
+    heard[message.header.stamp.sec * 10**9 + message.header.stamp.nanosec] = time.monotonic()
+
+
+def start(node: str, *arguments: str, **parameters: object) -> subprocess.Popen:
+    """Start a node beside the others."""
+    settings = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+    program = [sys.executable, '-m', f'cfd_pneumatic.nodes.{node}', '--ros-args', '-r', f'__ns:={NAMESPACE}']
+    return subprocess.Popen([*program, *arguments, *settings], stderr=subprocess.DEVNULL)
 
 
 def latencies(seconds: float) -> dict[str, dict[str, float]]:
@@ -92,37 +89,21 @@ def latencies(seconds: float) -> dict[str, dict[str, float]]:
         file = Path(folder) / 'parameters.yaml'
         got = record(surface_following(duration=20.0, seed=1), seed=1)
         file.write_text(parameter_file(identify([recording_of(got)])))
-        remaps = [argument for topic in MEASURED for argument in ('-r', f'{topic}:={DEVICE}/{topic}')]
-        rig = ['rig_node', '--ros-args', '-r', f'__ns:={DEVICE}', '-p', 'schedule:=surface_following']
-        rig += ['-p', 'repeat:=true', '-p', 'start_subscribers:=2', '-p', 'start_delay:=1.0']
-        monitor = ['monitor_node', '--ros-args', '-r', f'__ns:={MONITOR}', '--params-file', str(file), *remaps]
-        monitor += ['-p', f'learning:={LEARNING}', '-p', 'diagnosis_window:=60.0']
         rclpy.init()
         ear = Ear()
         nodes = [
-            subprocess.Popen(
-                [sys.executable, '-m', f'cfd_pneumatic.nodes.{module}', *arguments], stderr=subprocess.DEVNULL
-            )
-            for module, *arguments in (monitor, rig)
+            start('monitor_node', '--params-file', str(file), learning=LEARNING, diagnosis_window=60.0),
+            start('rig_node', schedule='surface_following', repeat='true', start_subscribers=2, start_delay=1.0),
         ]
         try:
-            while not ear.heard['predicted']:
-                ear.spin(0.5)
+            ear.until(lambda: bool(ear.predicted))
             ear.spin(2.0)
-            begin = time.monotonic()
-            ear.spin(LEARNING - 5.0)
-            idle = begin, time.monotonic()
-            while not ear.learned():
-                ear.spin(0.5)
+            idle = ear.spin(LEARNING - 5.0)
+            ear.until(lambda: ear.learned)
             ear.spin(3.0)  # the loop over the healthy device has begun, and takes a minute for this rig
-            begin = time.monotonic()
-            ear.spin(seconds)
-            busy = begin, time.monotonic()
+            busy = ear.spin(seconds)
             ear.spin(1.0)
-            return {
-                'nothing to diagnose': ear.figures(*idle),
-                'while the loop is being closed': ear.figures(*busy),
-            }
+            return {'nothing to diagnose': ear.figures(*idle), 'while the loop is being closed': ear.figures(*busy)}
         finally:
             for node in nodes:
                 node.terminate()
