@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from cfd_pneumatic.commands import program
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_AREA, SCHEDULE_COLUMNS, SUPPLY_PRESSURE
+from cfd_pneumatic.convention import CYLINDERS, SCHEDULE_COLUMNS, SUPPLY_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.model import TABLE_1, Cylinder, Device, ForceGeometry, LiveDevice
+from cfd_pneumatic.model import Cylinder, Device, ForceGeometry, LiveDevice
 from cfd_pneumatic.planning import read_device
 from cfd_pneumatic.reporting.folder import make_folder
 from cfd_pneumatic.rig import RigParameters, RigRecord, record, written_schedule
@@ -32,6 +32,7 @@ from cfd_pneumatic.units import PSI
 Array = NDArray[np.float64]
 
 NAME = 'deburring_path'
+TABLE_1 = Path(__file__).resolve().parents[1] / 'config' / 'table_1.yaml'
 HEAD = 'along_m,error_m'
 PERIOD = 2e-3  # of the schedule's rows [s]
 REST = 0.5  # before the path and behind it [s]
@@ -126,16 +127,11 @@ def schedule_text(course: Course, setpoints: tuple[float, float]) -> str:
 
 def as_model(parameters: Path | None) -> Device:
     """Return the device of a parameter file, by default that of the paper's Table 1."""
-    if parameters is None:
-        cylinder = Cylinder(TABLE_1, AMBIENT_PRESSURE)
-        return Device(cylinder, cylinder, ForceGeometry(PISTON_AREA, 1.0, AMBIENT_PRESSURE))
-    read = read_device(parameters)
+    read = read_device(parameters or TABLE_1)
     if len(read.cylinders) < len(CYLINDERS):
         raise InputError(f'{parameters} describes one cylinder: a contact force has two')
-    a, b = (
-        Cylinder(read.cylinders[name].points, read.ambient_pressure, read.cylinders[name].effects) for name in CYLINDERS
-    )
-    return Device(a, b, ForceGeometry(read.area, read.factor, read.ambient_pressure), read.force_effects)
+    cylinders = (Cylinder(one.points, read.ambient_pressure, one.effects) for one in read.cylinders.values())
+    return Device(*cylinders, ForceGeometry(read.area, read.factor, read.ambient_pressure), read.force_effects)
 
 
 def predict(device: Device, course: Course, setpoints: tuple[float, float]) -> Array:
