@@ -39,13 +39,13 @@ def test_blocks_hold_each_sample_once_and_every_step_up_to_the_last(samples, siz
         blocks = list(one.blocks())
     finally:
         module._BLOCK = before
-    at = np.concatenate([times[block.grid][block.at] for block in blocks])
+    at = np.concatenate([block.times[block.at] for block in blocks])
     np.testing.assert_array_equal(at, times[samples])
     np.testing.assert_array_equal(np.concatenate([one.measured[block.samples] for block in blocks]), one.measured)
-    assert blocks[0].grid.start == 0
+    assert blocks[0].times[0] == 0.0
     for block, following in pairwise(blocks):
-        assert following.grid.start == block.grid.stop - 1, 'a block begins with the last grid time of the one before'
-    assert blocks[-1].grid.stop == samples[-1] + 1
+        assert following.times[0] == block.times[-1], 'a block begins with the last grid time of the one before'
+    assert blocks[-1].times[-1] == samples[-1]
 
 
 def strokes(times, lively):

@@ -1,6 +1,8 @@
 """Fits of effects: parameters that a pressure was made with are found again, within what their errors say."""
 
 from dataclasses import replace
+from itertools import pairwise
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from reference import AMBIENT, PSI, step_like
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
+from cfd_pneumatic.identification.data import experiment
 from cfd_pneumatic.identification.fit.fit import search
 from cfd_pneumatic.model import TABLE_1, Cylinder, OperatingPoints
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
@@ -254,15 +257,22 @@ def test_reading_late_is_exact(delay):
 @given(samples=st.integers(-150, 150), fraction=st.floats(0.01, 0.99) | st.just(0.0))
 def test_reading_late_changes_when_samples_are_taken_and_nothing_else(samples, fraction):
     delay = (samples + fraction) * 0.002
-    late = STROKES.read_late(delay)
+    with patch.object(experiment, '_BLOCK', 500):
+        blocks = list(STROKES.blocks(delay=delay))
     wanted = np.clip(STROKES.sample_times - delay, STROKES.times[0], STROKES.times[-1])
-    np.testing.assert_array_equal(late.sample_times, wanted)
-    assert np.all(np.diff(late.times) > 0.0)
-    kept = np.searchsorted(late.times, STROKES.times)
-    np.testing.assert_array_equal(late.times[kept], STROKES.times)
-    np.testing.assert_array_equal(late.inputs['displacement'][kept], STROKES.inputs['displacement'])
-    np.testing.assert_array_equal(late.inputs['setpoint'][kept], STROKES.inputs['setpoint'])
-    middle = 0.5 * (late.times[1:] + late.times[:-1])
-    steps = np.searchsorted(STROKES.times, middle)
-    lasting = np.diff(late.times) > 1e-9  # a step that is rounding may belong to either side
-    np.testing.assert_array_equal(late.inputs['setpoint'][1:][lasting], STROKES.inputs['setpoint'][steps][lasting])
+    np.testing.assert_array_equal(np.concatenate([block.times[block.at] for block in blocks]), wanted)
+    assert all(following.times[0] == block.times[-1] for block, following in pairwise(blocks))
+    times = np.concatenate([blocks[0].times[:1], *(block.times[1:] for block in blocks)])
+    displacement, setpoint = (
+        np.concatenate([blocks[0].inputs[name][:1], *(block.inputs[name][1:] for block in blocks)])
+        for name in ('displacement', 'setpoint')
+    )
+    assert np.all(np.diff(times) > 0.0)
+    reached = STROKES.times <= times[-1]
+    kept = np.searchsorted(times, STROKES.times[reached])
+    np.testing.assert_array_equal(times[kept], STROKES.times[reached])
+    np.testing.assert_array_equal(displacement[kept], STROKES.inputs['displacement'][reached])
+    np.testing.assert_array_equal(setpoint[kept], STROKES.inputs['setpoint'][reached])
+    steps = np.searchsorted(STROKES.times, 0.5 * (times[1:] + times[:-1]))
+    lasting = np.diff(times) > 1e-9  # a step that is rounding may belong to either side
+    np.testing.assert_array_equal(setpoint[1:][lasting], STROKES.inputs['setpoint'][steps][lasting])

@@ -281,7 +281,7 @@ class Force(Channel):
         stretches = rows[:, -1].tolist() if experiment.whole else [moving] * len(rows)
         states = [one.begin(experiment.inputs['displacement'][0], own) for one, own in zip(models, stretches)]
         for block in experiment.blocks(count):
-            piece = experiment.times[block.grid], *(experiment.inputs[name][block.grid] for name in names)
+            piece = block.times, *(block.inputs[name] for name in names)
             forces = [one.follow(state, experiment.begin, *piece)[block.at] for one, state in zip(models, states)]
             yield block.samples, np.column_stack(forces)
 

@@ -196,7 +196,7 @@ class Pressure(Channel):
             if self.effects[name].delays:
                 delays += rows[:, self.slots_of(name)[0]]
         groups = [np.flatnonzero(delays == delay) for delay in np.unique(delays)]
-        walks = [self._composed(experiment.read_late(delays[own[0]]), effects, rows[own], count) for own in groups]
+        walks = [self._composed(experiment, effects, rows[own], count, float(delays[own[0]])) for own in groups]
         for parts in zip(*walks):
             samples, pressures = parts[0][0], np.empty((len(parts[0][1]), len(rows)))
             for own, (_, readings) in zip(groups, parts):
@@ -218,21 +218,20 @@ class Pressure(Channel):
         self, experiment: Experiment, row: Array, count: int, *, slopes: bool
     ) -> Iterator[tuple[slice, Array, Array]]:
         """Yield pressure and derivatives by the gains, the offset and the start."""
-        setpoint, offset = experiment.inputs['setpoint'], row[self.shared]
-        start = setpoint[0] + offset + self._starts(experiment, row[None])[0]
+        offset = row[self.shared]
+        start = experiment.inputs['setpoint'][0] + offset + self._starts(experiment, row[None])[0]
         course = Course(row[: len(SPECS)], start)
         for block in experiment.blocks(count):
-            grid = block.grid
-            moved, held = experiment.inputs['displacement'][grid], setpoint[grid] + offset
-            pressure, jacobian = course.follow(experiment.times[grid], moved, held, slopes=slopes)
+            moved, held = block.inputs['displacement'], block.inputs['setpoint'] + offset
+            pressure, jacobian = course.follow(block.times, moved, held, slopes=slopes)
             if slopes and not experiment.whole:
                 jacobian[:, _OF_OFFSET] -= jacobian[:, _OF_START]  # the start is measured, whatever the offset
             yield block.samples, pressure[block.at], jacobian[block.at] if slopes else jacobian
 
     def _composed(
-        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int
+        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int, delay: float
     ) -> Iterator[tuple[slice, Array]]:
-        """Yield the pressures with effects, the cylinders side by side."""
+        """Yield the pressures with effects, the cylinders side by side, all read with one delay [s]."""
         displacement, setpoint = experiment.inputs['displacement'], experiment.inputs['setpoint']
         cylinders = [
             ExtendedCylinder(
@@ -253,9 +252,8 @@ class Pressure(Channel):
             stiffness,
             settles=at_rest and any(self.effects[name].moves_rest for name in effects),
         )
-        for block in experiment.blocks(count):
-            grid = block.grid
-            readings = side_by_side.follow(experiment.times[grid], displacement[grid], setpoint[grid])
+        for block in experiment.blocks(count, delay):
+            readings = side_by_side.follow(block.times, block.inputs['displacement'], block.inputs['setpoint'])
             yield block.samples, readings[block.at]
 
     def _starts(self, experiment: Experiment, rows: Array) -> Array:

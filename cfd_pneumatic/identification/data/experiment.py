@@ -27,16 +27,19 @@ class Block(NamedTuple):
 
     Attributes
     ----------
-    grid
-        Its grid times: the last one before it, which it begins from, and its own.
+    times
+        The last grid time before it, which it begins from, and its own, shape (n,) [s].
+    inputs
+        What drives the model there, by name, each of shape (n,) [SI].
     samples
         Its samples among those of the experiment.
     at
-        Their places in `grid`.
+        Their places in `times`.
 
     """
 
-    grid: slice
+    times: Array
+    inputs: Mapping[str, Array]
     samples: slice
     at: NDArray[np.intp] | slice
 
@@ -159,27 +162,37 @@ class Experiment:
         first = int(self.samples[samples.start]) if samples.start else 0
         return self._cut(slice(first, int(self.samples[samples.stop - 1]) + 1), samples)
 
-    def blocks(self, count: int | None = None) -> Iterator[Block]:
-        """Yield the experiment up to the last of so many samples, or of all, in pieces."""
-        first = 0
+    def blocks(self, count: int | None = None, delay: float = 0.0) -> Iterator[Block]:
+        """
+        Yield the experiment up to the last of so many samples, or of all, in pieces.
+
+        The samples were taken `delay` seconds before they are stamped; then the grid holds these times, too.
+        """
+        last = self.times[0]
         for begin in range(0, self.samples.size if count is None else count, _BLOCK):
             samples = slice(begin, min(begin + _BLOCK, self.samples.size))
-            at = self.samples[samples] - first
-            last = first + int(at[-1])
-            at_each = at[-1] - at[0] == at.size - 1
-            yield Block(slice(first, last + 1), samples, slice(int(at[0]), int(at[-1]) + 1) if at_each else at)
-            first = last
+            block = self._early(samples, delay, last) if delay else self._block(samples)
+            last = block.times[-1]
+            yield block
 
-    def read_late(self, delay: float) -> Experiment:
-        """Return an experiment whose samples were taken `delay` seconds before they are stamped."""
-        if delay == 0.0:
-            return self
-        taken = np.clip(self.sample_times - delay, self.times[0], self.times[-1])
-        times = np.union1d(self.times, taken)
+    def _block(self, samples: slice) -> Block:
+        """Return some neighbouring samples."""
+        first = int(self.samples[samples.start - 1]) if samples.start else 0
+        at = self.samples[samples] - first
+        grid = slice(first, first + int(at[-1]) + 1)
+        at_each = at[-1] - at[0] == at.size - 1
+        inputs = {name: values[grid] for name, values in self.inputs.items()}
+        return Block(self.times[grid], inputs, samples, slice(int(at[0]), int(at[-1]) + 1) if at_each else at)
+
+    def _early(self, samples: slice, delay: float, last: float) -> Block:
+        """Return some neighbouring samples, taken a delay before their stamps, behind a block that ends at a time."""
+        taken = np.clip(self.times[self.samples[samples]] - delay, self.times[0], self.times[-1])
+        between = slice(*np.searchsorted(self.times, [last, taken[-1]], side='right').tolist())
+        times = np.union1d(self.times[between], np.append(last, taken))
         step = np.searchsorted(self.times, times)  # that ends there or later
         inputs = {name: values[step] for name, values in self.inputs.items()}
         inputs['displacement'] = np.interp(times, self.times, self.inputs['displacement'])
-        return replace(self, times=times, inputs=inputs, samples=np.searchsorted(times, taken))
+        return Block(times, inputs, samples, np.searchsorted(times, taken))
 
     def _cut(self, grid: slice, samples: slice) -> Experiment:
         return replace(
