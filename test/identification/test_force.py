@@ -258,10 +258,10 @@ def test_a_real_cylinders_force(capsys):
     with capsys.disabled():
         print(f'\nforce RMS on test parts at 1, 3, 5, 7 bar, bore {BORE * 1e6:.1f} mm^2:')
         print('  area of the bore alone  ' + ' '.join(f'{error:.2f}' for error in plain) + ' N')
-        for names, fit, error in zip(models, fits, errors):
+        for names, found, error in zip(models, fits, errors):
             print(
                 f'  {", ".join(["free area", *names])}: {" ".join(f"{one:.2f}" for one in error)} N, '
-                f'area {area_of(fit) * 1e6:.1f} mm^2 {fit.model.effects}'
+                f'area {area_of(found) * 1e6:.1f} mm^2 {found.model.effects}'
             )
     chosen = fits[3]
     assert min(plain) > 4.0
