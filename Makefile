@@ -23,7 +23,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test fuzz demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document layouts graph-figure interface-document effects-document tutorial-picture kernel lint format colcon test-humble clean
+.PHONY: help setup test fuzz demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document effects-document tutorial-picture kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -74,9 +74,6 @@ tutorial-picture: $(VENV)/.ready  ## take the picture of a report in docs/tutori
 
 layouts: $(VENV)/.ready  ## write the layouts for PlotJuggler and Foxglove in config/; after a change of topics
 	$(PY) scripts/layouts.py
-
-graph-figure: $(VENV)/.ready  ## draw docs/graph.svg, who talks to whom
-	$(PY) scripts/graph_figure.py
 
 kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a change to any of them
 	$(PY) scripts/compose_kernel.py
