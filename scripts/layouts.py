@@ -7,10 +7,10 @@ Write the layouts for PlotJuggler and Foxglove in `config/`: make layouts.
 from __future__ import annotations
 
 import json
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from cfd_pneumatic.convention import (
     CONTACT_FORCE,
@@ -56,158 +56,116 @@ class Curve(NamedTuple):
     colour: str
 
 
-class Panel(NamedTuple):
-    """Curves that share their axes."""
-
-    title: str
-    curves: Sequence[Curve]
+Panels = dict[str, list[Curve]]
+"""Curves that share their axes, by a title; panels stand below each other in a tab, with a title as well."""
 
 
-class View(NamedTuple):
-    """Panels below each other: a tab."""
+class Layout(NamedTuple):
+    """Where a layout finds its curves: the namespace of the device, and topics with gaps, with label and colour."""
 
-    title: str
-    panels: Sequence[Panel]
-
-
-class Quantity(NamedTuple):
-    """What is measured and simulated, with its topics below the namespaces of both."""
-
-    name: str
-    unit: str
-    msgtype: str
-    measured: str
-    simulated: str
+    device: str
+    simulated: Sequence[tuple[str, str, str]]
+    residuals: Sequence[tuple[str, str, str]]
 
 
-QUANTITIES = (
-    *(Quantity(name, 'Pa', FLUID_PRESSURE, pressure_topic(name), pressure_topic(name)) for name in CYLINDERS),
-    Quantity(CONTACT_FORCE, 'N', WRENCH_STAMPED, MEASURED_FORCE, CONTACT_FORCE),
-)
+FOUND = (('without effects', RED), ('with those found', GREEN))
+LAYOUTS = {
+    'compare': Layout(
+        MEASURED,
+        [(f'{space}/{{topic}}', *words) for space, words in zip(SIMULATED, FOUND)],
+        [(f'{space}/{{topic}}', *words) for space, words in zip(RESIDUAL, FOUND)],
+    ),
+    'cell': Layout(
+        DEVICE,
+        [(f'{SIM}/{{topic}}', 'simulator', RED)],
+        [(f'{MONITOR}/{residual_topic("{name}")}', 'by the monitor', GREEN)],
+    ),
+}
+
+QUANTITIES = {
+    **{name: ('Pa', FLUID_PRESSURE, pressure_topic(name), pressure_topic(name)) for name in CYLINDERS},
+    CONTACT_FORCE: ('N', WRENCH_STAMPED, MEASURED_FORCE, CONTACT_FORCE),
+}
+"""Unit and type of what is measured and simulated, and its topics below the namespaces of both."""
 
 
-def compared() -> list[View]:
-    """Return what compare.mcap holds."""
-    words = (('without effects', RED), ('with those found', GREEN))
-    return [
-        view(
-            one,
-            MEASURED,
-            [Curve(f'{space}/{one.simulated}', one.msgtype, *word) for space, word in zip(SIMULATED, words)],
-            [Curve(f'{space}/{one.simulated}', one.msgtype, *word) for space, word in zip(RESIDUAL, words)],
+def views(layout: Layout) -> dict[str, Panels]:
+    """Return each quantity with what is left of it, and below them what moves it."""
+    found = {}
+    for name, (unit, msgtype, measured, simulated) in QUANTITIES.items():
+        by_model, residuals = (
+            [Curve(topic.format(name=name, topic=simulated), msgtype, *words) for topic, *words in some]
+            for some in (layout.simulated, layout.residuals)
         )
-        for one in QUANTITIES
-    ]
+        found[name] = {
+            f'measured and simulated [{unit}]': [
+                Curve(f'{layout.device}/{measured}', msgtype, 'measured', BLUE),
+                *by_model,
+            ],
+            f'measured less simulated [{unit}]': residuals,
+            'displacement [m]': [Curve(f'{layout.device}/{PISTON_STATE}', JOINT_STATE, 'piston', BLUE)],
+        }
+        if name in CYLINDERS:
+            setpoint = Curve(f'{layout.device}/{setpoint_topic(name)}', FLOAT64, 'set-point', BLUE)
+            found[name]['set-point, gauge [Pa]'] = [setpoint]
+    return found
 
 
-def live() -> list[View]:
-    """Return what a cell publishes."""
-    return [
-        view(
-            one,
-            DEVICE,
-            [Curve(f'{SIM}/{one.simulated}', one.msgtype, 'simulator', RED)],
-            [Curve(f'{MONITOR}/{residual_topic(one.name)}', one.msgtype, 'by the monitor', GREEN)],
-        )
-        for one in QUANTITIES
-    ]
-
-
-def view(quantity: Quantity, device: str, simulated: Sequence[Curve], residuals: Sequence[Curve]) -> View:
-    """Return a quantity with what is left of it, and below them what moves it; `device` is the measured namespace."""
-    measured = Curve(f'{device}/{quantity.measured}', quantity.msgtype, 'measured', BLUE)
-    panels = [
-        Panel(f'measured and simulated [{quantity.unit}]', [measured, *simulated]),
-        Panel(f'measured less simulated [{quantity.unit}]', residuals),
-        Panel('displacement [m]', [Curve(f'{device}/{PISTON_STATE}', JOINT_STATE, 'piston', BLUE)]),
-    ]
-    if quantity.name in CYLINDERS:
-        topic = f'{device}/{setpoint_topic(quantity.name)}'
-        panels.append(Panel('set-point, gauge [Pa]', [Curve(topic, FLOAT64, 'set-point', BLUE)]))
-    return View(quantity.name, panels)
-
-
-LAYOUTS: dict[str, Callable[[], list[View]]] = {'compare': compared, 'cell': live}
-"""What makes each layout, by its name."""
-
-
-def heights(view: View) -> list[float]:
-    """Return the share of the height that each panel of a view has: what was measured half as much again."""
-    weights = [1.5 if number == 0 else 1.0 for number in range(len(view.panels))]
-    return [weight / sum(weights) for weight in weights]
+def heights(panels: Panels) -> list[float]:
+    """Return the share of the height that each panel has: what was measured half as much again."""
+    total = len(panels) + 0.5
+    return [1.5 / total, *[1.0 / total] * (len(panels) - 1)]
 
 
 # PlotJuggler
 
 
-def juggled(views: Sequence[View]) -> str:
+def juggled(tabs: Mapping[str, Panels]) -> str:
     """Return a layout of PlotJuggler."""
-    root = ElementTree.Element('root')
-    tabs = _element(root, 'tabbed_widget', name='Main Window', parent='main_window')
-    for view in views:
-        container = _element(_element(tabs, 'Tab', containers='1', tab_name=view.title), 'Container')
-        sizes = ';'.join(f'{share:.4f}' for share in heights(view))
-        splitter = _element(container, 'DockSplitter', orientation='-', count=str(len(view.panels)), sizes=sizes)
-        for panel in view.panels:
-            area = _element(splitter, 'DockArea', name=panel.title)
-            held = all(curve.msgtype == FLOAT64 for curve in panel.curves)
-            style = 'StepsInv' if held else 'Lines'
-            plot = _element(area, 'plot', mode='TimeSeries', style=style, flip_x='false', flip_y='false')
-            _element(plot, 'limitY')
-            for curve in panel.curves:
-                _element(plot, 'curve', name=f'{curve.topic}/{JUGGLED[curve.msgtype]}', color=curve.colour)
-    _element(tabs, 'currentTabIndex', index='0')
-    _element(root, 'use_relative_time_offset', enabled='1')
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding='unicode') + '\n'
-
-
-def _element(above: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:
-    return ElementTree.SubElement(above, tag, attributes)
+    root = Element('root')
+    widget = SubElement(root, 'tabbed_widget', name='Main Window', parent='main_window')
+    for name, panels in tabs.items():
+        container = SubElement(SubElement(widget, 'Tab', containers='1', tab_name=name), 'Container')
+        sizes = ';'.join(f'{share:.4f}' for share in heights(panels))
+        splitter = SubElement(container, 'DockSplitter', orientation='-', count=str(len(panels)), sizes=sizes)
+        for title, curves in panels.items():
+            area = SubElement(splitter, 'DockArea', name=title)
+            style = 'StepsInv' if curves[0].msgtype == FLOAT64 else 'Lines'
+            plot = SubElement(area, 'plot', mode='TimeSeries', style=style, flip_x='false', flip_y='false')
+            SubElement(plot, 'limitY')
+            for curve in curves:
+                SubElement(plot, 'curve', name=f'{curve.topic}/{JUGGLED[curve.msgtype]}', color=curve.colour)
+    SubElement(widget, 'currentTabIndex', index='0')
+    SubElement(root, 'use_relative_time_offset', enabled='1')
+    indent(root)
+    return tostring(root, encoding='unicode') + '\n'
 
 
 # Foxglove
 
 
-def foxed(views: Sequence[View]) -> str:
+def foxed(tabs: Mapping[str, Panels]) -> str:
     """Return a layout of Foxglove."""
-    panels: dict[str, Any] = {}
-    tabs = []
-    for view in views:
-        names = [f'Plot!{view.title}_{number}' for number in range(len(view.panels))]
-        panels |= zip(names, map(_plot, view.panels))
-        tabs.append({'title': view.title, 'layout': _stacked(names, heights(view))})
-    panels['Tab!views'] = {'activeTabIdx': 0, 'tabs': tabs}
-    layout = {'configById': panels, 'globalVariables': {}, 'userNodes': {}, 'playbackConfig': {'speed': 1}}
+    plots: dict[str, Any] = {}
+    stacks = []
+    for name, panels in tabs.items():
+        own = {f'Plot!{name}_{number}': _plot(*panel) for number, panel in enumerate(panels.items())}
+        plots |= own
+        stacks.append({'title': name, 'layout': _stacked(list(own), heights(panels))})
+    plots['Tab!views'] = {'activeTabIdx': 0, 'tabs': stacks}
+    layout = {'configById': plots, 'globalVariables': {}, 'userNodes': {}, 'playbackConfig': {'speed': 1}}
     return json.dumps(layout | {'layout': 'Tab!views'}, indent=2) + '\n'
 
 
-def _plot(panel: Panel) -> dict[str, Any]:
-    paths = [
-        {
-            'value': f'{curve.topic}.{FOXED[curve.msgtype]}',
-            'label': curve.label,
-            'color': curve.colour,
-            'enabled': True,
-            'timestampMethod': 'receiveTime' if curve.msgtype == FLOAT64 else 'headerStamp',
-            'showLine': curve.msgtype != FLOAT64,  # a set-point is held and then jumps
-            'lineSize': 4 if curve.msgtype == FLOAT64 else 1,
-        }
-        for curve in reversed(panel.curves)  # here the first is on top, in PlotJuggler the last
-    ]
-    return {
-        'foxglovePanelTitle': panel.title,
-        'lichtblickPanelTitle': panel.title,
-        'paths': paths,
-        'xAxisVal': 'timestamp',
-        'isSynced': True,
-        'showLegend': True,
-        'legendDisplay': 'left',
-        'showPlotValuesInLegend': False,
-        'showXAxisLabels': True,
-        'showYAxisLabels': True,
-        'sidebarDimension': 190,
-    }
+def _plot(title: str, curves: Sequence[Curve]) -> dict[str, Any]:
+    paths = []
+    for curve in reversed(curves):  # here the first is on top, in PlotJuggler the last
+        held = curve.msgtype == FLOAT64  # a set-point is held and then jumps: dots, for there are no steps
+        path = {'value': f'{curve.topic}.{FOXED[curve.msgtype]}', 'label': curve.label, 'color': curve.colour}
+        path |= {'enabled': True, 'timestampMethod': 'receiveTime' if held else 'headerStamp'}
+        paths.append(path | {'showLine': not held, 'lineSize': 4 if held else 1})
+    titles = {'foxglovePanelTitle': title, 'lichtblickPanelTitle': title}
+    return titles | {'paths': paths, 'legendDisplay': 'left', 'sidebarDimension': 190}
 
 
 def _stacked(names: Sequence[str], shares: Sequence[float]) -> Any:
@@ -215,17 +173,17 @@ def _stacked(names: Sequence[str], shares: Sequence[float]) -> Any:
     first, *rest = names
     if not rest:
         return first
-    share = shares[0] / sum(shares)
+    share = 100.0 * shares[0] / sum(shares)
     below = _stacked(rest, shares[1:])
-    return {'direction': 'column', 'first': first, 'second': below, 'splitPercentage': round(100.0 * share, 2)}
+    return {'direction': 'column', 'first': first, 'second': below, 'splitPercentage': round(share, 2)}
 
 
 def layouts() -> dict[Path, str]:
     """Return the text of each file."""
     written = {}
-    for name, views in LAYOUTS.items():
-        written[FOLDER / f'{name}.plotjuggler.xml'] = juggled(views())
-        written[FOLDER / f'{name}.foxglove.json'] = foxed(views())
+    for name, layout in LAYOUTS.items():
+        written[FOLDER / f'{name}.plotjuggler.xml'] = juggled(views(layout))
+        written[FOLDER / f'{name}.foxglove.json'] = foxed(views(layout))
     return written
 
 
