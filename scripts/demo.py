@@ -9,6 +9,7 @@ cylinder is identified, too, where the measured data are.
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import os
 import shutil
@@ -16,49 +17,51 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.srv import SetParameters
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
 from ros_environment import isolate
 from sensor_msgs.msg import FluidPressure
 from std_srvs.srv import Trigger
 
+from cfd_pneumatic.convention import (
+    CONTACT_FORCE,
+    CYLINDERS,
+    DIAGNOSTICS,
+    MODEL_INPUTS,
+    MONITOR_INPUTS,
+    pressure_topic,
+    setpoint_applied_topic,
+)
+from cfd_pneumatic.nodes.messages import OUTPUT_QOS, nanoseconds
 from cfd_pneumatic.rig import Sensors, out_and_back
-
-try:
-    from rclpy.experimental import EventsExecutor as Executor
-except ImportError:  # before Jazzy
-    Executor = SingleThreadedExecutor
 
 ROOT = Path(__file__).resolve().parents[1]
 MEASURED_RUN = 'pneumatic_actuator/friction/O-ring257_3bar.csv'
-CYLINDERS = ('cylinder_a', 'cylinder_b')
-INPUTS = ('piston_state', *(f'{cylinder}/setpoint' for cylinder in CYLINDERS))
-DEVICE_TOPICS = (
-    'piston_state',
-    *(f'{cylinder}/{topic}' for cylinder in CYLINDERS for topic in ('setpoint', 'setpoint_applied', 'pressure')),
-    'measured_force',
+DEVICE, SIM = '/cfd/device', '/cfd/sim'
+RECORDED = (
+    *(f'{DEVICE}/{topic}' for topic in (*MONITOR_INPUTS, *map(setpoint_applied_topic, CYLINDERS))),
+    *(f'{SIM}/{topic}' for topic in (*map(pressure_topic, CYLINDERS), CONTACT_FORCE)),
 )
-SIMULATOR_TOPICS = (*(f'{cylinder}/pressure' for cylinder in CYLINDERS), 'contact_force')
-SIMULATOR = '/cfd/sim/sim_node'
+SIMULATOR = f'{SIM}/sim_node'
 IDENTIFIER = '/cfd/identifier_node'
 PATIENCE = 120.0  # a busy machine may take so long for each step [s]
 ENDING_TIME = 10.0  # a node has to end by then [s]
 SETTLING = 0.5  # after a change, before the live residual is taken [s]
-DISCOVERY = 0.5  # a reply is lost if it leaves before its sender has discovered the client [s]
 
 SCHEDULE = out_and_back().with_return()  # played over and over
 
-DEVICE = """
+LEAKING = """
 import sys
 from functools import partial
 import numpy as np
@@ -99,10 +102,9 @@ def close_the_loop(output: Path) -> None:
         except NodeError as error:
             raise SystemExit(f'demo: {error}; what the nodes said is in {log}') from error
     heading('Measured less simulated pressure, live')
-    sensors = Sensors()
-    noise = math.hypot(sensors.pressure_noise, sensors.step(sensors.pressure_range) / math.sqrt(12.0))
-    for cylinder, *both in zip(CYLINDERS, before, after):
-        print('{}: {:.0f} Pa before, {:.0f} Pa after'.format(cylinder, *both), f"(the sensor's noise: {noise:.0f} Pa)")
+    for name, one, other in zip(CYLINDERS, before, after):
+        noise = Sensors().pressure_noise
+        print(f"{name}: {one:.0f} Pa before, {other:.0f} Pa after (the sensor's noise: {noise:.0f} Pa)")
     print(f'The report, for a browser: {output / "rig_identified" / "report.html"}')
 
 
@@ -111,14 +113,14 @@ def run_graph(bag: Path, results: Path, errors: IO[bytes]) -> tuple[list[float],
     heading('A device with a leak in cylinder A, of which nothing else is told, its simulator and a recorder')
     with graph(bag, results, errors) as (client, recorder):
         # the recording has to end at rest
-        client.until(lambda: len(client.pressures['/cfd/device', 'cylinder_a']) > 0.98 * SCHEDULE.samples)
-        end(recorder)
+        client.until(lambda: len(client.pressures[DEVICE, CYLINDERS[0]]) > 0.98 * SCHEDULE.samples)
+        end([recorder])
         print(f'recorded: {bag}')
         heading("The paper's model fitted to the recording, while device and simulator run on")
         print(client.identify('report.json'))
         began = client.now
         heading('What the model lacks')
-        client.set(IDENTIFIER, 'close_loop', True)
+        client.answer(client.parameters.set_parameters([Parameter('close_loop', value=True)]))
         print(client.identify('report.html').replace('. ', '.\n'), flush=True)
         return client.residuals(began), client.residuals(client.now)
 
@@ -134,27 +136,21 @@ class Client(Node):
         """Listen."""
         super().__init__('demo')
         self.pressures: dict[tuple[str, str], dict[int, float]] = {}
+        self.parameters = AsyncParameterClient(self, IDENTIFIER)
+        self._identify = self.create_client(Trigger, f'{IDENTIFIER}/identify')
         self._statuses: list[DiagnosticStatus] = []
-        self._executor = Executor()
+        self._executor = EventsExecutor()
         self._executor.add_node(self)
-        for source in ('/cfd/device', '/cfd/sim'):
-            for cylinder in CYLINDERS:
-                self._listen(source, cylinder)
-        self.create_subscription(DiagnosticArray, '/diagnostics', lambda array: self._statuses.extend(array.status), 10)
-
-    def _listen(self, source: str, cylinder: str) -> None:
-        heard = self.pressures[source, cylinder] = {}
-
-        def on_pressure(message: FluidPressure) -> None:
-            stamp = message.header.stamp
-            heard[stamp.sec * 1_000_000_000 + stamp.nanosec] = message.fluid_pressure
-
-        self.create_subscription(FluidPressure, f'{source}/{cylinder}/pressure', on_pressure, QoSProfile(depth=1000))
+        for source, cylinder in itertools.product((DEVICE, SIM), CYLINDERS):
+            heard = self.pressures[source, cylinder] = {}
+            topic = f'{source}/{pressure_topic(cylinder)}'
+            self.create_subscription(FluidPressure, topic, partial(note, heard), OUTPUT_QOS)
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, lambda array: self._statuses.extend(array.status), 10)
 
     @property
     def now(self) -> int:
         """The latest stamp of the device [ns]."""
-        return next(reversed(self.pressures['/cfd/device', 'cylinder_a']))
+        return next(reversed(self.pressures[DEVICE, CYLINDERS[0]]))
 
     def until(self, condition: Callable[[], Any]) -> Any:
         """Return what the condition gives as soon as it is true."""
@@ -165,35 +161,27 @@ class Client(Node):
             self._executor.spin_once(timeout_sec=0.05)
         return result
 
-    def call(self, service: type, name: str, request: Any) -> Any:
-        client = self.create_client(service, name)
-        self.until(client.service_is_ready)
-        discovered = time.monotonic() + DISCOVERY
-        self.until(lambda: time.monotonic() > discovered)
-        reply = client.call_async(request)
-        self.until(reply.done)
-        return reply.result()
-
-    def set(self, node: str, name: str, value: object) -> None:
-        parameters = [Parameter(name, value=value).to_parameter_msg()]
-        self.call(SetParameters, f'{node}/set_parameters', SetParameters.Request(parameters=parameters))
+    def answer(self, asked: Future) -> Any:
+        """Return what a service answers."""
+        self.until(asked.done)
+        return asked.result()
 
     def identify(self, report: str) -> str:
         """Have the recording identified; return what is said when the result is set on the simulator."""
-        answer = self.call(Trigger, f'{IDENTIFIER}/identify', Trigger.Request())
+        self.until(self._identify.service_is_ready)
+        answer = self.answer(self._identify.call_async(Trigger.Request()))
         if not answer.success:
             raise NodeError(answer.message)
         self._statuses.clear()
 
-        def said() -> str | None:
-            for status in self._statuses:
-                if status.level == DiagnosticStatus.ERROR:
-                    raise NodeError(status.message)
-                if status.name.startswith(f'{IDENTIFIER}: ') and status.message.endswith(report):
-                    return str(status.message)
-            return None
+        def tells(status: DiagnosticStatus) -> bool:
+            ended = status.level == DiagnosticStatus.ERROR or status.message.endswith(report)
+            return ended and status.name.startswith(f'{IDENTIFIER}: ')
 
-        return str(self.until(said))
+        status = self.until(lambda: next(filter(tells, self._statuses), None))
+        if status.level == DiagnosticStatus.ERROR:
+            raise NodeError(status.message)
+        return str(status.message)
 
     def residuals(self, since: int) -> list[float]:
         """Return each cylinder's root mean square of measured less simulated over the schedule, after a stamp [Pa]."""
@@ -202,34 +190,36 @@ class Client(Node):
         self.until(lambda: self.now > last)
         found = []
         for cylinder in CYLINDERS:
-            measured, simulated = (self.pressures[source, cylinder] for source in ('/cfd/device', '/cfd/sim'))
-            errors = [
-                measured[stamp] - simulated[stamp]
-                for stamp in measured.keys() & simulated.keys()
-                if begin < stamp <= last
-            ]
+            measured, simulated = (self.pressures[source, cylinder] for source in (DEVICE, SIM))
+            stamps = [stamp for stamp in measured.keys() & simulated.keys() if begin < stamp <= last]
+            errors = [measured[stamp] - simulated[stamp] for stamp in stamps]
             found.append(math.sqrt(sum(error**2 for error in errors) / len(errors)))
         return found
+
+
+def note(heard: dict[int, float], message: FluidPressure) -> None:
+    heard[nanoseconds(message.header.stamp)] = message.fluid_pressure
 
 
 @contextmanager
 def graph(bag: Path, results: Path, errors: IO[bytes]) -> Iterator[tuple[Client, subprocess.Popen[bytes]]]:
     """Run all nodes; the device plays its schedule over and over once the simulator and the recorder listen."""
-    topics = [f'/cfd/device/{topic}' for topic in DEVICE_TOPICS] + [f'/cfd/sim/{topic}' for topic in SIMULATOR_TOPICS]
-    remaps = [argument for topic in INPUTS for argument in ('-r', f'{topic}:=/cfd/device/{topic}')]
-    identify = {'bags': f'[{bag}]', 'namespace': '/cfd/device', 'output_dir': results, 'apply_to': SIMULATOR}
+    record = {'output': bag, 'topics': f'[{",".join(RECORDED)}]'}
+    identify = {'bags': f'[{bag}]', 'namespace': DEVICE, 'output_dir': results, 'apply_to': SIMULATOR}
     play = {'schedule': 'out_and_back', 'start_subscribers': 2, 'start_delay': 1.0, 'repeat': 'true'}
-    record = {'output': bag, 'topics': f'[{",".join(topics)}]'}
-    programs: list[tuple[str, str, str, Iterable[str]]] = [
-        ('-m', 'cfd_pneumatic.nodes.recorder_node', '/cfd', parameters(record)),
-        ('-m', 'cfd_pneumatic.nodes.sim_node', '/cfd/sim', remaps),
-        ('-m', 'cfd_pneumatic.nodes.identifier_node', '/cfd', parameters(identify)),
-        ('-c', DEVICE, '/cfd/device', parameters(play)),
+    remaps = {topic: f'{DEVICE}/{topic}' for topic in MODEL_INPUTS}
+    programs: list[tuple[str, str, str, str, dict[str, Any]]] = [
+        ('-m', 'cfd_pneumatic.nodes.recorder_node', '/cfd', '-p', record),
+        ('-m', 'cfd_pneumatic.nodes.sim_node', SIM, '-r', remaps),
+        ('-m', 'cfd_pneumatic.nodes.identifier_node', '/cfd', '-p', identify),
+        ('-c', LEAKING, DEVICE, '-p', play),
     ]
-    nodes = [
-        start(errors, option, program, '--ros-args', '-r', f'__ns:={namespace}', *arguments)
-        for option, program, namespace, arguments in programs
-    ]
+    nodes = []
+    for option, program, namespace, flag, given in programs:
+        pairs = itertools.chain.from_iterable((flag, f'{name}:={value}') for name, value in given.items())
+        command = [sys.executable, option, program, '--ros-args', '-r', f'__ns:={namespace}', *pairs]
+        # a group of its own: an interrupt reaches the demo, which then ends its nodes
+        nodes.append(subprocess.Popen(command, stderr=errors, start_new_session=True))
     rclpy.init()
     client = Client()
     try:
@@ -237,28 +227,17 @@ def graph(bag: Path, results: Path, errors: IO[bytes]) -> Iterator[tuple[Client,
     finally:
         client.destroy_node()
         rclpy.shutdown()
-        for node in nodes:
-            if node.poll() is None:
-                node.send_signal(signal.SIGINT)
-        codes = [node.wait(ENDING_TIME) for node in nodes]
+        end(nodes)
+
+
+def end(nodes: Sequence[subprocess.Popen[bytes]]) -> None:
+    """End nodes as a user does."""
+    for node in nodes:
+        if node.poll() is None:
+            node.send_signal(signal.SIGINT)
+    codes = [node.wait(ENDING_TIME) for node in nodes]
     if any(codes):
         raise NodeError('a node failed')
-
-
-def parameters(values: dict[str, object]) -> Iterator[str]:
-    for name, value in values.items():
-        yield from ('-p', f'{name}:={value}')
-
-
-def start(errors: IO[bytes], *arguments: str) -> subprocess.Popen[bytes]:
-    # a group of its own: an interrupt reaches the demo, which then ends its nodes
-    return subprocess.Popen([sys.executable, *arguments], stderr=errors, start_new_session=True)
-
-
-def end(node: subprocess.Popen[bytes]) -> None:
-    node.send_signal(signal.SIGINT)
-    if node.wait(ENDING_TIME) != 0:
-        raise NodeError('the recorder failed')
 
 
 def identify_measured(output: Path) -> None:
