@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import itertools
 import re
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -47,7 +46,9 @@ SHOWN = 5.0
 STRENGTH = 0.75
 """Where between its weakest and its strongest an effect is drawn, on a logarithmic scale."""
 
-BINS, DOTS = 250, 600
+EVERY = 20
+"""Of so many samples one is a dot."""
+
 HEALTHY, REFITTED = '#1f77b4', '#ff7f0e'
 
 SYMBOLS = r"""
@@ -157,30 +158,39 @@ def _more() -> str:
 # what is drawn
 
 
-class Signature(NamedTuple):
+class Seen(NamedTuple):
     """How an effect shows, at samples of the rig."""
 
-    times: Array
-    displacement: Array
     residual: Array
     """By the model of the healthy device [Pa or N]."""
 
     refitted: Array | None
-    against: Array
-    """What it shows against, in the unit of `AXES`."""
+    signals: dict[str, Array]
+    """What it may be seen against beside the motion, in SI units."""
 
 
 AXES = {
-    'time': ('time', 's', 1.0),
-    'frequency': ('frequency', 'Hz', 1.0),
-    'displacement': ('displacement', 'mm', 1e-3),
-    'speed': ('speed', 'mm/s', 1e-3),
-    'acceleration': ('acceleration', 'm/s²', 1.0),
-    'pressure': ('gauge pressure', 'kPa', 1e3),
-    'pressure rate': ('pressure rate', 'kPa/s', 1e3),
-    'valve error': ('set-point less pressure', 'kPa', 1e3),
+    'time': ('time [s]', 1.0),
+    'frequency': ('frequency [Hz]', 1.0),
+    'displacement': ('displacement [mm]', 1e-3),
+    'speed': ('speed [mm/s]', 1e-3),
+    'acceleration': ('acceleration [m/s²]', 1.0),
+    'pressure': ('gauge pressure [kPa]', 1e3),
+    'pressure rate': ('pressure rate [kPa/s]', 1e3),
+    'valve error': ('set-point less pressure [kPa]', 1e3),
 }
-"""Label, unit, and the unit in SI, of what an effect may be seen against."""
+"""Label, and the unit in SI, of what an effect may be seen against."""
+
+STYLE = {
+    'svg.fonttype': 'none',
+    'font.size': 8.0,
+    'lines.linewidth': 0.9,
+    'lines.markersize': 1.8,
+    'axes.grid': True,
+    'grid.color': '0.92',
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+}
 
 
 def _strength(name: str) -> float:
@@ -188,13 +198,7 @@ def _strength(name: str) -> float:
     return float(effect.weakest ** (1.0 - STRENGTH) * effect.strongest**STRENGTH)
 
 
-def signature(name: str, healthy: ChannelResult) -> Signature:
-    """Return how an effect of the rig shows to the model of the healthy device."""
-    drawn = draw(name, SCHEDULE, SEED, given={name: _strength(name)})
-    return _of_force(name, drawn) if name in FORCE_EFFECTS else _of_pressure(name, drawn, healthy)
-
-
-def _of_pressure(name: str, drawn: Draw, healthy: ChannelResult) -> Signature:
+def _in_pressure(drawn: Draw, healthy: ChannelResult) -> Seen:
     found = _identified(drawn)
     (experiment,) = found.experiments
     (expected,) = healthy.channel.simulated([experiment], healthy.fit.model)
@@ -204,109 +208,69 @@ def _of_pressure(name: str, drawn: Draw, healthy: ChannelResult) -> Signature:
         'pressure rate': np.gradient(expected, experiment.sample_times),
         'valve error': level + AMBIENT_PRESSURE - expected,
     }
-    residual, refitted = (experiment.measured - one for one in (expected, found.fit.simulated[0]))
-    return _signature(name, drawn, residual, refitted, signals)
+    return Seen(experiment.measured - expected, experiment.measured - found.fit.simulated[0], signals)
 
 
-def _of_force(name: str, drawn: Draw) -> Signature:
+def _in_force(drawn: Draw) -> Seen:
     pressures = drawn.recording.pressures
     residual = drawn.recording.force - Cylinder().area * (pressures[:, 0] - pressures[:, 1])
-    return _signature(name, drawn, residual, None, {'pressure': pressures[:, 0] - AMBIENT_PRESSURE})
-
-
-def _signature(name: str, drawn: Draw, residual: Array, refitted: Array | None, signals: dict[str, Array]) -> Signature:
-    truth = drawn.truth.samples
-    times = drawn.recording.times
-    signals = {
-        'time': times,
-        'frequency': times,
-        'displacement': truth.displacement,
-        'speed': truth.velocity,
-        'acceleration': truth.acceleration,
-        **signals,
-    }
-    against = EFFECTS[name].seen_against
-    return Signature(times, drawn.recording.displacement, residual, refitted, signals[against] / AXES[against][2])
+    return Seen(residual, None, {'pressure': pressures[:, 0] - AMBIENT_PRESSURE})
 
 
 def _identified(drawn: Draw) -> ChannelResult:
     return identify([recording_of(drawn)], Options()).channels[CYLINDER]
 
 
-def picture(name: str, seen: Signature) -> str:
+def picture(name: str, healthy: ChannelResult) -> str:
     """Return displacement, residual over time, and residual against what tells it, as SVG."""
-    unit = 'N' if name in FORCE_EFFECTS else 'Pa'
-    settings = {'svg.hashsalt': name, 'svg.fonttype': 'none', 'font.size': 8.0, 'path.simplify': False}
-    with matplotlib.rc_context(settings):
-        figure = Figure(figsize=(9.0, 2.3), layout='constrained')
+    drawn = draw(name, SCHEDULE, SEED, given={name: _strength(name)})
+    seen = _in_force(drawn) if name in FORCE_EFFECTS else _in_pressure(drawn, healthy)
+    times = drawn.recording.times
+    part = times <= SHOWN
+    with matplotlib.rc_context(STYLE | {'svg.hashsalt': name}):
+        figure = Figure(figsize=(9.0, 2.3), layout='constrained', dpi=120)
         moved, over_time, told = figure.subplots(1, 3)
-        part = seen.times <= SHOWN
-        _line(moved, seen.times[part], seen.displacement[part] * 1e3, '0.3')
         moved.set(xlabel='time [s]', ylabel='displacement [mm]')
-        _line(over_time, seen.times[part], seen.residual[part], HEALTHY, label='healthy model')
+        moved.plot(times[part], 1e3 * drawn.recording.displacement[part], '0.3')
+        over_time.set(xlabel='time [s]', ylabel=f'residual [{"N" if name in FORCE_EFFECTS else "Pa"}]')
+        over_time.plot(times[part], seen.residual[part], HEALTHY, label='healthy model')
         if seen.refitted is not None:
-            _line(over_time, seen.times[part], seen.refitted[part], REFITTED, linewidth=0.7, label='fitted again')
+            over_time.plot(times[part], seen.refitted[part], REFITTED, linewidth=0.7, label='fitted again')
             over_time.legend(loc='lower center', bbox_to_anchor=(0.5, 0.98), ncol=2, frameon=False)
-        over_time.set(xlabel='time [s]', ylabel=f'residual [{unit}]')
-        _tell(told, name, seen, unit)
-        for axes in (moved, over_time, told):
-            axes.grid(color='0.92', linewidth=0.6)
-            axes.spines[['top', 'right']].set_visible(False)
+        told.set(xlabel=AXES[EFFECTS[name].seen_against][0], ylabel=over_time.get_ylabel())
+        _tell(told, name, drawn, seen)
+        for line in (*over_time.lines, *told.lines):
+            line.set_rasterized(True)  # thousands of points, as pixels
         stream = io.StringIO()
         figure.savefig(stream, format='svg', metadata={'Date': None})
-    return _compact(stream.getvalue())
+    return stream.getvalue()
 
 
-def _compact(svg: str) -> str:
-    """Return a picture with hundredths of a point and no finer, and with dots as lines of no length."""
-
-    def shorter(path: re.Match[str]) -> str:
-        rounded = re.sub(r'(\d\.\d\d)\d+', r'\1', path[0])
-        return re.sub(r'M (\S+ \S+) \nL \1 \n', r'M \1h0\n', rounded)
-
-    return re.sub(r'<path d="[^"]*"', shorter, svg)
-
-
-def _tell(axes: Axes, name: str, seen: Signature, unit: str) -> None:
-    label, of, _ = AXES[EFFECTS[name].seen_against]
-    axes.set(xlabel=f'{label} [{of}]', ylabel=f'residual [{unit}]')
-    if EFFECTS[name].seen_against == 'frequency':
-        rate = 1.0 / (seen.times[1] - seen.times[0])
-        frequencies, power = periodogram(seen.residual, rate, 'hann', scaling='spectrum')
+def _tell(axes: Axes, name: str, drawn: Draw, seen: Seen) -> None:
+    times, truth = drawn.recording.times, drawn.truth.samples
+    against = EFFECTS[name].seen_against
+    if against == 'frequency':
+        frequencies, power = periodogram(seen.residual, 1.0 / (times[1] - times[0]), 'hann', scaling='spectrum')
         # the mean and what leaks from it are no line
-        _line(axes, np.log10(frequencies[2:]), np.sqrt(2.0 * power[2:]), HEALTHY)
-        axes.set(ylabel=f'amplitude [{unit}]')
-        axes.xaxis.set_major_formatter(lambda value, _: f'{10.0**value:g}')
-        axes.set_xticks(np.log10([0.1, 1.0, 10.0, 100.0]))
+        axes.semilogx(frequencies[2:], np.sqrt(2.0 * power[2:]), HEALTHY)
+        axes.set(ylabel=axes.get_ylabel().replace('residual', 'amplitude'))
         return
-    chosen = np.linspace(0, seen.times.size - 1, DOTS).astype(int)
-    x, y = seen.against[chosen], seen.residual[chosen]
+    motion = {
+        'time': times,
+        'displacement': truth.displacement,
+        'speed': truth.velocity,
+        'acceleration': truth.acceleration,
+    }
+    x = (motion | seen.signals)[against][::EVERY] / AXES[against][1]
+    y = seen.residual[::EVERY]
     shown = _within(x) & _within(y)
-    x, y = x[shown], y[shown]
-    gap = np.full(x.size, np.nan)
-    # a line without length and with round ends is a dot, in a tenth of what a marker takes
-    axes.plot(
-        np.column_stack([x, x, gap]).ravel(),
-        np.column_stack([y, y, gap]).ravel(),
-        color=HEALTHY,
-        linewidth=1.8,
-        solid_capstyle='round',
-    )
+    axes.plot(x[shown], y[shown], '.', color=HEALTHY)
 
 
 def _within(values: Array) -> NDArray[np.bool_]:
     """Return which values are no outliers: a set-point's step would squeeze all else."""
     low, high = np.quantile(values, [0.01, 0.99])
     return np.abs(values - 0.5 * (low + high)) <= 0.75 * (high - low)
-
-
-def _line(axes: Axes, x: Array, y: Array, colour: str, linewidth: float = 0.9, label: str | None = None) -> None:
-    """Draw a line by the least and the largest value of each of `BINS` stretches: what sticks out stays."""
-    edges = np.unique([*np.searchsorted(x, np.linspace(x[0], x[-1], BINS, endpoint=False)), x.size])
-    kept = sorted(
-        {begin + find(y[begin:end]) for begin, end in itertools.pairwise(edges) for find in (np.argmin, np.argmax)}
-    )
-    axes.plot(x[kept], y[kept], color=colour, linewidth=linewidth, label=label)
 
 
 def main() -> None:
@@ -318,7 +282,7 @@ def main() -> None:
     healthy = _identified(draw(None, SCHEDULE, SEED))
     for name in options.only or sorted(ON_RIG.keys() & EFFECTS.keys()):
         path = PICTURES / f'{name}.svg'
-        write_text(path, picture(name, signature(name, healthy)))
+        write_text(path, picture(name, healthy))
         print(path)
 
 
