@@ -8,6 +8,7 @@ with it is played on the rig, which shares no code with the model, and identifie
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import multiprocessing
 import os
@@ -23,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from documents import table
 from numpy.typing import NDArray
+from panel_rows import recording_of
 from provenance import commit, machine
 
 from cfd_pneumatic.commands.record_rig import as_recording
@@ -31,13 +33,16 @@ from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Fit, identify
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model import NAMES, OperatingPoints
+from cfd_pneumatic.model.effects import EFFECTS as MODELLED
+from cfd_pneumatic.model.effects import FORCE_EFFECTS
 from cfd_pneumatic.parallel import LIMIT
 from cfd_pneumatic.planning import EffectPrediction, Limits, Plan, Sensing, plan
 from cfd_pneumatic.planning.device import PlannedCylinder, PlannedDevice
 from cfd_pneumatic.planning.report import smallest_words
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.rig import Air, RigParameters, Schedule, record, written_schedule
-from cfd_pneumatic.rig.panel import EFFECTS, Draw, Gains, draw
+from cfd_pneumatic.rig.panel import EFFECTS as ON_RIG
+from cfd_pneumatic.rig.panel import Gains, draw
 from cfd_pneumatic.rig.panel.specimen import cylinder_with
 from cfd_pneumatic.units import PSI
 
@@ -60,44 +65,27 @@ TIMES = (2.0, 0.1)
 Array = NDArray[np.float64]
 
 
-class Installed(NamedTuple):
-    """How a predicted strength is made on the rig: a strength of the panel, at most so large."""
+REFERENCE = 10.0 * PSI
+"""Gauge pressure about which strengths are converted [Pa]."""
 
-    strength: Callable[[float, Gains], float]
-    least: float = 0.0
-    largest: float = math.inf
+EFFECTS = [name for name in MODELLED if name not in FORCE_EFFECTS]
+"""Those on the pressure."""
 
-
-def _same(value: float, gains: Gains) -> float:
-    return value
-
-
-INSTALLED = {
-    'volume_variation': Installed(
-        lambda slope, gains: abs(slope) * 1.2 * (AMBIENT_PRESSURE + 10.0 * PSI) / gains.k_x, largest=1.0
-    ),
-    'operating_point': Installed(lambda strength, gains: 1.0 if strength > 1.0 else 0.0, least=1.0),
-    'set_point_drift': Installed(lambda rate, gains: abs(rate) * LIMITS.duration),
-    'displacement_lag': Installed(_same),
-    'supply_variation': Installed(lambda amplitude, gains: math.sqrt(2.0) * abs(amplitude)),
-    'valve_hysteresis': Installed(_same),
-    'droop': Installed(_same),
-    'leakage': Installed(lambda conductance, gains: conductance / gains.k_sv),
-    'positional_leakage': Installed(lambda conductance, gains: conductance / gains.k_sv),
-    'transport_delay': Installed(lambda delay, gains: abs(delay)),
-    'flow_saturation': Installed(lambda limit, gains: limit / gains.k_sv),
-    'lost_motion': Installed(lambda width, gains: 2.0 * width),
-    'sensor_lag': Installed(_same),
-    'valve_dead_band': Installed(_same),
-    'line_resonance': Installed(_same),
-    'nonlinear_valve': Installed(lambda exponent, gains: abs(math.log(exponent))),
-    'line_restriction': Installed(_same, least=5e-4),
-    'heat_transfer': Installed(lambda loss, gains: 1.0 / loss, largest=10.0),
+INSTALLED: dict[str, Callable[[float, Gains], float]] = {
+    'volume_variation': lambda slope, gains: slope * 1.2 * (AMBIENT_PRESSURE + REFERENCE) / gains.k_x,
+    'set_point_drift': lambda rate, gains: rate * LIMITS.duration,
+    'supply_variation': lambda amplitude, gains: amplitude * math.sqrt(2.0),
+    'leakage': lambda conductance, gains: conductance / gains.k_sv,
+    'positional_leakage': lambda conductance, gains: conductance / gains.k_sv,
+    'flow_saturation': lambda limit, gains: limit / gains.k_sv,
+    'lost_motion': lambda width, gains: 2.0 * width,
+    'nonlinear_valve': lambda exponent, gains: abs(math.log(exponent)),
+    'heat_transfer': lambda loss, gains: 1.0 / loss,
 }
-"""For each effect on the pressure, from its first strength to the panel's."""
+"""From an effect's first strength, without its sign, to the panel's, where that is another."""
 
-LIMITING = ('flow_saturation', 'line_resonance')
-"""Effects that are the stronger, the smaller their strength is."""
+POSSIBLE = {'volume_variation': (0.0, 1.0), 'line_restriction': (5e-4, math.inf), 'heat_transfer': (0.0, 10.0)}
+"""Strengths that the rig can make, where it can't make all."""
 
 
 @dataclass(frozen=True)
@@ -130,44 +118,26 @@ class Case:
 
     def strength(self, effect: str, times: float) -> float | None:
         """Return the panel's strength that is some times what just shows; None where the rig has none so large."""
+        on_rig = ON_RIG[effect]
         smallest = self.predicted(effect).smallest
         if not smallest:
-            return None if smallest is None or times < 1.0 else EFFECTS[effect].weakest
-        value = next(iter(smallest.values()))
+            return None if smallest is None or times < 1.0 else on_rig.weakest
+        value = abs(next(iter(smallest.values())))
+        if effect == 'operating_point':  # gains follow the pressure as they do in nature, or not at all
+            return 1.0 if value * times > 1.0 else None
         if effect == 'flow_saturation' and 'charge' not in smallest:
             value *= self.gains.k_sv / self.gains.k_v
         if effect == 'leakage' and 'orifice' in smallest:
-            value *= (AMBIENT_PRESSURE + 10.0 * PSI) / (10.0 * PSI)
-        if effect == 'nonlinear_valve':
-            value = math.exp(times * math.log(value))
-        elif effect in LIMITING:
-            value /= times
-        else:
-            value *= times
-        strength = INSTALLED[effect].strength(value, self.gains)
-        return strength if INSTALLED[effect].least <= strength <= INSTALLED[effect].largest else None
-
-
-def recording_of(drawn: Draw) -> Recording:
-    """Return cylinder A of a draw, as the identification sees it."""
-    got = drawn.recording
-    changes = np.diff(got.setpoints[:, 0], prepend=np.nan) != 0.0
-    begins = np.concatenate([got.times[:1], got.times[:-1]])
-    cylinder = CylinderSignals(
-        Signal(got.times, got.pressures[:, 0]), Signal(begins[changes], got.setpoints[changes, 0])
-    )
-    return Recording('planned', 0, Signal(got.times, got.displacement), {'cylinder_a': cylinder}, None, ())
+            value *= (AMBIENT_PRESSURE + REFERENCE) / REFERENCE
+        strength = INSTALLED[effect](value, self.gains) if effect in INSTALLED else value
+        strength *= times if on_rig.weakest <= on_rig.strongest else 1.0 / times
+        least, largest = POSSIBLE.get(effect, (0.0, math.inf))
+        return strength if least <= strength <= largest else None
 
 
 def fitted(recording: Recording) -> Fit:
     """Return the fit of the paper's model as `identify_bag` makes it."""
     return identify([recording]).channels['cylinder_a'].fit
-
-
-def named(recording: Recording) -> tuple[tuple[str, ...], Mapping[str, tuple[str, ...]]]:
-    """Return the effects that closing the loop names, and their alternatives."""
-    conclusion = close_loop(fitted(recording)).conclusion
-    return conclusion.effects, conclusion.alternatives
 
 
 class Job(NamedTuple):
@@ -183,10 +153,6 @@ class Outcome(NamedTuple):
 
     effects: tuple[str, ...]
     alternatives: tuple[str, ...]
-
-    def holds(self, effect: str) -> bool:
-        """Return whether an effect is named or listed."""
-        return effect in (*self.effects, *self.alternatives)
 
     def __str__(self) -> str:
         """Return it for people."""
@@ -206,8 +172,9 @@ def run(job: Job) -> Outcome | None:
     if strength is None:
         return None
     drawn = draw(job.effect, case(job.seed).schedule, job.seed, given={job.effect: strength})
-    effects, alternatives = named(recording_of(drawn))
-    return Outcome(effects, tuple(dict.fromkeys(rival for own in alternatives.values() for rival in own)))
+    found = close_loop(fitted(recording_of(drawn))).conclusion
+    alternatives = dict.fromkeys(itertools.chain.from_iterable(found.alternatives.values()))
+    return Outcome(found.effects, tuple(alternatives))
 
 
 def scatter(seed: int, runs: int) -> tuple[Array, Array]:
@@ -224,60 +191,47 @@ def scatter(seed: int, runs: int) -> tuple[Array, Array]:
     return values, stds
 
 
-def document(seeds: Sequence[int], runs: int, minutes: Callable[[], float]) -> str:
+def document(seeds: Sequence[int], runs: int) -> str:
     """Return the document's text."""
-    jobs = [Job(seed, effect, times) for effect in INSTALLED for times in TIMES for seed in seeds]
+    began = time.monotonic()
+    jobs = [Job(seed, effect, times) for effect in EFFECTS for times in TIMES for seed in seeds]
     os.environ[LIMIT] = '1'  # a process for each core instead
     with ProcessPoolExecutor(len(os.sched_getaffinity(0)), multiprocessing.get_context('spawn')) as pool:
         scattered = pool.submit(scatter, seeds[0], runs)
         outcomes = dict(zip(jobs, pool.map(run, jobs)))
         values, stds = scattered.result()
-    return (
-        '\n\n'.join(
-            [
-                '# A plan and what came of it',
-                ' '.join(__doc__.split('\n\n')[1].split()),
-                '\n'.join(
-                    [
-                        '- Command: `make planning-document`',
-                        f'- Machine: {machine()}; {minutes():.1f} minutes, on cores shared with others',
-                        f'- Commit {commit()}',
-                        f'- Limits: {LIMITS.stroke * 1e3:g} mm, {LIMITS.speed:g} m/s, {LIMITS.acceleration:g} m/s^2, '
-                        f'{LIMITS.pressures[0] / PSI:g} to {LIMITS.pressures[1] / PSI:g} psig, {LIMITS.duration:g} s '
-                        f'at 500 Hz; each parameter in the file is {OFF:.0%} off',
-                        f'- Seeds {", ".join(map(str, seeds))}; 0, 1, 500 and 501 were used in development',
-                    ]
-                ),
-                '## Standard errors',
-                f'Of one healthy device, {runs} recordings that differ in noise. All in % of the true value; a '
-                f'standard deviation of {runs} values is uncertain by {100.0 / math.sqrt(2.0 * (runs - 1)):.0f} %.',
-                _scatter_table(case(seeds[0]), values, stds),
-                '## Effects',
-                'Predicted: from which strength on an effect shows. Installed at twice that strength, and at a tenth, '
-                'where no effect is worth a name; a hyphen where the rig makes none so large or so small.',
-                _summary(outcomes),
-                _effects_table(seeds, outcomes),
-            ]
-        )
-        + '\n'
-    )
+    minutes = (time.monotonic() - began) / 60.0
+    low, high = (pressure / PSI for pressure in LIMITS.pressures)
+    parts = [
+        '# A plan and what came of it',
+        ' '.join(__doc__.split('\n\n')[1].split()),
+        '- Command: `make planning-document`\n'
+        f'- Machine: {machine()}; {minutes:.1f} minutes, on cores shared with others\n'
+        f'- Commit {commit()}\n'
+        f'- Limits: {LIMITS.stroke * 1e3:g} mm, {LIMITS.speed:g} m/s, {LIMITS.acceleration:g} m/s^2, '
+        f'{low:g} to {high:g} psig, {LIMITS.duration:g} s at 500 Hz; each parameter in the file is {OFF:.0%} off\n'
+        f'- Seeds {", ".join(map(str, seeds))}; 0, 1, 500 and 501 were used in development',
+        '## Standard errors',
+        f'Of one healthy device, {runs} recordings that differ in noise. All in % of the true value; a '
+        f'standard deviation of {runs} values is uncertain by {100.0 / math.sqrt(2.0 * (runs - 1)):.0f} %.',
+        _scatter_table(case(seeds[0]), values, stds),
+        '## Effects',
+        'Predicted: from which strength on an effect shows. Installed at twice that strength, and at a tenth, '
+        'where no effect is worth a name; a hyphen where the rig makes none so large or so small.',
+        _summary(outcomes),
+        _effects_table(seeds, outcomes),
+    ]
+    return '\n\n'.join(parts) + '\n'
 
 
 def _scatter_table(of: Case, values: Array, stds: Array) -> str:
     lines = []
-    for index, name in enumerate(NAMES):
-        true = of.gains[index]
+    for name, true, value, std in zip(NAMES, of.gains, values.T, stds.T):
         predicted = next(one for one in of.plan.parameters if one.name == name).std
-        shares = (predicted, float(np.std(values[:, index], ddof=1)), float(np.mean(stds[:, index])))
-        off = float(np.mean(values[:, index])) / true - 1.0
-        lines.append(
-            [
-                name,
-                *(f'{100.0 * share / true:.3f}' for share in shares),
-                f'{shares[1] / shares[0]:.2f}',
-                f'{100.0 * off:+.3f}',
-            ]
-        )
+        spread = float(np.std(value, ddof=1))
+        shares = [f'{100.0 * share / true:.3f}' for share in (predicted, spread, np.mean(std))]
+        off = np.mean(value) / true - 1.0
+        lines.append([name, *shares, f'{spread / predicted:.2f}', f'{100.0 * off:+.3f}'])
     heads = ['parameter', 'predicted', 'scatter of estimates', 'reported, mean', 'scatter / predicted', 'mean error']
     return table(heads, lines)
 
@@ -285,13 +239,11 @@ def _scatter_table(of: Case, values: Array, stds: Array) -> str:
 def _summary(outcomes: Mapping[Job, Outcome | None]) -> str:
     strong = {job: one for job, one in outcomes.items() if job.times == TIMES[0] and one is not None}
     weak = [one for job, one in outcomes.items() if job.times == TIMES[1] and one is not None]
-    first = sum(bool(one.effects) and one.effects[0] == job.effect for job, one in strong.items())
-    held = sum(one.holds(job.effect) for job, one in strong.items())
+    firsts = {job: next(iter(one.effects), '') for job, one in strong.items()}
+    first = sum(name == job.effect for job, name in firsts.items())
+    held = sum(job.effect in (*one.effects, *one.alternatives) for job, one in strong.items())
+    foretold = sum(name in case(job.seed).predicted(job.effect).alternatives for job, name in firsts.items())
     clean = sum(not one.effects for one in weak)
-    foretold = sum(
-        bool(one.effects) and one.effects[0] in case(job.seed).predicted(job.effect).alternatives
-        for job, one in strong.items()
-    )
     return (
         f'At twice the strength the effect is named first in {first} of {len(strong)} recordings, and named or listed '
         f'as an alternative in {held}; in {foretold} another is named first that it was said not to be told from.'
@@ -301,7 +253,7 @@ def _summary(outcomes: Mapping[Job, Outcome | None]) -> str:
 
 def _effects_table(seeds: Sequence[int], outcomes: Mapping[Job, Outcome | None]) -> str:
     lines = []
-    for effect in INSTALLED:
+    for effect in EFFECTS:
         predicted = [case(seed).predicted(effect) for seed in seeds]
         rivals = dict.fromkeys(rival for one in predicted for rival in one.alternatives)
         found = ['<br>'.join(str(outcomes[Job(seed, effect, times)] or '-') for seed in seeds) for times in TIMES]
@@ -316,10 +268,8 @@ def main() -> None:
     parser.add_argument('--runs', type=int, default=RUNS, help='recordings of one device (default: %(default)s)')
     parser.add_argument('--output', type=Path, default=DOCUMENT, help='document to write')
     options = parser.parse_args()
-    began = time.monotonic()
-    text = document(options.seeds, options.runs, lambda: (time.monotonic() - began) / 60.0)
-    write_text(options.output, text)
-    print(f'{options.output} after {(time.monotonic() - began) / 60.0:.1f} minutes')
+    write_text(options.output, document(options.seeds, options.runs))
+    print(options.output)
 
 
 if __name__ == '__main__':
