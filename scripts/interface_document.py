@@ -113,25 +113,13 @@ def _command(name: str, parser: argparse.ArgumentParser) -> Iterator[str]:
     yield f'### `{name}`'
     yield str(parser.description)
     rows = []
+    formatter = parser._get_formatter()
     for action in parser._actions:
         if not isinstance(action, argparse._HelpAction):
-            given = ' '.join([*action.option_strings[-1:], _argument(action)]).strip()
-            needed = 'required' if action.required else ''
-            said = ' '.join((action.help or '').split()) % {**vars(action), 'prog': name}
-            rows.append([code(given), needed, said])
+            given = [*action.option_strings[-1:], formatter._format_args(action, action.dest.upper())]
+            said = formatter._expand_help(action)
+            rows.append([code(' '.join(given).strip()), 'required' if action.required else '', ' '.join(said.split())])
     yield table(['argument', '', 'meaning'], rows)
-
-
-def _argument(action: argparse.Action) -> str:
-    """Return how what follows an option, or a positional argument, is written in its usage."""
-    if action.nargs == 0:
-        return ''
-    if action.choices:
-        return f'{{{",".join(map(str, action.choices))}}}'
-    if isinstance(action.metavar, tuple):
-        return ' '.join(action.metavar)
-    name = action.metavar or action.dest.upper()
-    return f'{name} [{name} ...]' if action.nargs == '+' else name
 
 
 # nodes
@@ -220,10 +208,7 @@ def _topic_rows(opened: Sequence[Mapping[str, Opened]]) -> list[list[str]]:
 
 def _relative(name: str, node: Node) -> str:
     """Return a name as the code has it."""
-    own = f'{node.get_fully_qualified_name()}/'
-    if name.startswith(own):
-        return f'~/{name[len(own) :]}'
-    return name[len(NAMESPACE) + 1 :] if name.startswith(f'{NAMESPACE}/') else name
+    return name.replace(f'{node.get_fully_qualified_name()}/', '~/').removeprefix(f'{NAMESPACE}/')
 
 
 def _type(message: type) -> str:
@@ -250,9 +235,9 @@ def _parameters(nodes: Mapping[str, Sequence[Node]]) -> Iterator[str]:
     entries = {name: _entries(some[0]) for name, some in nodes.items()}
     models = ('sim_node', 'monitor_node')
     shared = {name: entry for name, entry in entries[models[0]].items() if entries[models[1]].get(name) == entry}
-    plain, effects = _parted(shared)
+    effects = {name: entry for name, entry in shared.items() if name.count('.') == 2}
     yield '### `sim_node` and `monitor_node`: parameters'
-    yield _table(plain)
+    yield _table({name: entry for name, entry in shared.items() if name not in effects})
     for name, own in entries.items():
         rest = {one: entry for one, entry in own.items() if name not in models or one not in shared}
         yield f'### `{name}`: parameters'
@@ -271,9 +256,8 @@ def _entries(node: Node) -> Entries:
     for name in MUST.get(node.get_name(), ()):
         rows[name] = rows[name]._replace(default='required')
     one, other = CYLINDERS
-    alike = {name for name in rows if one in name and rows.get(name.replace(one, other)) == rows[name]}
-    twins = {name.replace(one, other) for name in alike}
-    return {_folded(name) if name in alike else name: row for name, row in rows.items() if name not in twins}
+    assert all(rows.get(name.replace(one, other)) == row for name, row in rows.items() if one in name)
+    return {_folded(name): row for name, row in rows.items()}
 
 
 def _entry(descriptor: ParameterDescriptor, value: Any) -> Entry:
@@ -297,15 +281,11 @@ def _kind(number: int) -> str:
 
 def _said(value: Any, unit: str) -> str:
     """Return a default with its unit, and in the unit beside SI where it is large enough to mean something there."""
-    if isinstance(value, bool):
+    numbers = value if isinstance(value, list) else [value]
+    if isinstance(numbers[0], bool):
         return str(value).lower()
-    if isinstance(value, str):
-        return code(f"'{value}'")
-    if isinstance(value, int):
-        return str(value)
-    numbers = [value] if isinstance(value, float) else list(value)
-    if numbers and isinstance(numbers[0], str):
-        return code(str(numbers))
+    if isinstance(numbers[0], str):
+        return code(repr(value))
     text = f'{", ".join(f"{number:.6g}" for number in numbers)} {unit}'.rstrip(' -')
     if unit in BESIDE and any(abs(number) >= LEAST_BESIDE for number in numbers):
         factor, name = BESIDE[unit]
@@ -314,18 +294,7 @@ def _said(value: Any, unit: str) -> str:
 
 
 def _folded(name: str) -> str:
-    for cylinder in CYLINDERS:
-        name = name.replace(cylinder, EITHER)
-    return name
-
-
-def _parted(entries: Entries) -> tuple[Entries, Entries]:
-    """Return the parameters of the model, and those of its effects."""
-    plain: Entries = {}
-    effects: Entries = {}
-    for name, entry in entries.items():
-        (effects if len(name.split('.')) == 3 else plain)[name] = entry
-    return plain, effects
+    return re.sub('|'.join(CYLINDERS), EITHER, name)
 
 
 def _table(entries: Mapping[str, Entry]) -> str:
