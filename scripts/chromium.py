@@ -56,18 +56,10 @@ class Chromium:
         self._buffer = b''
         self._session = ''
         self.events: list[dict[str, Any]] = []
-        target = next(one for one in self._targets() if one['type'] == 'page')['targetId']
+        target = self.call('Target.createTarget', url='about:blank')['targetId']
         self._session = self.call('Target.attachToTarget', targetId=target, flatten=True)['sessionId']
         for domain in ('Page', 'Runtime', 'Log', 'Network'):
             self.call(f'{domain}.enable')
-
-    def _targets(self) -> list[dict[str, Any]]:
-        limit = time.monotonic() + _PATIENCE
-        while time.monotonic() < limit:
-            targets = self.call('Target.getTargets')['targetInfos']
-            if any(one['type'] == 'page' for one in targets):
-                return targets
-        raise TimeoutError('Chromium opens no page')
 
     def __enter__(self) -> Chromium:
         return self
@@ -107,13 +99,8 @@ class Chromium:
     def show(self, page: Path, width: int, height: int, *, dark: bool = False) -> None:
         """Open a page in a window of a size [CSS px] and wait until it is there."""
         mobile = width < 600
-        self.call(
-            'Emulation.setDeviceMetricsOverride',
-            width=width,
-            height=height,
-            deviceScaleFactor=2 if mobile else 1,
-            mobile=mobile,
-        )
+        size = {'width': width, 'height': height, 'deviceScaleFactor': 2 if mobile else 1, 'mobile': mobile}
+        self.call('Emulation.setDeviceMetricsOverride', **size)
         scheme = {'name': 'prefers-color-scheme', 'value': 'dark' if dark else 'light'}
         self.call('Emulation.setEmulatedMedia', features=[scheme])
         self.events.clear()
@@ -131,9 +118,9 @@ class Chromium:
         """Return what came of these events since the page was opened."""
         return [event['params'] for event in self.events if event.get('method') in methods]
 
-    def screenshot(self, *, whole: bool = False) -> bytes:
-        """Return what is seen, or the whole page, as PNG."""
-        return base64.b64decode(self.call('Page.captureScreenshot', captureBeyondViewport=whole)['data'])
+    def screenshot(self) -> bytes:
+        """Return what is seen, as PNG."""
+        return base64.b64decode(self.call('Page.captureScreenshot')['data'])
 
     def pdf(self) -> bytes:
         """Return the page as it is printed."""

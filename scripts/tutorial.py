@@ -16,8 +16,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import package_facts
 from chromium import Chromium
-from provenance import ROOT
+from package_facts import ROOT
 
 PAGE = ROOT / 'docs' / 'tutorial.md'
 PICTURE = ROOT / 'docs' / 'tutorial_report.png'
@@ -49,8 +50,7 @@ def blocks(page: Path = PAGE) -> Iterator[Block]:
 def programs(folder: Path) -> dict[str, str]:
     """Return an environment in which a shell finds the programs of this tree, by way of a folder that is made."""
     folder.mkdir()
-    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    options = {name: f'-m {module} ' for name, module in re.findall(r"'(\w+) = ([\w.]+):main'", setup)}
+    options = {name: f'-m {module} ' for name, module in package_facts.programs().items()}
     for name, option in {**options, 'python3': ''}.items():
         program = folder / name
         program.write_text(f'#!/bin/sh\nexec "{sys.executable}" {option}"$@"\n', encoding='utf-8')
