@@ -226,7 +226,7 @@ def graph(bag: Path, results: Path, errors: IO[bytes]) -> Iterator[tuple[Client,
         yield client, nodes[0]
     finally:
         client.destroy_node()
-        rclpy.shutdown()
+        rclpy.try_shutdown()  # which an interrupt has done
         end(nodes)
 
 
