@@ -23,7 +23,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test fuzz demo benchmark growth speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document effects-document tutorial-picture kernel lint format colcon test-humble clean
+.PHONY: help setup test fuzz demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document effects-document tutorial-picture kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -45,10 +45,7 @@ benchmark: $(VENV)/.with-benchmark  ## time simulation, fit, reading and sim_nod
 	@mkdir -p build
 	$(PY) -m pytest benchmark --benchmark-json=build/benchmark.json $(ARGS)
 
-growth: $(VENV)/.with-benchmark  ## cost against samples, to 1e8: about an hour; ARGS='--most 1e6' minutes
-	$(PY) scripts/growth.py $(ARGS)
-
-speed-document: $(VENV)/.with-benchmark  ## write docs/speed.md of what benchmark and growth have measured
+speed-document: $(VENV)/.with-benchmark  ## write docs/speed.md of what make benchmark has measured
 	$(PY) scripts/speed_document.py $(ARGS)
 
 benchmark-effects: $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes

@@ -120,11 +120,13 @@ class _Part:
     received: np.ndarray
 
 
-def _parts(samples: int, templates: list[_Template]) -> Iterator[_Part]:
+def _parts(samples: int, templates: list[_Template], signals: np.ndarray | None) -> Iterator[_Part]:
+    period = _period()[: len(templates)] if signals is None else signals
+    spread = _NOISE[: len(templates)]
     noise = np.random.default_rng(2)
     for begin in range(0, samples, PART):
         index = np.arange(begin, min(begin + PART, samples))
-        values = _period()[:, index % PERIOD] + _NOISE * noise.normal(size=(len(_NOISE), len(index)))
+        values = period[:, index % period.shape[1]] + spread * noise.normal(size=(len(spread), len(index)))
         stamps = EPOCH + index * STEP
         rows = [np.empty((len(index), template.size), np.uint8) for template in templates]
         for template, block, numbers in zip(templates, rows, values):
@@ -133,9 +135,14 @@ def _parts(samples: int, templates: list[_Template]) -> Iterator[_Part]:
 
 
 def write_long_bag(
-    path: Path, samples: int, storage: str = 'mcap', compression: str = 'none', force: bool = False
+    path: Path,
+    samples: int,
+    storage: str = 'mcap',
+    compression: str = 'none',
+    force: bool = False,
+    signals: np.ndarray | None = None,
 ) -> Path:
-    """Write a bag of so many samples of each topic; return the path of its file."""
+    """Write a bag of so many samples of each topic, of `signals` (topics, n) over and over; return its file's path."""
     templates = _templates(force)
     with Writer(path, version=8, storage_plugin=StoragePlugin[storage.upper()]) as writer:
         for template in templates:
@@ -143,9 +150,9 @@ def write_long_bag(
     (path / 'metadata.yaml').unlink()  # it says that there is nothing
     file = path / f'{path.name}.{SUFFIX[storage]}'
     if storage == 'mcap':
-        _write_mcap(file, templates, _parts(samples, templates), *COMPRESS[compression])
+        _write_mcap(file, templates, _parts(samples, templates, signals), *COMPRESS[compression])
     else:
-        _fill_sqlite(file, _parts(samples, templates))
+        _fill_sqlite(file, _parts(samples, templates, signals))
     return file
 
 

@@ -1,30 +1,23 @@
 """
-What everything costs, what was promised, and what peers need: docs/speed.md of the figures of two runs.
+What everything costs, what was promised, and what peers need: docs/speed.md of what `make benchmark` has measured.
 
-    make benchmark growth speed-document
-
-`make benchmark` leaves times, and what the benchmarks tell beside them; `make growth` leaves costs against samples.
 This program measures nothing. What is missing of a run stands in the document as not measured.
 """
 
 from __future__ import annotations
 
 import argparse
-import io
 import json
-import math
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from documents import notes_in, table
-from growth import WORKS, Row, rows_in
 from provenance import ROOT
 
-from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 
 SHORT, LONG = (350, 3_600), 3_600_000  # samples of the recordings that are simulated and fitted
@@ -37,9 +30,22 @@ MOST_OF_TWO = 1.5
 LEAST_LIVE = 600.0
 """How long a live simulator is to be watched before its promise counts as kept [s]."""
 
+ARRAYS = {'fit': 5 * 8, 'read': 2 * 8}
+"""What a sample takes in arrays: time, inputs, sample and pressure in a fit, time and value when read [bytes]."""
+
 HOUR, SHIFT = 3_600_000, 14_400_000
-IDENTIFIED = 500 * 2**20  # of memory [bytes]
-DECADES = 2.0  # from the largest size down, of which a slope is told
+IDENTIFIED, COMPARED = 4 * 10**9, 500 * 10**6
+"""What identifying a shift's bag may take, of memory and for its comparison [bytes]."""
+
+GROWN = {
+    'read_mcap': 'read a bag, mcap (messages)',
+    'read_sqlite3': 'read a bag, sqlite3 (messages)',
+    'simulate': 'simulate',
+    'simulate_with_sensitivities': 'simulate with all sensitivities',
+    'fit': 'fit four parameters',
+    'identify_bag': '`identify_bag --close-loop`, two cylinders, report written',
+}
+"""Work whose cost is measured against samples."""
 
 
 class NotMeasured(Exception):  # noqa: N818
@@ -64,6 +70,11 @@ class Run:
             raise NotMeasured(name)
         return extra
 
+    def grown(self, work: str) -> list[Mapping[str, Any]]:
+        """Return what sizes of some work cost, ascending."""
+        sizes = [one['extra_info'] for name, one in self._benchmarks.items() if name.startswith(f'test_growth[{work}-')]
+        return sorted(sizes, key=lambda one: int(one['size']))
+
     def _benchmark(self, name: str) -> Mapping[str, Any]:
         if name not in self._benchmarks:
             raise NotMeasured(name)
@@ -86,15 +97,6 @@ class Promise:
     work: str
     reach: str
     find: Callable[[Run], Found]
-
-
-@dataclass(frozen=True)
-class Line:
-    """A promise with what became of it."""
-
-    work: str
-    reach: str
-    found: Found
 
 
 # how figures are written
@@ -171,9 +173,14 @@ def _within(test: str, most: float) -> Callable[[Run], Found]:
 
 
 def _hour_held(run: Run) -> Found:
-    told = run.told('test_memory[fit]')
-    ratio = told['peak'] / told['arrays']
-    return Found(f'{ratio:.2f} times ({_bytes(told["peak"])} of {_bytes(told["arrays"])})', ratio <= 1.5)
+    peak, arrays = run.told(f'test_growth[fit-{HOUR}]')['peak'], ARRAYS['fit'] * HOUR
+    return Found(f'{peak / arrays:.2f} times ({_bytes(peak)} of {_bytes(arrays)})', peak <= 1.5 * arrays)
+
+
+def _shift_held(run: Run) -> Found:
+    shift = run.told(f'test_growth[identify_bag-{SHIFT}]')
+    text = f'{_bytes(shift["peak"])}; compare.mcap {_bytes(shift["compared"])}'
+    return Found(text, shift['peak'] <= IDENTIFIED and shift['compared'] <= COMPARED)
 
 
 MINUTES = ('leakage-60', 'valve_dead_band-12', 'sensor_lag-3', 'heat_transfer-7')
@@ -211,9 +218,12 @@ def _reading_against(test: str, peer: str, bags: Sequence[str], least: float | N
 
 
 def _reading_held(run: Run) -> Found:
-    told = [run.told(f'test_memory[read_{storage}]') for storage in ('mcap', 'sqlite3')]
-    text = ' / '.join(f'{_bytes(one["peak"])}, arrays {_bytes(one["arrays"])}' for one in told)
-    return Found(f'{text}: mcap / sqlite3', all(one['peak'] <= one['arrays'] + ROOM for one in told))
+    largest = [run.grown(f'read_{storage}')[-1:] for storage in ('mcap', 'sqlite3')]
+    if not all(largest):
+        raise NotMeasured('test_growth')
+    pairs = [(one['peak'], ARRAYS['read'] * one['size']) for (one,) in largest]
+    text = ' / '.join(f'{_bytes(peak)}, arrays {_bytes(arrays)}' for peak, arrays in pairs)
+    return Found(f'{text}: mcap / sqlite3', all(peak <= arrays + ROOM for peak, arrays in pairs))
 
 
 SIM_NODE, PEER = 'test_sim_node', 'test_timer_and_default_executor'
@@ -306,105 +316,18 @@ PROMISES = (
     Promise('`sim_node` at 1 kHz: latency p99', 'at most 1 ms on an idle machine', _late),
     Promise('start of `sim_node`, warm caches', 'publishes within 1.5 s', _start),
     Promise('a plant: efficiency of 2 workers', 'at least 0.85', _plant),
+    Promise(
+        'identify a bag of 4 h at 1 kHz, two cylinders, with `--close-loop`: memory',
+        f'at most {_bytes(IDENTIFIED)}; compare.mcap at most {_bytes(COMPARED)}',
+        _shift_held,
+    ),
 )
-
-
-# how costs grow
-
-
-@dataclass(frozen=True)
-class Growth:
-    """Costs against size, ascending, of one work."""
-
-    name: str
-    rows: tuple[Row, ...]
-
-    def slope(self, quantity: str) -> float:
-        """Return the power of the size with which a quantity grows over the last decades; NaN of a single size."""
-        least = self.rows[-1].size / 10.0**DECADES * 0.99
-        last = [(row.size, max(getattr(row.cost, quantity), 1e-12)) for row in self.rows if row.size >= least]
-        if len(last) < 2:
-            return math.nan
-        sizes, costs = np.log(last).T
-        return float(np.polyfit(sizes, costs, 1)[0])
-
-
-def growths_of(rows: Iterable[Row]) -> list[Growth]:
-    """Return the works in their order, as far as they were measured."""
-    some = sorted(rows, key=lambda row: row.size)
-    grown = [Growth(name, tuple(row for row in some if row.work == name)) for name in WORKS]
-    return [growth for growth in grown if growth.rows]
-
-
-def long_bags(growths: Sequence[Growth]) -> Found:
-    """Tell the memory of identifying a bag of four hours beside one of an hour."""
-    held = {row.size: row.cost.peak for one in growths if one.name == 'identify_bag' for row in one.rows}
-    if HOUR not in held:
-        return Found('not measured', None)
-    if SHIFT not in held:
-        return Found(f'{_bytes(held[HOUR])} with 1 h; 4 h not measured', False if held[HOUR] > IDENTIFIED else None)
-    kept = held[SHIFT] <= IDENTIFIED and held[SHIFT] <= held[HOUR] + ROOM
-    return Found(f'{_bytes(held[HOUR])} with 1 h, {_bytes(held[SHIFT])} with 4 h', kept)
-
-
-LOOKS: dict[str, dict[str, Any]] = {
-    name: {'color': colour, 'marker': marker, 'markersize': 4.0, 'linewidth': 1.5}
-    for name, colour, marker in zip(
-        WORKS, ('#0072b2', '#56b4e9', '#009e73', '#8fbc4f', '#e69f00', '#d55e00', '#7b3294'), 'osDd^Px'
-    )
-}
-PROMISED: dict[str, Any] = {'marker': 'v', 'markersize': 8.0, 'markerfacecolor': 'none', 'linestyle': 'none'}
-TIMES = (
-    ('simulate', 1_000_000, 6e-3),
-    ('simulate_with_sensitivities', 1_000_000, 30e-3),
-    ('fit', LONG, 1.5),
-    ('close_loop', 30_000, 1.0),
-    ('close_loop', 450_000, 10.0),
-)
-"""What work was promised to take at most, at which size [s]."""
-
-LEAST_SHOWN = 0.1 * 2**20
-"""Memory that is drawn where there was less [bytes]."""
-
-
-def picture_of(growths: Sequence[Growth]) -> str:
-    """Return time and memory against samples as SVG, with what was promised."""
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context({'svg.hashsalt': 'speed', 'svg.fonttype': 'none', 'font.size': 9.0}):
-        figure = Figure(figsize=(9.5, 5.6), layout='constrained')
-        grid = figure.add_gridspec(2, 2, height_ratios=(6.0, 1.0))
-        time, memory = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-        for growth in growths:
-            look, work = LOOKS[growth.name], WORKS[growth.name]
-            sizes = [row.size for row in growth.rows]
-            time.plot(sizes, [row.cost.seconds for row in growth.rows], label=f'{work.title} ({work.unit})', **look)
-            memory.plot(sizes, [max(row.cost.peak, LEAST_SHOWN) / 2**20 for row in growth.rows], **look)
-        time.axline((1e3, 3e-6), (1e6, 3e-3), label='proportional', color='0.6', linestyle='--', linewidth=1.0)
-        for name, size, seconds in TIMES:
-            time.plot(size, seconds, color=LOOKS[name]['color'], **PROMISED)
-        time.plot([], [], color='black', label='promised: at most', **PROMISED)
-        memory.plot([HOUR, SHIFT], [IDENTIFIED / 2**20] * 2, color=LOOKS['identify_bag']['color'], **PROMISED)
-        time.set(title='Time of the fastest round', ylabel='time [s]')
-        memory.set(title='Peak memory above the program and its libraries', ylabel='memory [MiB]')
-        for axes in (time, memory):
-            axes.set(xscale='log', yscale='log', xlabel='samples, or messages read')
-            axes.grid(color='0.88', linewidth=0.6)
-            axes.set_axisbelow(True)
-            axes.spines[['top', 'right']].set_visible(False)
-        legend = figure.add_subplot(grid[1, :])
-        legend.axis('off')
-        legend.legend(*time.get_legend_handles_labels(), loc='center', ncol=3, frameon=False)
-        stream = io.StringIO()
-        figure.savefig(stream, format='svg', metadata={'Date': None})
-    return stream.getvalue()
 
 
 # the document
 
 
-def lines_of(run: Run, growths: Sequence[Growth]) -> list[Line]:
+def lines_of(run: Run) -> list[tuple[Promise, Found]]:
     """Return what became of each promise."""
     lines = []
     for promise in PROMISES:
@@ -412,46 +335,40 @@ def lines_of(run: Run, growths: Sequence[Growth]) -> list[Line]:
             found = promise.find(run)
         except NotMeasured:
             found = Found('not measured', None)
-        lines.append(Line(promise.work, promise.reach, found))
-    reach = f'{_bytes(IDENTIFIED)}, with 4 h the same as with 1 h, within a chunk ({_bytes(ROOM)})'
-    return [*lines, Line('identify a bag at 1 kHz, two cylinders: memory', reach, long_bags(growths))]
+        lines.append((promise, found))
+    return lines
 
 
-def document(run: Run, growths: Sequence[Growth], commit: str, picture: str, notes: str) -> str:
-    """Return the document as Markdown; `commit` is that of the growths, `picture` the name of their file."""
-    lines = lines_of(run, growths)
+def document(run: Run, notes: str) -> str:
+    """Return the document as Markdown."""
+    lines = lines_of(run)
     sections = [
         '# Speed\n\nWhat work costs, beside what was promised and what a peer needs that was measured in the same run. '
         'Written by `make speed-document`; what stands under "Notes" at the end is kept.',
-        _how_section(run, growths, commit),
+        _how_section(run),
         _promises_section(lines),
         _missed_section(lines),
+        _growth_section(run),
     ]
-    if growths:
-        sections.append(_growth_section(growths, picture))
     return '\n\n'.join([*sections, notes]).rstrip() + '\n'
 
 
-def _how_section(run: Run, growths: Sequence[Growth], commit: str) -> str:
+def _how_section(run: Run) -> str:
     load = run.about['load']
     libraries = ', '.join(f'{name} {version}' for name, version in run.about['libraries'].items())
-    lines = [
-        '- Commands: `CFD_PNEUMATIC_SECONDS=600 CFD_PNEUMATIC_MESSAGES=10000000 make benchmark`, `make growth`, '
-        '`make speed-document`',
-        f'- Machine: {run.about["machine"]}',
-        f'- Libraries: {libraries}',
-        f'- Benchmarks: commit {run.about["commit"]}; load of the machine (mean number of processes that run) '
-        f'{load["before"]:.1f} before, {load["after"]:.1f} after',
-    ]
-    if growths:
-        loads = [row.load for growth in growths for row in growth.rows]
-        lines.append(f'- Growth: commit {commit}; load {min(loads):.1f} to {max(loads):.1f}')
-    return '## How it was measured\n\n' + '\n'.join(lines)
+    return f"""## How it was measured
+
+- Commands: `CFD_PNEUMATIC_SECONDS=600 CFD_PNEUMATIC_MESSAGES=10000000 CFD_PNEUMATIC_SAMPLES={SHIFT} make benchmark`, \
+`make speed-document`
+- Machine: {run.about['machine']}
+- Libraries: {libraries}
+- Commit {run.about['commit']}; load of the machine (mean number of processes that run) {load['before']:.1f} before, \
+{load['after']:.1f} after"""
 
 
-def _promises_section(lines: Sequence[Line]) -> str:
+def _promises_section(lines: Sequence[tuple[Promise, Found]]) -> str:
     words = {True: 'yes', False: '**no**', None: ''}
-    cells = [(line.work, line.found.measured, line.reach, line.found.peer, words[line.found.kept]) for line in lines]
+    cells = [(one.work, found.measured, one.reach, found.peer, words[found.kept]) for one, found in lines]
     return (
         '## Promises\n\nTimes are those of the fastest rounds. What a sample costs is judged from 3,600 samples on; '
         'with 350 the call itself counts. *Kept* is empty where this run is too short to tell.\n\n'
@@ -459,39 +376,25 @@ def _promises_section(lines: Sequence[Line]) -> str:
     )
 
 
-def _missed_section(lines: Sequence[Line]) -> str:
+def _missed_section(lines: Sequence[tuple[Promise, Found]]) -> str:
     missed = [
-        f'- {line.work}: {line.found.measured}; promised was {line.reach}.'
-        for line in lines
-        if line.found.kept is False
+        f'- {one.work}: {found.measured}; promised was {one.reach}.' for one, found in lines if found.kept is False
     ]
     return '## Missed\n\n' + ('\n'.join(missed) or 'Nothing.')
 
 
-def _growth_section(growths: Sequence[Growth], picture: str) -> str:
-    lines = []
-    for growth in growths:
-        work, last = WORKS[growth.name], growth.rows[-1]
-        lines.append(
-            [
-                work.title,
-                f'{_count(growth.rows[0].size)} to {_count(last.size)} {work.unit}',
-                f'{growth.slope("seconds"):.2f}',
-                f'{growth.slope("peak"):.2f}',
-                _duration(last.cost.seconds),
-                _duration(last.cost.seconds / last.size),
-                f'{last.cost.busy / last.cost.seconds:.1f}',
-                _bytes(last.cost.peak),
-            ]
-        )
-    header = ['work', 'measured', 'slope of time', 'slope of memory']
-    header += ['largest: time', 'each', 'cores busy', 'memory']
+def _growth_section(run: Run) -> str:
+    cells = []
+    for work, title in GROWN.items():
+        for one in run.grown(work):
+            seconds, size = one['seconds'], one['size']
+            costs = [_duration(seconds), _duration(seconds / size), f'{one["busy"] / seconds:.1f}', _bytes(one['peak'])]
+            cells.append([title, _count(size), *costs])
+            title = ''
     return (
-        f'## Growth\n\n![time and memory against samples]({picture})\n\n'
-        'Each size in a process of its own; memory is what comes on top of the interpreter with its libraries. Slopes '
-        f'are those of the logarithms over the last {DECADES:g} decades: with 1 the cost is proportional to samples, '
-        'with 0 it stays the same. Arrays of more than 8 million samples are kept in files, and what of them is in '
-        'memory counts.\n\n' + table(header, lines)
+        '## Growth\n\nEach size in a process of its own; memory is what comes on top of the interpreter with its '
+        'libraries. Arrays of more than 8 million samples are kept in files while they are read, and what of them is '
+        'in memory counts.\n\n' + table(['work', 'samples', 'time', 'each', 'cores busy', 'memory'], cells)
     )
 
 
@@ -500,36 +403,19 @@ def _growth_section(growths: Sequence[Growth], picture: str) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the document; return the exit code."""
-    options = _parsed(arguments)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    figures = ROOT / 'build' / 'benchmark.json'
+    parser.add_argument('--benchmark', type=Path, default=figures, help='figures of make benchmark')
+    parser.add_argument('--output', type=Path, default=ROOT / 'docs' / 'speed.md', help='document')
+    options = parser.parse_args(arguments)
     try:
-        run = Run(_read(options.benchmark, 'make benchmark'))
-        growth = _read(options.growth, 'make growth')
-    except InputError as error:
-        print(f'speed_document: {error}', file=sys.stderr)
+        run = Run(json.loads(options.benchmark.read_text(encoding='utf-8')))
+    except (OSError, ValueError):
+        print(f'speed_document: {options.benchmark} holds no figures: run make benchmark first', file=sys.stderr)
         return 2
-    growths = growths_of(rows_in(growth))
-    picture = options.output.with_suffix('.svg')
-    if growths:
-        write_text(picture, picture_of(growths))
-    write_text(options.output, document(run, growths, growth['commit'], picture.name, notes_in(options.output)))
+    write_text(options.output, document(run, notes_in(options.output)))
     print(f'The document is {options.output}')
     return 0
-
-
-def _read(path: Path, command: str) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text(encoding='utf-8'))
-    except (OSError, ValueError) as error:
-        raise InputError(f'{path} holds no figures: run {command} first') from error
-
-
-def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
-    build = ROOT / 'build'
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--benchmark', type=Path, default=build / 'benchmark.json', help='of make benchmark')
-    parser.add_argument('--growth', type=Path, default=build / 'growth.json', help='of make growth')
-    parser.add_argument('--output', type=Path, default=ROOT / 'docs' / 'speed.md', help='document')
-    return parser.parse_args(arguments)
 
 
 if __name__ == '__main__':
