@@ -24,10 +24,11 @@ import patrol
 from provenance import commit
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import ChannelResult, Fit, Options, identify
+from cfd_pneumatic.identification import Fit, Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import search
-from cfd_pneumatic.identification.loop import Closure, close_loop
+from cfd_pneumatic.identification.loop import close_loop
+from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.rig import Cylinder
 from cfd_pneumatic.rig.panel import (
@@ -191,25 +192,30 @@ def _identified(job: Job, drawn: Draw) -> Row:
     began = time.perf_counter()
     identification = identify([recording], options)
     result = identification.channels[channel]
-    if result.conclusion is None:
+    found, conclusion = result.found, result.conclusion
+    if conclusion is None:
         library = result.channel.effects
         result.channel.library = {name: effect for name, effect in library.items() if name not in job.effects}
-        closure = close_loop(result.fit)
-    else:
-        closure = Closure(result.found, result.conclusion)
+        found, conclusion = close_loop(result.fit)
     seconds = time.perf_counter() - began
     of_oracle = identification.splits[0].part_of(recording.displacement.times)
-    row = _row_of(job, drawn, result, closure, left, of_oracle)
-    beside = _beside(job.effects, result.fit, closure.fit, _rms(left)) if job.kind == 'pairs' else {}
+    row = _row_of(job, drawn, result.fit, found, conclusion, left, of_oracle)
+    beside = _beside(job.effects, result.fit, found, _rms(left)) if job.kind == 'pairs' else {}
     return replace(row, beside=beside, seconds=seconds)
 
 
 def _row_of(
-    job: Job, drawn: Draw, result: ChannelResult, closure: Closure, left: np.ndarray, of_oracle: np.ndarray
+    job: Job,
+    drawn: Draw,
+    baseline: Fit,
+    found: Fit,
+    conclusion: Conclusion,
+    left: np.ndarray,
+    of_oracle: np.ndarray,
 ) -> Row:
     """Return the answer; residuals stand beside what the oracle has left, of whose samples the parts are given."""
-    (experiment,), conclusion = result.experiments, closure.conclusion
-    before, after = (experiment.measured - one.simulated[0] for one in (result.fit, closure.fit))
+    (experiment,) = baseline.likelihood.experiments
+    before, after = (experiment.measured - one.simulated[0] for one in (baseline, found))
     test, oracles_test = experiment.part == PARTS.index('test'), of_oracle == PARTS.index('test')
     tested = bool(np.any(test))
     if not tested:

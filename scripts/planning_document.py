@@ -172,7 +172,7 @@ def run(job: Job) -> Outcome | None:
     if strength is None:
         return None
     drawn = draw(job.effect, case(job.seed).schedule, job.seed, given={job.effect: strength})
-    found = close_loop(fitted(recording_of(drawn))).conclusion
+    _, found = close_loop(fitted(recording_of(drawn)))
     alternatives = dict.fromkeys(itertools.chain.from_iterable(found.alternatives.values()))
     return Outcome(found.effects, tuple(alternatives))
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ast
 import hashlib
-import itertools
 import os
 import platform
 import subprocess
@@ -16,26 +14,9 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def code_version() -> str:
-    """Return a fingerprint of the program text, comments and docstrings apart, that the results depend on."""
-    digest = hashlib.sha256()
-    package = ROOT / 'cfd_pneumatic'
-    folders = (package / name for name in ('identification', 'model', 'recording', 'rig'))
-    for path in sorted([*package.glob('*.py'), *itertools.chain.from_iterable(one.rglob('*.py') for one in folders)]):
-        tree = ast.parse(path.read_text(encoding='utf-8'))
-        for node in ast.walk(tree):
-            body = getattr(node, 'body', None)
-            if isinstance(body, list):  # a string that stands alone is a docstring
-                node.body = [one for one in body if not _is_text(one)]
-        digest.update(ast.dump(tree).encode())
-    return digest.hexdigest()[:12]
-
-
-def _is_text(statement: ast.stmt) -> bool:
-    return (
-        isinstance(statement, ast.Expr)
-        and isinstance(statement.value, ast.Constant)
-        and isinstance(statement.value.value, str)
-    )
+    """Return a fingerprint of the package, on which the results depend."""
+    texts = [path.read_bytes() for path in sorted((ROOT / 'cfd_pneumatic').rglob('*.py'))]
+    return hashlib.sha256(b''.join(texts)).hexdigest()[:12]
 
 
 def commit() -> str:

@@ -341,13 +341,11 @@ def lines_of(run: Run) -> list[tuple[Promise, Found]]:
 
 def document(run: Run, notes: str) -> str:
     """Return the document as Markdown."""
-    lines = lines_of(run)
     sections = [
         '# Speed\n\nWhat work costs, beside what was promised and what a peer needs that was measured in the same run. '
         'Written by `make speed-document`; what stands under "Notes" at the end is kept.',
         _how_section(run),
-        _promises_section(lines),
-        _missed_section(lines),
+        _promises_section(lines_of(run)),
         _growth_section(run),
     ]
     return '\n\n'.join([*sections, notes]).rstrip() + '\n'
@@ -374,13 +372,6 @@ def _promises_section(lines: Sequence[tuple[Promise, Found]]) -> str:
         'with 350 the call itself counts. *Kept* is empty where this run is too short to tell.\n\n'
         + table(['work', 'measured', 'promised', 'peer', 'kept'], cells)
     )
-
-
-def _missed_section(lines: Sequence[tuple[Promise, Found]]) -> str:
-    missed = [
-        f'- {one.work}: {found.measured}; promised was {one.reach}.' for one, found in lines if found.kept is False
-    ]
-    return '## Missed\n\n' + ('\n'.join(missed) or 'Nothing.')
 
 
 def _growth_section(run: Run) -> str:

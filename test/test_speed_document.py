@@ -124,7 +124,7 @@ def test_the_document_says_what_is_missed_and_what_was_not_measured(tmp_path):
     output.write_text('# Old\n\n## Notes\n\nBy hand.\n')
     assert document.main(['--benchmark', str(run), '--output', str(output)]) == 0
     text = output.read_text()
-    assert '- fit four parameters, 1 h at 1 kHz: 1.75 s; promised was at most 1.5 s.' in text
+    assert '| fit four parameters, 1 h at 1 kHz | 1.75 s | at most 1.5 s | - | **no** |' in text
     assert '| a plant: efficiency of 2 workers | not measured |' in text
     assert '| read a bag into arrays: memory | not measured |' in text
     assert '| fit four parameters | 1 M | 1 s | 1 us | 2.0 | 38 MiB |\n|  | 3.6 M | 3.6 s | 1 us | 2.0 |' in text

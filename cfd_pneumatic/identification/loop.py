@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +22,6 @@ from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.stepwise import Search, Trial
 from cfd_pneumatic.identification.search.visibility import invisible
 from cfd_pneumatic.identification.verdict import (
-    VERDICTS,
     Conclusion,
     compared,
     next_experiment,
@@ -32,20 +30,19 @@ from cfd_pneumatic.identification.verdict import (
     verdict_of,
 )
 
-__all__ = ['VERDICTS', 'Closure', 'close_loop']
-
 _FINE = (1e-8, 60)
 
 
-class Closure(NamedTuple):
-    """What came of closing the loop: the fit with the effects that were found, and what it comes to."""
+def close_loop(before: Fit) -> tuple[Fit, Conclusion]:
+    """
+    Return the fit with the effects that were found, and what it comes to.
 
-    fit: Fit
-    conclusion: Conclusion
+    Parameters
+    ----------
+    before
+        Fit of a channel's model without effects to train and validation.
 
-
-def close_loop(before: Fit) -> Closure:
-    """Close the loop on a channel, whose model without effects is fitted to train and validation."""
+    """
     likelihood = before.likelihood
     channel, experiments = likelihood.channel, likelihood.experiments
     measured, parts = [one.measured for one in experiments], [one.part for one in experiments]
@@ -91,7 +88,7 @@ def close_loop(before: Fit) -> Closure:
         not_visible=hidden,
         next_experiment=next_experiment(hidden, channel.library, shortage),
     )
-    return Closure(after, conclusion)
+    return after, conclusion
 
 
 def _fitted(before: Fit, rough: Model) -> Fit:

@@ -7,7 +7,7 @@ import pytest
 from drawn import recording_of
 
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.identification.loop import VERDICTS
+from cfd_pneumatic.identification.verdict import VERDICTS
 from cfd_pneumatic.recording import CylinderSignals, Signal
 from cfd_pneumatic.rig.panel import draw, draw_textbook, oracle_rmse
 
