@@ -47,8 +47,8 @@ def simulating(samples: int, folder: Path, slopes: bool) -> Job:
 
 
 def fitting(samples: int, folder: Path) -> Job:
-    one, counts = experiment(samples), np.ones(samples, dtype=bool)
-    return lambda: fit(CHANNEL, [one], [counts])
+    one = experiment(samples)
+    return lambda: fit(CHANNEL, [one])
 
 
 def write_messages(storage: str, messages: int, folder: Path) -> None:

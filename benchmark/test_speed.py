@@ -35,7 +35,7 @@ LENGTHS = (350, 3_600, 3_600_000)
 
 def fitted_here(samples: int) -> np.ndarray:
     start = Model(GAINS * START, {}, np.zeros((1, 2)))
-    return fit(CHANNEL, [experiment(samples)], [np.ones(samples, dtype=bool)], start).model.parameters
+    return fit(CHANNEL, [experiment(samples)], start).model.parameters
 
 
 def simulated_by_scipy(samples: int, gains: np.ndarray = GAINS) -> np.ndarray:

@@ -146,7 +146,7 @@ def experiment(psig: float, mil: float) -> Experiment:
     setpoint = Signal(times[:1], np.array([psig * PSI + AMBIENT_PRESSURE]))
     cylinder = CylinderSignals(Signal(times, times), setpoint)
     recording = Recording('step', 0, displacement, {'cylinder_a': cylinder}, None, ())
-    return prepared([recording]).experiments(CHANNEL)[0]
+    return replace(prepared([recording]).experiments(CHANNEL)[0], chosen=np.ones(times.size, dtype=bool))
 
 
 def returned(psig: float, mil: float, gains: np.ndarray, effects: Mapping[str, tuple[float, ...]]) -> np.ndarray:
@@ -156,7 +156,7 @@ def returned(psig: float, mil: float, gains: np.ndarray, effects: Mapping[str, t
     if not np.all(np.isfinite(pressure)):
         return np.full(4, math.nan)
     try:
-        return fit(CHANNEL, [replace(one, measured=pressure)], [np.ones(pressure.size, dtype=bool)]).model.parameters
+        return fit(CHANNEL, [replace(one, measured=pressure)]).model.parameters
     except (InputError, ValueError, np.linalg.LinAlgError):
         return np.full(4, math.nan)
 

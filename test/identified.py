@@ -95,7 +95,7 @@ def with_force(identification: Identification) -> Identification:
     data = prepared(identification.recordings)
     channel = Force(AREA, 1.0, AMBIENT_PRESSURE)
     experiments = data.experiments(channel)
-    plain = fit(channel, experiments, [one.fitted for one in experiments])
+    plain = fit(channel, experiments)
     before = tuple(channel.simulated(experiments, replace(plain.model, parameters=np.array([AREA, 1.0]))))
     after = tuple(0.5 * (one.measured + simulated) for one, simulated in zip(experiments, before))
     errors = [

@@ -112,7 +112,7 @@ def identify(
 def _identified(
     channel: Channel, held: tuple[int, ...], experiments: tuple[Experiment, ...], options: Options
 ) -> ChannelResult:
-    joint = fit(channel, experiments, [one.fitted for one in experiments])
+    joint = fit(channel, experiments)
     levels = channel.levels(experiments, joint.model)
     schedule = [OperatingPoint(float(np.mean(np.concatenate(levels))), joint)] if levels else []
     simulated, notes = list(joint.simulated), list[str]()
@@ -143,19 +143,17 @@ def _fit_each_setpoint(
 
     A recording that holds several set-points is simulated whole for each of them, and compared where it applies.
     """
-    channel, experiments, masks = joint.likelihood.channel, joint.likelihood.experiments, joint.likelihood.masks
+    channel, experiments = joint.likelihood.channel, joint.likelihood.experiments
     simulated = [values.copy() for values in joint.simulated]
     schedule, notes = [], []
     for low, high in _bands(np.concatenate(levels), ambient_pressure):
         applies = [(low <= level) & (level <= high) for level in levels]
-        used = [index for index, mask in enumerate(applies) if np.any(mask & masks[index])]
+        used = [index for index, mask in enumerate(applies) if np.any(mask & experiments[index].counts)]
         setpoint = float(np.mean(np.concatenate([levels[index][applies[index]] for index in used])))
         try:
-            found = fit(
-                channel,
-                [replace(experiments[index], index=rank) for rank, index in enumerate(used)],
-                [applies[index] & masks[index] for index in used],
-            )
+            chosen = [replace(experiments[index], index=rank) for rank, index in enumerate(used)]
+            chosen = [replace(one, chosen=one.counts & applies[index]) for one, index in zip(chosen, used)]
+            found = fit(channel, chosen)
         except InputError as error:
             notes.append(f'set-point {setpoint:.0f} Pa left out of the schedule: {error}')
             continue

@@ -2,7 +2,7 @@
 What a recording tells, from the scalar products of its signatures.
 
 The notions are the identification's: an effect shows by what the model's own parameters can't make up for
-(`visibility`), and two effects are alike where the criterion would not decide between them (`judgement`).
+(`visibility`), and two effects are alike where the criterion would not decide between them (`stepwise`).
 """
 
 from __future__ import annotations

@@ -155,11 +155,11 @@ def _planned(
         part=split_of(proposal, sensing).part_of(proposal.times),
         motion=_motion_of(proposal, sensing),
         starts_at_rest=True,
+        chosen=np.ones(proposal.times.size, dtype=np.bool_),
     )
     experiment = replace(experiment, measured=channel.simulated([experiment], model)[0])
-    everything = np.ones(proposal.times.size, dtype=np.bool_)
     blurred = channel.sensitivity(model) * sensing.displacement_noise  # at its worst
-    likelihood = Likelihood.alike(channel, [experiment], [everything])
+    likelihood = Likelihood.alike(channel, [experiment])
     return Planned(experiment, Complement(likelihood, model), float(np.hypot(noise, blurred)))
 
 

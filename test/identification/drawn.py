@@ -53,10 +53,14 @@ def model(gains, effects=MappingProxyType({}), offsets=(0.0,), starts=(0.0,)):
     return Model(np.array(gains), dict(effects), np.column_stack([offsets, starts]))
 
 
-def alike(experiments, masks=None, weights=None, channel=CHANNEL):
-    """Return the likelihood of experiments whose samples all count alike, or as masks and weights say."""
-    masks = [np.ones(one.measured.size, dtype=bool) for one in experiments] if masks is None else masks
-    likelihood = Likelihood.alike(channel, experiments, masks)
+def whole(experiment):
+    """Return an experiment whose samples all count."""
+    return replace(experiment, chosen=np.ones(experiment.measured.size, dtype=bool))
+
+
+def alike(experiments, weights=None, channel=CHANNEL):
+    """Return the likelihood of experiments whose samples all count alike, or as some of them or weights say."""
+    likelihood = Likelihood.alike(channel, [one if one.chosen is not None else whole(one) for one in experiments])
     return likelihood if weights is None else replace(likelihood, weights=tuple(weights))
 
 

@@ -1,5 +1,6 @@
 """An experiment in pieces, and the part of it that is worth a first look."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -59,14 +60,15 @@ def test_the_liveliest_part_is_one_that_counts():
         times, strokes(times, 1.0 * ((times > 30.0) & (times < 40.0)) + 2.0 * (times > 80.0)), np.arange(0, 10_001, 2)
     )
     counts = one.sample_times < 60.0
-    samples = one.liveliest(1000, counts)
+    one = replace(one, chosen=counts)
+    samples = one.liveliest(1000)
     part = one.stretch(samples)
     assert 999 <= part.times.size <= 1001
     np.testing.assert_array_equal(part.measured, one.measured[samples])
     np.testing.assert_array_equal(part.sample_times, one.sample_times[samples])
     assert 27.0 <= part.times[0] <= 33.0
-    assert one.stretch(one.liveliest(1000, counts | True)).times[0] > 79.0
-    assert one.stretch(one.liveliest(20_000, counts)) is one
+    assert one.stretch(replace(one, chosen=counts | True).liveliest(1000)).times[0] > 79.0
+    assert one.stretch(one.liveliest(20_000)) is one
 
 
 def test_a_long_recording_that_is_lively_only_where_nothing_counts_is_fitted():
@@ -76,5 +78,5 @@ def test_a_long_recording_that_is_lively_only_where_nothing_counts_is_fitted():
         times, displacement, np.full(times.size, AMBIENT + 34e3)
     )
     one = made(times, displacement, np.arange(times.size), pressure + np.random.default_rng(0).normal(size=times.size))
-    found = fit(CHANNEL, [one], [times < 180.0])
+    found = fit(CHANNEL, [replace(one, chosen=times < 180.0)])
     np.testing.assert_allclose(found.model.parameters[:3], GAINS[:3], rtol=0.02)

@@ -196,8 +196,8 @@ def test_samples_without_weight_do_not_count():
     experiment = with_pressure(STROKES, truth)
     late = experiment.sample_times > 2.0
     spoilt = replace(experiment, measured=experiment.measured + 5e3 * late)
-    weighted, _ = search(alike([spoilt], None, [np.where(late, 0.0, 1.0)]), begun(truth.effects), 1e-10, 100)
-    masked, _ = search(alike([spoilt], [~late]), begun(truth.effects), 1e-10, 100)
+    weighted, _ = search(alike([spoilt], [np.where(late, 0.0, 1.0)]), begun(truth.effects), 1e-10, 100)
+    masked, _ = search(alike([replace(spoilt, chosen=~late)]), begun(truth.effects), 1e-10, 100)
     for found in (weighted, masked):
         np.testing.assert_allclose(found.parameters, GAINS, rtol=1e-4)
         assert found.effects['sensor_lag'] == pytest.approx((0.004,), rel=1e-4)

@@ -63,7 +63,7 @@ def drawn_experiment(effects, schedule, seed):
 def fit_with(names, experiments, area=AREA):
     """Return the best fit with some effects from all their starting points, test parts kept apart."""
     channel = Force(area, 1.0, AMBIENT)
-    plain = fit(channel, experiments, [one.part != TEST for one in experiments])
+    plain = fit(channel, experiments)
     data = channel.data(experiments, plain.model, plain.simulated)
     starts = product(*(channel.effects[name].starts(data) for name in names))
     begins = [replace(plain.model, effects=dict(zip(names, start))) for start in starts]
@@ -224,8 +224,8 @@ def test_standard_errors_are_what_the_scatter_is():
             starts_at_rest=False,
         )
         effects = {'force_offset': (0.0,), 'seal_friction': (1.0, 1e-6, 1.0, 1e-4)}
-        likelihood = Likelihood.alike(channel, [experiment], [np.ones(times.size, dtype=bool)])
-        (start,) = channel.starts([experiment], likelihood.masks)
+        likelihood = Likelihood.alike(channel, [experiment])
+        (start,) = channel.starts([experiment])
         found = summary(likelihood, search(likelihood, replace(start, effects=effects), 1e-8, 60)[0])
         told = [one for one in found.estimates if one.name != 'geometric_factor']
         scores.append([(one.value - value) / one.std for one, value in zip(told, truth)])

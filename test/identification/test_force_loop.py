@@ -47,7 +47,7 @@ def close(experiments, area, factor=1.0, library=FORCE_EFFECTS):
     """Return what came of closing the loop on the force: fits before and after, their errors, and the conclusion."""
     channel = Force(area, factor, AMBIENT)
     channel.library = library
-    plain = fit(channel, experiments, [one.fitted for one in experiments])
+    plain = fit(channel, experiments)
     found, conclusion = close_loop(plain)
     measured, parts = [one.measured for one in experiments], [one.part for one in experiments]
     return SimpleNamespace(

@@ -60,8 +60,8 @@ def test_what_stretches_leave_is_what_the_whole_leaves(monkeypatch):
     monkeypatch.setattr(likelihood, '_STRETCH', whole.simulated[0].size // 80)
     telling = whole.likelihood.representative()
     (one,) = whole.likelihood.experiments
-    for part, mask, simulated in zip(telling.experiments, telling.masks, telling.simulate(whole.model)):
-        assert part.whole == np.all(mask)
+    for part, simulated in zip(telling.experiments, telling.simulate(whole.model)):
+        assert part.whole == np.all(part.counts)
         at = np.searchsorted(one.sample_times, part.sample_times)
         forgotten = part.sample_times > part.times[0] + 0.3
         assert np.any(forgotten)

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import CHANNEL, alike, experiments_of, model
+from drawn import CHANNEL, experiments_of, model
 from measured import MAPPING, ROOT, needs_measured_data
 
 from cfd_pneumatic.identification.fit.fit import fit, search
+from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.recording import read_mapping, read_recording
@@ -22,10 +23,6 @@ def experiments_from(*names):
     return experiments_of([read_recording(ROOT / f'{name}.csv', mapping=mapping) for name in names])
 
 
-def learnt(experiments):
-    return [experiment.part < 2 for experiment in experiments]
-
-
 def nrmse_of_test_part(experiments, pressures):
     """Return the error on each one's test part, in percent of its span."""
     errors = [(one.measured - pressure)[one.part == 2] for one, pressure in zip(experiments, pressures)]
@@ -34,7 +31,7 @@ def nrmse_of_test_part(experiments, pressures):
 
 def test_the_kidney_seal_leaks_at_one_end_while_the_chamber_grows():
     experiments = experiments_from('friction/Kidney_2bar')
-    baseline = fit(CHANNEL, experiments, learnt(experiments))
+    baseline = fit(CHANNEL, experiments)
     found, closure = close_loop(baseline)
     assert closure.effects[0] == 'positional_leakage'
     first = closure.tried[0]
@@ -44,7 +41,7 @@ def test_the_kidney_seal_leaks_at_one_end_while_the_chamber_grows():
     *_, end, direction = own
     assert (end, direction) == (1.0, 1.0)
     begin = replace(baseline.model, effects={'positional_leakage': own})
-    alone, _ = search(alike(experiments, learnt(experiments)), begin, 1e-8, 60)
+    alone, _ = search(Likelihood.alike(CHANNEL, experiments), begin, 1e-8, 60)
     (before,) = nrmse_of_test_part(experiments, baseline.simulated)
     (after,) = nrmse_of_test_part(experiments, CHANNEL.simulated(experiments, alone))
     (with_all,) = nrmse_of_test_part(experiments, found.simulated)
@@ -62,7 +59,7 @@ def test_the_kidney_seal_leaks_at_one_end_while_the_chamber_grows():
 def test_a_healthy_seal_does_not_leak(run):
     """What opens towards an end of the stroke may be said, with what it may be instead."""
     experiments = experiments_from(run)
-    found, closure = close_loop(fit(CHANNEL, experiments, learnt(experiments)))
+    found, closure = close_loop(fit(CHANNEL, experiments))
     (after,) = nrmse_of_test_part(experiments, found.simulated)
     print(f'\n{run}: {closure.verdict}, {", ".join(closure.effects)}, {dict(closure.alternatives)}: {after:.2f} %')
     assert 'leakage' not in closure.effects
@@ -75,7 +72,7 @@ def test_a_healthy_seal_does_not_leak(run):
 def test_the_repeat_with_the_kidney_seal_names_no_leak_for_sure():
     """In the second run the paper's model errs by half as much, and what it lacks may be several things."""
     experiments = experiments_from('friction/Kidney_2bar_tweederun')
-    _, closure = close_loop(fit(CHANNEL, experiments, learnt(experiments)))
+    _, closure = close_loop(fit(CHANNEL, experiments))
     print(f'\nKidney_2bar_tweederun: {closure.verdict}: {closure.why}')
     assert closure.verdict == 'unexplained'
     assert not {'leakage', 'positional_leakage'} & set(closure.effects)
@@ -87,7 +84,7 @@ def test_gains_that_follow_the_pressure_suit_four_pressures_at_once():
     begin = model(GAINS, {}, none, none)
     data = CHANNEL.data(experiments, begin, CHANNEL.simulated(experiments, begin))
     fits = [
-        search(alike(experiments, learnt(experiments)), replace(begin, effects={'operating_point': start}), 1e-6, 60)[0]
+        search(Likelihood.alike(CHANNEL, experiments), replace(begin, effects={'operating_point': start}), 1e-6, 60)[0]
         for start in PRESSURE_EFFECTS['operating_point'].starts(data)
     ]
     errors = min((nrmse_of_test_part(experiments, CHANNEL.simulated(experiments, one)) for one in fits), key=max)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import CHANNEL, experiments_of, model
+from drawn import CHANNEL, experiments_of, model, whole
 from reference import AMBIENT, INCH, PSI, pressure, step_like, step_like_rate
 
 from cfd_pneumatic.identification.fit.fit import fit
@@ -32,9 +32,8 @@ def step_recording(times, displacement, pressures):
 
 
 def fit_recording(recording, initial):
-    experiments = experiments_of([recording])
-    masks = [np.ones(one.measured.size, dtype=bool) for one in experiments]
-    return fit(CHANNEL, experiments, masks, None if initial is None else model(initial))
+    experiments = [whole(one) for one in experiments_of([recording])]
+    return fit(CHANNEL, experiments, None if initial is None else model(initial))
 
 
 @pytest.fixture(scope='module')

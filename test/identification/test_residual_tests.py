@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from drawn import CHANNEL, experiments_of, model, recording_of
+from drawn import CHANNEL, experiments_of, model, recording_of, whole
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
@@ -25,7 +25,7 @@ MEMORY = {'white': 0.0, 'coloured': 0.9}
 def out_and_back():
     """Return an experiment with the inputs of strokes out and back, and what the model makes of them [Pa]."""
     drawn = draw_textbook('out_and_back', 700)
-    (experiment,) = experiments_of([recording_of(drawn)])
+    experiment = whole(experiments_of([recording_of(drawn)])[0])
     (simulated,) = CHANNEL.simulated([experiment], model(drawn.truth.gains))
     return experiment, simulated
 
@@ -47,8 +47,7 @@ def asked(kind, seed, lacking=0.0):
     experiment, simulated = out_and_back()
     measured = replace(experiment, measured=simulated + noise(kind, seed) + lacking)
     level = level_of([measured], [simulated])
-    masks = [np.ones(simulated.size, dtype=bool)]
-    return {test.name: test for test in CHANNEL.tests([measured], [simulated], masks, level)}
+    return {test.name: test for test in CHANNEL.tests([measured], [simulated], level)}
 
 
 def scaled(shape, share):
@@ -154,9 +153,8 @@ def test_a_residual_larger_than_the_noise_at_rest_is_found(larger):
     """White noise while the piston moves, so that no other test has a reason to fail."""
     experiment, simulated = out_and_back()
     level = level_of([replace(experiment, measured=simulated + noise('white', 0))], [simulated])
-    masks = [np.ones(simulated.size, dtype=bool)]
     measured = replace(experiment, measured=simulated + larger * noise('white', 0) * STD / level.std)
-    found = {test.name: test for test in CHANNEL.tests([measured], [simulated], masks, replace(level, std=STD))}
+    found = {test.name: test for test in CHANNEL.tests([measured], [simulated], replace(level, std=STD))}
     size = found['noise_floor']
     assert size.threshold == pytest.approx(module._LARGEST * (1.0 + 3.0 * level.uncertainty))
     assert size.passed == (larger < size.threshold)
@@ -167,8 +165,7 @@ def test_where_the_noise_is_not_known_it_may_be_as_large_as_a_sensors_noise_can_
     experiment, simulated = out_and_back()
     measured = replace(experiment, measured=simulated + noise('white', 0))
     level = replace(level_of([measured], [simulated]), known=False)
-    masks = [np.ones(simulated.size, dtype=bool)]
-    found = {test.name: test for test in CHANNEL.tests([measured], [simulated], masks, level)}
+    found = {test.name: test for test in CHANNEL.tests([measured], [simulated], level)}
     assert found['noise_floor'].threshold == SLOWEST
     assert found['noise_floor'].decisive
     assert found['inputs'].decisive
@@ -178,27 +175,25 @@ def test_where_noise_is_rounding_only_its_size_decides():
     experiment, simulated = out_and_back()
     measured = replace(experiment, measured=simulated + noise('white', 0))
     level = replace(level_of([measured], [simulated]), rounded=True)
-    masks = [np.ones(simulated.size, dtype=bool)]
-    found = CHANNEL.tests([measured], [simulated], masks, level)
+    found = CHANNEL.tests([measured], [simulated], level)
     assert [test.name for test in found if test.decisive] == ['noise_floor']
 
 
 def test_samples_that_do_not_count_are_not_asked():
     experiment, simulated = out_and_back()
     early = np.arange(simulated.size) < 0.6 * simulated.size
-    measured = replace(experiment, measured=simulated + noise('white', 0) + 1e4 * ~early)
+    measured = replace(experiment, measured=simulated + noise('white', 0) + 1e4 * ~early, chosen=early)
     level = level_of([replace(experiment, measured=simulated + noise('white', 0))], [simulated])
-    assert explained(CHANNEL.tests([measured], [simulated], [early], level))
+    assert explained(CHANNEL.tests([measured], [simulated], level))
 
 
 def test_recordings_are_tested_together():
     experiment, simulated = out_and_back()
     ones = [replace(experiment, measured=simulated + noise('white', seed)) for seed in (1, 2)]
-    masks = [np.ones(simulated.size, dtype=bool)] * 2
     level = level_of(ones, [simulated] * 2)
-    assert explained(CHANNEL.tests(ones, [simulated] * 2, masks, level))
+    assert explained(CHANNEL.tests(ones, [simulated] * 2, level))
     apart = [replace(ones[0], measured=ones[0].measured + scaled(rate(0), 0.3)), ones[1]]
-    assert not explained(CHANNEL.tests(apart, [simulated] * 2, masks, level))
+    assert not explained(CHANNEL.tests(apart, [simulated] * 2, level))
 
 
 def test_only_decisive_failures_leave_something_unexplained():

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import CHANNEL, alike, experiments_of, model, moved, recording_of, with_pressure
+from drawn import CHANNEL, alike, experiments_of, model, moved, recording_of, whole, with_pressure
 from reference import AMBIENT, PSI, step_like
 
 from cfd_pneumatic.identification.channels.pressure import Pressure
@@ -28,11 +28,11 @@ def white(std):
     return Noise(std, np.empty(0), 0.02, True, False)
 
 
-def unseen(experiment, known, std=STD, masks=None, library=PRESSURE_EFFECTS):
+def unseen(experiment, known, std=STD, library=PRESSURE_EFFECTS):
     """Return what an experiment could not show beside a model, in noise of some size [Pa]."""
     channel = Pressure('cylinder_a', AMBIENT)
     channel.library = library
-    likelihood = alike([experiment], masks, channel=channel)
+    likelihood = alike([experiment], channel=channel)
     return invisible(likelihood, known, white(std))
 
 
@@ -124,8 +124,8 @@ def test_what_was_found_is_not_asked_for():
 
 def test_samples_that_do_not_count_show_nothing():
     """The second set-point, where the leak shows, is masked."""
-    first = TWO_LEVELS.sample_times < 0.6
-    assert 'leakage' in unseen(with_pressure(TWO_LEVELS, MODEL), MODEL, masks=[first])
+    first = replace(TWO_LEVELS, chosen=TWO_LEVELS.sample_times < 0.6)
+    assert 'leakage' in unseen(with_pressure(first, MODEL), MODEL)
 
 
 @pytest.mark.parametrize('name', PRESSURE_EFFECTS)
@@ -151,7 +151,7 @@ def test_the_papers_step_hides_what_the_longer_schedule_shows(seed):
     sets = {}
     for schedule in ('paper_step', 'out_and_back'):
         (experiment,) = experiments_of([recording_of(draw(None, schedule, seed))])
-        found = fit(CHANNEL, [experiment], [np.ones(experiment.samples.size, dtype=bool)])
+        found = fit(CHANNEL, [whole(experiment)])
         sets[schedule] = unseen(experiment, found.model)
     assert {'operating_point', 'heat_transfer', 'lost_motion'} <= set(sets['paper_step'])
     assert not {'transport_delay', 'sensor_lag', 'line_resonance', 'valve_hysteresis'} & set(sets['paper_step'])

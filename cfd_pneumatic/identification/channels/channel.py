@@ -22,7 +22,6 @@ from cfd_pneumatic.model.effects import Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Effects = Mapping[str, tuple[float, ...]]
 """Parameters of each effect that is on, by its name."""
 
@@ -231,7 +230,7 @@ class Channel(ABC):
     # model
 
     @abstractmethod
-    def starts(self, experiments: Sequence[Experiment], masks: Sequence[Mask]) -> list[Model]:
+    def starts(self, experiments: Sequence[Experiment]) -> list[Model]:
         """Return models without effects that a first fit may start from."""
 
     @abstractmethod
@@ -298,15 +297,10 @@ class Channel(ABC):
         return {}
 
     def check(
-        self,
-        experiments: Sequence[Experiment],
-        masks: Sequence[Mask],
-        simulated: Sequence[Array],
-        model: Model,
-        estimates: Sequence[Estimate],
+        self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model, estimates: Sequence[Estimate]
     ) -> None:
         """Raise InputError where a fit without effects tells nothing, or nothing that can be."""
-        del experiments, masks, simulated, model, estimates
+        del experiments, simulated, model, estimates
 
     def untold(self, experiments: Sequence[Experiment], effect: str) -> str | None:
         """Return why experiments cannot tell an effect's parameters, whatever a fit says, or None."""
@@ -359,7 +353,7 @@ class Channel(ABC):
         """Return by how much the displacement's error reaches the signal [SI/m]."""
 
     @abstractmethod
-    def regressors(self, experiment: Experiment, simulated: Array, weight: Array, mask: Mask) -> Regressors:
+    def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
         """Return what the residual may depend on: inputs, what the model makes of them, and their products."""
 
     @abstractmethod
@@ -479,14 +473,12 @@ class Channel(ABC):
         white = math.sqrt(float(np.average(variances, weights=sizes)))
         return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
 
-    def tests(
-        self, experiments: Sequence[Experiment], simulated: Sequence[Array], masks: Sequence[Mask], noise: Noise
-    ) -> list[Test]:
-        """Return the tests of what simulations leave, at the samples of masks, which follow each other."""
+    def tests(self, experiments: Sequence[Experiment], simulated: Sequence[Array], noise: Noise) -> list[Test]:
+        """Return the tests of what simulations leave, at the samples that count, which follow each other."""
         residuals, regressors = [], []
-        for experiment, values, mask in zip(experiments, simulated, masks):
-            if np.any(mask):
+        for experiment, values in zip(experiments, simulated):
+            if np.any(experiment.counts):
                 weight = self.precision(experiment, values)
-                residuals.append(((experiment.measured - values) * weight)[mask])
-                regressors.append(self.regressors(experiment, values, weight, mask))
+                residuals.append(((experiment.measured - values) * weight)[experiment.counts])
+                regressors.append(self.regressors(experiment, values, weight))
         return tests_of(residuals, regressors, noise)

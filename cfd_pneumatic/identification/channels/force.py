@@ -18,7 +18,7 @@ from scipy.ndimage import uniform_filter1d
 
 from cfd_pneumatic.convention import AREAS, CONTACT_FORCE, CYLINDERS, MEASURED_FORCE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Mask, Model, Quantity, Scale, Unknown
+from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Model, Quantity, Scale, Unknown
 from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options
@@ -141,12 +141,12 @@ class Force(Channel):
 
     # the area
 
-    def starts(self, experiments: Sequence[Experiment], masks: Sequence[Mask]) -> list[Model]:
+    def starts(self, experiments: Sequence[Experiment]) -> list[Model]:
         """Return one model, with the area to begin at."""
         own = np.zeros((len(experiments), len(self.own)))
-        return [Model(np.array([self._first_area(experiments, masks), self.factor]), {}, own)]
+        return [Model(np.array([self._first_area(experiments), self.factor]), {}, own)]
 
-    def _first_area(self, experiments: Sequence[Experiment], masks: Sequence[Mask]) -> float:
+    def _first_area(self, experiments: Sequence[Experiment]) -> float:
         """
         Return the area to begin at [m^2].
 
@@ -159,8 +159,8 @@ class Force(Channel):
             If the force falls with the pressure.
 
         """
-        differences = np.concatenate([_difference(one)[mask] for one, mask in zip(experiments, masks)])
-        forces = np.concatenate([one.measured[mask] for one, mask in zip(experiments, masks)])
+        differences = np.concatenate([_difference(one)[one.counts] for one in experiments])
+        forces = np.concatenate([one.measured[one.counts] for one in experiments])
         if _hold_several_levels(experiments):
             slope = float(np.polyfit(differences, forces, 1)[0]) / self.factor
             if not slope > 0.0:
@@ -177,7 +177,7 @@ class Force(Channel):
         """Return the area where there are several set-points, and the seals' stretches where anything slides."""
         found = []
         if 'area' not in self.held(experiments, model):
-            area = self._first_area(experiments, [one.fitted for one in experiments])
+            area = self._first_area(experiments)
             found.append(Unknown('area', 'm^2', _AREA, area / _LARGEST_RATIO, area * _LARGEST_RATIO, area))
         if any(self.effects[name].states for name in model.effects):
             for index in sorted({one.index for one in experiments if one.whole}):
@@ -200,12 +200,7 @@ class Force(Channel):
         return reasons
 
     def check(
-        self,
-        experiments: Sequence[Experiment],
-        masks: Sequence[Mask],
-        simulated: Sequence[Array],
-        model: Model,
-        estimates: Sequence[Estimate],
+        self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model, estimates: Sequence[Estimate]
     ) -> None:
         """Raise InputError where the area is none that a piston has."""
         area = float(model.parameters[_AREA])
@@ -289,7 +284,7 @@ class Force(Channel):
         """Return zero: the measured pressures have it in them."""
         return 0.0
 
-    def regressors(self, experiment: Experiment, simulated: Array, weight: Array, mask: Mask) -> Regressors:
+    def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
         """Return motion, pressures and their products."""
         x, rate, acceleration = (experiment.at_samples(name) for name in ('displacement', 'rate', 'acceleration'))
         # smoothed: the noise of the pressures, which the residual has in it, would pass for a dependence on them
@@ -303,7 +298,7 @@ class Force(Channel):
         lagged = [rate, direction, np.abs(direction), acceleration]
         once = [x, difference, gauge, change, centred * rate, centred * difference, gauge * direction, gauge * rate]
         once += [x * x, level * level, rate * np.abs(rate), np.abs(acceleration), centred * direction]
-        return Regressors(once, lagged, weight, int(np.argmax(mask)), int(np.count_nonzero(mask)))
+        return Regressors(once, lagged, weight, int(np.argmax(experiment.counts)))
 
     def data(self, experiments: Sequence[Experiment], model: Model, simulated: Sequence[Array]) -> Data:
         """

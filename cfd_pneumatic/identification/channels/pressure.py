@@ -13,7 +13,7 @@ from scipy.ndimage import uniform_filter1d
 
 from cfd_pneumatic.convention import CYLINDERS, pressure_topic
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Mask, Model, Quantity, Scale, Unknown
+from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Model, Quantity, Scale, Unknown
 from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options
@@ -125,9 +125,9 @@ class Pressure(Channel):
             raise InputError(f'{recording}: {topic} never changes ({pressure[0]:g} Pa): is its sensor connected?')
         check_range(f'{recording}: {topic}', pressure, _LARGEST, 'Pa')
 
-    def starts(self, experiments: Sequence[Experiment], masks: Sequence[Mask]) -> list[Model]:
+    def starts(self, experiments: Sequence[Experiment]) -> list[Model]:
         """Return models of several regulators."""
-        pressure = float(np.median(np.concatenate([one.measured[mask] for one, mask in zip(experiments, masks)])))
+        pressure = float(np.median(np.concatenate([one.measured[one.counts] for one in experiments])))
         stroke = max(float(np.ptp(one.inputs['displacement'])) for one in experiments)
         own = np.zeros((len(experiments), len(self.own)))
         for one in experiments:
@@ -165,17 +165,12 @@ class Pressure(Channel):
         return found
 
     def check(
-        self,
-        experiments: Sequence[Experiment],
-        masks: Sequence[Mask],
-        simulated: Sequence[Array],
-        model: Model,
-        estimates: Sequence[Estimate],
+        self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model, estimates: Sequence[Estimate]
     ) -> None:
         """Raise InputError where the pressure is explained as well by one that does not follow the piston at all."""
         if any(estimate.identifiable for estimate in estimates) and (
             any(np.ptp(one.inputs['setpoint']) > 0.0 for one in experiments)
-            or _evidence(experiments, masks, simulated) >= _LEAST_EVIDENCE
+            or _evidence(experiments, simulated) >= _LEAST_EVIDENCE
         ):
             return
         raise InputError(
@@ -290,7 +285,7 @@ class Pressure(Channel):
         np.maximum(strayed[:-1], slope, out=strayed[:-1])
         return np.asarray((1.0 + strayed**2) ** -0.5)
 
-    def regressors(self, experiment: Experiment, simulated: Array, weight: Array, mask: Mask) -> Regressors:
+    def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
         """Return inputs, what the model makes of them, and their products."""
         times = experiment.sample_times
         x, setpoint = experiment.at_samples('displacement'), experiment.at_samples('setpoint')
@@ -306,7 +301,7 @@ class Pressure(Channel):
         lagged = [rate, change, error, np.abs(error), np.abs(rate), moving]
         once = [x, level, centred * rate, centred * error, level * error, progress * change, progress * rate, x * x]
         once += [level * level, np.abs(change), error * np.abs(error)]
-        return Regressors(once, lagged, weight, int(np.argmax(mask)), int(np.count_nonzero(mask)))
+        return Regressors(once, lagged, weight, int(np.argmax(experiment.counts)))
 
     def data(self, experiments: Sequence[Experiment], model: Model, simulated: Sequence[Array]) -> Data:
         """
@@ -362,10 +357,11 @@ class Pressure(Channel):
         }
 
 
-def _evidence(experiments: Sequence[Experiment], masks: Sequence[Mask], simulated: Sequence[Array]) -> float:
+def _evidence(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> float:
     """Return by how much following the piston raises twice the log likelihood of a pressure that rests."""
     evidence = 0.0
-    for one, mask, pressure in zip(experiments, masks, simulated):
+    for one, pressure in zip(experiments, simulated):
+        mask = one.counts
         if np.any(mask):
             rested, left = float(np.var(one.measured[mask])), float(np.mean((one.measured - pressure)[mask] ** 2))
             evidence += np.count_nonzero(mask) * math.log(rested / max(left, 1e-300))

@@ -72,6 +72,8 @@ class Experiment:
         Whether the piston stands still at the start.
     index
         Of the recording among those that are fitted together: its row of `Model.own`.
+    chosen
+        Which samples a fit counts, shape (m,); None: those before the test part.
     cut_from
         When its recording began [s], of what is cut from its middle and starts as measured there; None otherwise.
 
@@ -86,6 +88,7 @@ class Experiment:
     motion: Motion
     starts_at_rest: bool
     index: int = 0
+    chosen: Mask | None = None
     cut_from: float | None = None
 
     @property
@@ -114,8 +117,13 @@ class Experiment:
 
     @property
     def fitted(self) -> Mask:
-        """Which samples a model is fitted to, those before the test part, shape (m,)."""
+        """Which samples lie before the test part, shape (m,)."""
         return self.part < PARTS.index('test')
+
+    @property
+    def counts(self) -> Mask:
+        """Which samples a fit counts, shape (m,)."""
+        return self.fitted if self.chosen is None else self.chosen
 
     @property
     def first(self) -> float:
@@ -132,24 +140,25 @@ class Experiment:
         """
         Return the experiment without the samples that come after a part; the inputs go on a little.
 
-        A few samples are left where all come after it.
+        A few samples are left where all come after it; these don't count.
         """
         last = int(np.max(np.flatnonzero(self.part <= PARTS.index(part)), initial=FEWEST_SAMPLES - 1))
         end = self.sample_times[last] + _BEYOND
         grid = int(np.searchsorted(self.times, end, side='right'))
-        return self._cut(slice(0, grid), slice(0, last + 1))
+        cut = self._cut(slice(0, grid), slice(0, last + 1))
+        return replace(cut, chosen=cut.counts & (cut.part <= PARTS.index(part)))
 
-    def liveliest(self, steps: int, counts: Mask) -> slice:
+    def liveliest(self, steps: int) -> slice:
         """
         Return the samples of so many grid steps in which the piston moves farthest; all where there are no more steps.
 
-        Only motion counts at whose samples `counts` is true, shape (m,).
+        Motion between samples that don't count is none.
         """
         last = self.times.size - 1
         if last <= steps:
             return slice(0, self.samples.size)
         moved = np.abs(np.diff(self.at_samples('displacement'), prepend=self.inputs['displacement'][self.samples[0]]))
-        travel = np.append(0.0, np.cumsum(moved * counts))
+        travel = np.append(0.0, np.cumsum(moved * self.counts))
         firsts = np.arange(0, last - steps + 1, max(1, steps // 4))
         begins, ends = (np.searchsorted(self.samples, firsts + beyond, side='right') for beyond in (0, steps))
         best = int(np.argmax(travel[ends] - travel[begins]))
@@ -202,6 +211,7 @@ class Experiment:
             samples=self.samples[samples] - grid.start,
             measured=self.measured[samples],
             part=self.part[samples],
+            chosen=None if self.chosen is None else self.chosen[samples],
             cut_from=self.begin if grid.start else self.cut_from,
         )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Mask, Model
+from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Model
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.fit.levenberg import least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
@@ -57,9 +57,7 @@ class Fit:
     likelihood: Likelihood
 
 
-def fit(
-    channel: Channel, experiments: Sequence[Experiment], masks: Sequence[Mask], initial: Model | None = None
-) -> Fit:
+def fit(channel: Channel, experiments: Sequence[Experiment], initial: Model | None = None) -> Fit:
     """
     Fit a channel's model without effects jointly to several recordings.
 
@@ -67,8 +65,8 @@ def fit(
 
     Parameters
     ----------
-    channel, experiments, masks
-        What was measured, and which of its samples count.
+    channel, experiments
+        What was measured, and in which recordings.
     initial
         First guess; by default several are tried.
 
@@ -78,8 +76,8 @@ def fit(
         If the recordings tell no parameter.
 
     """
-    alike = Likelihood.alike(channel, experiments, masks)
-    starts = channel.starts(experiments, masks) if initial is None else [initial]
+    alike = Likelihood.alike(channel, experiments)
+    starts = channel.starts(experiments) if initial is None else [initial]
     start = starts[0]
     if len(starts) > 1 or alike.excerpt(_EXCERPT) is not alike:
         part = alike.excerpt(_EXCERPT)
@@ -158,7 +156,7 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
             for index in range(len(model.own))
         ]
     )
-    channel.check(likelihood.experiments, likelihood.masks, simulated, model, estimates)
+    channel.check(experiments, simulated, model, estimates)
     return Fit(model, tuple(estimates), own, tuple(simulated), likelihood)
 
 

@@ -103,8 +103,6 @@ class Likelihood:
         What was measured.
     experiments
         In which recordings.
-    masks
-        Which samples of each count, shape (m,).
     weights
         Of each experiment's samples, shape (m,).
 
@@ -112,20 +110,19 @@ class Likelihood:
 
     channel: Channel
     experiments: tuple[Experiment, ...]
-    masks: tuple[Mask, ...]
     weights: tuple[Array, ...]
 
     @classmethod
-    def alike(cls, channel: Channel, experiments: Sequence[Experiment], masks: Sequence[Mask]) -> Likelihood:
+    def alike(cls, channel: Channel, experiments: Sequence[Experiment]) -> Likelihood:
         """Return one in which all samples weigh alike."""
-        return cls(channel, tuple(experiments), tuple(masks), tuple(np.ones(one.part.size) for one in experiments))
+        return cls(channel, tuple(experiments), tuple(np.ones(one.part.size) for one in experiments))
 
     def weighed(self, simulated: Sequence[Array]) -> Likelihood:
         """Return it with the weights that follow from a model's simulation and what that leaves."""
         precisions = [self.channel.precision(*one) for one in zip(self.experiments, simulated)]
         left = [
-            (one.measured - values)[mask] * own[mask]
-            for one, values, own, mask in zip(self.experiments, simulated, precisions, self.masks)
+            (one.measured - values)[one.counts] * own[one.counts]
+            for one, values, own in zip(self.experiments, simulated, precisions)
         ]
         rms = np.array([math.sqrt(float(run @ run) / run.size) if run.size else math.nan for run in left])
         scales = np.nan_to_num(np.nanmean(rms) / np.maximum(rms, 1e-9), nan=1.0)
@@ -134,15 +131,14 @@ class Likelihood:
     def until(self, part: str) -> Likelihood:
         """Return what lies up to a part, of which only that part's and earlier samples count."""
         cut = [one.until(part) for one in self.experiments]
-        masks = [mask[: one.part.size] & (one.part <= PARTS.index(part)) for one, mask in zip(cut, self.masks)]
         weights = [weight[: one.part.size] for one, weight in zip(cut, self.weights)]
-        return replace(self, experiments=tuple(cut), masks=tuple(masks), weights=tuple(weights))
+        return replace(self, experiments=tuple(cut), weights=tuple(weights))
 
     def excerpt(self, steps: int) -> Likelihood:
         """Return the liveliest part of each experiment; itself where none has more grid steps."""
         if max(one.times.size for one in self.experiments) <= steps:
             return self
-        return self._cut([(rank, one.liveliest(steps, self.masks[rank])) for rank, one in enumerate(self.experiments)])
+        return self._cut([(rank, one.liveliest(steps)) for rank, one in enumerate(self.experiments)])
 
     def representative(self) -> Likelihood:
         """
@@ -169,12 +165,12 @@ class Likelihood:
         One from the middle starts as measured; its first samples don't count, until that is forgotten.
         """
         experiments = [self.experiments[rank].stretch(samples) for rank, samples in places]
-        masks = [self.masks[rank][samples].copy() for rank, samples in places]
-        for one, mask in zip(experiments, masks):
+        for rank, one in enumerate(experiments):
             if not one.whole:
-                mask[: int(_LEAD * mask.size)] = False
+                late = np.arange(one.part.size) >= int(_LEAD * one.part.size)
+                experiments[rank] = replace(one, chosen=one.counts & late)
         weights = [self.weights[rank][samples] for rank, samples in places]
-        return replace(self, experiments=tuple(experiments), masks=tuple(masks), weights=tuple(weights))
+        return replace(self, experiments=tuple(experiments), weights=tuple(weights))
 
     @property
     def steps(self) -> int:
@@ -184,7 +180,7 @@ class Likelihood:
     @property
     def samples(self) -> int:
         """How many samples count."""
-        return sum(int(np.count_nonzero(mask)) for mask in self.masks)
+        return sum(int(np.count_nonzero(one.counts)) for one in self.experiments)
 
     def simulate(self, model: Model) -> list[Array]:
         """Return what a model makes of each experiment, shape (m,) [SI]."""
@@ -192,7 +188,7 @@ class Likelihood:
 
     def counted(self, signals: Sequence[Array]) -> list[Array]:
         """Return signals of each experiment at the samples that count, weighted, each of shape (n,)."""
-        return [(one * weight)[mask] for one, weight, mask in zip(signals, self.weights, self.masks)]
+        return [(one * weight)[own.counts] for one, weight, own in zip(signals, self.weights, self.experiments)]
 
     def residuals(self, simulated: Sequence[Array]) -> list[Array]:
         """Return measured less simulated at the samples that count, weighted."""
@@ -206,7 +202,7 @@ class Likelihood:
     def tests(self, model: Model, noise: Noise) -> list[Test]:
         """Return the tests of what a model leaves, from what represents all samples."""
         telling = self.representative()
-        return self.channel.tests(telling.experiments, telling.simulate(model), telling.masks, noise)
+        return self.channel.tests(telling.experiments, telling.simulate(model), noise)
 
     # a fit
 
@@ -234,18 +230,19 @@ class Likelihood:
         row, scales = unknowns.row(point), unknowns.scales(point)
         steps = np.where(point + _DIFFERENCE <= unknowns.upper, _DIFFERENCE, -_DIFFERENCE) * scales
         shared = self.channel.shared
-        for experiment, mask, weight in zip(self.experiments, self.masks, self.weights):
+        for experiment, weight in zip(self.experiments, self.weights):
+            counts = experiment.counts
             mine = self.channel.own_slots(experiment.index)
             concerns = (unknowns.slots < shared) | np.isin(unknowns.slots, mine)
             own = np.flatnonzero(concerns)
             slots = unknowns.slots[own]
             local = np.where(slots < shared, slots, slots - mine.start + shared)
             numbers = np.concatenate([row[:shared], row[mine.start : mine.stop]])
-            last = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
+            last = int(np.max(np.flatnonzero(counts), initial=-1)) + 1
             walk = self.channel.linearised(experiment, unknowns.effects, numbers, local, steps[own], last)
             for samples, simulated, jacobian in walk:
                 here = slice(samples.start, samples.stop)
-                rows = _rows(simulated, experiment.measured[here], weight[here], mask[here], jacobian, scales[own])
+                rows = _rows(simulated, experiment.measured[here], weight[here], counts[here], jacobian, scales[own])
                 yield rows, own
 
     # what a model is worth

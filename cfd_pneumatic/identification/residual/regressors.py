@@ -28,8 +28,8 @@ class Regressors:
         Signals at several lags, each of shape (n,).
     weight
         Of each sample, shape (n,).
-    first, count
-        Which samples the residuals are of.
+    first
+        Sample that the first residual is of.
 
     """
 
@@ -37,7 +37,6 @@ class Regressors:
     lagged: Sequence[Array]
     weight: Array
     first: int
-    count: int
 
     def width(self, samples: int) -> int:
         """Return how many signals so many samples bear, a constant among them."""
