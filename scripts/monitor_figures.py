@@ -34,8 +34,8 @@ from scipy.stats import chi2
 sys.path.insert(0, str(Path(__file__).parent))
 
 from documents import notes_in, table
-from patrol import EPOCH, identified_device, recording_of, surfaces, take
 from provenance import ROOT, commit, machine
+from rig_recordings import EPOCH, identified_device, recording_of, surfaces, take
 
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.files import write_text

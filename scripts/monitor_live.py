@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from patrol import recording_of
+from rig_recordings import recording_of
 from ros_environment import isolate
 
 isolate()

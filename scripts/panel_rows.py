@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import patrol
+import rig_recordings
 from provenance import commit
 
 from cfd_pneumatic.errors import InputError
@@ -178,13 +178,13 @@ def measure(job: Job) -> Row:
 
 def recording_of(drawn: Draw) -> Recording:
     """Return cylinder A of a draw, as a user would hand it in."""
-    whole = patrol.recording_of(drawn.recording)
+    whole = rig_recordings.recording_of(drawn.recording)
     return replace(whole, cylinders={CYLINDER: whole.cylinders[CYLINDER]}, force=None)
 
 
 def _identified(job: Job, drawn: Draw) -> Row:
     if job.kind in ON_FORCE_KINDS:
-        recording, left, channel = patrol.recording_of(drawn.recording), force_oracle_residual(drawn), 'force'
+        recording, left, channel = rig_recordings.recording_of(drawn.recording), force_oracle_residual(drawn), 'force'
         options = Options(close_loop=True, area=Cylinder().area)
     else:
         recording, left, channel = recording_of(drawn), oracle_residual(drawn), CYLINDER
@@ -247,7 +247,7 @@ def _beside(pair: Sequence[str], baseline: Fit, found: Fit, floor: float) -> dic
         starts = [replace(begin, effects={other: start}) for start in channel.effects[other].starts(data)]
         if other in found.model.effects:
             starts.append(replace(found.model, effects={other: found.model.effects[other]}))
-        models = [search(likelihood, start, 1e-5, 20)[0] for start in starts]
+        models = [search(likelihood, start, 1e-5, 20).model for start in starts]
         errors[effect] = min(_rms(measured - np.concatenate(likelihood.simulate(one))) / floor for one in models)
     return errors
 

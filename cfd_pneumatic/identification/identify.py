@@ -119,14 +119,13 @@ def _identified(
     if options.per_setpoint and levels:
         schedule, simulated, notes = _fit_each_setpoint(joint, levels, options.ambient_pressure)
     found, conclusion = close_loop(joint) if options.close_loop else (joint, None)
-    measured, part = [one.measured for one in experiments], [one.part for one in experiments]
     return ChannelResult(
         channel=channel,
         fit=joint,
         schedule=tuple(schedule),
         comparisons=tuple(Comparison(channel, *one) for one in zip(held, experiments, simulated, found.simulated)),
-        before=part_errors(measured, simulated, part),
-        after=part_errors(measured, found.simulated, part),
+        before=part_errors(experiments, simulated),
+        after=part_errors(experiments, found.simulated),
         span=float(np.mean([one.span for one in experiments])),
         noise=joint.likelihood.noise(joint.model) if conclusion is None else conclusion.noise,
         notes=tuple(notes),

@@ -45,10 +45,9 @@ def close_loop(before: Fit) -> tuple[Fit, Conclusion]:
     """
     likelihood = before.likelihood
     channel, experiments = likelihood.channel, likelihood.experiments
-    measured, parts = [one.measured for one in experiments], [one.part for one in experiments]
     noise = likelihood.noise(before.model)
     tests = tests_before = likelihood.tests(before.model, noise)
-    shortage = shortage_of(parts)
+    shortage = shortage_of(experiments)
     after = before
     alternatives: dict[str, tuple[str, ...]] = {}
     tried: tuple[Trial, ...] = ()
@@ -61,7 +60,7 @@ def close_loop(before: Fit) -> tuple[Fit, Conclusion]:
     ratio, interval = None, None
     against: list[str] = []
     if after is not before:
-        ratio, interval = compared(measured, before.simulated, after.simulated, parts)
+        ratio, interval = compared(experiments, before.simulated, after.simulated)
         if ratio >= 1.0:
             clause, tried = not_added(list(after.model.effects), ratio, interval, tried)
             against.append(clause)
@@ -70,7 +69,7 @@ def close_loop(before: Fit) -> tuple[Fit, Conclusion]:
         noise = likelihood.noise(after.model)
         tests = likelihood.tests(after.model, noise)
     hidden = invisible(likelihood, after.model, noise) if shortage is None else ()
-    left = [one - other for one, other in zip(measured, after.simulated)]
+    left = [one.measured - values for one, values in zip(experiments, after.simulated)]
     against += contradiction(experiments, left, noise.std)
     effects = tuple(after.model.effects)
     verdict, why = verdict_of(effects, alternatives, tests, shortage, ratio, interval, against)
@@ -98,7 +97,7 @@ def _fitted(before: Fit, rough: Model) -> Fit:
     Parameters that were not identifiable without effects are not with them.
     """
     likelihood = before.likelihood
-    model, _ = search(likelihood, rough, *_FINE)
+    model = search(likelihood, rough, *_FINE).model
     if not all(np.all(np.isfinite(values)) for values in likelihood.simulate(model)):
         model = rough
     after = summary(likelihood, model)

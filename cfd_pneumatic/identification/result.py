@@ -68,15 +68,14 @@ class Comparison:
         """What drives the model, by its name for people, at the samples, each of shape (m,) [SI]."""
         return self.channel.shown(self.experiment)
 
-    @property
-    def residuals(self) -> tuple[Array, Array]:
-        """Measured less simulated, without and with effects, each of shape (m,) [SI]."""
-        return self.experiment.measured - self.before, self.experiment.measured - self.after
+    def residual(self, which: int) -> Array:
+        """Return measured less simulated, without (0) or with effects (1), shape (m,) [SI]."""
+        return self.experiment.measured - (self.before, self.after)[which]
 
     def tested(self, which: int) -> Array:
         """Return the residual without (0) or with effects (1) as it is tested: weighted, before the test part."""
         simulated = (self.before, self.after)[which]
-        weighted = self.residuals[which] * self.channel.precision(self.experiment, simulated)
+        weighted = self.residual(which) * self.channel.precision(self.experiment, simulated)
         return np.asarray(weighted[self.experiment.fitted])
 
     def stamps(self, signal: Signal) -> Array:
@@ -174,7 +173,11 @@ class ChannelResult:
         errors = (self.before, self.after)[which]
         if 'test' in errors:
             return errors['test'].rmse
-        return float(np.sqrt(np.mean(np.concatenate([one.residuals[which] for one in self.comparisons]) ** 2)))
+        return self.rms(which)
+
+    def rms(self, which: int) -> float:
+        """Return the error without (0) or with effects (1) on all samples [SI]."""
+        return float(np.sqrt(np.mean(np.concatenate([one.residual(which) for one in self.comparisons]) ** 2)))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.tests import Test
@@ -18,7 +19,6 @@ from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.model.effects import Effect
 
 Array = NDArray[np.float64]
-Parts = NDArray[np.int8]
 
 VERDICTS = ('effect_added', 'no_missing_effect', 'unexplained', 'insufficient_data')
 """What the loop may end with."""
@@ -87,11 +87,11 @@ class PartError:
     nrmse_percent: float
 
 
-def part_errors(measured: Sequence[Array], simulated: Sequence[Array], parts: Sequence[Parts]) -> dict[str, PartError]:
+def part_errors(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> dict[str, PartError]:
     """Return the error on each part that has samples, by its name, of all experiments together."""
-    span = float(np.mean([np.ptp(np.percentile(one, [1.0, 99.0])) for one in measured]))
-    errors = np.concatenate([one - other for one, other in zip(measured, simulated)])
-    part = np.concatenate(parts)
+    span = float(np.mean([one.span for one in experiments]))
+    errors = np.concatenate([one.measured - values for one, values in zip(experiments, simulated)])
+    part = np.concatenate([one.part for one in experiments])
     squares, counts = np.bincount(part, errors**2, len(PARTS)), np.bincount(part, minlength=len(PARTS))
     return {
         name: PartError(rmse, 100.0 * rmse / span)
@@ -101,17 +101,18 @@ def part_errors(measured: Sequence[Array], simulated: Sequence[Array], parts: Se
 
 
 def compared(
-    measured: Sequence[Array], before: Sequence[Array], after: Sequence[Array], parts: Sequence[Parts]
+    experiments: Sequence[Experiment], before: Sequence[Array], after: Sequence[Array]
 ) -> tuple[float, tuple[float, float]]:
     """
     Return the ratio of the errors on the test part, and its 95 % interval by a block bootstrap (Kuensch, 1989).
 
     On all samples where there is no test part.
     """
-    judged = np.concatenate(parts) == PARTS.index('test')
+    judged = np.concatenate([one.part for one in experiments]) == PARTS.index('test')
     if not np.any(judged):
         judged[:] = True
-    squares = [(np.concatenate(measured) - np.concatenate(one))[judged] ** 2 for one in (before, after)]
+    measured = np.concatenate([one.measured for one in experiments])
+    squares = [(measured - np.concatenate(one))[judged] ** 2 for one in (before, after)]
     edges = np.linspace(0, squares[0].size, min(_BLOCKS, squares[0].size) + 1).astype(np.intp)[:-1]
     sums_before, sums_after = (np.add.reduceat(one, edges) for one in squares)
     rng = np.random.default_rng(_SEED)
@@ -121,9 +122,9 @@ def compared(
     return math.sqrt(float(squares[1].sum() / squares[0].sum())), (float(low), float(high))
 
 
-def shortage_of(parts: Sequence[Parts]) -> str | None:
+def shortage_of(experiments: Sequence[Experiment]) -> str | None:
     """Return what the recordings lack for a search, or None."""
-    samples = sum(int(np.sum(part == PARTS.index('train'))) for part in parts)
+    samples = sum(int(np.count_nonzero(one.part == PARTS.index('train'))) for one in experiments)
     if samples < _FEWEST_SAMPLES:
         return f'{samples} samples to learn from are too few to tell effects apart: record at least {_FEWEST_SAMPLES}'
     return None

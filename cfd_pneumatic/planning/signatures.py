@@ -32,9 +32,6 @@ from cfd_pneumatic.planning.proposal import Proposal
 
 Array = NDArray[np.float64]
 
-Changes = Callable[[str, Sequence[tuple[float, ...]]], Array]
-"""Returns by what an effect with each of some parameters changes what is measured, shape (n, changes)."""
-
 _ATTEMPTS = 8
 _NEARLY = 1.2  # times as large, or as small
 _VARIED = 2.0  # times
@@ -194,36 +191,35 @@ def _signatures(one: Planned) -> Signatures:
     missing = [effect for effect in channel.effects if effect not in model.effects]
     hidden = tuple(effect for effect in missing if channel.untold([one.experiment], effect) is not None)
     visible = {effect: channel.effects[effect] for effect in missing if effect not in hidden}
-    own = complement.jacobian
-    forms, columns = _formed(visible, data, one.noise, own, complement.changes)
+    forms, columns = _formed(visible, data, one.noise, complement)
     unknowns = channel.unknowns([one.experiment], model)
     values = channel.row(model)[[unknown.slot for unknown in unknowns]]
     names = tuple(unknown.name for unknown in unknowns)
-    return Signatures(channel.name, one.noise, names, values, forms, hidden, np.column_stack([own, *columns]))
+    return Signatures(
+        channel.name, one.noise, names, values, forms, hidden, np.column_stack([complement.jacobian, *columns])
+    )
 
 
 def _formed(
-    library: Mapping[str, Effect], data: Mapping[str, float], noise: float, own: Array, changes: Changes
+    library: Mapping[str, Effect], data: Mapping[str, float], noise: float, complement: Complement
 ) -> tuple[tuple[Form, ...], list[Array]]:
     """Return the forms of effects and their signatures, each where it just shows beside what is fitted anyway."""
-    size = np.linalg.norm(own, axis=0)
-    basis = np.linalg.qr(own[:, size > 0.0] / size[size > 0.0])[0]
 
     def visibility(columns: Array) -> Array:
-        left = columns - basis @ (basis.T @ columns)
-        return np.asarray(np.sqrt(np.mean(left**2, axis=0)) / (SHOWN * noise))
+        return np.asarray(np.sqrt(np.mean(complement.left(columns) ** 2, axis=0)) / (SHOWN * noise))
 
     def of_effect(name: str) -> tuple[list[Form], Array]:
         effect = library[name]
         typical = [one for one in effect.starts(data) if effect.of_strength(one, 0.5) != one]  # without strength: none
-        shares, columns = _just_showing(typical, effect, lambda ones: changes(name, ones), visibility)
+        shares, columns = _just_showing(typical, effect, lambda ones: complement.changes(name, ones), visibility)
         forms = [Form(name, one, share) for one, share in zip(typical, shares.tolist())]
         varied = [replace(form, typical=other, varied=True) for form in forms for other in _varied(form, effect)]
         if not varied:
             return forms, columns
-        more = changes(name, [effect.of_strength(form.typical, form.share) for form in varied])
+        more = complement.changes(name, [effect.of_strength(form.typical, form.share) for form in varied])
         return [*forms, *varied], np.column_stack([columns, np.where(np.isfinite(more), more, 0.0)])
 
+    complement.left(complement.simulated)  # made once, before threads ask for it
     found = each(of_effect, list(library))
     return tuple(form for forms, _ in found for form in forms), [columns for _, columns in found]
 

@@ -129,5 +129,5 @@ def _compared(recording: Recording, comparison: Comparison) -> Iterator[Stream]:
     yield Stream(f'{MEASURED}/{measured_as}', channel.msgtype, times, comparison.experiment.measured, message)
     for space, values in zip(SIMULATED, (comparison.before, comparison.after)):
         yield Stream(f'{space}/{simulated_as}', channel.msgtype, times, values, message)
-    for space, values in zip(RESIDUAL, comparison.residuals):
-        yield Stream(f'{space}/{simulated_as}', channel.msgtype, times, values, message)
+    for which, space in enumerate(RESIDUAL):
+        yield Stream(f'{space}/{simulated_as}', channel.msgtype, times, comparison.residual(which), message)

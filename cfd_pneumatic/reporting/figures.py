@@ -50,6 +50,8 @@ _MOST_DOTS = 800
 _HEADROOM = 0.5  # of an axis, for words
 _LAGS = 60  # samples
 _LAGS_BEFORE = 20  # samples
+_LONGEST_MEMORY = 500  # of a series of residuals or inputs [samples]
+_BEGINS = 100_000  # of a zoom, that are compared
 _POINTS_PER_INCH = 72.0
 _LONG_PATH = 500  # characters
 
@@ -100,17 +102,13 @@ def zoom_picture(result: ChannelResult) -> Picture:
 
 def _alt(result: ChannelResult, where: str) -> str:
     small = result.quantity.small.unit
-    models = f'without effects (error {_rms(result, 0):.3g} {small} RMS)'
+    models = f'without effects (error {result.rms(0):.3g} {small} RMS)'
     if result.findings.effects:
-        models += f' and with them ({_rms(result, 1):.3g} {small} RMS)'
+        models += f' and with them ({result.rms(1):.3g} {small} RMS)'
     return (
         f'Three strips over time, {where}: displacement of the piston; measured {result.quantity.name} and the one '
         f'simulated {models}; the residuals, measured less simulated.'
     )
-
-
-def _rms(result: ChannelResult, which: int) -> float:
-    return float(np.sqrt(np.mean(np.concatenate([one.residuals[which] for one in result.comparisons]) ** 2)))
 
 
 _REASONS = {
@@ -132,16 +130,19 @@ def telling_window(result: ChannelResult) -> Window:
     telling = _telling(result)
     best: tuple[float, Window] | None = None
     for comparison in result.comparisons:
-        before, after = comparison.residuals
-        power = {'taken': before**2 - after**2, 'left': after**2, 'residual': before**2}[telling]
-        duration = float(np.ptp(comparison.times))
+        power = comparison.residual(1 if telling == 'left' else 0) ** 2
+        if telling == 'taken':
+            power -= comparison.residual(1) ** 2
+        times = comparison.times
+        duration = float(np.ptp(times))
         length = min(max(_ZOOM_SHARE * duration, _SHORTEST_ZOOM), _LONGEST_ZOOM, duration)
-        ends = np.searchsorted(comparison.times, comparison.times + length, side='right')
-        total = np.concatenate([[0.0], np.cumsum(power)])
-        gains = total[ends] - total[:-1]
-        gains[comparison.times > comparison.times[-1] - length] = -np.inf
+        edges = np.linspace(0, times.size, min(times.size, _BEGINS), endpoint=False).astype(np.intp)
+        total = np.concatenate([[0.0], np.cumsum(np.add.reduceat(power, edges))])
+        begins = times[edges]
+        gains = total[np.searchsorted(begins, begins + length, side='right')] - total[:-1]
+        gains[begins > times[-1] - length] = -np.inf
         first = int(np.argmax(gains))
-        begin = float(comparison.times[first])
+        begin = float(begins[first])
         if best is None or gains[first] > best[0]:
             best = float(gains[first]), Window(comparison, begin, begin + length)
     assert best is not None
@@ -177,9 +178,9 @@ def _strip_figure(
         value.plot(times, comparison.experiment.measured[shown] / large.si, color=MEASURED, zorder=3.0, **dots)
     else:
         curve(value, comparison.experiment.measured / large.si, MEASURED, linewidth=1.6)
-    for (simulated, colour), left in zip(series, comparison.residuals):
+    for which, (simulated, colour) in enumerate(series):
         curve(value, simulated / large.si, colour, linewidth=1.3 if few else 0.9)
-        curve(residual, left / small.si, colour, linewidth=1.0)
+        curve(residual, comparison.residual(which) / small.si, colour, linewidth=1.0)
     band = 2.0 * result.noise.std / small.si
     residual.axhspan(-band, band, facecolor=SHADE, edgecolor='none', zorder=0.5)
     _titles(axes, result)
@@ -288,7 +289,7 @@ def crosscorrelation(
         )
         for lag in lags.tolist()
     ]
-    memory = min(shortest - 1, max(_LAGS, int(np.sqrt(count))))
+    memory = min(shortest - 1, max(_LAGS, min(int(np.sqrt(count)), _LONGEST_MEMORY)))
     own, other = (autocovariance(series, memory) for series in (residuals, inputs))
     spread = 1.0 + 2.0 * float(own[1:] @ other[1:]) / max(float(own[0] * other[0]), 1e-300)
     limit = float(norm.isf(SIGNIFICANCE / 2.0)) * float(np.sqrt(max(spread, 1.0) / count))

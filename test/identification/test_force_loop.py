@@ -49,7 +49,6 @@ def close(experiments, area, factor=1.0, library=FORCE_EFFECTS):
     channel.library = library
     plain = fit(channel, experiments)
     found, conclusion = close_loop(plain)
-    measured, parts = [one.measured for one in experiments], [one.part for one in experiments]
     return SimpleNamespace(
         **vars(conclusion),
         estimates=found.estimates,
@@ -58,8 +57,8 @@ def close(experiments, area, factor=1.0, library=FORCE_EFFECTS):
         area=float(found.model.parameters[0]),
         factor=float(found.model.parameters[1]),
         values=found.model.effects,
-        before=part_errors(measured, plain.simulated, parts),
-        after=part_errors(measured, found.simulated, parts),
+        before=part_errors(experiments, plain.simulated),
+        after=part_errors(experiments, found.simulated),
         experiments=experiments,
     )
 

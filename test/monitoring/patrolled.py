@@ -2,24 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
-from patrol import EPOCH, Sample, hear, identified_device, recording_of, samples, surfaces, take
+from rig_recordings import EPOCH, identified_device, recording_of, surfaces, take
 
+from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.model import Device
 from cfd_pneumatic.monitoring import Finding, Settings, Watch, diagnose
 from cfd_pneumatic.recording import Recording
-from cfd_pneumatic.rig import RigParameters, record, surface_following, with_changes
+from cfd_pneumatic.rig import RigParameters, RigRecord, record, surface_following, with_changes
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
 
 RATE = 500
 SETTINGS = Settings(learning=20.0, window=15.0)
 LEARNED = 22.0  # by when everything has been learned [s]
+
+
+class Sample(NamedTuple):
+    """What the drivers of a device publish at one time."""
+
+    stamp: int
+    position: float
+    setpoints: tuple[float, float]
+    pressures: tuple[float, float]
+    force: float
+
+
+def samples(record: RigRecord) -> Iterator[Sample]:
+    """Yield the samples of a record."""
+    stamps = EPOCH + np.round(record.times * 1e9).astype(np.int64)
+    columns = (stamps, record.displacement, record.setpoints, record.pressures, record.force)
+    for stamp, position, setpoints, pressures, force in zip(*(column.tolist() for column in columns)):
+        yield Sample(stamp, position, tuple(setpoints), tuple(pressures), force)
+
+
+def hear(watch: Watch, sample: Sample, now: float) -> list[tuple[str, int, float]]:
+    """Let the watch hear a sample; return the residuals."""
+    watch.piston(sample.stamp, sample.position, sample.setpoints, now)
+    for name, pressure in zip(CYLINDERS, sample.pressures):
+        watch.measured(name, sample.stamp, pressure, now)
+    watch.measured(CONTACT_FORCE, sample.stamp, sample.force, now)
+    return list(watch.residuals(now))
+
 
 Spoil = Callable[[Sample], 'Sample | None']
 """What becomes of a sample on its way; None where it is lost."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from patrol import Sample
-from patrolled import EPOCH, LEARNED, SETTINGS, Patrol, Spoil, close_loop
+from patrolled import EPOCH, LEARNED, SETTINGS, Patrol, Sample, Spoil, close_loop
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.monitoring import Finding, departed, diagnosed

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 
-from patrol import recording_of
+from rig_recordings import recording_of
 
 from cfd_pneumatic.identification import Options
 from cfd_pneumatic.monitoring import Worker

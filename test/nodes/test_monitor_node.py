@@ -16,7 +16,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from graph import MILLISECOND, PATIENCE, Graph, Process, refusals, ros_arguments, unique_namespace
-from patrol import recording_of
+from rig_recordings import recording_of
 from sensor_msgs.msg import FluidPressure, JointState
 
 from cfd_pneumatic.convention import (

@@ -82,7 +82,7 @@ def test_a_curve_that_leaves_out_nothing_visible_is_small(outcome):
 
 def test_the_zoom_shows_where_effects_take_most(outcome):
     window = figures.telling_window(outcome)
-    before, after = window.comparison.residuals
+    before, after = (window.comparison.residual(which) for which in (0, 1))
     shown = (window.comparison.times >= window.begin) & (window.comparison.times <= window.end)
     taken = before**2 - after**2
     assert taken[shown].mean() > 2.0 * taken.mean()
@@ -91,6 +91,6 @@ def test_the_zoom_shows_where_effects_take_most(outcome):
 def test_the_zoom_of_an_unexplained_one_shows_where_most_is_left(outcome):
     changed = judged(closed(), 'unexplained', 'who knows').closed[0]
     window = figures.telling_window(changed)
-    after = window.comparison.residuals[1]
+    after = window.comparison.residual(1)
     shown = (window.comparison.times >= window.begin) & (window.comparison.times <= window.end)
     assert np.mean(after[shown] ** 2) > np.mean(after**2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,18 +82,22 @@ def fit(channel: Channel, experiments: Sequence[Experiment], initial: Model | No
     start = starts[0]
     if len(starts) > 1 or alike.excerpt(_EXCERPT) is not alike:
         part = alike.excerpt(_EXCERPT)
-        start, _ = min((search(part, one, *ROUGH) for one in starts), key=lambda found: found[1])
-    first, _ = search(alike, start, *FINE)
+        start = min((search(part, one, *ROUGH) for one in starts), key=lambda found: found.cost).model
+    first = search(alike, start, *FINE).model
     weighed = alike.weighed(alike.simulate(first))
-    found, _ = search(weighed, first, *FINE)
-    return summary(weighed, found)
+    return summary(weighed, search(weighed, first, *FINE).model)
 
 
-def search(
-    likelihood: Likelihood, start: Model, tolerance: float, evaluations: int, enough: float = 0.0
-) -> tuple[Model, float]:
+class Optimum(NamedTuple):
+    """A model that a search ended with, and the sum of squares that it leaves; infinite if it ran away."""
+
+    model: Model
+    cost: float
+
+
+def search(likelihood: Likelihood, start: Model, tolerance: float, evaluations: int, enough: float = 0.0) -> Optimum:
     """
-    Return the best model that is found from a start with its effects, and its sum of squares, infinite if it ran away.
+    Return the best model that is found from a start with its effects.
 
     The search ends when the sum falls by less than a share `tolerance`, after so many evaluations, or when it is
     `enough`.
@@ -100,7 +105,7 @@ def search(
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, start)
     if not unknowns.start.size:
         left = likelihood.residuals(likelihood.simulate(start))
-        return start, sum(float(run @ run) for run in left)
+        return Optimum(start, sum(float(run @ run) for run in left))
     point, cost = least_squares(
         lambda at: likelihood.evaluate(unknowns, at),
         unknowns.start,
@@ -111,7 +116,7 @@ def search(
         enough,
         unknowns.longest_step,
     )
-    return unknowns.model(point), cost.total
+    return Optimum(unknowns.model(point), cost.total)
 
 
 def summary(likelihood: Likelihood, model: Model) -> Fit:

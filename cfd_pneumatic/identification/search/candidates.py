@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.channels.channel import Effects, Model
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.fit import search
+from cfd_pneumatic.identification.fit.fit import Optimum, search
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.identification.residual.tests import Test
@@ -72,14 +72,6 @@ class Candidate:
         return self.model.unknowns
 
 
-@dataclass(frozen=True)
-class _Rough:
-    """A rough fit, and the sum of squares that it leaves."""
-
-    model: Model
-    cost: float
-
-
 class Candidates:
     """
     Candidates for the model of a channel.
@@ -106,7 +98,7 @@ class Candidates:
         self._is_long = self.train.steps > _LONG
         self._known_shares: dict[Candidate, dict[str, float]] = {}
         self._known_tests: dict[Candidate, list[Test]] = {}
-        self.baseline = self._finished(search(self.train, begin, *_FINE)[0], begin)
+        self.baseline = self._finished(search(self.train, begin, *_FINE).model, begin)
 
     def names(self, candidate: Candidate) -> list[str]:
         """Return the effects that these recordings may tell beside a candidate's."""
@@ -133,8 +125,8 @@ class Candidates:
     def without(self, candidate: Candidate, name: str) -> Candidate:
         """Return a candidate with one effect less."""
         fewer = {other: own for other, own in candidate.effects.items() if other != name}
-        found, _ = search(self.train, replace(candidate.model, effects=fewer), *_FINE)
-        return self._finished(found, candidate.model)
+        found = search(self.train, replace(candidate.model, effects=fewer), *_FINE)
+        return self._finished(found.model, candidate.model)
 
     def promising(self, candidate: Candidate, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
         """Return the effects to fit beside a candidate's, and the share of its residual that each other may take."""
@@ -173,7 +165,7 @@ class Candidates:
         rmse = math.sqrt(float(np.mean(errors**2))) if errors.size else None
         return Candidate(model, simulated, residuals, rmse)
 
-    def _rivals(self, candidate: Candidate, rough: Mapping[str, Sequence[_Rough]], before: float) -> list[str]:
+    def _rivals(self, candidate: Candidate, rough: Mapping[str, Sequence[Optimum]], before: float) -> list[str]:
         """Return the effects to fit to the end: the better half; of long recordings those that may be the best."""
         ranked = sorted(rough, key=lambda name: rough[name][0].cost)
         if not self._is_long:
@@ -206,29 +198,24 @@ class Candidates:
             known.update(zip(fresh, each(lambda name: complement.share(name, starts[name]), fresh)))
         return {name: known[name] for name in names}
 
-    def _rough(self, candidate: Candidate, name: str, starts: Sequence[Start]) -> list[_Rough]:
+    def _rough(self, candidate: Candidate, name: str, starts: Sequence[Start]) -> list[Optimum]:
         """Return a candidate with one more effect as rough fits from each start leave it, the best first."""
         data, effects = self._excerpt, candidate.effects
         astray = candidate.rss > self.train.samples * (_STRONG * self._noise) ** 2
         begins = self.channel.beginnings(candidate.model, astray)
         fits = [
-            _Rough(*search(data, replace(begin, effects={**effects, name: start}), *_ROUGH))
+            search(data, replace(begin, effects={**effects, name: start}), *_ROUGH)
             for begin in begins
             for start in starts
         ]
         return sorted(fits, key=lambda one: one.cost)
 
-    def _fine(self, rough: Sequence[_Rough], before: float) -> _Rough:
+    def _fine(self, rough: Sequence[Optimum], before: float) -> Optimum:
         """Return the best of a few rough fits, fitted to the end."""
         best, *others = rough[:_REFINED]
         if self._is_long:
             others = [one for one in others if before - one.cost > _ALIKE * (before - best.cost)]
-        fits = [_Rough(*search(self.train, self._closer(one.model), *_FINE)) for one in (best, *others)]
-        return min(fits, key=lambda one: one.cost)
-
-    def _closer(self, rough: Model) -> Model:
-        """Return a model that needs few steps to the end; those of a long way are taken where they are cheap."""
-        data = self._longer_excerpt
-        if data is None:
-            return rough
-        return search(data, rough, *_FINE)[0]
+        begins = [one.model for one in (best, *others)]
+        if self._longer_excerpt is not None:  # the steps of a long way are taken where they are cheap
+            begins = [search(self._longer_excerpt, one, *_FINE).model for one in begins]
+        return min((search(self.train, one, *_FINE) for one in begins), key=lambda one: one.cost)

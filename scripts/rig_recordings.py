@@ -1,49 +1,18 @@
-"""A rig played beside a watch, without a graph: what is measured goes to the watch sample by sample."""
+"""The rig without a graph: it follows a surface, is read as from a bag, and is identified."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
 import numpy as np
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, PISTON_AREA
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_AREA
 from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.model import Cylinder, Device, ForceGeometry, OperatingPoints
 from cfd_pneumatic.model.effects import EFFECTS
-from cfd_pneumatic.monitoring import Watch
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Performance, RigParameters, RigRecord, surface_following
 from cfd_pneumatic.rig.panel import PanelRecording
 
 EPOCH = 1_700_000_000_000_000_000
-
-
-class Sample(NamedTuple):
-    """What the drivers of a device publish at one time."""
-
-    stamp: int
-    position: float
-    setpoints: tuple[float, float]
-    pressures: tuple[float, float]
-    force: float
-
-
-def samples(record: RigRecord) -> Iterator[Sample]:
-    """Yield the samples of a record."""
-    stamps = EPOCH + np.round(record.times * 1e9).astype(np.int64)
-    columns = (stamps, record.displacement, record.setpoints, record.pressures, record.force)
-    for stamp, position, setpoints, pressures, force in zip(*(column.tolist() for column in columns)):
-        yield Sample(stamp, position, tuple(setpoints), tuple(pressures), force)
-
-
-def hear(watch: Watch, sample: Sample, now: float) -> list[tuple[str, int, float]]:
-    """Let the watch hear a sample; return the residuals."""
-    watch.piston(sample.stamp, sample.position, sample.setpoints, now)
-    for name, pressure in zip(CYLINDERS, sample.pressures):
-        watch.measured(name, sample.stamp, pressure, now)
-    watch.measured(CONTACT_FORCE, sample.stamp, sample.force, now)
-    return list(watch.residuals(now))
 
 
 def surfaces(rig: RigParameters, seed: int, duration: float = 60.0) -> Performance:
