@@ -26,6 +26,7 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data.split import FRACTIONS
+from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.recording import ChannelMapping, read_mapping, read_recording
 from cfd_pneumatic.reporting import make_folder, next_plan, print_report, write_report
 
@@ -40,7 +41,7 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
     parser = parser_of(
         'identify_bag',
-        'Fit k_x [Pa/m], k_sv [1/s], k_v [1/s] and tau [s] to recordings of piston displacement and '
+        f'Fit {", ".join(f"{spec.name} [{spec.unit}]" for spec in SPECS)} to recordings of piston displacement and '
         'cylinder pressure, and find what the model lacks. Writes report.json, and parameters.yaml that sim_node runs '
         'with; with --close-loop also report.html for people, and compare.mcap for PlotJuggler and Foxglove. Many bags '
         'at once: identify_bag plant --each --close-loop --output plant_identified.',

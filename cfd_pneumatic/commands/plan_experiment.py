@@ -12,6 +12,7 @@ from rich.console import Console
 
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.files import write_bytes
+from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.planning import WANTED, Limits, Sensing, plan, read_device, read_sensing
 from cfd_pneumatic.planning.report import picture, plan_text, print_plan
 from cfd_pneumatic.reporting import make_folder
@@ -82,7 +83,7 @@ def make_parser() -> argparse.ArgumentParser:
         nargs='+',
         default=WANTED,
         metavar='NAME',
-        help='parameters and effects to plan for (default: k_x, k_sv, k_v, tau and all effects)',
+        help=f'parameters and effects to plan for (default: {", ".join(NAMES)} and all effects)',
     )
     cell = parser.add_argument_group('limits of the cell')
     cell.add_argument(

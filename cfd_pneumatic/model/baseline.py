@@ -1,6 +1,8 @@
-"""What a fit needs to know of the paper's model: where to start, what shows a parameter, what inputs do."""
+"""What others need to know of the paper's model: where a fit starts, what shows a parameter, how quick it is."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +44,23 @@ def other_gains(gains: Array, astray: bool) -> list[Array]:
 def displacement_sensitivity(gains: Array) -> float:
     """Return by how much a displacement that jumps moves the pressure [Pa/m]."""
     return float(gains[0])
+
+
+def quickest(gains: Sequence[float] | Array) -> float:
+    """Return the inverse of the shortest time constant [1/s]."""
+    _, k_sv, k_v, tau = gains
+    return float(max(k_sv, k_v, 1.0 / tau))
+
+
+def slowest(gains: Array) -> float:
+    """Return the longest time constant [s]."""
+    _, k_sv, k_v, tau = gains.tolist()
+    return float(max(1.0 / k_sv, 1.0 / k_v, tau))
+
+
+def charging_time(gains: Sequence[float] | Array) -> float:
+    """Return the time constant of a pressure that rises to its set-point [s]."""
+    return float(1.0 / gains[1])
 
 
 def flows(gains: Array, errors: Array) -> tuple[float, float]:

@@ -242,7 +242,7 @@ class Course:
     Parameters
     ----------
     gains
-        k_x [Pa/m], k_sv, k_v [1/s], tau [s], shape (4,).
+        In the order of `SPECS`, shape (gains,) [SI].
     pressure
         Outlet and sensed pressure at the first sample [Pa].
 
@@ -266,7 +266,7 @@ class Course:
         slopes
             Whether derivatives are asked for, now and later on.
 
-        The columns are by the four gains, by a shift of the set-point and by what both pressures lie above it at the
+        The columns are by the gains, by a shift of the set-point and by what both pressures lie above it at the
         first sample.
         """
         pressure = np.empty_like(times)
@@ -285,7 +285,7 @@ def simulate_parameter_sets(gains: Array, times: Array, displacement: Array, set
     Parameters
     ----------
     gains
-        k_x [Pa/m], k_sv, k_v [1/s], tau [s] of each set, shape (sets, 4).
+        Of each set in the order of `SPECS`, shape (sets, gains) [SI].
     times, displacement, setpoint
         As in `Cylinder.simulate`.
 

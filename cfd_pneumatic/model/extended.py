@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.model.baseline import charging_time, quickest
 from cfd_pneumatic.model.composed import (
     OFFSET_ROW,
     PARAMETER_ROWS,
@@ -127,7 +128,7 @@ class ExtendedCylinder:
     Attributes
     ----------
     gains
-        k_x [Pa/m], k_sv, k_v [1/s], tau [s].
+        In the order of `SPECS` [SI].
     effects
         Parameters of each effect that is on, by its name.
     ambient_pressure
@@ -141,8 +142,7 @@ class ExtendedCylinder:
 
     def stiffness(self, pressures: Sequence[float], displacements: Sequence[float]) -> float:
         """Return the inverse of the fastest time constant [1/s] at extremes of pressure [Pa] and displacement [m]."""
-        _, k_sv, k_v, tau = self.gains
-        fastest = max(k_sv, k_v, 1.0 / tau)
+        fastest = quickest(self.gains)
         for name, own in self.effects.items():
             quickens = PRESSURE_EFFECTS[name].quickens
             if quickens is not None:
@@ -161,7 +161,7 @@ class ExtendedCylinder:
     @property
     def settling(self) -> float:
         """Time in which the pressure settles at a rest below the set-point, where the regulator charges [s]."""
-        return min(_SETTLED / self.gains[1], _LONGEST_SETTLING)
+        return min(_SETTLED * charging_time(self.gains), _LONGEST_SETTLING)
 
     def begin(self, p: float, p_f: float, x: float, before: ExtendedState | None = None) -> ExtendedState:
         """

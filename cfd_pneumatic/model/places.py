@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.model.parameters import SPECS
 
 Array = NDArray[np.float64]
 
-GAINS = 4
-"""k_x, k_sv, k_v and tau come first among the parameters."""
+GAINS = len(SPECS)
+"""The gains come first among the parameters."""
 
 PRESSURES = 2
 """p and p_f come first among the states."""
@@ -72,7 +73,7 @@ FORCE_STATES = sum(effect.states for effect in FORCE_EFFECTS.values())
 
 def all_parameters(gains: Sequence[float] | Array, effects: Mapping[str, Sequence[float]]) -> Array:
     """
-    Return the four gains [Pa/m, 1/s, 1/s, s] and the parameters of every effect on the pressure.
+    Return the gains and the parameters of every effect on the pressure.
 
     They are null where the effect is not among `effects`.
     """

@@ -48,7 +48,7 @@ class PlannedCylinder:
 
     @property
     def gains(self) -> Array:
-        """k_x, k_sv, k_v, tau at home, shape (4,) [Pa/m, 1/s, 1/s, s]."""
+        """At home, in the order of `SPECS`, shape (gains,) [SI]."""
         return self.points.at(self.home).table[0, 1:]
 
 

@@ -12,6 +12,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD
 from cfd_pneumatic.model import NAMES, SPECS
+from cfd_pneumatic.model.baseline import slowest
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.composition import ROUNDS, Menu, compose
 from cfd_pneumatic.planning.device import PlannedDevice
@@ -147,9 +148,8 @@ def plan(device: PlannedDevice, limits: Limits, sensing: Sensing, wanted: Collec
 
 def settling(device: PlannedDevice) -> float:
     """Return how long to rest until the pressures have settled [s]."""
-    gains = np.array([one.gains for one in device.cylinders.values()])
-    slowest = max(float(np.max(1.0 / gains[:, 1:3])), float(np.max(gains[:, 3])))
-    return min(max(_SETTLED * slowest, _SHORTEST_REST), _LONGEST_REST)
+    longest = max(slowest(one.gains) for one in device.cylinders.values())
+    return min(max(_SETTLED * longest, _SHORTEST_REST), _LONGEST_REST)
 
 
 def _offered(device: PlannedDevice, limits: Limits) -> list[Segment]:

@@ -308,7 +308,7 @@ class Pressure(Channel):
         Return what effects draw their starting values from.
 
         =====================  ============================================================
-        `k_x` [Pa/m], `k_sv`, `k_v` [1/s], `tau` [s]  gains as fitted
+        `k_x` and so on        gains as fitted
         `residual`, `mean` [Pa]  root mean square and mean of the residual
         `gauge` [Pa]           median gauge pressure
         `highest_pressure` [Pa]  absolute
