@@ -84,6 +84,12 @@ class Window:
     end: float
 
 
+def pictures(result: ChannelResult, drawn: Sequence[Comparison]) -> dict[str, list[Picture]]:
+    """Return the figures of a channel by their place on the page; whole recordings are shown of those `drawn`."""
+    strips = [zoom_picture(result), *(record_picture(result, one) for one in drawn)]
+    return {'strips': strips, 'correlations': correlation_pictures(result)}
+
+
 def record_picture(result: ChannelResult, comparison: Comparison) -> Picture:
     """Return measured and simulated values and residuals over a whole recording."""
     begin, end = float(comparison.times[0]), float(comparison.times[-1])

@@ -74,10 +74,8 @@ def _section(result: ChannelResult) -> dict[str, Any]:
         'result': result,
         'findings': findings,
         'bars': list(_bars(result)),
-        'zoom': _shown(figures.zoom_picture(result)),
-        'records': [_shown(figures.record_picture(result, comparison)) for comparison in drawn],
+        'pictures': figures.pictures(result, drawn),
         'not_drawn': [comparison.name for comparison in result.comparisons[_MOST_RECORDINGS:]],
-        'correlations': [_shown(picture) for picture in figures.correlation_pictures(result)],
         'errors': list(_errors(result)),
         'rounds': [_round(trials) for trials in findings.rounds],
         'tests': _tests(findings.tests_before, findings.tests_after),
@@ -85,10 +83,6 @@ def _section(result: ChannelResult) -> dict[str, Any]:
         'effect_parameters': {effect: list(_effect_rows(result, effect)) for effect in findings.effects},
         'rivals': {effect: rivals for effect, rivals in findings.alternatives.items() if rivals},
     }
-
-
-def _shown(picture: figures.Picture) -> dict[str, Any]:
-    return {'wide': picture.wide, 'narrow': picture.narrow, 'caption': picture.caption}
 
 
 def _bars(result: ChannelResult) -> Iterator[dict[str, Any]]:
