@@ -46,7 +46,7 @@ class Chromium:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             env={**os.environ, 'TMPDIR': self._home},
-            pass_fds=(3, 4),
+            close_fds=False,  # Python opens its own so that they end with it
             preexec_fn=lambda: [os.dup2(end, number) for end, number in zip(ends, (3, 4))],
             start_new_session=True,
         )
