@@ -113,11 +113,7 @@ def _identified(
     channel: Channel, held: tuple[int, ...], experiments: tuple[Experiment, ...], options: Options
 ) -> ChannelResult:
     joint = fit(channel, experiments)
-    levels = channel.levels(experiments, joint.model)
-    schedule = [OperatingPoint(float(np.mean(np.concatenate(levels))), joint)] if levels else []
-    simulated, notes = list(joint.simulated), list[str]()
-    if options.per_setpoint and levels:
-        schedule, simulated, notes = _fit_each_setpoint(joint, levels, options.ambient_pressure)
+    schedule, simulated, notes = _schedule(joint, options)
     found, conclusion = close_loop(joint) if options.close_loop else (joint, None)
     return ChannelResult(
         channel=channel,
@@ -132,6 +128,15 @@ def _identified(
         found=found,
         conclusion=conclusion,
     )
+
+
+def _schedule(joint: Fit, options: Options) -> tuple[list[OperatingPoint], list[Array], list[str]]:
+    """Return the operating points, what they simulate, and what was left out."""
+    levels = joint.likelihood.channel.levels(joint.likelihood.experiments, joint.model)
+    if options.per_setpoint and levels:
+        return _fit_each_setpoint(joint, levels, options.ambient_pressure)
+    schedule = [OperatingPoint(float(np.mean(np.concatenate(levels))), joint)] if levels else []
+    return schedule, list(joint.simulated), []
 
 
 def _fit_each_setpoint(

@@ -123,7 +123,7 @@ def test_the_displacements_noise_counts_with_k_x():
     """That of a still piston, smoothed: K_x times what the smoother leaves of it."""
     rough = strokes(noise=4e-5)
     white = STD * coloured(1, rough.measured.size, 0.0)
-    expected = math.sqrt(STD**2 + GAINS[0] ** 2 * np.mean(rough.motion.std**2))
+    expected = math.sqrt(STD**2 + GAINS[0] ** 2 * rough.motion.uncertainty**2)
     assert expected > 1.1 * STD
     assert heard(rough, white).std == pytest.approx(expected, rel=0.05)
     assert heard(rough, white, k_x=0.0).std == pytest.approx(STD, rel=0.05)

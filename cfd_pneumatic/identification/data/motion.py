@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,12 +56,12 @@ class Motion:
     displacement, rate, acceleration
         Smoothed displacement and its derivatives, shape (n,) [m, m/s, m/s^2]; where the acceleration jumps, the one
         before.
-    std
-        Standard error of the displacement, shape (n,) [m].
     reach
         Largest displacement less the smallest [m].
     noise
         Standard deviation of the measured displacement's noise [m].
+    uncertainty
+        Root mean square of the smoothed displacement's standard errors [m].
     order
         2 where the motion is likelier one of white acceleration, 3 where one of white jerk.
     deviance
@@ -76,17 +76,12 @@ class Motion:
     displacement: Array
     rate: Array
     acceleration: Array
-    std: Array
     reach: float
     noise: float
+    uncertainty: float
     order: int
     deviance: float
     stamps: Array
-
-    @cached_property
-    def uncertainty(self) -> float:
-        """Root mean square of the displacement's standard errors [m]."""
-        return math.sqrt(float(self.std @ self.std) / self.std.size)
 
     def on_clock(self, stamps: Array) -> Array:
         """Return when something was that is stamped as the samples are, shape (n,) [s]."""
@@ -130,7 +125,6 @@ class Motion:
             displacement=self.displacement[samples],
             rate=self.rate[samples],
             acceleration=self.acceleration[samples],
-            std=self.std[samples],
             stamps=times if self.stamps is self.times else self.stamps[samples],
         )
 
@@ -244,18 +238,18 @@ def _joined(
         displacement=np.empty(size),
         rate=np.empty(size),
         acceleration=np.empty(size),
-        std=np.empty(size),
     )
 
-    def smooth(place: tuple[slice, slice]) -> None:
+    def smooth(place: tuple[slice, slice]) -> float:
         own, window = place
         motion = _smoothed(times[window], measured[window], (known.order,))
         inner = motion.part(slice(own.start - window.start, own.stop - window.start))
         found.displacement[own], found.rate[own] = inner.displacement, inner.rate
-        found.acceleration[own], found.std[own] = inner.acceleration, inner.std
+        found.acceleration[own] = inner.acceleration
+        return motion.uncertainty
 
-    each(smooth, windows)
-    return replace(found, reach=float(np.ptp(found.displacement)))
+    uncertainty = math.sqrt(np.mean(np.square(each(smooth, windows))))
+    return replace(found, reach=float(np.ptp(found.displacement)), uncertainty=uncertainty)
 
 
 def _after(begin: float, end: float, times: Array) -> Array:
@@ -278,9 +272,9 @@ def _smoothed(times: Array, measured: Array, orders: Sequence[int] = _ORDERS) ->
         displacement=displacement,
         rate=scale / unit * mean[:, 1],
         acceleration=scale / unit**2 * mean[:, 2],
-        std=noise * np.sqrt(np.clip(variance, 0.0, 1.0)),
         reach=float(np.ptp(displacement)),
         noise=noise,
+        uncertainty=noise * math.sqrt(np.mean(np.clip(variance, 0.0, 1.0))),
         order=best.order,
         deviance=best.deviance,
         stamps=times,
