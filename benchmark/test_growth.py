@@ -20,7 +20,6 @@ from io import StringIO
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -78,29 +77,29 @@ def identifying(samples: int, folder: Path) -> Job:
     return job
 
 
-class Work(NamedTuple):
-    """Some work of a size: a function makes the job, in the process that does it; one puts there the files it needs."""
-
-    prepare: Callable[[int, Path], Job]
-    write: Callable[[int, Path], object] = lambda size, folder: None
-
-
-WORKS = {
-    'read_mcap': Work(reading, partial(write_messages, 'mcap')),
-    'read_sqlite3': Work(reading, partial(write_messages, 'sqlite3')),
-    'simulate': Work(partial(simulating, slopes=False)),
-    'simulate_with_sensitivities': Work(partial(simulating, slopes=True)),
-    'fit': Work(fitting),
-    'identify_bag': Work(identifying, write_leaking),
+WRITE = {
+    'read_mcap': partial(write_messages, 'mcap'),
+    'read_sqlite3': partial(write_messages, 'sqlite3'),
+    'identify_bag': write_leaking,
 }
+"""What puts the files that some work needs of a size into a folder."""
+
+PREPARE = {
+    'read_mcap': reading,
+    'read_sqlite3': reading,
+    'simulate': partial(simulating, slopes=False),
+    'simulate_with_sensitivities': partial(simulating, slopes=True),
+    'fit': fitting,
+    'identify_bag': identifying,
+}
+"""What makes the job of a size, in the process that does it."""
 
 
 def measured(name: str, small: Path, size: int, large: Path) -> dict[str, float]:
     """Return time, processor time of all threads [s] and peak memory [bytes]."""
-    work = WORKS[name]
-    work.prepare(SIZES[0], small)()
+    PREPARE[name](SIZES[0], small)()
     before = memory('VmRSS')
-    job = work.prepare(size, large)
+    job = PREPARE[name](size, large)
     Path('/proc/self/clear_refs').write_text('5')  # forget the peak of compiling
     busy, begin = time.process_time(), time.perf_counter()
     job()
@@ -114,7 +113,7 @@ def memory(name: str) -> int:
 
 
 @pytest.mark.parametrize('size', SIZES)
-@pytest.mark.parametrize('name', WORKS)
+@pytest.mark.parametrize('name', PREPARE)
 def test_growth(benchmark, name, size):
     if size > MOST:
         pytest.skip(f'CFD_PNEUMATIC_SAMPLES={size} has it measured')
@@ -123,7 +122,8 @@ def test_growth(benchmark, name, size):
         small, large = Path(folder) / 'small', Path(folder) / 'large'
         for samples, own in ((SIZES[0], small), (size, large)):
             own.mkdir()
-            WORKS[name].write(samples, own)
+            if name in WRITE:
+                WRITE[name](samples, own)
         found = benchmark.pedantic(lambda: process.submit(measured, name, small, size, large).result())
         compared = large / 'identified' / 'compare.mcap'
         if compared.exists():
