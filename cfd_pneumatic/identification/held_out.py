@@ -1,4 +1,4 @@
-"""The one look at the test part, when all else is done: whether it contradicts what train and validation have told."""
+"""The one look at the test part, when all else is done: whether it contradicts what train and validation have shown."""
 
 from __future__ import annotations
 

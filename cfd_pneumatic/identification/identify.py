@@ -96,7 +96,7 @@ def identify(
     data = prepared(recordings, options.fractions)
     channels = channels_of(recordings, options)
     results: dict[str, ChannelResult] = {}
-    untold: dict[str, str] = {}
+    unidentified: dict[str, str] = {}
     for rank, channel in enumerate(channels):
         progress(f'fitting {channel.name}', (0.2 + rank) / (0.2 + len(channels)))
         try:
@@ -104,9 +104,9 @@ def identify(
         except InputError as error:
             if channel.needed:
                 raise InputError(f'{channel.name}: {error}') from error
-            untold[channel.name] = f'{channel.name}: {error}'
+            unidentified[channel.name] = f'{channel.name}: {error}'
     progress('done', 1.0)
-    return Identification(data.recordings, data.splits, data.no_test, results, untold, options)
+    return Identification(data.recordings, data.splits, data.no_test, results, unidentified, options)
 
 
 def _identified(

@@ -101,8 +101,8 @@ def _fitted(before: Fit, rough: Model) -> Fit:
     if not all(np.all(np.isfinite(values)) for values in likelihood.simulate(model)):
         model = rough
     after = summary(likelihood, model)
-    untold = {one.name: one for one in before.estimates if not one.identifiable}
-    return replace(after, estimates=tuple(untold.get(one.name, one) for one in after.estimates))
+    unidentifiable = {one.name: one for one in before.estimates if not one.identifiable}
+    return replace(after, estimates=tuple(unidentifiable.get(one.name, one) for one in after.estimates))
 
 
 def _confounded(after: Fit) -> Mapping[str, tuple[str, ...]]:

@@ -183,7 +183,7 @@ class ChannelResult:
 @dataclass(frozen=True)
 class Geometry:
     """
-    How pressures make the contact force, as far as the recordings told it or somebody gave it.
+    How pressures make the contact force, as far as it was identified or given.
 
     Attributes
     ----------
@@ -216,8 +216,8 @@ class Identification:
         Why there is no test part, or None.
     channels
         Results by `cylinder_a`, `cylinder_b`, `force`.
-    untold
-        Why a channel that was recorded told nothing, by its name.
+    unidentified
+        Why a channel that was recorded could not be identified, by its name.
     options
         How it was identified.
 
@@ -227,7 +227,7 @@ class Identification:
     splits: tuple[Split, ...]
     no_test: str | None
     channels: Mapping[str, ChannelResult]
-    untold: Mapping[str, str]
+    unidentified: Mapping[str, str]
     options: Options
 
     @property
@@ -250,7 +250,7 @@ class Identification:
         """What makes the contact force: as fitted, or as given."""
         force = self.channels.get('force')
         if force is None:
-            note = 'as given' if self.options.area is not None else self.untold.get('force')
+            note = 'as given' if self.options.area is not None else self.unidentified.get('force')
             return Geometry(self.options.area, self.options.geometric_factor, note)
         area, factor = force.found.model.parameters.tolist()
         return Geometry(area, factor, force.found.estimates[0].reason)

@@ -33,8 +33,8 @@ class Weighing:
         Standard deviation while the signal rests [signal's unit].
     timing
         How much a residual grows with the signal's rate [s]: jitter of the stamps, and what the model is late by.
-    colour
-        Memory of the weighed residuals from sample to sample, as in `colour.autoregression`.
+    coefficients
+        Memory of the weighed residuals from sample to sample, as `autoregression` has it.
     innovation
         Standard deviation of what is new in a weighed residual [signal's unit].
 
@@ -42,13 +42,13 @@ class Weighing:
 
     noise: float
     timing: float
-    colour: Array = field(default_factory=lambda: np.empty(0))
+    coefficients: Array = field(default_factory=lambda: np.empty(0))
     innovation: float = 1.0
 
     @property
     def persistence(self) -> float:
         """What is new in each residual of a lasting shift, over the shift [-]."""
-        return max(1.0 - float(np.sum(self.colour)), _LEAST_PERSISTENCE)
+        return max(1.0 - float(np.sum(self.coefficients)), _LEAST_PERSISTENCE)
 
     def weighed(self, residuals: Array, rates: Array) -> Array:
         """Return residuals that spread alike at any rate of the signal [signal's unit], shape (n,)."""
@@ -57,9 +57,9 @@ class Weighing:
 
     def innovations(self, weighed: Array, before: Array) -> Array:
         """Return what is new in each weighed residual, shape (n,); those `before` it are zero where there are none."""
-        order = self.colour.size
+        order = self.coefficients.size
         behind = np.concatenate([np.zeros(order), before])[before.size :]
-        return whitened(np.concatenate([behind, weighed]), self.colour)[order:]
+        return whitened(np.concatenate([behind, weighed]), self.coefficients)[order:]
 
     def features(self, innovations: Array) -> tuple[Array, Array]:
         """
@@ -138,8 +138,8 @@ def _weighing(residuals: Array, rates: Array, ends: NDArray[np.intp]) -> tuple[W
     excess = max(float(np.sum(squares[fast] - noise)), 0.0)
     plain = Weighing(math.sqrt(noise), math.sqrt(excess / moved) if moved > 0.0 else 0.0)
     weighed = plain.weighed(residuals, rates)
-    colour = autoregression([stretch - np.mean(stretch) for stretch in np.split(weighed, ends)])
-    coloured = replace(plain, colour=colour)
+    coefficients = autoregression([stretch - np.mean(stretch) for stretch in np.split(weighed, ends)])
+    coloured = replace(plain, coefficients=coefficients)
     innovations = coloured.innovations(weighed, np.empty(0))
     return replace(coloured, innovation=max(float(np.std(innovations)), LEAST_SPREAD)), innovations
 

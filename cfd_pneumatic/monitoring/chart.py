@@ -30,8 +30,8 @@ class Series:
     ----------
     mean
         In the series' unit.
-    colour
-        As in `colour.autoregression`.
+    coefficients
+        Of its autoregression.
     std
         Standard deviation of what is new in a value, in the series' unit.
     tolerance
@@ -44,7 +44,7 @@ class Series:
     """
 
     mean: float
-    colour: Array
+    coefficients: Array
     std: float
     tolerance: float
     learned_from: int
@@ -53,7 +53,7 @@ class Series:
     @property
     def persistence(self) -> float:
         """What is new in each value of a lasting shift, over the shift [-]."""
-        return max(1.0 - float(np.sum(self.colour)), 0.0)
+        return max(1.0 - float(np.sum(self.coefficients)), 0.0)
 
     @property
     def slack(self) -> float:
@@ -67,28 +67,28 @@ def usual(values: Array, tolerance: float = 0.0) -> Series:
     reach = _OUTLYING * _NORMAL_PER_MEDIAN * float(np.median(np.abs(values - median)))
     near = np.clip(values, median - reach, median + reach) if reach > 0.0 else values
     mean = float(np.mean(near))
-    colour = autoregression([near - mean])
-    new = whitened(near - mean, colour)[colour.size :]
-    std = max(float(np.sqrt(np.sum(new**2) / max(new.size - 1 - colour.size, 1))), LEAST_SPREAD)
-    series = Series(mean, colour, std, tolerance, values.size)
-    scores = np.clip(whitened(values - mean, colour)[colour.size :] / std, -_CLIP, _CLIP)
+    coefficients = autoregression([near - mean])
+    new = whitened(near - mean, coefficients)[coefficients.size :]
+    std = max(float(np.sqrt(np.sum(new**2) / max(new.size - 1 - coefficients.size, 1))), LEAST_SPREAD)
+    series = Series(mean, coefficients, std, tolerance, values.size)
+    scores = np.clip(whitened(values - mean, coefficients)[coefficients.size :] / std, -_CLIP, _CLIP)
     return replace(series, excursions=(excursions(scores, series.slack), excursions(-scores, series.slack)))
 
 
 @compiler()
 def _advance(  # type: ignore[no-untyped-def]
-    values, mean, colour, std, slack, thresholds, clip, history, sums, runs
+    values, mean, coefficients, std, slack, thresholds, clip, history, sums, runs
 ):
     """Add values up; return the index of the one with which a sum exceeds its threshold, or -1."""
     for index in range(values.size):
         expected = 0.0
-        for lag in range(colour.size):
-            expected += colour[lag] * history[lag]
+        for lag in range(coefficients.size):
+            expected += coefficients[lag] * history[lag]
         score = (values[index] - mean - expected) / std
         score = min(max(score, -clip), clip)
-        for lag in range(colour.size - 1, 0, -1):
+        for lag in range(coefficients.size - 1, 0, -1):
             history[lag] = history[lag - 1]
-        if colour.size:
+        if coefficients.size:
             history[0] = expected + score * std
         for side in range(sums.size):
             step = score if side == 0 else -score
@@ -123,7 +123,7 @@ class Chart:
         normal = threshold_for(mean_run * sides, series.learned_from)
         self.thresholds = np.array([as_rare(normal, own) for own in series.excursions[:sides]])
         self._slack = series.slack
-        self._history = np.zeros(series.colour.size)
+        self._history = np.zeros(series.coefficients.size)
         self._sums = np.zeros(sides)
         self._runs = np.zeros(sides, dtype=np.int64)
 
@@ -134,7 +134,7 @@ class Chart:
             _advance(
                 values,
                 series.mean,
-                series.colour,
+                series.coefficients,
                 series.std,
                 self._slack,
                 self.thresholds,

@@ -51,10 +51,10 @@ class Evidence:
         """Cramer-Rao bounds of what is fitted anyway, as shares of the values; infinite where nothing tells it."""
         own = len(self.signatures.own)
         normal = self.products[:own, :own]
-        told = np.diag(normal) > 0.0
+        determined = np.diag(normal) > 0.0
         variances = np.full(own, np.inf)
         white = Information(normal, None, float(self.samples), self.samples)
-        variances[told] = np.diag(white.covariance(self.samples, np.flatnonzero(told)))
+        variances[determined] = np.diag(white.covariance(self.samples, np.flatnonzero(determined)))
         return np.asarray(np.sqrt(variances))
 
     @cached_property

@@ -35,7 +35,7 @@ _SHORTEST_REST, _LONGEST_REST = 0.3, 1.0  # noise is told from rests of this len
 @dataclass(frozen=True)
 class ParameterPrediction:
     """
-    How well a parameter will be told.
+    How well a parameter will be identified.
 
     Attributes
     ----------
@@ -230,8 +230,8 @@ def _effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPredicti
             )
         )
     channel = evidence.signatures.channel
-    untold = [name for name in evidence.signatures.untold if name in wanted]
-    return found + [EffectPrediction(channel, name, False, None, (), None) for name in untold]
+    hidden = [name for name in evidence.signatures.unidentifiable if name in wanted]
+    return found + [EffectPrediction(channel, name, False, None, (), None) for name in hidden]
 
 
 def _smallest(form: Form, visibility: float) -> dict[str, float] | None:

@@ -75,11 +75,11 @@ class Signatures:
     own
         Names of what is fitted anyway: parameters, effects' as `EFFECT.PARAMETER`, otherwise empty.
     values
-        Of these, where they have a name; standard errors are told as shares of them.
+        Of these, where they have a name; standard errors are shares of them.
     forms
         Of effects that may be missing.
-    untold
-        Effects that may be missing and can't be told, whatever they are like: the motion is too quick for the samples.
+    unidentifiable
+        Effects that may be missing and never are, whatever they are like: the motion is too quick for the samples.
     columns
         By what is fitted anyway, then the change that each form makes, shape (n, own + forms) [Pa or N].
 
@@ -90,7 +90,7 @@ class Signatures:
     own: tuple[str, ...]
     values: Array
     forms: tuple[Form, ...]
-    untold: tuple[str, ...]
+    unidentifiable: tuple[str, ...]
     columns: Array
 
     def products(self, samples: slice | NDArray[np.bool_] = slice(None)) -> Array:
@@ -189,7 +189,7 @@ def _signatures(one: Planned) -> Signatures:
     known = channel.data([one.experiment], model, [one.experiment.measured])
     data = {**known, 'residual': strength, 'mean': strength, 'lag': 0.0}
     missing = [effect for effect in channel.effects if effect not in model.effects]
-    hidden = tuple(effect for effect in missing if channel.untold([one.experiment], effect) is not None)
+    hidden = tuple(effect for effect in missing if channel.unidentifiable([one.experiment], effect) is not None)
     visible = {effect: channel.effects[effect] for effect in missing if effect not in hidden}
     forms, columns = _formed(visible, data, one.noise, complement)
     unknowns = channel.unknowns([one.experiment], model)

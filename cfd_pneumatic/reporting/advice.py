@@ -19,7 +19,7 @@ def next_plan(identification: Identification, folder: Path = Path()) -> str | No
 
     `folder` is where the results are, as seen from where the command is to be run.
     """
-    untold = {
+    unidentifiable = {
         estimate.name
         for result in identification.cylinders.values()
         for point in result.schedule
@@ -27,7 +27,7 @@ def next_plan(identification: Identification, folder: Path = Path()) -> str | No
         if not estimate.identifiable
     }
     hidden = {name for result in identification.closed for name in result.findings.not_visible}
-    wanted = [name for name in (*NAMES, *EFFECTS) if name in untold | hidden]
+    wanted = [name for name in (*NAMES, *EFFECTS) if name in unidentifiable | hidden]
     if not wanted:
         return None
     parameters, report, output = (folder / name for name in (PARAMETER_FILE, REPORT_FILE, _NEXT))

@@ -25,7 +25,7 @@ def parameter_file(identification: Identification) -> str:
     bound too. One identifiable at some set-points only is held from the nearest of those. Where closing the loop found
     effects, they are on, and the gains are those fitted beside them, at every set-point and whether identifiable or
     not: only together do they simulate what was reported. A cylinder that was not recorded is switched off: the force
-    was made without it. The area is there whenever the force or somebody told it, identifiable or held.
+    was made without it. The area is there whenever it was identified, held or given.
     """
     lines = ['/**:', '  ros__parameters:', f'    ambient_pressure: {_float(identification.ambient_pressure)}  # Pa']
     highest = max(point.setpoint for result in identification.cylinders.values() for point in result.schedule)
@@ -65,8 +65,8 @@ def _schedule_lines(result: ChannelResult) -> list[str]:
                 f'{spec.unit}: {estimates[0].reason}'
             )
         else:
-            untold = [point.setpoint for point, one in zip(result.schedule, estimates) if not one.identifiable]
-            doubt = f'; not identifiable and held from the nearest at {_floats(untold)} Pa' if untold else ''
+            held = [point.setpoint for point, one in zip(result.schedule, estimates) if not one.identifiable]
+            doubt = f'; not identifiable and held from the nearest at {_floats(held)} Pa' if held else ''
             lines.append(f'      {spec.name}: {_floats(values)}  # {spec.unit}{doubt}')
     return lines
 

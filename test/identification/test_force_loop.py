@@ -269,7 +269,7 @@ def test_the_noise_is_seen_beside_what_is_missing():
 def test_identify_closes_the_loop_on_the_force_too():
     drawn = draw('force_offset', 'paper_step', 4)
     found = identify([both_cylinders(drawn)], Options(close_loop=True, area=AREA))
-    assert found.untold == {}
+    assert found.unidentified == {}
     force = found.channels['force']
     assert force.conclusion.effects == ('force_offset',)
     assert found.geometry == Geometry(AREA, 1.0, estimates_of(force.found)['area'].reason)
@@ -315,8 +315,8 @@ def test_a_force_that_can_not_be_used_does_not_cost_the_pressures():
         for options in (Options(), Options(close_loop=True)):
             found = identify([replace(recording, force=broken)], options)
             assert 'force' not in found.channels
-            assert message in found.untold['force']
-            assert found.geometry == Geometry(note=found.untold['force'])
+            assert message in found.unidentified['force']
+            assert found.geometry == Geometry(note=found.unidentified['force'])
             assert (found.channels['cylinder_a'].conclusion is not None) == options.close_loop
     dead = replace(recording, force=Signal(force.times, 0.0 * force.values))
     assert identify([dead], Options(area=AREA)).geometry == Geometry(AREA, None, 'as given')

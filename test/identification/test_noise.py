@@ -101,9 +101,9 @@ def test_coloured_noise_is_measured_as_well_as_it_says():
     off = np.array([(one.std / STD - 1.0) / one.uncertainty for one in found])
     assert np.mean(np.abs(off) < 3.0) >= 0.98
     assert abs(np.mean(off)) < 0.5
-    sizes = [one.colour.size for one in found]
+    sizes = [one.coefficients.size for one in found]
     assert np.mean(np.array(sizes) > 0) == 1.0
-    assert np.mean([one.colour[0] for one in found]) == pytest.approx(0.9, abs=0.1)
+    assert np.mean([one.coefficients[0] for one in found]) == pytest.approx(0.9, abs=0.1)
 
 
 @pytest.mark.parametrize('memory', [0.0, 0.9])

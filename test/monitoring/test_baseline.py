@@ -32,7 +32,7 @@ def test_noise_and_timing_are_told_apart() -> None:
     weighing = learned(*residuals(1)).weighing
     assert weighing.noise == pytest.approx(NOISE, rel=0.05)
     assert weighing.timing == pytest.approx(TIMING, rel=0.1)
-    assert weighing.colour.size == 0
+    assert weighing.coefficients.size == 0
 
 
 def test_the_memory_of_noise_is_taken_out() -> None:

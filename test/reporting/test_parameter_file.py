@@ -106,7 +106,7 @@ def test_a_cylinder_that_was_not_recorded_is_switched_off(present, missing):
 
 
 @pytest.mark.parametrize(
-    ('area', 'factor', 'untold', 'lines'),
+    ('area', 'factor', 'unidentified', 'lines'),
     [
         (None, None, {}, []),
         (None, -1.5, {}, ['geometric_factor: -1.5']),
@@ -115,9 +115,9 @@ def test_a_cylinder_that_was_not_recorded_is_switched_off(present, missing):
         (None, None, {'force': 'force: it never changes'}, ['# area is left out: force: it never changes']),
     ],
 )
-def test_the_geometry_stands_as_far_as_it_is_known(area, factor, untold, lines):
+def test_the_geometry_stands_as_far_as_it_is_known(area, factor, unidentified, lines):
     options = Options(area=area, geometric_factor=factor)
-    one = replace(open_loop(), channels=open_loop().cylinders, options=options, untold=untold)
+    one = replace(open_loop(), channels=open_loop().cylinders, options=options, unidentified=unidentified)
     text = parameter_file(one)
     assert all(line in text for line in lines)
     assert parameters_of(one).get('area') == area

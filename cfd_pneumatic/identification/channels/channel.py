@@ -302,7 +302,7 @@ class Channel(ABC):
         """Raise InputError where a fit without effects tells nothing, or nothing that can be."""
         del experiments, simulated, model, estimates
 
-    def untold(self, experiments: Sequence[Experiment], effect: str) -> str | None:
+    def unidentifiable(self, experiments: Sequence[Experiment], effect: str) -> str | None:
         """Return why experiments cannot tell an effect's parameters, whatever a fit says, or None."""
         del experiments, effect
         return None

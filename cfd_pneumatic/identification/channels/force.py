@@ -219,7 +219,7 @@ class Force(Channel):
         inert = any(self.effects[name].seen_against == 'acceleration' for name in model.effects)
         return not inert or _resolve_acceleration(experiments)  # what it leaves behind then looks like friction
 
-    def untold(self, experiments: Sequence[Experiment], effect: str) -> str | None:
+    def unidentifiable(self, experiments: Sequence[Experiment], effect: str) -> str | None:
         """Return that an acceleration which is not resolved tells nothing."""
         if self.effects[effect].seen_against != 'acceleration' or _resolve_acceleration(experiments):
             return None

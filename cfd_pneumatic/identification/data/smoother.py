@@ -308,13 +308,13 @@ class _Opening:
         filtered = _matrix(covariance[order - 1], order)
         last = mean[order - 1, :order] + filtered @ push[:order]
         last_spread = filtered - filtered @ _matrix(pull, order) @ filtered
-        told = np.linalg.solve(self._spread, self._driven[self._at_samples]).T
-        passed = self._carried - told @ self._seen
+        gain = np.linalg.solve(self._spread, self._driven[self._at_samples]).T
+        passed = self._carried - gain @ self._seen
         mean[:order] = 0.0
-        mean[:order, :order] = (passed @ last + told @ measured[:order]).reshape(order, order)
+        mean[:order, :order] = (passed @ last + gain @ measured[:order]).reshape(order, order)
         if order == 2:
             mean[1, 2] = self._density[0] * push[1]  # as in `_smooth`; before the first sample nothing drives
-        spread = passed @ last_spread @ passed.T + self._driven - told @ self._driven[self._at_samples]
+        spread = passed @ last_spread @ passed.T + self._driven - gain @ self._driven[self._at_samples]
         covariance[:order, 0] = np.diag(spread)[self._at_samples]
 
 

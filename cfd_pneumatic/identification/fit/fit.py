@@ -28,7 +28,7 @@ FINE = (1e-9, 200)
 _EXCERPT = 50_000  # grid steps
 _CONFIDENCE = 0.95
 _AT_BOUND = 1e-3  # of what is searched
-_SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not told
+_SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not determined
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
     """
     Return a fitted model with what the recordings tell of each parameter.
 
-    What is not told is held, and the standard errors of the others are so.
+    What is not identifiable is held; the standard errors of the others follow from that.
 
     Raises
     ------
@@ -134,14 +134,15 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
     channel, experiments = likelihood.channel, likelihood.experiments
     simulated = likelihood.simulate(model)
     unknowns = Unknowns(channel, experiments, model)
-    told = _information(likelihood, unknowns, simulated)
-    degrees = told.size - len(unknowns.table)
+    fisher = _information(likelihood, unknowns, simulated)
+    degrees = fisher.size - len(unknowns.table)
     if degrees < 1:
         raise InputError(
-            f'{told.size} {channel.quantity.name} samples are too few for {len(unknowns.table)} unknowns: record longer'
+            f'{fisher.size} {channel.quantity.name} samples are too few for {len(unknowns.table)} unknowns: '
+            'record longer'
         )
-    reasons = _untold(likelihood, unknowns, told)
-    stds = _standard_errors(channel, unknowns, told, degrees, reasons)
+    reasons = _unidentifiable(likelihood, unknowns, fisher)
+    stds = _standard_errors(channel, unknowns, fisher, degrees, reasons)
     values = dict(zip(unknowns.slots.tolist(), zip(unknowns.table, stds.tolist())))
     quantile = float(stdtrit(degrees, 0.5 + 0.5 * _CONFIDENCE))
     why = {unknowns.table[index].slot: reason for index, reason in reasons.items()}
@@ -177,14 +178,14 @@ def _information(likelihood: Likelihood, unknowns: Unknowns, simulated: Sequence
     return information(jacobians(), [run for run in likelihood.residuals(simulated) if run.size])
 
 
-def _untold(likelihood: Likelihood, unknowns: Unknowns, told: Information) -> dict[int, str]:
+def _unidentifiable(likelihood: Likelihood, unknowns: Unknowns, fisher: Information) -> dict[int, str]:
     """Return why the values of some unknowns mean nothing, before any statistics."""
     channel, reasons = likelihood.channel, {}
-    size = np.sqrt(np.diag(told.normal))
+    size = np.sqrt(np.diag(fisher.normal))
     for index, (one, value) in enumerate(zip(unknowns.table, unknowns.start.tolist())):
         hint = f': {channel.hints[one.name]}' if one.name in channel.hints else ''
         effect = one.name.partition('.')[0]
-        reason = channel.untold(likelihood.experiments, effect) if effect in channel.effects else None
+        reason = channel.unidentifiable(likelihood.experiments, effect) if effect in channel.effects else None
         if size[index] == 0.0:
             reason = f'nothing in the recordings depends on it{hint}'
         elif one.name and value - unknowns.lower[index] < _AT_BOUND:
@@ -194,7 +195,7 @@ def _untold(likelihood: Likelihood, unknowns: Unknowns, told: Information) -> di
         if reason is not None:
             reasons[index] = reason
     free = np.array([index for index in range(size.size) if index not in reasons], dtype=np.intp)
-    powers, directions = np.linalg.eigh(told.normal[np.ix_(free, free)] / np.outer(size[free], size[free]))
+    powers, directions = np.linalg.eigh(fisher.normal[np.ix_(free, free)] / np.outer(size[free], size[free]))
     blind = np.abs(directions[:, powers < _SINGULAR**2 * np.max(powers, initial=0.0)]) > LARGEST_RELATIVE_STD
     for index in free[np.any(blind, axis=1)].tolist():
         reasons[index] = 'it can not be told from other unknowns: let the piston reverse, or change the set-point'
@@ -202,19 +203,19 @@ def _untold(likelihood: Likelihood, unknowns: Unknowns, told: Information) -> di
 
 
 def _standard_errors(
-    channel: Channel, unknowns: Unknowns, told: Information, degrees: int, reasons: dict[int, str]
+    channel: Channel, unknowns: Unknowns, fisher: Information, degrees: int, reasons: dict[int, str]
 ) -> Array:
     """
-    Return the standard errors of what is told [unknown's unit], and add to the reasons why the rest is not.
+    Return the standard errors of what is identifiable [unknown's unit], and add to the reasons why the rest is not.
 
-    A parameter of the model itself is told if zero lies three of them away, an effect's if it lies one away. One of the
-    model's that is not told is held.
+    A parameter of the model itself is identifiable if zero lies three standard errors away, or it is held; an effect's
+    if zero lies one away.
     """
     stds = np.zeros(len(unknowns.table))
     own = [index for index, one in enumerate(unknowns.table) if one.logarithmic and one.name in channel.parameters]
     while True:
         free = np.array([index for index in range(stds.size) if index not in reasons], dtype=np.intp)
-        stds[free] = np.sqrt(np.diag(told.covariance(degrees, free)))
+        stds[free] = np.sqrt(np.diag(fisher.covariance(degrees, free)))
         worst = max((index for index in own if index not in reasons), key=stds.__getitem__, default=None)
         if worst is None or stds[worst] <= LARGEST_RELATIVE_STD:
             break

@@ -76,7 +76,7 @@ def least_squares(
     Return the point with the least sum of squared residuals that is found from a start, and what the sum is like there.
 
     Damped by the diagonal of the normal matrix (Marquardt, 1963), the damping led by how well the last step was
-    foretold (Nielsen, 1999). An unknown at a bound stays there while the sum falls outwards. One that changes the
+    predicted (Nielsen, 1999). An unknown at a bound stays there while the sum falls outwards. One that changes the
     residuals less than a millionth as much as another does is held back, as if nothing depended on it.
 
     Parameters
@@ -86,7 +86,7 @@ def least_squares(
     start, lower, upper
         Shape (k,).
     tolerance
-        The search ends when a step, taken or foretold, lowers the sum by less than this share.
+        The search ends when a step, taken or predicted, lowers the sum by less than this share.
     evaluations
         Most calls of `evaluate`.
     enough
@@ -104,8 +104,8 @@ def least_squares(
     for _ in range(evaluations - 1):
         if here.total <= enough:
             break
-        step, foretold = _step(here.normal, here.gradient, damping, lower - point, upper - point, longest)
-        if foretold <= tolerance * here.total:
+        step, predicted = _step(here.normal, here.gradient, damping, lower - point, upper - point, longest)
+        if predicted <= tolerance * here.total:
             break
         trial = np.clip(point + step, lower, upper)  # exactly, where rounding takes it past a bound
         there = evaluate(trial)
@@ -115,7 +115,7 @@ def least_squares(
             if damping > _LARGEST_DAMPING:
                 break
             continue
-        damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * fell / foretold - 1.0) ** 3), 2.0
+        damping, growth = damping * max(1.0 / 3.0, 1.0 - (2.0 * fell / predicted - 1.0) ** 3), 2.0
         point, here = trial, there
         if fell <= tolerance * here.total:
             break
@@ -127,7 +127,7 @@ def _step(
     normal: Array, gradient: Array, damping: float, down: Array, up: Array, longest: Array
 ) -> tuple[Array, float]:
     """
-    Return the damped step within `down` and `up` that lowers the sum most, as far as it is foretold, and by how much.
+    Return the damped step within `down` and `up` that lowers the sum most, as far as it is predicted, and by how much.
 
     By an active set: unknowns are held at bounds that they meet on the way, and let go where the sum falls inwards.
     Were the free step clipped instead, it might not lower the sum at all.

@@ -247,18 +247,18 @@ class Likelihood:
 
     # what a model is worth
 
-    def criterion(self, residuals: Sequence[Array], unknowns: int, colour: Array) -> float:
-        """Return the Bayesian information criterion of what a model leaves, whitened as noise of a colour."""
-        squares = sum(float(np.sum(whitened(residual, colour) ** 2)) for residual in residuals)
+    def criterion(self, residuals: Sequence[Array], unknowns: int, coefficients: Array) -> float:
+        """Return the Bayesian information criterion of what a model leaves, whitened by an autoregression."""
+        squares = sum(float(np.sum(whitened(residual, coefficients) ** 2)) for residual in residuals)
         return self.samples * math.log(max(squares, _LEAST)) + unknowns * math.log(self.samples)
 
-    def evidence(self, before: float, after: float, unknowns: int, colour: Array) -> float:
+    def evidence(self, before: float, after: float, unknowns: int, coefficients: Array) -> float:
         """
-        Return by how much sums of squares lower the criterion where noise of a colour counts for less.
+        Return by how much sums of squares lower the criterion where autoregressive noise counts for less.
 
         A slow effect, a sine for one, suits slow noise too, and whitening alone doesn't see that.
         """
-        samples = self.samples * independent_share(colour)
+        samples = self.samples * independent_share(coefficients)
         return samples * math.log(before / max(after, _LEAST)) - unknowns * math.log(self.samples)
 
 

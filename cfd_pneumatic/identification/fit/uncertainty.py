@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 LARGEST_RELATIVE_STD = 1.0 / 3.0
 """Standard error over its value above which a parameter is not identifiable: zero lies within three of them [-]."""
 
-_LEAST_TOLD = 1e-14  # of what is told best, to be told at all
+_LEAST_DETERMINED = 1e-14  # of what is determined best
 _FINEST_LAGS = 64  # up to which a window is taken sample by sample
 
 
@@ -56,8 +56,8 @@ class Information:
         size[size == 0.0] = 1.0  # metres and hertz side by side would pass for a matrix without full rank
         units = np.outer(size, size)
         values, vectors = np.linalg.eigh(normal / units)
-        told = values > _LEAST_TOLD * np.max(values, initial=0.0)
-        inverse = (vectors[:, told] / values[told]) @ vectors[:, told].T / units
+        determined = values > _LEAST_DETERMINED * np.max(values, initial=0.0)
+        inverse = (vectors[:, determined] / values[determined]) @ vectors[:, determined].T / units
         if self.scores is None:
             return np.asarray(inverse * self.power / degrees)
         return np.asarray(inverse @ self.scores[at] @ inverse * (self.size / degrees))

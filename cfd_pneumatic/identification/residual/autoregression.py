@@ -1,4 +1,4 @@
-"""The colour of noise: how much a sample tells about the next, and how to take that out."""
+"""Autoregression: how much a sample of noise says about the next, and how to take that out."""
 
 from __future__ import annotations
 

@@ -66,21 +66,21 @@ class Noise:
     ----------
     std
         Standard deviation that it gives the residual of the true model [signal's unit].
-    colour
-        As in `colour.autoregression`; white where it is not known.
+    coefficients
+        Of its autoregression; none where it is white or not known.
     uncertainty
         Standard error of `std`, as a share of it [-].
     known
-        Whether std and colour were seen while the piston and the set-point rested; otherwise the noise is taken for
-        white, and only what neighbouring samples differ by is counted. So it is where a model leaves more at rest than
-        a sensor's noise can be.
+        Whether std and coefficients are those of rests of piston and set-point; otherwise the noise is taken for white,
+        and only what neighbouring samples differ by is counted. So it is where a model leaves more at rest than a
+        sensor's noise can be.
     rounded
         Whether most of it is the converter's rounding, which depends on the signal.
 
     """
 
     std: float
-    colour: Array
+    coefficients: Array
     uncertainty: float
     known: bool
     rounded: bool
@@ -104,12 +104,12 @@ def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) 
     """
     known = sum(rest.size for rest in rests) >= _ENOUGH_AT_REST
     sensible = known and 0.0 < _spread(rests) <= SLOWEST * white
-    colour = autoregression(rests) if sensible else np.empty(0)
-    if colour.size:
+    coefficients = autoregression(rests) if sensible else np.empty(0)
+    if coefficients.size:
         count = sum(rest.size for rest in rests)
-    std = _spread(rests) if colour.size else white
-    uncertainty = 1.0 / math.sqrt(2.0 * count * independent_share(colour))
-    return Noise(max(std, rounding), colour, uncertainty, known, rounding > _MOSTLY_ROUNDING * std)
+    std = _spread(rests) if coefficients.size else white
+    uncertainty = 1.0 / math.sqrt(2.0 * count * independent_share(coefficients))
+    return Noise(max(std, rounding), coefficients, uncertainty, known, rounding > _MOSTLY_ROUNDING * std)
 
 
 def rounding_step(values: Array) -> float:

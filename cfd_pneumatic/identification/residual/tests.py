@@ -3,7 +3,7 @@ What is left of the measured pressure: whether a model that knew more could expl
 
 A residual is asked for what it would show if the model lacked something. Does it depend on the inputs (what counts for
 an output-error model)? Does a line stand out of its spectrum? Does its mean move? These are asked of noise of any
-colour. Does it resemble itself more than the noise does, and is it larger? That is asked against the noise at rest.
+spectrum. Does it resemble itself more than the noise does, and is it larger? That is asked against the noise at rest.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Test:
     what
         The statistic in words.
     decisive
-        Whether a failure means that the model lacks something; it doesn't where noise of unknown colour may be the
+        Whether a failure means that the model lacks something; it doesn't where noise of unknown spectrum may be the
         reason.
 
     """
@@ -102,11 +102,11 @@ def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise
     """
     if not any(np.any(residual) for residual in residuals):
         return [_size_test(residuals, noise)]
-    colour = autoregression(residuals)
-    innovations = [whitened(residual, colour) for residual in residuals]
+    coefficients = autoregression(residuals)
+    innovations = [whitened(residual, coefficients) for residual in residuals]
     spectra = [list(map(_periodogram, series)) for series in (residuals, _forgotten(residuals))]
     tests = [
-        _inputs_test(innovations, regressors, colour),
+        _inputs_test(innovations, regressors, coefficients),
         _slow_inputs_test(residuals, regressors),
         _line_test(spectra),
         _level_test(spectra, sum(residual.size for residual in residuals)),
@@ -118,12 +118,12 @@ def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise
     return tests
 
 
-def _inputs_test(innovations: Sequence[Array], regressors: Sequence[Regressors], colour: Array) -> Test:
+def _inputs_test(innovations: Sequence[Array], regressors: Sequence[Regressors], coefficients: Array) -> Test:
     """Ask how much of what is new in each sample a regression on the inputs explains: the quick part."""
-    common, count = _common(innovations, regressors, colour)
+    common, count = _common(innovations, regressors, coefficients)
     size = np.sqrt(np.diag(common))
-    told = np.flatnonzero(size[:-1])
-    alike, shared = (common[told][:, rest] / np.outer(size[told], size[rest]) for rest in (told, [-1]))
+    varying = np.flatnonzero(size[:-1])
+    alike, shared = (common[varying][:, rest] / np.outer(size[varying], size[rest]) for rest in (varying, [-1]))
     powers, directions = np.linalg.eigh(alike)
     apart = powers > _APART**2 * powers[-1]
     share = float(np.sum((directions[:, apart].T @ shared[:, 0]) ** 2 / powers[apart]))
@@ -150,7 +150,7 @@ def _slow_inputs_test(residuals: Sequence[Array], regressors: Sequence[Regressor
     )
 
 
-def _common(innovations: Sequence[Array], regressors: Sequence[Regressors], colour: Array) -> tuple[Array, int]:
+def _common(innovations: Sequence[Array], regressors: Sequence[Regressors], coefficients: Array) -> tuple[Array, int]:
     """
     Return the products of the whitened inputs with each other and with what is new, and of how many samples they are.
 
@@ -163,8 +163,8 @@ def _common(innovations: Sequence[Array], regressors: Sequence[Regressors], colo
     for new, own in zip(innovations, regressors):
         for begin in range(0, new.size, every * _STRETCH):
             end = min(begin + _STRETCH, new.size)
-            before = min(begin, colour.size)
-            columns = whitened(own.values(begin - before, end, width), colour)[:, before:]
+            before = min(begin, coefficients.size)
+            columns = whitened(own.values(begin - before, end, width), coefficients)[:, before:]
             common += gram(np.vstack([columns, new[begin:end]]))
             asked += end - begin
     return common, asked
@@ -204,7 +204,7 @@ def _directions(triangle: Array) -> tuple[Array, int]:
 
 
 def _line_test(spectra: Sequence[Sequence[Array]]) -> Test:
-    """Ask whether one line stands out of the spectrum beside it, which is smooth in noise of any colour."""
+    """Ask whether one line stands out of the spectrum beside it, which is smooth in autoregressive noise."""
     worst, count = min(map(_line_ratio, spectra))
     # an ordinate is exponential, and its neighbours' median spreads it a little
     threshold = _MEDIAN_SPREAD * math.log(max(count, 1) / SIGNIFICANCE)
@@ -263,20 +263,20 @@ def _periodogram(residual: Array) -> Array:
 
 
 def _whiteness_test(residuals: Sequence[Array], noise: Noise) -> Test:
-    """Ljung and Box's test, against what noise of the known colour makes."""
+    """Ljung and Box's test, against what noise as at rest makes."""
     lengths = [min(residual.size, _LONGEST_SIMULATED) for residual in residuals]
-    significant = _significant_likeness(tuple(lengths), tuple(noise.colour.tolist()))
+    significant = _significant_likeness(tuple(lengths), tuple(noise.coefficients.tolist()))
     threshold = significant * (1.0 + 3.0 * noise.uncertainty) + _MATERIAL_LIKENESS * sum(lengths)
     statistic = _ljung_box([residual[:length] for residual, length in zip(residuals, lengths)])
     what = "likeness of neighbouring residuals, Ljung and Box's Q"
-    return Test('ljung_box', statistic, threshold, what, noise.known and noise.colour.size == 0)
+    return Test('ljung_box', statistic, threshold, what, noise.known and noise.coefficients.size == 0)
 
 
 @lru_cache(maxsize=64)
-def _significant_likeness(lengths: tuple[int, ...], colour: tuple[float, ...]) -> float:
-    """Return what noise of a colour hardly ever exceeds, from simulations of it."""
+def _significant_likeness(lengths: tuple[int, ...], coefficients: tuple[float, ...]) -> float:
+    """Return what autoregressive noise hardly ever exceeds, from simulations of it."""
     rng = np.random.default_rng(_SEED)
-    shape = np.concatenate([[1.0], -np.array(colour)])
+    shape = np.concatenate([[1.0], -np.array(coefficients)])
     simulated = [
         _ljung_box([lfilter([1.0], shape, rng.standard_normal(_MEMORY + length))[_MEMORY:] for length in lengths])
         for _ in range(_SIMULATIONS)

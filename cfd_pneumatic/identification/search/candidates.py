@@ -136,10 +136,10 @@ class Candidates:
         ranked = sorted(names, key=lambda name: -shares[name])
         return ranked[:_FITTED_OF_LONG], {name: shares[name] for name in ranked[_FITTED_OF_LONG:]}
 
-    def resting_colour(self, candidate: Candidate) -> Array:
-        """Return the colour of the noise at rest, as a candidate leaves it."""
+    def resting_coefficients(self, candidate: Candidate) -> Array:
+        """Return the autoregression of the noise at rest, as a candidate leaves it."""
         simulated = [values[: one.part.size] for one, values in zip(self.train.experiments, candidate.simulated)]
-        return self.channel.noise(self.train.experiments, simulated, candidate.model).colour
+        return self.channel.noise(self.train.experiments, simulated, candidate.model).coefficients
 
     def residual_tests(self, candidate: Candidate) -> list[Test]:
         """Return the tests of what a candidate leaves of train and validation; none is tested twice."""

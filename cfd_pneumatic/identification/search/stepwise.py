@@ -31,7 +31,7 @@ SHOWN = 0.57
 TIE = 10.0
 """Rivals within so much of the criterion can't be told apart [-]."""
 
-_WHITE = np.empty(0)  # colour of white noise
+_WHITE = np.empty(0)  # coefficients of white noise
 _OUTDONE = 'worth it, but another lowers the criterion more'
 _UNPROMISING = 'not fitted: as far as small changes tell, it takes no more than that'
 _LEAST_BIC = 10.0  # by which an effect must lower the criterion
@@ -154,14 +154,16 @@ class Search:
         self._accepted: dict[tuple[str, ...], Candidate] = {}
         self._tried: dict[tuple[str, ...], Candidate] = {}
 
-    def criterion(self, model: Candidate, colour: Array) -> float:
-        """Return the Bayesian information criterion of a model at a colour of noise."""
-        return self._likelihood.criterion(model.residuals, model.unknowns, colour)
+    def criterion(self, model: Candidate, coefficients: Array) -> float:
+        """Return the Bayesian information criterion of a model, whitened by an autoregression."""
+        return self._likelihood.criterion(model.residuals, model.unknowns, coefficients)
 
     def evidence(self, model: Candidate, candidate: Candidate) -> float:
-        """Return by how much a candidate lowers the criterion where noise of its colour at rest counts for less."""
+        """Return by how much a candidate lowers the criterion where noise as it leaves at rest counts for less."""
         more = candidate.unknowns - model.unknowns
-        return self._likelihood.evidence(model.rss, candidate.rss, more, self.candidates.resting_colour(candidate))
+        return self._likelihood.evidence(
+            model.rss, candidate.rss, more, self.candidates.resting_coefficients(candidate)
+        )
 
     def run(self) -> SearchResult:
         """
@@ -204,14 +206,14 @@ class Search:
         """Try every effect beside a model."""
         chosen, others = self.candidates.promising(model, self.candidates.names(model))
         candidates = self._beside(model, chosen)
-        colour = autoregression(min((*candidates.values(), model), key=lambda one: one.rss).residuals)
-        before, reference = self.criterion(model, colour), model.validation_rmse
-        coloured = {name: self.criterion(one, colour) for name, one in candidates.items()}
+        coefficients = autoregression(min((*candidates.values(), model), key=lambda one: one.rss).residuals)
+        before, reference = self.criterion(model, coefficients), model.validation_rmse
+        criteria = {name: self.criterion(one, coefficients) for name, one in candidates.items()}
         trials: dict[str, Trial] = {}
         beside = tuple(model.effects)
         objections: dict[str, str | None] = {}
         for name, candidate in candidates.items():
-            gain = min(before - coloured[name], self.evidence(model, candidate))
+            gain = min(before - criteria[name], self.evidence(model, candidate))
             drop = 1.0 - candidate.rss / model.rss
             validation = candidate.validation_rmse
             reason = objection(gain, drop, len(model.effects), validation, reference)
@@ -225,7 +227,7 @@ class Search:
         )
         ranked = sorted(candidates, key=lambda name: self.criterion(candidates[name], _WHITE))
         worthy = [name for name in ranked if objections[name] is None]
-        leads = dict.fromkeys([*sorted(worthy, key=lambda name: coloured[name])[:1], *worthy[:1]])
+        leads = dict.fromkeys([*sorted(worthy, key=lambda name: criteria[name])[:1], *worthy[:1]])
         return Step(candidates, ranked, tuple(leads), trials)
 
     def _beside(self, model: Candidate, names: Sequence[str]) -> dict[str, Candidate]:
@@ -248,8 +250,8 @@ class Search:
         """Return a model without the effects that it does not need any more, the last one apart."""
         for name in list(model.effects)[:-1]:
             fewer = self._rest(model, name)
-            colour = autoregression(model.residuals)
-            gain = self.criterion(fewer, colour) - self.criterion(model, colour)
+            coefficients = autoregression(model.residuals)
+            gain = self.criterion(fewer, coefficients) - self.criterion(model, coefficients)
             if objection(gain, 1.0 - model.rss / fewer.rss, 1, model.validation_rmse, math.inf) is not None:
                 model = fewer
         return model
@@ -259,14 +261,17 @@ class Search:
     ) -> tuple[Candidate, Mapping[str, tuple[str, ...]]]:
         """Try rivals in each effect's place; return the best model, and for each effect those that do as well."""
         for _ in range(_ROUNDS):
-            colour = autoregression(model.residuals)
-            own, more_is_left = self.criterion(model, colour), not explained(self.candidates.residual_tests(model))
+            coefficients = autoregression(model.residuals)
+            own, more_is_left = (
+                self.criterion(model, coefficients),
+                not explained(self.candidates.residual_tests(model)),
+            )
             alternatives: dict[str, tuple[str, ...]] = {}
             better: tuple[float, Candidate] | None = None
             for name in model.effects:
                 rest = self._rest(model, name)
                 rivals = self._beside(rest, [rival for rival in ranking.get(name, ()) if rival not in model.effects])
-                gains = {rival: own - self.criterion(one, colour) for rival, one in rivals.items()}
+                gains = {rival: own - self.criterion(one, coefficients) for rival, one in rivals.items()}
                 ties = [rival for rival in gains if gains[rival] > -TIE]
                 if more_is_left:
                     ties += [rival for rival, one in rivals.items() if comparable(one.rss, model.rss, rest.rss)]
