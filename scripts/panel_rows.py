@@ -28,7 +28,6 @@ from cfd_pneumatic.identification import Fit, Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import search
 from cfd_pneumatic.identification.loop import close_loop
-from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.rig import Cylinder
 from cfd_pneumatic.rig.panel import (
@@ -183,6 +182,7 @@ def recording_of(drawn: Draw) -> Recording:
 
 
 def _identified(job: Job, drawn: Draw) -> Row:
+    """Return the answer; residuals stand beside what the oracle has left."""
     if job.kind in ON_FORCE_KINDS:
         recording, left, channel = rig_recordings.recording_of(drawn.recording), force_oracle_residual(drawn), 'force'
         options = Options(close_loop=True, area=Cylinder().area)
@@ -198,24 +198,9 @@ def _identified(job: Job, drawn: Draw) -> Row:
         result.channel.library = {name: effect for name, effect in library.items() if name not in job.effects}
         found, conclusion = close_loop(result.fit)
     seconds = time.perf_counter() - began
+    (experiment,) = result.experiments
+    before, after = (experiment.measured - one.simulated[0] for one in (result.fit, found))
     of_oracle = identification.splits[0].part_of(recording.displacement.times)
-    row = _row_of(job, drawn, result.fit, found, conclusion, left, of_oracle)
-    beside = _beside(job.effects, result.fit, found, _rms(left)) if job.kind == 'pairs' else {}
-    return replace(row, beside=beside, seconds=seconds)
-
-
-def _row_of(
-    job: Job,
-    drawn: Draw,
-    baseline: Fit,
-    found: Fit,
-    conclusion: Conclusion,
-    left: np.ndarray,
-    of_oracle: np.ndarray,
-) -> Row:
-    """Return the answer; residuals stand beside what the oracle has left, of whose samples the parts are given."""
-    (experiment,) = baseline.likelihood.experiments
-    before, after = (experiment.measured - one.simulated[0] for one in (baseline, found))
     test, oracles_test = experiment.part == PARTS.index('test'), of_oracle == PARTS.index('test')
     tested = bool(np.any(test))
     if not tested:
@@ -233,6 +218,8 @@ def _row_of(
         tested=tested,
         noise=conclusion.noise.std / floor,
         strengths=drawn.truth.strengths,
+        beside=_beside(job.effects, result.fit, found, floor) if job.kind == 'pairs' else {},
+        seconds=seconds,
     )
 
 

@@ -74,12 +74,8 @@ def prepared(recordings: Sequence[Recording], fractions: tuple[float, float, flo
     return Prepared(tuple(recordings), tuple(motions), tuple(splits), no_test)
 
 
-def _no_progress(_what: str, _share: float) -> None:
-    return
-
-
 def identify(
-    recordings: Sequence[Recording], options: Options = Options(), progress: Progress = _no_progress
+    recordings: Sequence[Recording], options: Options = Options(), progress: Progress = lambda _what, _share: None
 ) -> Identification:
     """
     Identify each channel that the recordings hold, jointly over all of them.

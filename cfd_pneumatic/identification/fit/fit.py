@@ -143,7 +143,7 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
         )
     reasons = _unidentifiable(likelihood, unknowns, fisher)
     stds = _standard_errors(channel, unknowns, fisher, degrees, reasons)
-    values = dict(zip(unknowns.slots.tolist(), zip(unknowns.table, stds.tolist())))
+    std_of = dict(zip(unknowns.slots.tolist(), stds.tolist()))
     quantile = float(stdtrit(degrees, 0.5 + 0.5 * _CONFIDENCE))
     why = {unknowns.table[index].slot: reason for index, reason in reasons.items()}
     row = channel.row(model)
@@ -154,14 +154,9 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
         if reason is not None:
             estimates.append(Estimate(name, unit, None, None, None, reason))
             continue
-        value, std = float(row[slot]), values[slot][1] if slot in values else 0.0
+        value, std = float(row[slot]), std_of.get(slot, 0.0)
         estimates.append(Estimate(name, unit, value, std, (value - quantile * std, value + quantile * std), None))
-    own = np.array(
-        [
-            [values[slot][1] if slot in values else 0.0 for slot in channel.own_slots(index)]
-            for index in range(len(model.own))
-        ]
-    )
+    own = np.array([[std_of.get(slot, 0.0) for slot in channel.own_slots(index)] for index in range(len(model.own))])
     channel.check(experiments, simulated, model, estimates)
     return Fit(model, tuple(estimates), own, tuple(simulated), likelihood)
 
