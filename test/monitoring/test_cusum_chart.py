@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from cfd_pneumatic.monitoring.chart import Chart, Series, usual
 
-PLAIN = Series(mean=0.0, colour=np.empty(0), std=1.0, tolerance=0.0, learned_from=10**9)
+PLAIN = Series(mean=0.0, coefficients=np.empty(0), std=1.0, tolerance=0.0, learned_from=10**9)
 values = st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=60)
 
 
