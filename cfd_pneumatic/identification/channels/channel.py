@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -22,6 +24,7 @@ from cfd_pneumatic.model.effects import Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 Effects = Mapping[str, tuple[float, ...]]
 """Parameters of each effect that is on, by its name."""
 
@@ -259,7 +262,7 @@ class Channel(ABC):
         """
 
     def linearised(
-        self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Array, steps: Array, count: int
+        self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Indices, steps: Array, count: int
     ) -> Iterator[tuple[slice, Array, Array]]:
         """
         Yield what a model makes of an experiment, and its derivatives by some of its numbers.
@@ -373,14 +376,14 @@ class Channel(ABC):
 
     def slots_of(self, effect: str) -> range:
         """Return where an effect's parameters stand in a row."""
-        first = len(self.parameters)
-        for name, one in self.effects.items():
-            if name == effect:
-                return range(first, first + len(one.parameters))
-            first += len(one.parameters)
-        raise KeyError(effect)
+        return self._slots[effect]
 
-    @property
+    @cached_property
+    def _slots(self) -> dict[str, range]:
+        ends = np.cumsum([len(self.parameters), *(len(one.parameters) for one in self.effects.values())]).tolist()
+        return dict(zip(self.effects, itertools.starmap(range, itertools.pairwise(ends))))
+
+    @cached_property
     def shared(self) -> int:
         """How many numbers of a row are those of all experiments."""
         return len(self.parameters) + sum(len(one.parameters) for one in self.effects.values())
@@ -408,7 +411,7 @@ class Channel(ABC):
         found = []
         for one in experiments:
             found.append(np.empty((one.part.size, len(models))))
-            for samples, values in self.follow(one, tuple(models[0].effects), self._of_one(rows, one), one.part.size):
+            for samples, values in self.follow(one, tuple(models[0].effects), self.of_one(rows, one), one.part.size):
                 found[-1][samples] = values
         return found
 
@@ -416,7 +419,7 @@ class Channel(ABC):
         """Return what one model makes of each experiment, shape (m,) [SI]."""
         return [found[:, 0] for found in self.simulate(experiments, [model])]
 
-    def _of_one(self, rows: Array, experiment: Experiment) -> Array:
+    def of_one(self, rows: Array, experiment: Experiment) -> Array:
         """Return the numbers that concern one experiment, shape (models, slots)."""
         return rows[:, [*range(self.shared), *self.own_slots(experiment.index)]]
 

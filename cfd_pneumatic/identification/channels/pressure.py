@@ -37,6 +37,7 @@ from cfd_pneumatic.recording import Recording, Signal, messages
 from cfd_pneumatic.units import PSI
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 _LARGEST = 1e9  # [Pa]
 _SMOOTHED = 25  # samples
@@ -199,7 +200,7 @@ class Pressure(Channel):
             yield samples, pressures
 
     def linearised(
-        self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Array, steps: Array, count: int
+        self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Indices, steps: Array, count: int
     ) -> Iterator[tuple[slice, Array, Array]]:
         """Yield the pressure and its derivatives; without effects they are exact."""
         if effects:

@@ -85,7 +85,7 @@ def fit(channel: Channel, experiments: Sequence[Experiment], initial: Model | No
         start = min((search(part, one, *ROUGH) for one in starts), key=lambda found: found.cost).model
     first = search(alike, start, *FINE).model
     weighed = alike.weighed(alike.simulate(first))
-    return summary(weighed, search(weighed, first, *FINE).model)
+    return summary(weighed, first if weighed is alike else search(weighed, first, *FINE).model)
 
 
 class Optimum(NamedTuple):

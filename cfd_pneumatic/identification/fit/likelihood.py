@@ -26,6 +26,7 @@ from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.model.kernel import kernel
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's scale
@@ -64,7 +65,17 @@ class Unknowns:
         self.lower, self.upper = (
             self._inward(np.array([getattr(one, side) for one in self.table])) for side in ('lower', 'upper')
         )
+        self._of = {one.index: self._concerning(channel.own_slots(one.index), channel.shared) for one in experiments}
         self.start = np.clip(self._inward(self._row[self.slots]), self.lower, self.upper)
+
+    def _concerning(self, mine: range, shared: int) -> tuple[Indices, Indices]:
+        own = np.flatnonzero((self.slots < shared) | np.isin(self.slots, mine))
+        slots = self.slots[own]
+        return own, np.where(slots < shared, slots, slots - mine.start + shared)
+
+    def of(self, experiment: Experiment) -> tuple[Indices, Indices]:
+        """Return which of them concern an experiment, and where these stand in its own row, each of shape (k,)."""
+        return self._of[experiment.index]
 
     @property
     def longest_step(self) -> Array:
@@ -118,7 +129,7 @@ class Likelihood:
         return cls(channel, tuple(experiments), tuple(np.ones(one.part.size) for one in experiments))
 
     def weighed(self, simulated: Sequence[Array]) -> Likelihood:
-        """Return it with the weights that follow from a model's simulation and what that leaves."""
+        """Return it with the weights that follow from a simulation and what that leaves; itself where it has them."""
         precisions = [self.channel.precision(*one) for one in zip(self.experiments, simulated)]
         left = [
             (one.measured - values)[one.counts] * own[one.counts]
@@ -126,7 +137,8 @@ class Likelihood:
         ]
         rms = np.array([math.sqrt(float(run @ run) / run.size) if run.size else math.nan for run in left])
         scales = np.nan_to_num(np.nanmean(rms) / np.maximum(rms, 1e-9), nan=1.0)
-        return replace(self, weights=tuple(own * scale for own, scale in zip(precisions, scales.tolist())))
+        weights = tuple(own * scale for own, scale in zip(precisions, scales.tolist()))
+        return self if all(map(np.array_equal, weights, self.weights)) else replace(self, weights=weights)
 
     def until(self, part: str) -> Likelihood:
         """Return what lies up to a part, of which only that part's and earlier samples count."""
@@ -217,7 +229,7 @@ class Likelihood:
             normal[np.ix_(own, own)] += here.normal
         return Quadratic(total, gradient, normal)
 
-    def rows(self, unknowns: Unknowns, point: Array) -> Iterator[tuple[Array, NDArray[np.intp]]]:
+    def rows(self, unknowns: Unknowns, point: Array) -> Iterator[tuple[Array, Indices]]:
         """
         Yield the residuals piece by piece, simulated less measured, and below them their derivatives.
 
@@ -229,17 +241,12 @@ class Likelihood:
         """
         row, scales = unknowns.row(point), unknowns.scales(point)
         steps = np.where(point + _DIFFERENCE <= unknowns.upper, _DIFFERENCE, -_DIFFERENCE) * scales
-        shared = self.channel.shared
         for experiment, weight in zip(self.experiments, self.weights):
             counts = experiment.counts
-            mine = self.channel.own_slots(experiment.index)
-            concerns = (unknowns.slots < shared) | np.isin(unknowns.slots, mine)
-            own = np.flatnonzero(concerns)
-            slots = unknowns.slots[own]
-            local = np.where(slots < shared, slots, slots - mine.start + shared)
-            numbers = np.concatenate([row[:shared], row[mine.start : mine.stop]])
+            own, slots = unknowns.of(experiment)
+            numbers = self.channel.of_one(row[None], experiment)[0]
             last = int(np.max(np.flatnonzero(counts), initial=-1)) + 1
-            walk = self.channel.linearised(experiment, unknowns.effects, numbers, local, steps[own], last)
+            walk = self.channel.linearised(experiment, unknowns.effects, numbers, slots, steps[own], last)
             for samples, simulated, jacobian in walk:
                 here = slice(samples.start, samples.stop)
                 rows = _rows(simulated, experiment.measured[here], weight[here], counts[here], jacobian, scales[own])
