@@ -15,6 +15,11 @@ PACKAGING := setup.py setup.cfg pyproject.toml package.xml resource $(wildcard c
 # colcon's --symlink-install copies with setuptools 80; below 70.1 setuptools needs the package wheel.
 SETUPTOOLS := 'setuptools>=70.1,<80'
 
+# Tests of the core, and those that hold documents and layers to the code.
+QUICK := $(addprefix test/, device model test_layers.py test_package.py test_documents.py test_svg.py \
+	commands/test_help.py recording/test_mapping.py recording/test_roles.py recording/test_writer.py \
+	identification/test_levenberg.py identification/test_loop.py identification/test_motion.py)
+
 # A sourced ROS 2 would mix its rclpy and its libraries with those of .venv.
 ifdef AMENT_PREFIX_PATH
 unexport PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
@@ -23,7 +28,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test fuzz demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document effects-document tutorial-picture kernel lint format colcon test-humble clean
+.PHONY: help setup test check fuzz demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document effects-document tutorial-picture notebook kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -35,45 +40,51 @@ test: $(VENV)/.ready  ## run all tests; ARGS='-k name' goes to pytest
 	@$(PY) -c 'import rclpy' || test '$(findstring jazzy,$(EXTRAS))' = ''
 	$(PY) -m pytest $(ARGS)
 
+check: lint  ## style, types and the tests that a change usually needs: 2 minutes
+	$(PY) -m pytest --numprocesses 2 --dist loadfile $(QUICK) $(ARGS)
+
 fuzz: $(VENV)/.ready  ## run the property tests on random examples, twice as many
 	$(PY) -m pytest -m hypothesis --hypothesis-profile=random $(ARGS)
 
 demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify the recording
-	@$(PY) scripts/demo.py $(ARGS)
+	@$(PY) -m studies.demo $(ARGS)
 
 benchmark: $(VENV)/.with-benchmark  ## time simulation, fit, reading and sim_node against their peers
 	@mkdir -p build
 	$(PY) -m pytest benchmark --benchmark-json=build/benchmark.json $(ARGS)
 
 speed-document: $(VENV)/.with-benchmark  ## write docs/speed.md of what make benchmark has measured
-	$(PY) scripts/speed_document.py $(ARGS)
+	$(PY) -m studies.speed_document $(ARGS)
 
 benchmark-effects: $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes
-	$(PY) scripts/benchmark_effects.py $(ARGS)
+	$(PY) -m studies.benchmark_effects $(ARGS)
 
 paper-tables: $(VENV)/.with-benchmark  ## which effects make small steps return the paper's Table 2: 10 minutes
-	$(PY) scripts/paper_tables.py $(ARGS)
+	$(PY) -m studies.paper_tables $(ARGS)
 
 monitor-figures: $(VENV)/.with-benchmark  ## false alarms and delays of the watch over a device: an hour
-	$(PY) scripts/monitor_figures.py $(ARGS)
+	$(PY) -m studies.monitor_figures $(ARGS)
 
 planning-document: $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
-	$(PY) scripts/planning_document.py $(ARGS)
+	$(PY) -m studies.planning_document $(ARGS)
 
 interface-document: $(VENV)/.ready  ## write docs/interface.md: programs, topics, services, parameters
-	$(PY) scripts/interface_document.py $(ARGS)
+	$(PY) -m studies.interface_document $(ARGS)
 
 effects-document: $(VENV)/.ready  ## write docs/effects.md: every effect, and how it shows on the rig; 1 minute
-	$(PY) scripts/effects_document.py $(ARGS)
+	$(PY) -m studies.effects_document $(ARGS)
 
 tutorial-picture: $(VENV)/.ready  ## take the picture of a report in docs/tutorial.md, with Chromium
-	$(PY) scripts/tutorial.py
+	$(PY) -m studies.tutorial
+
+notebook: $(VENV)/.ready  ## write docs/python.ipynb of docs/python.md, executed
+	$(PY) -m studies.notebook
 
 layouts: $(VENV)/.ready  ## write the layouts for PlotJuggler and Foxglove in config/; after a change of topics
-	$(PY) scripts/layouts.py
+	$(PY) -m studies.layouts
 
 kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a change to any of them
-	$(PY) scripts/compose_kernel.py
+	$(PY) -m cfd_pneumatic.generator
 	$(PY) -m ruff format --quiet cfd_pneumatic/model/composed.py
 
 lint: $(VENV)/.with-lint  ## check style and types
@@ -94,7 +105,7 @@ test-humble: $(HUMBLE)/.ready  ## run what needs no ROS with Humble's versions
 
 clean:  ## remove the environments and caches
 	rm -rf $(VENV) $(HUMBLE) build *.egg-info .benchmarks .hypothesis .mypy_cache .pytest_cache .ruff_cache
-	find cfd_pneumatic test benchmark launch scripts -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
+	find cfd_pneumatic test benchmark launch studies -name __pycache__ -prune -exec rm -rf {} + 2>/dev/null || true
 
 # Stop with one line where the Python that the variable (1) names can't make an environment; (2) is 'wheels' where
 # ROS 2 is to come from PyPI.

@@ -6,13 +6,18 @@ PACKAGE = 'cfd_pneumatic'
 
 setup(
     name=PACKAGE,
-    version='0.1.0',
+    version='0.2.0',
     description='Simulates a pneumatic constant-force device in ROS 2 and identifies it from recordings.',
     maintainer='cfd_pneumatic maintainers',
     maintainer_email='maintainers@cfd-pneumatic.example',
     license='Apache-2.0',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed'], f'{PACKAGE}.plant': ['templates/*'], f'{PACKAGE}.reporting': ['templates/*']},
+    package_data={
+        PACKAGE: ['py.typed'],
+        f'{PACKAGE}.generator': ['*.jinja'],
+        f'{PACKAGE}.plant': ['templates/*'],
+        f'{PACKAGE}.reporting': ['templates/*'],
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
@@ -46,7 +51,7 @@ setup(
         # For identify_bag --each.
         'plant': ['dask>=2023.1', 'distributed>=2023.1', 'pyarrow>=12'],
         # colcon runs pytest because it stands here.
-        'test': ['catkin_pkg', 'hypothesis', 'mpmath', 'pytest', 'pytest-xdist'],
+        'test': ['catkin_pkg', 'hypothesis', 'ipykernel', 'mpmath', 'nbclient', 'pytest', 'pytest-xdist'],
         'benchmark': ['casadi', 'lmfit', 'mcap-ros2-support', 'pytest-benchmark'],
         # Of ament's linters PyPI lacks copyright; xmllint wants the web, and pep257 takes attributes for sections.
         'lint': ['flake8', 'mypy', 'ros-jazzy-ament-flake8', 'ruff', 'types-PyYAML'],

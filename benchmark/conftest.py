@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-import cfd_pneumatic.commands  # noqa: F401 - before NumPy, for the threads that programs run with
-
-sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ('scripts', 'test')]
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # before NumPy is loaded, as programs have it
+sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ('', 'test')]
 
 TABLE = []
 LOAD = os.getloadavg()
@@ -41,7 +40,7 @@ def pytest_terminal_summary(terminalreporter):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_benchmark_update_json(output_json):
-    from provenance import commit, machine
+    from studies.provenance import commit, machine
 
     output_json['machine'] = machine()
     output_json['commit'] = commit()

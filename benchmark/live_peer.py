@@ -11,7 +11,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.model import TABLE_1, Cylinder, Device, ForceGeometry, LiveDevice
+from cfd_pneumatic.model import TABLE_1, Cylinder, DeviceModel, ForceGeometry, LiveDevice
 from cfd_pneumatic.units import PSI
 
 CYLINDER = Cylinder(TABLE_1, AMBIENT_PRESSURE)
@@ -22,7 +22,7 @@ QUEUE = 200
 class LivePeer(Node):
     def __init__(self):
         super().__init__('sim_node')
-        self._live = LiveDevice(Device(CYLINDER, CYLINDER, ForceGeometry(AREA, 1.0, AMBIENT_PRESSURE)), 1.0)
+        self._live = LiveDevice(DeviceModel(CYLINDER, CYLINDER, ForceGeometry(AREA, 1.0, AMBIENT_PRESSURE)), 1.0)
         self._setpoints = [AMBIENT_PRESSURE + 10.0 * PSI] * 2
         self._samples = deque()
         names = ('cylinder_a', 'cylinder_b')

@@ -23,8 +23,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from long_bag import topics, write_long_bag
-from strokes import CHANNEL, GAINS, SETPOINT, experiment, record
 
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.identification.fit.fit import fit
@@ -32,6 +30,8 @@ from cfd_pneumatic.model import Course
 from cfd_pneumatic.recording import read_recording
 from cfd_pneumatic.rig import surface_following
 from cfd_pneumatic.rig.panel import draw
+from studies.long_bag import topics, write_long_bag
+from studies.strokes import CHANNEL, GAINS, SETPOINT, experiment, record
 
 MOST = float(os.environ.get('CFD_PNEUMATIC_SAMPLES', 1_000_000))
 SIZES = (10_000, 100_000, 1_000_000, 3_600_000, 14_400_000)
@@ -55,8 +55,7 @@ def write_messages(storage: str, messages: int, folder: Path) -> None:
 
 
 def reading(messages: int, folder: Path) -> Job:
-    (bag,) = folder.glob('bag/*')
-    return partial(read_recording, bag)
+    return partial(read_recording, folder / 'bag')
 
 
 def write_leaking(samples: int, folder: Path) -> None:
@@ -67,8 +66,7 @@ def write_leaking(samples: int, folder: Path) -> None:
 
 
 def identifying(samples: int, folder: Path) -> Job:
-    (bag,) = folder.glob('bag/*')
-    arguments = [str(bag), '--close-loop', '--output', str(folder / 'identified'), '--progress', 'none']
+    arguments = [str(folder / 'bag'), '--close-loop', '--output', str(folder / 'identified'), '--progress', 'none']
 
     def job() -> None:
         with redirect_stdout(StringIO()):

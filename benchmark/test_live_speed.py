@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ros_environment import isolate
+
+from studies.ros_environment import isolate
 
 pytest.importorskip('rclpy', reason='ROS 2 is not to be had here')
 isolate()

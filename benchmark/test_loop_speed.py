@@ -10,12 +10,12 @@ import time
 from functools import cache
 
 import pytest
-from panel_rows import CYLINDER, recording_of
 
 from cfd_pneumatic.identification import ChannelResult, Options, identify
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.rig import surface_following
 from cfd_pneumatic.rig.panel import draw
+from studies.panel_rows import CYLINDER, cylinder_a_of
 
 MINUTE, QUARTER = 60.0, 900.0
 CASES = [
@@ -30,7 +30,7 @@ CASES = [
 @cache
 def fitted(effect: str, seed: int, duration: float) -> ChannelResult:
     schedule = 'surface_following' if duration == MINUTE else surface_following(duration=duration, seed=seed)
-    return identify([recording_of(draw(effect, schedule, seed))], Options()).channels[CYLINDER]
+    return identify([cylinder_a_of(draw(effect, schedule, seed))], Options()).channels[CYLINDER]
 
 
 @pytest.mark.parametrize(('effect', 'seed', 'duration'), CASES)

@@ -11,17 +11,17 @@ from __future__ import annotations
 import os
 
 import pytest
-from long_bag import topics, write_long_bag
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from cfd_pneumatic.recording import read_recording
+from studies.long_bag import topics, write_long_bag
 
 MESSAGES = int(os.environ.get('CFD_PNEUMATIC_MESSAGES', 1_000_000))
 SAMPLES = MESSAGES // len(topics())
-BAGS = {'mcap': ('mcap', 'none'), 'mcap, zstd': ('mcap', 'zstd'), 'sqlite3': ('sqlite3', 'none')}
+BAGS = {'mcap': ('mcap', False), 'mcap, zstd': ('mcap', True), 'sqlite3': ('sqlite3', False)}
 ROUNDS = max(1, 3_000_000 // MESSAGES)
 
 
@@ -42,8 +42,8 @@ def read_with_mcap_ros2_support(file):
 
 @pytest.fixture(scope='module', params=BAGS)
 def bag(request, tmp_path_factory):
-    storage, compression = BAGS[request.param]
-    return request.param, write_long_bag(tmp_path_factory.mktemp('bags') / 'long', SAMPLES, storage, compression)
+    storage, compressed = BAGS[request.param]
+    return request.param, write_long_bag(tmp_path_factory.mktemp('bags') / 'long', SAMPLES, storage, compressed)
 
 
 def timed(benchmark, bag, read):

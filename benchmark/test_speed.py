@@ -17,12 +17,12 @@ import pytest
 from reference import pressure_to_thirty_digits
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
-from strokes import AMBIENT, CHANNEL, CYLINDER, GAINS, SETPOINT, experiment, record
 
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.fit import fit
 from cfd_pneumatic.model import Course, Cylinder, OperatingPoints, simulate_parameter_sets
 from cfd_pneumatic.units import PSI
+from studies.strokes import AMBIENT, CHANNEL, CYLINDER, GAINS, SETPOINT, experiment, record
 
 NAMES = ('k_x', 'k_sv', 'k_v', 'tau')
 START = np.array([2.0, 0.5, 2.0, 0.5])  # times the gains: where all fits begin

@@ -1,3 +1,45 @@
-"""Simulate, identify and watch a pneumatic constant-force device."""
+"""
+Simulate, identify and watch a pneumatic constant-force device.
 
-__version__ = '0.1.0'
+`import cfd_pneumatic as cfd` offers what `cfd_pneumatic.api` holds; it is loaded when it is first asked for.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.api import *  # noqa: F403
+
+__version__ = '0.2.0'
+
+OFFERED = (
+    'CylinderSignals',
+    'Device',
+    'InputError',
+    'Limits',
+    'Plan',
+    'Recording',
+    'Result',
+    'Sensing',
+    'Signal',
+    'identify',
+    'plan',
+    'read_mapping',
+    'read_recording',
+    'write_recording',
+)
+"""Names that are taken from `cfd_pneumatic.api`."""
+
+
+def __getattr__(name: str) -> Any:
+    """Return what is offered under a name."""
+    if name in OFFERED:
+        return getattr(import_module('cfd_pneumatic.api'), name)
+    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+
+
+def __dir__() -> list[str]:
+    """Return the names that there are."""
+    return sorted([*globals(), *OFFERED])

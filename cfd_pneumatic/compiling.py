@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any, cast
 
-from numba import njit
+from numba import config, njit
 from numba.core.event import Event, Listener, install_listener
 
 
@@ -15,11 +15,30 @@ def compiler(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
     def compiled(function: Callable[..., Any]) -> Any:
         try:
-            return njit(cache=True, **options)(function)
+            dispatcher = njit(cache=True, **options)(function)
         except RuntimeError:  # neither the installation nor the user's cache can be written
-            return njit(**options)(function)
+            dispatcher = njit(**options)(function)
+        dispatcher.compile = _vectorizing(dispatcher.compile)
+        return dispatcher
 
     return compiled
+
+
+def _vectorizing(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """
+    Let a compiler run a pass of LLVM that Numba leaves out, and that only a setting of the process switches on.
+
+    With it `propagation` carries several sensitivities forward at once.
+    """
+
+    def compile_vectorizing(signature: Any) -> Any:
+        usual, config.SLP_VECTORIZE = config.SLP_VECTORIZE, 1  # type: ignore[attr-defined]
+        try:
+            return compile_(signature)
+        finally:
+            config.SLP_VECTORIZE = usual  # type: ignore[attr-defined]
+
+    return compile_vectorizing
 
 
 def announced(tell: Callable[[str | None], None]) -> AbstractContextManager[None]:

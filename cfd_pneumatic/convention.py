@@ -1,8 +1,14 @@
 """
 Names that the nodes, the recordings and the rig agree on.
 
-Topic names are relative: a namespace tells the real device (``/cfd/device``) from its simulator (``/cfd/sim``).
+Topic names are relative: a namespace tells the real device (``/cfd/device``) from its simulator (``/cfd/sim``). A
+signal that is recorded is a row of `ROLES`; what reads, writes, maps, compares and documents signals goes by that.
 """
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 CYLINDERS = ('cylinder_a', 'cylinder_b')
 """Cylinder A grows with +x, cylinder B shrinks."""
@@ -40,19 +46,115 @@ SCHEDULE_COLUMNS = ('time_s', 'displacement_m', 'velocity_m_per_s', 'cylinder_a_
 """Head of a schedule in a file: set-points are gauge and hold from their time on."""
 
 
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+FLUID_PRESSURE = 'sensor_msgs/msg/FluidPressure'
+WRENCH_STAMPED = 'geometry_msgs/msg/WrenchStamped'
+FLOAT64 = 'std_msgs/msg/Float64'
+
+EITHER = 'cylinder_*'
+"""Stands for the name of either cylinder in what is said of both."""
+
+
+@dataclass(frozen=True)
+class Role:
+    """
+    What a recorded signal is.
+
+    Attributes
+    ----------
+    name : str
+        In mappings and messages for people.
+    topic : str
+        On which it is; of a cylinder's with `EITHER` in the cylinder's place.
+    msgtype : str
+        Type of the messages.
+    quantity : str
+        `length`, `pressure` or `force`.
+    meaning : str
+        What the topic carries, with its unit.
+    held : bool
+        Whether a value holds until the next.
+    gauge : bool
+        Whether pressures in messages are above ambient.
+
+    """
+
+    name: str
+    topic: str
+    msgtype: str
+    quantity: str
+    meaning: str
+    held: bool = False
+    gauge: bool = False
+
+    @property
+    def of_cylinder(self) -> bool:
+        """Whether each cylinder has one."""
+        return EITHER in self.topic
+
+    def topic_of(self, cylinder: str | None = None) -> str:
+        """Return the topic, of a cylinder where each has one."""
+        return self.topic.replace(EITHER, cylinder or EITHER)
+
+
+ROLES: Mapping[str, Role] = {
+    role.name: role
+    for role in (
+        Role(
+            'displacement',
+            PISTON_STATE,
+            JOINT_STATE,
+            'length',
+            'position [m] of the joint `piston` (parameter `joint`); +x grows cylinder A, shrinks B',
+        ),
+        Role(
+            'pressure',
+            f'{EITHER}/pressure',
+            FLUID_PRESSURE,
+            'pressure',
+            "absolute pressure [Pa], with the sample's stamp",
+        ),
+        Role(
+            'setpoint',
+            f'{EITHER}/setpoint',
+            FLOAT64,
+            'pressure',
+            'set pressure of the regulator, gauge [Pa]; acts from the next sample on',
+            held=True,
+            gauge=True,
+        ),
+        Role(
+            'setpoint_applied',
+            f'{EITHER}/setpoint_applied',
+            FLUID_PRESSURE,
+            'pressure',
+            'set-point that acted up to the sample, absolute [Pa]',
+        ),
+        Role(
+            'force',
+            MEASURED_FORCE,
+            WRENCH_STAMPED,
+            'force',
+            'contact force [N] that a load cell reads, along the parameter `axis`, or x where a node has none',
+        ),
+    )
+}
+"""By their names. One that no field of a `Recording` is for stands in its `others`."""
+
+
 def pressure_topic(cylinder: str) -> str:
     """Return the topic of a cylinder's pressure."""
-    return f'{cylinder}/pressure'
+    return ROLES['pressure'].topic_of(cylinder)
 
 
 def setpoint_topic(cylinder: str) -> str:
     """Return the topic of a regulator's set pressure."""
-    return f'{cylinder}/setpoint'
+    return ROLES['setpoint'].topic_of(cylinder)
 
 
 def setpoint_applied_topic(cylinder: str) -> str:
     """Return the topic of the set-point that acted up to a sample."""
-    return f'{cylinder}/setpoint_applied'
+    return ROLES['setpoint_applied'].topic_of(cylinder)
 
 
 def residual_topic(name: str) -> str:
@@ -69,19 +171,12 @@ SIM_INPUTS = (*MODEL_INPUTS, FORCE_SETPOINT)
 MONITOR_INPUTS = (*MODEL_INPUTS, *map(pressure_topic, CYLINDERS), MEASURED_FORCE)
 """What `monitor_node` hears."""
 
-EITHER = 'cylinder_*'
-"""Stands for the name of either cylinder in what is said of both."""
-
 TOPICS = {
-    PISTON_STATE: 'position [m] of the joint `piston` (parameter `joint`); +x grows cylinder A, shrinks B',
+    **{role.topic: role.meaning for role in ROLES.values()},
     PISTON_COMMAND: 'displacement that the rig moves its piston to [m]',
-    setpoint_topic(EITHER): 'set pressure of the regulator, gauge [Pa]; acts from the next sample on',
-    setpoint_applied_topic(EITHER): 'set-point that acted up to the sample, absolute [Pa]',
-    pressure_topic(EITHER): "absolute pressure [Pa], with the sample's stamp",
     residual_topic(EITHER): 'measured less predicted pressure, a difference [Pa]',
     FORCE_SETPOINT: 'desired contact force [N], made a pair of set-points about `bias_pressure`; the last writer wins',
     CONTACT_FORCE: 'contact force [N] that the pressures make, along `axis` of `frame_id`',
-    MEASURED_FORCE: 'contact force [N] that a load cell reads, along the parameter `axis`, or x where a node has none',
     residual_topic(CONTACT_FORCE): 'measured less predicted contact force [N]',
     RESULT: 'report.json of the last identification; latched: who comes later gets it too',
     DIAGNOSTICS: 'state of the node, counts, and in words what is wrong',

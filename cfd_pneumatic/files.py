@@ -44,3 +44,23 @@ def write_bytes(path: Path, content: bytes) -> None:
     except BaseException:
         os.unlink(aside)
         raise
+
+
+def make_folder(folder: Path) -> None:
+    """
+    Make an output folder, so that a bad one is found before the work is done.
+
+    Raises
+    ------
+    InputError
+        If it can't be made or written.
+
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(folder / '.writable', '')
+        (folder / '.writable').unlink()
+    except OSError as error:
+        raise InputError(
+            f'cannot write to {folder}: {error.strerror}; choose a folder that you may write to'
+        ) from error

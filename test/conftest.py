@@ -12,15 +12,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-sys.path[:0] = [str(Path(__file__).parents[1] / 'scripts'), str(Path(__file__).parent)]
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.append(str(Path(__file__).parents[1]))  # studies/; last, so that an installed package comes first
 
-import pytest  # noqa: E402
-from chromium import PROGRAM, Chromium  # noqa: E402
-from hypothesis import HealthCheck, settings  # noqa: E402
-from ros_environment import isolate  # noqa: E402
-from tutorial import blocks, programs, run  # noqa: E402
+import pytest
+from hypothesis import HealthCheck, settings
 
-from cfd_pneumatic.examples import EXAMPLES  # noqa: E402
+from cfd_pneumatic.examples import EXAMPLES
+from studies.chromium import PROGRAM, Chromium
+from studies.ros_environment import isolate
+from studies.tutorial import blocks, programs, run
 
 isolate()
 

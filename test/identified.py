@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.identification import (
     ChannelResult,
     Estimate,
@@ -27,7 +27,7 @@ from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
 from cfd_pneumatic.identification.result import Comparison
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.verdict import Conclusion
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig.panel import draw
 
 EPOCH = 1_700_000_000_000_000_000
@@ -36,17 +36,7 @@ AREA = 1.2e-3
 
 def recording(name: str = 'cell_7_monday', seed: int = 0) -> Recording:
     """Return what the sensors of a device with droop in cylinder A gave."""
-    got = draw('droop', 'out_and_back', seed).recording
-    times = got.times - got.times[0]
-    begins = np.concatenate([times[:1], times[:-1]])
-    signals = {}
-    for index, cylinder in enumerate(CYLINDERS):
-        changes = np.diff(got.setpoints[:, index], prepend=np.nan) != 0.0
-        signals[cylinder] = CylinderSignals(
-            Signal(times, got.pressures[:, index]),
-            Signal(begins[changes], got.setpoints[changes, index]),
-        )
-    return Recording(name, EPOCH, Signal(times, got.displacement), signals, Signal(times, got.force), ())
+    return recording_of(draw('droop', 'out_and_back', seed).recording, name, EPOCH)
 
 
 @cache

@@ -21,17 +21,17 @@ FILE, ON_THE_RIG = re.findall(r'```python\n(.*?)```', TEXT, re.DOTALL)
 def copy(tmp_path_factory):
     """Return a copy of the package with the effect in its kernel; what is compiled already comes along."""
     folder = tmp_path_factory.mktemp('copy')
-    for name in ('cfd_pneumatic', 'scripts', 'test'):
+    for name in ('cfd_pneumatic', 'studies', 'test'):
         shutil.copytree(ROOT / name, folder / name)
     (folder / re.search(r'`(cfd_pneumatic/\S+\.py)`:\n', TEXT)[1]).write_text(FILE)
     known = folder / 'test' / 'identification' / 'test_extension.py'
     known.write_text(known.read_text().replace('KNOWN = [\n', f'KNOWN = [\n{KNOWN}'))
-    run(folder, 'scripts/compose_kernel.py')
+    run(folder, '-m', 'cfd_pneumatic.generator')
     return folder
 
 
 def run(folder, *arguments):
-    paths = os.pathsep.join([str(folder), str(folder / 'scripts'), *sys.path])
+    paths = os.pathsep.join([str(folder), *sys.path])
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,

@@ -6,16 +6,12 @@ import json
 import math
 from dataclasses import asdict, replace
 
-import benchmark_effects
-import panel_document
-import panel_rows
-import panel_scores
-import provenance
 import pytest
-from panel_rows import Job, Row
-from panel_scores import RIGHT, Share
 
 from cfd_pneumatic.rig.panel import LIBRARY, ON_FORCE
+from studies import benchmark_effects, panel_document, panel_rows, panel_scores, provenance
+from studies.panel_rows import Job, Row
+from studies.panel_scores import RIGHT, Share
 
 LEAK = Row(
     'effects',

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import deburring_path as example
 import matplotlib.image
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from hypothesis import strategies as st
 
 from cfd_pneumatic.commands import record_rig
 from cfd_pneumatic.recording import read_recording
+from studies import deburring_path as example
 
 ROOT = Path(__file__).parents[1]
 FORCE = 20.0

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
-FOLDERS = ('cfd_pneumatic', 'docs', 'launch', 'scripts', 'test')
+DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
+FOLDERS = ('cfd_pneumatic', 'docs', 'launch', 'scripts', 'studies', 'test')
 LINK = re.compile(r'\[([^\]]*)\]\(([^)\s]+)\)')
 IN_CODE = re.compile(r'```.*?```', re.DOTALL)
 FILE = re.compile(r'`([\w./*-]+\.(?:py|md|sh|jinja|yaml|launch\.py))`')

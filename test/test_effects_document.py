@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from effects_document import AXES, DOCUMENT, ON_RIG, PICTURES, document
-
 from cfd_pneumatic.model.effects import EFFECTS
+from studies.effects_document import AXES, DOCUMENT, ON_RIG, PICTURES, document
 
 TEXT = document()
 

@@ -10,9 +10,10 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
-from package_facts import setup_arguments
+import yaml
 
 import cfd_pneumatic
+from studies.package_facts import setup_arguments
 
 ROOT = Path(__file__).parents[1]
 
@@ -63,6 +64,7 @@ def imported(folder: str) -> set[str]:
 
 def test_versions_agree():
     assert cfd_pneumatic.__version__ == SETUP['version'] == xml_text('version')
+    assert yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))['version'] == cfd_pneumatic.__version__
     headings = re.findall(r'^(.+)\n-+$', (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8'), re.MULTILINE)
     if headings[0] == 'Forthcoming':
         headings = headings[1:]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
-import speed_document as document
-from speed_document import Run
+
+from studies import speed_document as document
+from studies.speed_document import Run
 
 SAMPLES = {350: 3.5e-6, 3_600: 18e-6, 3_600_000: 18e-3}
 MESSAGES = 1_000_000

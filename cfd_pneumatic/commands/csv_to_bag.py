@@ -10,8 +10,8 @@ from pathlib import Path
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import Recording, read_mapping, read_recording, write_recording
-from cfd_pneumatic.recording.writer import STORAGES
+from cfd_pneumatic.recording import read_mapping, read_recording, write_recording
+from cfd_pneumatic.recording.bags.storages import STORAGES
 
 NAME = 'csv_to_bag'
 
@@ -44,16 +44,9 @@ def convert(arguments: Sequence[str] | None = None) -> None:
         ambient_pressure=options.ambient_pressure,
         overwrite=options.force,
     )
-    print(f'{options.output}: {_summary(recording)}')
+    print(f'{options.output} written from {recording}')
     for note in recording.health:
         print(f'  {note}')
-
-
-def _summary(recording: Recording) -> str:
-    signals = {'displacement': recording.displacement, 'force': recording.force}
-    for cylinder, parts in recording.cylinders.items():
-        signals.update({f'{cylinder} pressure': parts.pressure, f'{cylinder} setpoint': parts.setpoint})
-    return ', '.join(f'{name} {len(signal):,}' for name, signal in signals.items() if signal is not None)
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -9,26 +9,15 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    SpinnerColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from typing import TYPE_CHECKING
 
 from cfd_pneumatic.commands.program import parser_of, run
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, AREAS, FACTORS
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.identification.data.split import FRACTIONS
-from cfd_pneumatic.model import SPECS
-from cfd_pneumatic.recording import ChannelMapping, read_mapping, read_recording
-from cfd_pneumatic.reporting import make_folder, next_plan, print_report, write_report
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.identification import Options
+    from cfd_pneumatic.recording import ChannelMapping
 
 PROGRESS_KEY = 'progress'
 """With `--progress lines` each line on standard output is JSON: {"progress": share, "what": text}."""
@@ -39,6 +28,9 @@ _LONG = 3600.0
 
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
+    from cfd_pneumatic.identification.data.split import FRACTIONS
+    from cfd_pneumatic.model import SPECS
+
     parser = parser_of(
         'identify_bag',
         f'Fit {", ".join(f"{spec.name} [{spec.unit}]" for spec in SPECS)} to recordings of piston displacement and '
@@ -145,14 +137,17 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 def _identify(args: Sequence[str] | None) -> None:
+    from cfd_pneumatic.identification import Options
+    from cfd_pneumatic.recording import read_mapping
+
     arguments = make_parser().parse_args(args)
     options = Options(
         per_setpoint=arguments.per_setpoint,
         fractions=arguments.split,
-        ambient_pressure=_ambient_pressure(arguments),
+        ambient_pressure=arguments.ambient_pressure,
         close_loop=arguments.close_loop,
-        area=_area(arguments),
-        geometric_factor=_geometric_factor(arguments),
+        area=arguments.area,
+        geometric_factor=arguments.geometric_factor,
     )
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     if arguments.each:
@@ -165,6 +160,13 @@ def _identify(args: Sequence[str] | None) -> None:
 
 def _identify_together(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
     """Identify all bags as one."""
+    from rich.console import Console
+
+    from cfd_pneumatic.files import make_folder
+    from cfd_pneumatic.identification import identify
+    from cfd_pneumatic.recording import read_recording
+    from cfd_pneumatic.reporting import next_plan, print_report, write_report
+
     make_folder(arguments.output)
     with _progress(arguments.progress) as report:
         recordings = [
@@ -179,7 +181,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         written = write_report(identification, arguments.output, full=arguments.full)
         report('done', 1.0)
     if arguments.progress != 'lines':
-        print_report(identification, Console(width=None if sys.stdout.isatty() else 120))
+        print_report(identification, Console(width=None if sys.stdout.isatty() else 120), written.live)
         print(f'written: {", ".join(map(str, written.files))}')
         if not written.complete:
             print('The recording is long: compare.mcap holds minima and maxima. --full writes every sample.')
@@ -194,6 +196,8 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         from cfd_pneumatic import plant  # with Dask and PyArrow, which not everybody has
     except ModuleNotFoundError as error:
         raise InputError(f"--each needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
+    from cfd_pneumatic.files import make_folder
+
     if arguments.jobs is not None and arguments.scheduler is not None:
         raise InputError('--jobs and --scheduler: a cluster has as many workers as it has; leave out --jobs')
     jobs = len(os.sched_getaffinity(0)) if arguments.jobs is None else arguments.jobs
@@ -207,7 +211,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         cluster = plant.existing_cluster(arguments.scheduler)
     settings = plant.Settings(options, mapping, arguments.namespace)
     try:
-        with plant.claimed(arguments.output), _progress(arguments.progress, TimeRemainingColumn()) as report:
+        with plant.claimed(arguments.output), _progress(arguments.progress, remaining=True) as report:
             found = plant.survey(bags, settings, arguments.output, cluster, report)
     except KeyboardInterrupt:
         print('identify_bag: interrupted: give the same command again to go on', file=sys.stderr)
@@ -218,10 +222,14 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
 
 
 @contextmanager
-def _progress(style: str, *more: ProgressColumn) -> Iterator[Callable[[str, float], None]]:
-    """Yield a function that shows what is being done and which share of the whole is done; the bar may show more."""
+def _progress(style: str, *, remaining: bool = False) -> Iterator[Callable[[str, float], None]]:
+    """Yield a function that shows what is being done and which share of the whole is done."""
     if style == 'bar':
-        columns = (SpinnerColumn(), TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn(), *more)
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+        columns = [SpinnerColumn(), TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn()]
+        columns += [TimeRemainingColumn()] if remaining else []
         console = Console(stderr=True)
         with Progress(*columns, console=console, transient=True, speed_estimate_period=_LONG) as bar:
             task = bar.add_task('reading', total=1.0)
@@ -230,27 +238,6 @@ def _progress(style: str, *more: ProgressColumn) -> Iterator[Callable[[str, floa
         yield lambda what, share: print(json.dumps({PROGRESS_KEY: share, 'what': what}), flush=True)
     else:
         yield lambda what, share: None
-
-
-def _ambient_pressure(arguments: argparse.Namespace) -> float:
-    pressure = float(arguments.ambient_pressure)
-    if not 1e4 <= pressure <= 2e5:
-        raise InputError(f'--ambient-pressure {pressure:g} Pa is outside 1e4 to 2e5 Pa')
-    return pressure
-
-
-def _area(arguments: argparse.Namespace) -> float | None:
-    area: float | None = arguments.area
-    if area is not None and not AREAS[0] <= area <= AREAS[1]:
-        raise InputError(f'--area {area:g} m^2 is outside {AREAS[0]:g} to {AREAS[1]:g} m^2')
-    return area
-
-
-def _geometric_factor(arguments: argparse.Namespace) -> float | None:
-    factor: float | None = arguments.geometric_factor
-    if factor is not None and not (FACTORS[0] <= factor <= FACTORS[1] and factor != 0.0):
-        raise InputError(f'--geometric-factor {factor:g} is 0 or outside {FACTORS[0]:g} to {FACTORS[1]:g}')
-    return factor
 
 
 if __name__ == '__main__':

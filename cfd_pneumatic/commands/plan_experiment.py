@@ -8,19 +8,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rich.console import Console
-
 from cfd_pneumatic.commands import program
-from cfd_pneumatic.files import write_bytes
-from cfd_pneumatic.model import NAMES
-from cfd_pneumatic.planning import WANTED, Limits, Sensing, plan, read_device, read_sensing
-from cfd_pneumatic.planning.report import picture, plan_text, print_plan
-from cfd_pneumatic.reporting import make_folder
 
 NAME = 'plan_experiment'
-SCHEDULE_FILE = 'schedule.csv'
-PLAN_FILE = 'plan.json'
-PICTURE_FILE = 'schedule.svg'
 
 _SENSING = ('pressure_noise', 'displacement_noise', 'force_noise', 'sample_rate')
 _LIMITS = ('stroke', 'speed', 'acceleration', 'duration')
@@ -41,21 +31,22 @@ def propose(arguments: Sequence[str] | None = None) -> None:
         If the parameter file can't be read, the limits leave nothing, or the folder can't be written.
 
     """
+    from rich.console import Console
+
+    from cfd_pneumatic.device import Device
+    from cfd_pneumatic.files import make_folder
+    from cfd_pneumatic.planning import Limits, Sensing, plan, read_sensing, usual_pressures
+    from cfd_pneumatic.planning.report import print_plan, write_plan
+
     options = make_parser().parse_args(arguments)
-    device = read_device(options.parameters)
+    device = Device.load(options.parameters)
     sensing = Sensing() if options.report is None else read_sensing(options.report, Sensing())
     sensing = replace(sensing, **{name: value for name in _SENSING if (value := getattr(options, name)) is not None})
-    pressures = device.usual_pressures if options.pressures is None else tuple(options.pressures)
+    pressures = usual_pressures(device) if options.pressures is None else tuple(options.pressures)
     limits = Limits(pressures, **{name: getattr(options, name) for name in _LIMITS})
     make_folder(options.output)
     found = plan(device, limits, sensing, options.wanted)
-    files = {
-        options.output / PICTURE_FILE: picture(found),
-        options.output / PLAN_FILE: plan_text(found).encode(),
-        options.output / SCHEDULE_FILE: found.proposal.table().encode(),
-    }
-    for path, content in files.items():
-        write_bytes(path, content)
+    files = write_plan(found, options.output)
     console = Console(width=None if sys.stdout.isatty() else 120)
     for name in device.assumed:
         console.print(f'{name} is not in {options.parameters}: planned with Table 1', style='yellow', highlight=False)
@@ -65,6 +56,10 @@ def propose(arguments: Sequence[str] | None = None) -> None:
 
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
+    from cfd_pneumatic.model import NAMES
+    from cfd_pneumatic.planning import WANTED, Limits, Sensing
+    from cfd_pneumatic.planning.report import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE
+
     limits = Limits((0.0, 0.0))
     sensing = Sensing()
     parser = program.parser_of(

@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 
+from cfd_pneumatic import __version__
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.examples import example_of
 
@@ -24,9 +25,11 @@ class _Formatter(argparse.HelpFormatter):
 
 def parser_of(name: str, description: str) -> argparse.ArgumentParser:
     """Return a program's parser, without arguments yet, whose help ends with the program's example."""
-    return argparse.ArgumentParser(
+    parser = argparse.ArgumentParser(
         prog=name, description=description, epilog=example_of(name), formatter_class=_Formatter
     )
+    parser.add_argument('--version', action='version', version=f'{name} {__version__}')
+    return parser
 
 
 def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: Sequence[str] | None = None) -> int:
@@ -49,6 +52,9 @@ def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: S
         the reader of the output has gone (141).
 
     """
+    # The programs' threads are their own: those of NumPy's library beside them would only compete for the same cores,
+    # which doubles the time on a busy machine. It asks once, when NumPy is loaded, and so programs import that late.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     try:
         program(arguments)
         sys.stdout.flush()

@@ -8,14 +8,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from cfd_pneumatic.commands import program
-from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, write_recording
-from cfd_pneumatic.recording.writer import STORAGES
-from cfd_pneumatic.rig import DEVICES, SCHEDULES, RigRecord, device_named, record, schedule_named
+from cfd_pneumatic.recording import recording_of, write_recording
+from cfd_pneumatic.recording.bags.storages import STORAGES
+from cfd_pneumatic.rig import DEVICES, SCHEDULES, device_named, record, schedule_named
 
 NAME = 'record_rig'
 
@@ -49,39 +46,11 @@ def record_bag(arguments: Sequence[str] | None = None) -> None:
         chosen['seed'] = options.seed
     schedule = schedule_named(options.schedule, **chosen)
     device = device_named(options.device, options.faults)
-    recording = as_recording(record(schedule, device, seed=options.seed), schedule.name)
+    recording = recording_of(record(schedule, device, seed=options.seed), schedule.name, EPOCH)
     write_recording(
         options.output, recording, namespace=options.namespace, storage=options.storage, overwrite=options.force
     )
     print(f'{options.output}: {schedule.name}, {schedule.samples:,} samples in {schedule.duration:g} s')
-
-
-def as_recording(run: RigRecord, name: str) -> Recording:
-    """Return a record of the rig as a recording, as if it had been read from a bag."""
-    start = float(run.times[0])
-    times = run.times - start
-    cylinders = {
-        cylinder: CylinderSignals(
-            pressure=Signal(times, run.pressures[:, index]), setpoint=_held(times, run.setpoints[:, index])
-        )
-        for index, cylinder in enumerate(CYLINDERS)
-    }
-    return Recording(
-        name=name,
-        epoch=EPOCH + round(start * 1e9),
-        displacement=Signal(times, run.displacement),
-        cylinders=cylinders,
-        force=Signal(times, run.force),
-        health=(),
-    )
-
-
-def _held(times: np.ndarray, applied: np.ndarray) -> Signal:
-    """Return a set-point [Pa] that holds from its time on, of one that acted up to each sample since the one before."""
-    changed = np.flatnonzero(np.diff(applied)) + 1
-    return Signal(
-        times=np.concatenate([times[:1], times[changed - 1]]), values=np.concatenate([applied[:1], applied[changed]])
-    )
 
 
 def _defaults(option: str) -> str:

@@ -12,7 +12,7 @@ from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Quantity
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.options import Options
-from cfd_pneumatic.identification.data.split import Split
+from cfd_pneumatic.identification.data.split import PARTS, Split
 from cfd_pneumatic.identification.fit.fit import Fit
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.verdict import Conclusion, PartError
@@ -71,12 +71,6 @@ class Comparison:
     def residual(self, which: int) -> Array:
         """Return measured less simulated, without (0) or with effects (1), shape (m,) [SI]."""
         return self.experiment.measured - (self.before, self.after)[which]
-
-    def tested(self, which: int) -> Array:
-        """Return the residual without (0) or with effects (1) as it is tested: weighted, before the test part."""
-        simulated = (self.before, self.after)[which]
-        weighted = self.residual(which) * self.channel.precision(self.experiment, simulated)
-        return np.asarray(weighted[self.experiment.fitted])
 
     def stamps(self, signal: Signal) -> Array:
         """Return the stamps of the samples in the signal that they come from, a run of it, shape (m,) [s]."""
@@ -157,6 +151,11 @@ class ChannelResult:
         """The part on which before and after are compared: the test part, or all samples where there is none."""
         return 'test' if 'test' in self.before else 'all'
 
+    def judged(self, comparison: Comparison) -> NDArray[np.bool_]:
+        """Return which samples of a recording before and after are compared on, shape (m,)."""
+        part = comparison.experiment.part
+        return part == PARTS.index('test') if self.judged_on == 'test' else np.ones(part.size, np.bool_)
+
     @property
     def gains(self) -> tuple[Estimate, ...]:
         """Parameters of the model itself, fitted with the effects."""
@@ -167,6 +166,12 @@ class ChannelResult:
         names = {estimate.name: estimate for estimate in self.found.estimates}
         own = [one.name for one in self.channel.effects[effect].parameters]
         return {name: names[f'{effect}.{name}'] for name in own if f'{effect}.{name}' in names}
+
+    def tested(self, which: int) -> list[Array]:
+        """Return the residuals without (0) or with effects (1) as they are tested: weighted, before the test part."""
+        simulated = [(one.before, one.after)[which] for one in self.comparisons]
+        weights = (self.fit, self.found)[which].likelihood.precisions(simulated)
+        return [(one.residual(which) * weight)[one.experiment.fitted] for one, weight in zip(self.comparisons, weights)]
 
     def rmse(self, which: int) -> float:
         """Return the error without (0) or with effects (1), on the part on which they are compared [SI]."""

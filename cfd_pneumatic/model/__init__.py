@@ -6,7 +6,7 @@ from cfd_pneumatic.model.cylinder import (
     CylinderState,
     simulate_parameter_sets,
 )
-from cfd_pneumatic.model.device import DIRECTIONS, Device, DeviceState, ForceGeometry
+from cfd_pneumatic.model.device import DIRECTIONS, DeviceModel, DeviceState, ForceGeometry
 from cfd_pneumatic.model.extended import ExtendedCylinder, Movement
 from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
 from cfd_pneumatic.model.live import Arrival, Committed, LiveDevice, warm_up
@@ -24,7 +24,7 @@ __all__ = [
     'Course',
     'Cylinder',
     'CylinderState',
-    'Device',
+    'DeviceModel',
     'DeviceState',
     'ExtendedCylinder',
     'ForceGeometry',

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -114,6 +114,8 @@ class Cylinder:
         What a gauge set-point is counted from [Pa].
     effects
         Parameters of each effect that is on, by its name.
+    setpoint_offset
+        What the regulator holds above what it is told [Pa].
 
     Raises
     ------
@@ -124,7 +126,8 @@ class Cylinder:
 
     parameters: OperatingPoints
     ambient_pressure: float
-    effects: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    setpoint_offset: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the effects."""
@@ -137,6 +140,7 @@ class Cylinder:
 
     def at_rest(self, setpoint: float, x: float) -> CylinderState:
         """Return the equilibrium at an absolute set-point [Pa], the piston resting at a displacement [m]."""
+        setpoint += self.setpoint_offset
         state = CylinderState.at_rest(setpoint)
         if not self.effects:
             return state
@@ -163,6 +167,7 @@ class Cylinder:
             Absolute set-point that acts meanwhile [Pa].
 
         """
+        setpoint += self.setpoint_offset
         gains = interpolate_gains(self.parameters.table, setpoint - self.ambient_pressure)
         if not self.effects:
             return CylinderState(*advance(state.p, state.p_f, movement.duration, movement.rate, setpoint, *gains))
@@ -200,7 +205,7 @@ class Cylinder:
         propagate(
             times,
             displacement,
-            setpoint,
+            setpoint + self.setpoint_offset,
             self.parameters.table,
             self.ambient_pressure,
             np.array([start.p, start.p_f]),

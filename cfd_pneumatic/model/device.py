@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -84,7 +84,7 @@ class DeviceState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Device:
+class DeviceModel:
     """
     Two opposing cylinders on one piston, or one against ambient pressure (the other is None): +x grows A, shrinks B.
 
@@ -110,7 +110,7 @@ class Device:
     a: Cylinder | None
     b: Cylinder | None
     geometry: ForceGeometry
-    force_effects: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    force_effects: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     seal_play: float = 0.0
 
     def __post_init__(self) -> None:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from numba import config, njit
+from numba import njit
 
 from cfd_pneumatic.compiling import compiler
-
-# a pass of LLVM that Numba leaves out by default; with it `propagation` carries several sensitivities forward at once
-config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]
 
 kernel = compiler(error_model='numpy', nogil=True)
 """

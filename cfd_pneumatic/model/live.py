@@ -6,7 +6,7 @@ import enum
 from typing import NamedTuple
 
 from cfd_pneumatic.model.cylinder import Cylinder
-from cfd_pneumatic.model.device import Device, DeviceState, ForceGeometry
+from cfd_pneumatic.model.device import DeviceModel, DeviceState, ForceGeometry
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.model.extended import Movement
 from cfd_pneumatic.model.parameters import TABLE_1
@@ -62,7 +62,7 @@ class LiveDevice:
     The same sequence of stamps, positions and set-points gives the same pressures to the last bit.
     """
 
-    def __init__(self, device: Device, max_gap: float) -> None:
+    def __init__(self, device: DeviceModel, max_gap: float) -> None:
         """Follow `device`; a step longer than `max_gap` [s] starts anew instead."""
         self.device = device
         self.max_gap = max_gap
@@ -139,5 +139,5 @@ def warm_up() -> None:
     )
     for on_pressure, on_force in (({}, {}), (every, every_on_force)):
         cylinder = Cylinder(TABLE_1, 1e5, on_pressure)
-        device = Device(cylinder, None, ForceGeometry(1e-3, 1.0, 1e5), on_force)
+        device = DeviceModel(cylinder, None, ForceGeometry(1e-3, 1.0, 1e5), on_force)
         device.step(device.at_rest(2e5, 2e5), Movement(1e-3, 1e-3, 0.0, 1e-6), 2e5, 2e5)

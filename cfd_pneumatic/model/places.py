@@ -71,14 +71,21 @@ FORCE_STATES = sum(effect.states for effect in FORCE_EFFECTS.values())
 """Number of states of the force."""
 
 
+_NULL = np.concatenate([np.zeros(GAINS), *(effect.null for effect in PRESSURE_EFFECTS.values())])
+_FORCE_NULL = np.concatenate([np.empty(0), *(effect.null for effect in FORCE_EFFECTS.values())])
+
+
 def all_parameters(gains: Sequence[float] | Array, effects: Mapping[str, Sequence[float]]) -> Array:
     """
     Return the gains and the parameters of every effect on the pressure.
 
     They are null where the effect is not among `effects`.
     """
-    own = [effects.get(name, effect.null) for name, effect in PRESSURE_EFFECTS.items()]
-    return np.concatenate([np.asarray(gains, dtype=np.float64), *own])
+    values = _NULL.copy()
+    values[:GAINS] = gains
+    for name, own in effects.items():
+        values[PLACES[name].parameters] = own
+    return values
 
 
 def switches(effects: Mapping[str, Sequence[float]]) -> NDArray[np.bool_]:
@@ -88,7 +95,10 @@ def switches(effects: Mapping[str, Sequence[float]]) -> NDArray[np.bool_]:
 
 def all_force_parameters(effects: Mapping[str, Sequence[float]]) -> Array:
     """Return the parameters of every effect on the force, null where it is not among `effects`."""
-    return np.concatenate([np.empty(0), *(effects.get(name, effect.null) for name, effect in FORCE_EFFECTS.items())])
+    values = _FORCE_NULL.copy()
+    for name, own in effects.items():
+        values[FORCE_PLACES[name].parameters] = own
+    return values
 
 
 def force_switches(effects: Mapping[str, Sequence[float]]) -> NDArray[np.bool_]:

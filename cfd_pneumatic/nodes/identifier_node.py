@@ -10,18 +10,17 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from rclpy.validate_topic_name import validate_topic_name
@@ -31,15 +30,14 @@ from std_srvs.srv import Trigger
 from cfd_pneumatic import convention
 from cfd_pneumatic.commands.identify_bag import PROGRESS_KEY
 from cfd_pneumatic.commands.program import BAD_INPUT
+from cfd_pneumatic.device import DESCRIPTORS, NO_NAMES, Device, Value
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.parameters import number, switch, text, texts
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.reporting import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.reporting.wording import sentence, title
-from cfd_pneumatic.yaml_files import read_yaml
 
 _PERIOD = 0.1  # how often the fit's process is looked after [s]
 _POLL = 0.01  # [s]
@@ -47,12 +45,11 @@ _PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
 _ASK_AGAIN = 1.0  # a request to set or get parameters is repeated after this time [s]
 _SERVICE_WAIT = 5.0  # how long a target of `apply_to` may take to appear or answer [s]
 _TRANSFER = {
-    ListParameters: 'list_parameters',
     GetParameters: 'get_parameters',
     SetParametersAtomically: 'set_parameters_atomically',
 }
 """The services of the target of `apply_to`, and their names."""
-_AT_START = ('initial_setpoint', 'enabled')  # of a cylinder; in the file for a node that is about to start
+_BUSY = 'refused: an identification is running; ~/cancel ends it'
 CANCELLED = 'cancelled: earlier outputs are untouched'
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -162,10 +159,12 @@ class IdentifierNode(Node):
         self._transfer: ParameterTransfer | None = None
         self._status = (DiagnosticStatus.OK, 'idle')
         self._report: dict[str, Any] = {}
+        self._earlier: tuple[str, dict[str, Value]] = ('', {})
         self._result_out = self.create_publisher(String, convention.RESULT, _LATCHED)
         self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         self.create_service(Trigger, '~/identify', self._on_identify)
         self.create_service(Trigger, '~/cancel', self._on_cancel)
+        self.create_service(Trigger, '~/revert', self._on_revert)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_PERIOD, self._look_after, clock=steady)
         self.create_timer(1.0, self._publish_diagnostics, clock=steady)
@@ -245,8 +244,8 @@ class IdentifierNode(Node):
 
     def _on_identify(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Begin to identify what the parameters name; refused while an identification runs."""
-        if self._job is not None:
-            response.message = 'refused: an identification is running; ~/cancel ends it'
+        if self._is_busy:
+            response.message = _BUSY
             return response
         try:
             job = self._make_job()
@@ -271,11 +270,27 @@ class IdentifierNode(Node):
         response.message = 'the fit is being ended; earlier outputs stay'
         return response
 
+    def _on_revert(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Set what `apply_to` had before its parameters were set last; once more brings these back."""
+        target, earlier = self._earlier
+        if self._is_busy:
+            response.message = _BUSY
+        elif not earlier:
+            response.message = 'nothing was set that could be taken back'
+        else:
+            self._transfer = ParameterTransfer(self, target, earlier)
+            self._tell(DiagnosticStatus.OK, f'taking back the parameters of {target}')
+            response.success = True
+            response.message = f'the earlier parameters are being set on {target}'
+        return response
+
+    @property
+    def _is_busy(self) -> bool:
+        return self._job is not None or self._transfer is not None
+
     def _look_after(self) -> None:
-        """Follow the fit, then the setting of its parameters, one step at a time."""
-        if self._job is None:
-            return
-        if self._fit is not None:
+        """Follow the fit, then the setting of parameters, one step at a time."""
+        if self._fit is not None and self._job is not None:
             if not self._fit.ended():
                 return
             failure = self._fit.failure()
@@ -289,16 +304,18 @@ class IdentifierNode(Node):
             if not self._job.target:
                 self._finish(DiagnosticStatus.OK, self._found('done'))
                 return
-            identified = [*self._report['cylinders'], *([convention.CONTACT_FORCE] if 'force' in self._report else [])]
-            self._transfer = ParameterTransfer(self, self._job.target, self._job.folder / PARAMETER_FILE, identified)
+            file = self._job.folder / PARAMETER_FILE
+            wanted = _with_other_effects_off(Device.load(file), self._report)
+            self._transfer = ParameterTransfer(self, self._job.target, wanted, f': start it with {file}')
             self._tell(DiagnosticStatus.OK, f'setting the parameters on {self._job.target}')
         elif self._transfer is not None:
             outcome = self._transfer.proceed()
             if outcome is not None:
                 self._transfer.close()
+                self._earlier = self._transfer.target, self._transfer.earlier
                 self._transfer = None
                 level, message = outcome
-                self._finish(level, self._found(message))
+                self._finish(level, self._found(message) if self._job is not None else message)
 
     def _verdicts(self) -> dict[str, dict[str, Any]]:
         """Return what the report says on each cylinder, and on the force, where the loop was closed."""
@@ -349,29 +366,30 @@ class IdentifierNode(Node):
 
 class ParameterTransfer:
     """
-    Setting a parameter file on another node, all at once or not at all.
+    Setting parameters on another node, all at once or not at all.
 
-    Whatever the file holds is set, but for what a node takes at its start alone. Of the effects in what was identified,
-    those that it does not hold are switched off: its gains were fitted without them. A gain that was not identifiable
-    stands in no file; it is taken from the target, at the new set-points, because its list has to be as long as theirs.
-    A target that has a cylinder more or less than the file keeps it, which is said.
+    A target that has a cylinder more or less than is wanted keeps it, which is said: nodes take that at their start
+    alone, as they do initial set-points.
+
+    Attributes
+    ----------
+    earlier
+        What the target had before, once it was set.
+
     """
 
-    def __init__(self, node: Node, target: str, file: Path, identified: Sequence[str]) -> None:
-        """Begin with what was `identified`, cylinders and perhaps contact_force; `proceed` goes on, without waiting."""
+    def __init__(self, node: Node, target: str, wanted: Mapping[str, Value], remedy: str = '') -> None:
+        """Begin with parameters by their names, and a remedy where cylinders differ; `proceed` goes on."""
+        self.target = target.rstrip('/')
+        self.earlier: dict[str, Value] = {}
         self._node = node
-        self._target = target.rstrip('/')
-        self._identified = identified
-        self._file = file
-        values = dict(_flat(read_yaml(file)['/**']['ros__parameters']))
-        self._switches = {
-            name: values.get(name, True) for name in (f'{cylinder}.enabled' for cylinder in convention.CYLINDERS)
+        self._remedy = remedy
+        self._values = {name: value for name, value in wanted.items() if not DESCRIPTORS[name].at_start}
+        self._present = {
+            f'{cylinder}.enabled': wanted.get(f'{cylinder}.enabled', True) for cylinder in convention.CYLINDERS
         }
-        at_start = {f'{cylinder}.{name}' for cylinder in convention.CYLINDERS for name in _AT_START}
-        self._values = {name: value for name, value in values.items() if name not in at_start}
         self._clients = {
-            service.Request: node.create_client(service, f'{self._target}/{name}')
-            for service, name in _TRANSFER.items()
+            service.Request: node.create_client(service, f'{self.target}/{name}') for service, name in _TRANSFER.items()
         }
         self._deadline = time.monotonic() + _SERVICE_WAIT
         self._dialogue = self._talk()
@@ -394,7 +412,7 @@ class ParameterTransfer:
         elif time.monotonic() - self._asked > _ASK_AGAIN:
             self._ask()  # a reply is lost if it leaves before its sender has discovered this client
         if time.monotonic() > self._deadline:
-            return DiagnosticStatus.ERROR, f'{self._target} (parameter apply_to) is not there: check its name'
+            return DiagnosticStatus.ERROR, f'{self.target} (parameter apply_to) is not there: check its name'
         return None
 
     def _ask(self) -> None:
@@ -403,48 +421,22 @@ class ParameterTransfer:
 
     def _talk(self) -> Generator[Any, Any, tuple[bytes, str]]:
         """Yield requests, get their replies, and return level and message."""
-        known = (yield ListParameters.Request()).result.names
-        gains = [
-            f'{cylinder}.{name}'
-            for cylinder in convention.CYLINDERS
-            if cylinder in self._identified
-            for name in ('setpoints', *NAMES)
-        ]
-        if not {*self._values, *self._switches, *gains}.issubset(known):
-            return DiagnosticStatus.ERROR, f'{self._target} (parameter apply_to) is no sim_node'
-        held = (yield GetParameters.Request(names=[*gains, *self._switches])).values
-        present = {name: list(value.double_array_value) for name, value in zip(gains, held)}
-        differ = [
-            f'{name} is {str(value.bool_value).lower()} there'
-            for (name, wanted), value in zip(self._switches.items(), held[len(gains) :])
-            if value.bool_value != wanted
-        ]
-        values = {**self._switched_off(known), **self._completed(present), **self._values}
-        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        names = [*self._values, *self._present]
+        held = (yield GetParameters.Request(names=names)).values
+        earlier = {name: parameter_value_to_python(value) for name, value in zip(names, held)}
+        if len(earlier) < len(names) or None in earlier.values():
+            return DiagnosticStatus.ERROR, f'{self.target} (parameter apply_to) is no sim_node'
+        present = {name: earlier.pop(name) for name in self._present}
+        differ = [f'{name} is {str(on).lower()} there' for name, on in present.items() if on != self._present[name]]
+        parameters = [Parameter(name, value=_as_list(value)).to_parameter_msg() for name, value in self._values.items()]
         result = (yield SetParametersAtomically.Request(parameters=parameters)).result
         if not result.successful:
-            return DiagnosticStatus.ERROR, f'{self._target} refused the parameters: {result.reason}'
-        done = f'parameters set on {self._target}'
+            return DiagnosticStatus.ERROR, f'{self.target} refused the parameters: {result.reason}'
+        self.earlier = {**earlier, **present}
+        done = f'parameters set on {self.target}'
         if differ:
-            return DiagnosticStatus.WARN, f'{done}, but {" and ".join(differ)}: start it with {self._file}'
+            return DiagnosticStatus.WARN, f'{done}, but {" and ".join(differ)}{self._remedy}'
         return DiagnosticStatus.OK, done
-
-    def _switched_off(self, known: Sequence[str]) -> dict[str, bool]:
-        """Return the switches of all effects in what was identified, off: `cylinder_a.EFFECT.enabled`."""
-        paths = [name.split('.') for name in known]
-        return {
-            '.'.join(path): False
-            for path in paths
-            if len(path) == 3 and path[0] in self._identified and path[2] == 'enabled'
-        }
-
-    def _completed(self, present: Mapping[str, Sequence[float]]) -> dict[str, list[float]]:
-        """Return the gains that the file leaves out."""
-        values = {}
-        for name in present:
-            setpoints = f'{name.partition(".")[0]}.setpoints'
-            values[name] = np.interp(self._values[setpoints], present[setpoints], present[name]).tolist()
-        return values
 
     def close(self) -> None:
         """Give the clients back."""
@@ -452,13 +444,17 @@ class ParameterTransfer:
             self._node.destroy_client(client)
 
 
-def _flat(tree: Mapping[str, Any], above: str = '') -> Iterator[tuple[str, Any]]:
-    """Yield the names and values of a tree of parameters."""
-    for name, value in tree.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f'{above}{name}.')
-        else:
-            yield f'{above}{name}', value
+def _as_list(value: Value) -> Any:
+    return list(value) if isinstance(value, Sequence) else value
+
+
+def _with_other_effects_off(device: Device, report: Mapping[str, Any]) -> dict[str, Value]:
+    """Return a device's parameters, with every effect off that was looked for and not found."""
+    identified = [*report['cylinders'], *([convention.CONTACT_FORCE] if 'force' in report else [])]
+    switches = [name for name in DESCRIPTORS if name.count('.') == 2 and name.endswith('.enabled')]
+    off: dict[str, Value] = {name: False for name in switches if name.partition('.')[0] in identified}
+    told: dict[str, Value] = {f'{name}.not_identifiable': NO_NAMES for name in report['cylinders']}
+    return {**off, **told, **device.given}
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -7,7 +7,6 @@ import reprlib
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -15,29 +14,17 @@ from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.compiling import announced
+from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.model import NAMES, Cylinder, Device, ForceGeometry, warm_up
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS
+from cfd_pneumatic.model import NAMES, DeviceModel, warm_up
 from cfd_pneumatic.nodes.health import InputHealth
-from cfd_pneumatic.nodes.inputs import joint_reader
 from cfd_pneumatic.nodes.messages import AXES
-from cfd_pneumatic.nodes.parameters import (
-    declare_effects,
-    declare_operating_points,
-    effects,
-    number,
-    operating_points,
-    switch,
-    text,
-    wrong_type,
-)
-from cfd_pneumatic.units import PSI
+from cfd_pneumatic.nodes.parameters import declare_device, device_of, number, text, wrong_type
+from cfd_pneumatic.nodes.samples import joint_reader
 
-_SEAL_PLAY = f'{convention.CONTACT_FORCE}.seal_play'
 _FARTHEST = 1e3  # no piston is [m]; a number beyond would take the model out of floating point's range
 _NAMES = reprlib.Repr()  # of the joints in a message, which may be any number of any length
 _NAMES.maxlist, _NAMES.maxstring = 20, 80
-_GEOMETRY = ('area', 'geometric_factor', 'ambient_pressure')
 
 
 class ModelNode(Node):
@@ -51,7 +38,7 @@ class ModelNode(Node):
         """Declare parameters and compile the model."""
         super().__init__(name, **kwargs)
         self._declare_parameters()
-        self._device = self._make_device({})
+        self._described = self._make_device({})
         self._cylinders = tuple(self._device.cylinders)
         wanted = ['area', *(f'{cylinder}.{gain}' for cylinder in self._cylinders for gain in NAMES)]
         self._defaults = [name for name in wanted if name not in self._parameter_overrides]
@@ -61,12 +48,14 @@ class ModelNode(Node):
             if refusal is not None:
                 raise InputError(f'{cylinder}.initial_setpoint is {refusal}')
         self._health = InputHealth(self, convention.PISTON_STATE)
-        self._piston = joint_reader(self._value('joint'))
+        self._piston = joint_reader(self, self._value('joint'))
         instead = "the paper's Table 1 and the default area stand in for them"
         if self._defaults == wanted:
             self.get_logger().info(f'no gains and no area are given: {instead}')
         elif self._defaults:
             self.get_logger().warning(f'not given: {self._told_defaults()}; {instead}')
+        if self._described.not_identifiable:
+            self.get_logger().warning(f'no recording told {self._told_doubtful()}: as the fit used it')
         with announced(self._on_compiling):
             self._warm_up()
 
@@ -93,67 +82,14 @@ class ModelNode(Node):
                 "x, 'y' (in quotes: YAML takes a bare y for true) or z",
             ),
         )
-        declare('area', convention.PISTON_AREA, number('m^2', *convention.AREAS, 'piston area of either cylinder'))
-        declare(
-            'geometric_factor',
-            1.0,
-            number('-', *convention.FACTORS, 'contact force over piston force, from the linkage'),
-        )
-        declare(
-            'ambient_pressure',
-            convention.AMBIENT_PRESSURE,
-            number('Pa', 1e4, 2e5, 'absolute pressure that gauge set-points are counted from'),
-        )
-        declare(
-            'supply_pressure',
-            convention.SUPPLY_PRESSURE,
-            number('Pa', 1e4, 2e6, 'gauge; a set-point above it is ignored'),
-        )
         declare('max_gap', 1.0, number('s', 1e-3, 1e3, 'a longer step between samples starts the model anew'))
         declare('timeout', 0.5, number('s', 1e-2, 1e3, 'silence of piston_state that /diagnostics calls an error'))
-        for cylinder in convention.CYLINDERS:
-            declare(
-                f'{cylinder}.enabled',
-                True,
-                switch('false: there is none, and ambient pressure takes its place in the force', read_only=True),
-            )
-            declare_operating_points(self, cylinder)
-            declare_effects(self, cylinder, PRESSURE_EFFECTS)
-            declare(
-                f'{cylinder}.initial_setpoint',
-                10.0 * PSI,
-                number('Pa', -1e5, 2e6, 'gauge set-point until one arrives', read_only=True),
-            )
-        declare_effects(self, convention.CONTACT_FORCE, FORCE_EFFECTS)
-        declare(
-            _SEAL_PLAY,
-            2e-6,
-            number(
-                'm',
-                0.0,
-                1e-3,
-                'half of the play with which seals follow the displacement, lest noise turn them round: half a bit '
-                'of its sensor, or three standard deviations of its noise',
-            ),
-        )
+        declare_device(self)
 
     def _make_device(self, changes: Mapping[str, Any]) -> Device:
         if self._value('axis', changes) not in AXES:
             raise InputError(f'axis {self._value("axis", changes)!r} is not one of {", ".join(AXES)}')
-        ambient = self._value('ambient_pressure', changes)
-        a, b = (
-            Cylinder(operating_points(self, name, changes), ambient, effects(self, name, PRESSURE_EFFECTS, changes))
-            if self._value(f'{name}.enabled')
-            else None
-            for name in convention.CYLINDERS
-        )
-        if a is None and b is None:
-            raise InputError('cylinder_a.enabled and cylinder_b.enabled are both false: leave one of them true')
-        geometry = ForceGeometry(*(self._value(name, changes) for name in _GEOMETRY))
-        if geometry.geometric_factor == 0.0:
-            raise InputError('geometric_factor is 0: no force could be set or derived')
-        force_effects = effects(self, convention.CONTACT_FORCE, FORCE_EFFECTS, changes)
-        return Device(a, b, geometry, force_effects, self._value(_SEAL_PLAY, changes))
+        return device_of(self, changes)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters as every node does, but say which one is of a wrong type."""
@@ -166,28 +102,26 @@ class ModelNode(Node):
         """Take good values from the next sample on; reject others with the reason."""
         changes = {parameter.name: parameter.value for parameter in parameters}
         try:
-            self._device = self._make_device(changes)
+            self._described = self._make_device(changes)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        self._piston = joint_reader(self._value('joint', changes))
-        self._defaults = [name for name in self._defaults if name not in changes or self._is_kept(name, changes)]
+        self._piston = joint_reader(self, self._value('joint', changes))
+        self._defaults = [name for name in self._defaults if name not in changes]
         self._adopt(changes)
         return SetParametersResult(successful=True)
-
-    def _is_kept(self, gain: str, changes: Mapping[str, Any]) -> bool:
-        """
-        Tell whether a gain only follows its cylinder's set-points, as it was at them.
-
-        So `identifier_node` sets a gain that was not identifiable: it remains a default.
-        """
-        setpoints = f'{gain.partition(".")[0]}.setpoints'
-        return setpoints in changes and np.array_equal(
-            changes[gain], np.interp(changes[setpoints], self._value(setpoints), self._value(gain))
-        )
 
     def _told_defaults(self) -> str:
         """Return which of the gains and the area nobody gave."""
         return ', '.join(self._defaults) or 'none'
+
+    def _told_doubtful(self) -> str:
+        """Return which of the gains no recording told."""
+        return ', '.join(self._described.not_identifiable) or 'none'
+
+    @property
+    def _device(self) -> DeviceModel:
+        """What is simulated."""
+        return self._described.model
 
     def _adopt(self, changes: Mapping[str, Any]) -> None:
         """Use `_device` from now on, and what else has changed."""

@@ -19,12 +19,12 @@ from cfd_pneumatic import convention
 from cfd_pneumatic.identification import Options
 from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
 from cfd_pneumatic.nodes.health import diagnostics
-from cfd_pneumatic.nodes.inputs import force_reader, pressure_reader
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode, no_time
 from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs
 from cfd_pneumatic.nodes.parameters import number
 from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.nodes.samples import force_reader, pressure_reader
 from cfd_pneumatic.nodes.topics import listen_to
 
 _LOOK_PERIOD = 0.1  # how often diagnoses and silence are looked after [s]
@@ -110,8 +110,8 @@ class MonitorNode(ModelNode):
         frame_id, axis = self._value('frame_id', changes), self._value('axis', changes)
         for out in (self._outputs, self._residuals):
             out.orient(frame_id, axis)
-        self._readers = {name: pressure_reader() for name in self._cylinders}
-        self._readers[convention.CONTACT_FORCE] = force_reader(axis)
+        self._readers = {name: pressure_reader(self) for name in self._cylinders}
+        self._readers[convention.CONTACT_FORCE] = force_reader(self, axis)
 
     # topics
 
@@ -146,7 +146,7 @@ class MonitorNode(ModelNode):
         self._health.counts['samples'] += 1
         *pressures, force = prediction.values
         self._outputs.publish(stamp, pressures, force)
-        self._outputs.publish_applied(setpoints)
+        self._outputs.publish_applied(stamp, setpoints)
         self._publish_residuals(now)
 
     def _on_measured(self, channel: str, topic: str, message: bytes) -> None:
@@ -182,7 +182,11 @@ class MonitorNode(ModelNode):
 
     def _publish_diagnostics(self) -> None:
         feed = {key: str(count) for key, count in sorted(self._health.counts.items())}
-        self._say('feed', self._verdict_on_feed(), feed | {'defaults': self._told_defaults()})
+        self._say(
+            'feed',
+            self._verdict_on_feed(),
+            feed | {'defaults': self._told_defaults(), 'not identifiable': self._told_doubtful()},
+        )
         for name, channel in self._watch.channels().items():
             values = {'times that a chart has rung': str(channel.rings)}
             if channel.baseline is not None:

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, ParameterType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.model import NAMES, SPECS, TABLE_1, OperatingPoints
-from cfd_pneumatic.model.effects import Effect
+from cfd_pneumatic.device import DESCRIPTORS, Descriptor, Device, Value, default_of
 
 _HINTS = {
     ('INTEGER', 'DOUBLE'): ' (write 1.0 for 1)',
@@ -71,36 +68,28 @@ def wrong_type(node: Node, parameters: Sequence[Parameter]) -> str | None:
     return None
 
 
-def declare_operating_points(node: Node, cylinder: str) -> None:
+def declare_device(node: Node) -> None:
     """
-    Declare a cylinder's scheduled gains: `cylinder_a.setpoints`, `cylinder_a.k_x` and so on.
+    Declare every parameter of a device.
 
-    Their default is the paper's Table 1; a gain that is not given is Table 1's at the set-points that are.
+    Gains that are not given are Table 1's at the set-points that are.
+
+    Raises
+    ------
+    InputError
+        If these set-points are none.
+
     """
-    setpoints = node.declare_parameter(
-        f'{cylinder}.setpoints',
-        list(map(float, TABLE_1.setpoints)),
-        numbers('Pa', 'gauge set pressures at which the gains are given', 'finite, strictly increasing'),
-    ).value
-    try:
-        default = TABLE_1.at(setpoints)
-    except ValueError as error:
-        raise InputError(f'{cylinder}: {error}') from error
-    for spec in SPECS:
-        node.declare_parameter(
-            f'{cylinder}.{spec.name}',
-            list(map(float, getattr(default, spec.name))),
-            numbers(
-                spec.unit,
-                f'{spec.description}, one for each set-point',
-                f'{spec.lower:g} to {spec.upper:g} {spec.unit}, as many as setpoints',
-            ),
-        )
+    declared: dict[str, Value] = {}
+    for name, descriptor in DESCRIPTORS.items():
+        default = default_of(name, declared)
+        own = list(default) if isinstance(default, tuple) else default
+        declared[name] = node.declare_parameter(name, own, _as_ros(descriptor)).value
 
 
-def operating_points(node: Node, cylinder: str, changes: Mapping[str, Any]) -> OperatingPoints:
+def device_of(node: Node, changes: Mapping[str, Any]) -> Device:
     """
-    Return a cylinder's scheduled gains as they are with some changes.
+    Return the device that a node's parameters describe, with some changes.
 
     Raises
     ------
@@ -108,48 +97,15 @@ def operating_points(node: Node, cylinder: str, changes: Mapping[str, Any]) -> O
         If lengths differ or a value is out of its range, with the parameter's name.
 
     """
-    rows = {name: _value(node, f'{cylinder}.{name}', changes) for name in ('setpoints', *NAMES)}
-    try:
-        return OperatingPoints.from_rows({name: np.asarray(row, dtype=float) for name, row in rows.items()})
-    except ValueError as error:
-        raise InputError(f'{cylinder}.{error}') from error
+    values = {name: changes[name] if name in changes else node.get_parameter(name).value for name in DESCRIPTORS}
+    return Device({name: value if isinstance(value, bool | float) else tuple(value) for name, value in values.items()})
 
 
-def declare_effects(node: Node, prefix: str, among: Mapping[str, Effect]) -> None:
-    """
-    Declare physical effects of a kind below a prefix: `cylinder_a.leakage.enabled`, `.conductance` and so on.
-
-    All are off. Parameters are null by default: an effect that is enabled and given none changes nothing.
-    """
-    for effect in among.values():
-        node.declare_parameter(
-            f'{prefix}.{effect.name}.enabled',
-            False,
-            switch(f'{effect.description}; its parameters by default change nothing'),
-        )
-        for parameter in effect.parameters:
-            node.declare_parameter(
-                f'{prefix}.{effect.name}.{parameter.name}',
-                float(parameter.null),
-                number(
-                    parameter.unit,
-                    parameter.lower,
-                    parameter.upper,
-                    f'{effect.description}: {parameter.description}',
-                ),
-            )
-
-
-def effects(
-    node: Node, prefix: str, among: Mapping[str, Effect], changes: Mapping[str, Any]
-) -> dict[str, tuple[float, ...]]:
-    """Return the parameters of each of these effects that is enabled, as they are with some changes."""
-    return {
-        name: tuple(_value(node, f'{prefix}.{name}.{parameter.name}', changes) for parameter in effect.parameters)
-        for name, effect in among.items()
-        if _value(node, f'{prefix}.{name}.enabled', changes)
-    }
-
-
-def _value(node: Node, name: str, changes: Mapping[str, Any]) -> Any:
-    return changes[name] if name in changes else node.get_parameter(name).value
+def _as_ros(one: Descriptor) -> ParameterDescriptor:
+    if isinstance(one.default, bool):
+        return switch(one.description, one.at_start)
+    if isinstance(one.default, float):
+        return number(one.unit, one.lower, one.upper, one.description, one.at_start)
+    if one.lists_names:
+        return texts(one.description)
+    return numbers(one.unit, one.description, one.constraints)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -15,7 +14,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.parameters import switch, text, texts
 from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.nodes.samples import message_class
 from cfd_pneumatic.recording import BagWriter
+from cfd_pneumatic.recording.bags.blocks import MessageBlock
+from cfd_pneumatic.recording.bags.storages import STORAGES
 
 _LOOK_PERIOD = 0.1  # how often topics that were not there yet are looked for [s]
 _DEPTH = 1000  # messages of one topic that may wait while others are written
@@ -38,8 +40,8 @@ class RecorderNode(Node):
         )
         if not output:
             raise InputError("parameter 'output' is empty: give the folder of the bag, -p output:=my_bag")
-        if storage not in ('mcap', 'sqlite3'):
-            raise InputError(f"parameter 'storage' is {storage!r}: choose mcap or sqlite3")
+        if storage not in STORAGES:
+            raise InputError(f"parameter 'storage' is {storage!r}: choose {' or '.join(STORAGES)}")
         self._wanted = {self._full_name(topic) for topic in topics if topic}
         if not self._wanted:
             raise InputError("parameter 'topics' is empty: name the topics, -p topics:=[/cfd/device/piston_state]")
@@ -70,7 +72,7 @@ class RecorderNode(Node):
 
     def _record(self, topic: str, type_name: str, offered: Sequence[QoSProfile]) -> None:
         try:
-            message_type = get_message(type_name)
+            message_type = message_class(type_name)
             self._bag.add_topic(topic, type_name)
         except (InputError, ImportError, AttributeError) as error:
             self.get_logger().error(f'{topic} is left out: {error}')
@@ -79,7 +81,7 @@ class RecorderNode(Node):
         self.get_logger().info(f'recording {topic}')
 
     def _write(self, topic: str, payload: Any) -> None:
-        self._bag.write(topic, self.get_clock().now().nanoseconds, payload)
+        self._bag.write(topic, MessageBlock.of([self.get_clock().now().nanoseconds], [payload]))
         self._written += 1
 
     def destroy_node(self) -> None:
@@ -89,13 +91,6 @@ class RecorderNode(Node):
         self._bag.close()
         self.get_logger().info(f'{self._written} messages in {self._bag.path}')
         super().destroy_node()
-
-
-def get_message(type_name: str) -> type:
-    """Return the class of a message type such as std_msgs/msg/Float64."""
-    package, _, name = type_name.partition('/msg/')  # what is none of ROS's may have any name
-    message_type: type = getattr(importlib.import_module(f'{package}.msg'), name)
-    return message_type
 
 
 def _qos_for(offered: Sequence[QoSProfile]) -> QoSProfile:

@@ -306,7 +306,7 @@ class RigNode(Node):
         piston.header.frame_id = self._frame
         self._piston_out.publish(piston)
         self._outputs.publish(stamp, sample.pressures[0].tolist(), float(sample.force[0]))
-        self._outputs.publish_applied(sample.setpoints[0].tolist())
+        self._outputs.publish_applied(stamp, sample.setpoints[0].tolist())
 
     def _announce(self) -> None:
         """

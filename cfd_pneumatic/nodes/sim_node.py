@@ -109,7 +109,7 @@ class SimNode(ModelNode):
         committed = self._live.committed
         assert committed is not None
         self._publish(stamp, committed.state)
-        self._outputs.publish_applied(setpoints)
+        self._outputs.publish_applied(stamp, setpoints)
 
     def _warn_of_reset(self, arrival: Arrival, moved: float) -> None:
         """Warn that the model started anew, `moved` seconds after the last sample."""
@@ -157,6 +157,7 @@ class SimNode(ModelNode):
             values[f'{name} set-point, gauge [Pa]'] = f'{self._setpoints[name]:.1f}'
             values[f'{name} effects'] = ', '.join(cylinder.effects) or 'none'
         values['defaults'] = self._told_defaults()
+        values['not identifiable'] = self._told_doubtful()
         values[f'{convention.CONTACT_FORCE} effects'] = ', '.join(self._live.device.force_effects) or 'none'
         committed = self._live.committed
         if committed is not None:

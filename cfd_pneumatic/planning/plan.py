@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD
@@ -15,7 +17,7 @@ from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.model.baseline import slowest
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.composition import ROUNDS, Menu, compose
-from cfd_pneumatic.planning.device import PlannedDevice
+from cfd_pneumatic.planning.device import at_home, home_gains, home_setpoints
 from cfd_pneumatic.planning.evidence import Evidence, of_samples
 from cfd_pneumatic.planning.family import Segment, Turn, family
 from cfd_pneumatic.planning.limits import Limits, Sensing
@@ -59,7 +61,7 @@ class ParameterPrediction:
     @property
     def identifiable(self) -> bool:
         """Whether `identify_bag` will give it a value."""
-        return self.std is not None and self.std <= LARGEST_RELATIVE_STD * abs(self.value)
+        return self.std is not None and self.std < LARGEST_RELATIVE_STD * abs(self.value)
 
 
 @dataclass(frozen=True)
@@ -118,8 +120,28 @@ class Plan:
     parameters: tuple[ParameterPrediction, ...]
     effects: tuple[EffectPrediction, ...]
 
+    def save(self, folder: Path | str) -> list[Path]:
+        """
+        Write `schedule.csv`, `plan.json` and `schedule.svg` into a folder, made if need be.
 
-def plan(device: PlannedDevice, limits: Limits, sensing: Sensing, wanted: Collection[str] = WANTED) -> Plan:
+        Raises
+        ------
+        InputError
+            If the folder can't be written.
+
+        """
+        from cfd_pneumatic.planning.report import write_plan  # which knows what a plan is
+
+        return write_plan(self, Path(folder))
+
+    def __str__(self) -> str:
+        """Return what is to be done and what it will tell, as tables."""
+        from cfd_pneumatic.planning.report import plan_tables
+
+        return plan_tables(self)
+
+
+def plan(device: Device, limits: Limits, sensing: Sensing = Sensing(), wanted: Collection[str] = WANTED) -> Plan:
     """
     Return the schedule that tells most of what is wanted within the limits of a cell.
 
@@ -132,8 +154,8 @@ def plan(device: PlannedDevice, limits: Limits, sensing: Sensing, wanted: Collec
     for name in wanted:
         if name not in WANTED:
             raise InputError(f'{name} is neither a parameter nor an effect: wanted may be {", ".join(WANTED)}')
-    device = device.within(limits.pressures)
-    drawing = Drawing(limits, sensing, device.homes, settling(device))
+    device = at_home(device, limits.pressures)
+    drawing = Drawing(limits, sensing, home_setpoints(device), settling(device))
     offered = _offered(device, limits)
     menu = Menu.of(offered, drawing, all_signatures(drawing.draw(offered), device, sensing))
     samples = int(limits.duration / sensing.period + 1e-9) - drawing.opening
@@ -146,13 +168,13 @@ def plan(device: PlannedDevice, limits: Limits, sensing: Sensing, wanted: Collec
     raise InputError(f'duration {limits.duration:g} s: no stroke with its rests fits; give {shortest:.1f} s or more')
 
 
-def settling(device: PlannedDevice) -> float:
+def settling(device: Device) -> float:
     """Return how long to rest until the pressures have settled [s]."""
-    longest = max(slowest(one.gains) for one in device.cylinders.values())
+    longest = max(slowest(home_gains(device, name)) for name in device.model.cylinders)
     return min(max(_SETTLED * longest, _SHORTEST_REST), _LONGEST_REST)
 
 
-def _offered(device: PlannedDevice, limits: Limits) -> list[Segment]:
+def _offered(device: Device, limits: Limits) -> list[Segment]:
     """Return the segments of the family that this device and cell can tell apart, the simpler of those they can't."""
     low, high = limits.pressures
     seen: dict[tuple[object, ...], Segment] = {}
@@ -160,7 +182,7 @@ def _offered(device: PlannedDevice, limits: Limits) -> list[Segment]:
         if segment.turns and low == high:
             continue
         shares = [
-            tuple(getattr(step, name) for name in device.cylinders) if isinstance(step, Turn) else step
+            tuple(getattr(step, name) for name in device.model.cylinders) if isinstance(step, Turn) else step
             for step in segment.steps
         ]
         turned = [share for share, step in zip(shares, segment.steps) if isinstance(step, Turn)]
@@ -171,7 +193,7 @@ def _offered(device: PlannedDevice, limits: Limits) -> list[Segment]:
 
 
 def predict(
-    proposal: Proposal, device: PlannedDevice, sensing: Sensing, wanted: Collection[str]
+    proposal: Proposal, device: Device, sensing: Sensing, wanted: Collection[str]
 ) -> tuple[tuple[ParameterPrediction, ...], tuple[EffectPrediction, ...]]:
     """
     Return what a recording of a proposal will tell.

@@ -6,16 +6,47 @@ import io
 import json
 from collections.abc import Sequence
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.files import make_folder, write_text
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.plan import EffectPrediction, ParameterPrediction, Plan
+from cfd_pneumatic.svg import Curve, Panel, chart
 
 SCHEMA = 1
+
+SCHEDULE_FILE = 'schedule.csv'
+PLAN_FILE = 'plan.json'
+PICTURE_FILE = 'schedule.svg'
+_WIDTH = 110  # characters
+_COLOURS = {'blue': '#0a5fc2', 'orange': '#c2500f'}
+
+
+def write_plan(plan: Plan, folder: Path) -> list[Path]:
+    """
+    Write the schedule, the plan as JSON and the picture into a folder, made if need be.
+
+    Raises
+    ------
+    InputError
+        If the folder can't be written.
+
+    """
+    make_folder(folder)
+    contents = {
+        PICTURE_FILE: picture(plan),
+        PLAN_FILE: plan_text(plan),
+        SCHEDULE_FILE: plan.proposal.table(),
+    }
+    for name, content in contents.items():
+        write_text(folder / name, content)
+    return [folder / name for name in contents]
 
 
 def print_plan(plan: Plan, console: Console) -> None:
@@ -29,6 +60,13 @@ def print_plan(plan: Plan, console: Console) -> None:
     console.print(_parameter_table(plan.parameters))
     for channel, effects in groupby(plan.effects, key=lambda one: one.channel):
         console.print(_effect_table(channel, list(effects)))
+
+
+def plan_tables(plan: Plan) -> str:
+    """Return what is printed of a plan."""
+    stream = io.StringIO()
+    print_plan(plan, Console(file=stream, width=_WIDTH, force_jupyter=False, color_system=None))
+    return stream.getvalue().rstrip()
 
 
 def _counted(plan: Plan) -> list[str]:
@@ -108,31 +146,24 @@ def plan_text(plan: Plan) -> str:
     return json.dumps(plan_data(plan), indent=2, allow_nan=False) + '\n'
 
 
-def picture(plan: Plan) -> bytes:
+def picture(plan: Plan) -> str:
     """Return the first round as an SVG: displacement and set-points over time."""
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
-
     proposal = plan.proposal
     count = len(plan.segments)
     end = proposal.segments[count][1] + 1 if len(proposal.segments) > count else proposal.times.size
     times = proposal.times[:end]
-    with matplotlib.rc_context({'svg.hashsalt': 'plan', 'font.size': 9}):
-        figure = Figure(figsize=(10.0, 4.5), layout='constrained')
-        upper, lower = figure.subplots(2, 1, sharex=True)
-        upper.plot(times, 1e3 * proposal.displacement[:end], color='black', linewidth=1.0)
-        upper.set_ylabel('displacement, mm')
-        for name, level, style in zip(CYLINDERS, proposal.held[:end].T, ('-', '--')):
-            lower.step(times, 1e-3 * level, style, where='post', linewidth=1.0, label=name)
-        lower.set_ylabel('set-point, kPa gauge')
-        lower.set_xlabel('time, s')
-        lower.legend(loc='upper right')
-        for axes in (upper, lower):
-            axes.grid(alpha=0.3)
-            for _, at in proposal.segments[:count]:
-                axes.axvline(proposal.times[at], color='grey', linewidth=0.5, alpha=0.5)
-        upper.set_title(f'one round of {plan.rounds}' if plan.rounds > 1 else 'all of it', loc='left')
-        drawn = io.BytesIO()
-        FigureCanvasSVG(figure).print_svg(drawn, metadata={'Date': None})
-    return drawn.getvalue()
+    changes = np.repeat(times, 2)[1:]
+    held = [
+        Curve(changes, np.repeat(1e-3 * level, 2)[:-1], colour, 1.6)
+        for level, colour in zip(proposal.held[:end].T, _COLOURS.values())
+    ]
+    named = ', '.join(f'{name} {word}' for name, word in zip(CYLINDERS, _COLOURS))
+    panels = (
+        Panel('displacement [mm]', 150, [Curve(times, 1e3 * proposal.displacement[:end], 'currentColor')]),
+        Panel(f'set-point, gauge [kPa]: {named}', 150, held),
+    )
+    marks = [float(proposal.times[at]) for _, at in proposal.segments[:count]]
+    what = f'one round of {plan.rounds}' if plan.rounds > 1 else 'all of it'
+    return chart(
+        panels, 1000, (float(times[0]), float(times[-1])), f'time [s], {what}', f'the schedule, {what}', marks=marks
+    )

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.device import Device
 from cfd_pneumatic.identification.channels.channel import Channel, Model
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.channels.pressure import Pressure
@@ -26,7 +27,7 @@ from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH
 from cfd_pneumatic.model import DIRECTIONS
 from cfd_pneumatic.model.effects import Effect
 from cfd_pneumatic.parallel import each
-from cfd_pneumatic.planning.device import PlannedDevice
+from cfd_pneumatic.planning.device import home_gains
 from cfd_pneumatic.planning.limits import Sensing
 from cfd_pneumatic.planning.proposal import Proposal
 
@@ -108,23 +109,22 @@ class Planned:
     noise: float
 
 
-def all_signatures(proposal: Proposal, device: PlannedDevice, sensing: Sensing) -> list[Signatures]:
+def all_signatures(proposal: Proposal, device: Device, sensing: Sensing) -> list[Signatures]:
     """Return the signatures of each channel of a device."""
     return [_signatures(one) for one in planned(proposal, device, sensing)]
 
 
-def planned(proposal: Proposal, device: PlannedDevice, sensing: Sensing) -> list[Planned]:
+def planned(proposal: Proposal, device: Device, sensing: Sensing) -> list[Planned]:
     """Return each channel of a device in the recording that a proposal would give: the cylinders, then the force."""
     found = []
-    absent = np.full(proposal.times.size, device.ambient_pressure)
+    geometry, ambient_pressure = device.model.geometry, device.model.geometry.ambient_pressure
+    absent = np.full(proposal.times.size, ambient_pressure)
     pressures, levels = dict.fromkeys(CYLINDERS, absent), dict.fromkeys(CYLINDERS, absent)
-    for name, cylinder in device.cylinders.items():
-        levels[name] = proposal.setpoints[:, CYLINDERS.index(name)] + device.ambient_pressure
+    for name, cylinder in device.model.cylinders.items():
+        levels[name] = proposal.setpoints[:, CYLINDERS.index(name)] + ambient_pressure
         inputs = {'displacement': DIRECTIONS[name] * proposal.displacement, 'setpoint': levels[name]}
-        channel, model = (
-            Pressure(name, device.ambient_pressure),
-            Model(cylinder.gains, cylinder.effects, np.zeros((1, 2))),
-        )
+        channel = Pressure(name, ambient_pressure)
+        model = Model(home_gains(device, name), cylinder.effects, np.zeros((1, 2)))
         found.append(_planned(proposal, channel, model, inputs, sensing, sensing.pressure_noise))
         pressures[name] = found[-1].experiment.measured
     inputs = {
@@ -135,8 +135,9 @@ def planned(proposal: Proposal, device: PlannedDevice, sensing: Sensing) -> list
         'opposing': pressures['cylinder_b'],
         'level': levels['cylinder_a'] - levels['cylinder_b'],
     }
-    force = Force(device.area, device.factor, device.ambient_pressure)
-    model = Model(np.array([device.area, device.factor]), device.force_effects, np.zeros((1, 1)))
+    force = Force(geometry.area, geometry.geometric_factor, ambient_pressure)
+    parameters = np.array([geometry.area, geometry.geometric_factor])
+    model = Model(parameters, device.model.force_effects, np.zeros((1, 1)))
     return [*found, _planned(proposal, force, model, inputs, sensing, sensing.force_noise)]
 
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bag import METADATA, ROS1_SUFFIX, STORAGE_SUFFIXES
+from cfd_pneumatic.recording.bags.storages import METADATA, ROS1_SUFFIX, SUFFIXES
 from cfd_pneumatic.reporting import REPORT_FILE, is_compare_file
 
-BAG_SUFFIXES = (*STORAGE_SUFFIXES, ROS1_SUFFIX, *(f'{suffix}.zstd' for suffix in STORAGE_SUFFIXES))
+BAG_SUFFIXES = (*SUFFIXES, ROS1_SUFFIX, *(f'{suffix}.zstd' for suffix in SUFFIXES))
 """Files that are bags; compressed ones too, which can't be read alone: none shall be left out silently."""
 
 TABLE_SUFFIXES = ('.csv', '.tsv', '.txt', '.dat')
@@ -106,9 +106,9 @@ def _is_bag(folder: Path) -> bool:
         names = {entry.name for entry in folder.iterdir()}
     except OSError:
         return False
-    storages = {name for name in names if name.endswith(STORAGE_SUFFIXES)}
+    storages = {name for name in names if name.endswith(SUFFIXES)}
     stem = folder.resolve().name
-    split = ({f'{stem}_{number}{suffix}' for number in range(len(storages))} for suffix in STORAGE_SUFFIXES)
+    split = ({f'{stem}_{number}{suffix}' for number in range(len(storages))} for suffix in SUFFIXES)
     return METADATA in names or (bool(storages) and storages in split)
 
 

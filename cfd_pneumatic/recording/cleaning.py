@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.bags.messages import NANOSECONDS
+from cfd_pneumatic.recording.bags.ordering import earliest_after
 from cfd_pneumatic.recording.memory_maps import parts
-from cfd_pneumatic.recording.messages import NANOSECONDS
-from cfd_pneumatic.recording.ordering import earliest_after
 from cfd_pneumatic.recording.wording import counted
 
 MAX_DISORDER = 1.0

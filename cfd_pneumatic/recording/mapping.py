@@ -50,27 +50,20 @@ a name can be given by it, as in ``position[piston]``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from cfd_pneumatic import units
-from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.convention import CYLINDERS, ROLES
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.fields import parse_path
-from cfd_pneumatic.recording.sources import Role, SignalSource
+from cfd_pneumatic.recording.bags.fields import parse_path
+from cfd_pneumatic.recording.sources import OTHER, SignalSource
 from cfd_pneumatic.recording.table import TableFormat
 from cfd_pneumatic.yaml_files import read_yaml
 
-_QUANTITIES: Mapping[str, str] = {
-    'displacement': 'length',
-    'pressure': 'pressure',
-    'setpoint': 'pressure',
-    'setpoint_applied': 'pressure',
-    'force': 'force',
-}
-_CYLINDER_ROLES = ('pressure', 'setpoint', 'setpoint_applied')
+_OF_CYLINDER = tuple(role.name for role in ROLES.values() if role.of_cylinder)
+_OF_DEVICE = tuple(role.name for role in ROLES.values() if not role.of_cylinder)
 _DELIMITERS = {'space': None, 'whitespace': None, 'tab': '\t', 'comma': ',', 'semicolon': ';'}
 
 _NUMBER_KEYS = ('unit', 'scale', 'offset', 'sign', 'time_offset')
@@ -211,26 +204,21 @@ class _Entry:
 
 
 def _mapping(path: Path, root: _Entry) -> ChannelMapping:
-    root.check_keys('displacement', *CYLINDERS, 'force', 'others', 'table', 'types')
+    root.check_keys(*_OF_DEVICE, *CYLINDERS, 'others', 'table', 'types')
     table = _table(root.inner('table')) if 'table' in root else None
-    channels = [_channel(root.inner('displacement'), 'displacement', None, table)]
+    root.inner('displacement')
+    channels = [_channel(root.inner(role), role, None, table) for role in _OF_DEVICE if role in root]
     for cylinder in CYLINDERS:
         if cylinder in root:
             entry = root.inner(cylinder)
-            entry.check_keys(*_CYLINDER_ROLES)
+            entry.check_keys(*_OF_CYLINDER)
             entry.inner('pressure')
-            channels += [
-                _channel(entry.inner(role), role, cylinder, table)
-                for role in get_args(Role)
-                if role in _CYLINDER_ROLES and role in entry
-            ]
-    if len(channels) == 1:
+            channels += [_channel(entry.inner(role), role, cylinder, table) for role in _OF_CYLINDER if role in entry]
+    if not any(channel.cylinder for channel in channels):
         raise root.error(f'{CYLINDERS[0]} is missing: give the pressure of a cylinder')
-    if 'force' in root:
-        channels.append(_channel(root.inner('force'), 'force', None, table))
     if 'others' in root:
         others = root.inner('others')
-        channels += [_channel(others.inner(name), 'other', name, table) for name in others.content]
+        channels += [_channel(others.inner(name), OTHER, name, table) for name in others.content]
     types = (path.parent / root.text('types')).absolute() if 'types' in root else None
     if types is not None and not types.is_dir():
         raise root.error(f'types: {types} is not a folder')
@@ -254,9 +242,9 @@ def _table(entry: _Entry) -> TableFormat:
     )
 
 
-def _channel(entry: _Entry, role: Role, cylinder: str | None, table: TableFormat | None) -> SignalSource:
+def _channel(entry: _Entry, role: str, cylinder: str | None, table: TableFormat | None) -> SignalSource:
     source_keys = _TOPIC_KEYS if table is None else ('column',)
-    quantity = _QUANTITIES.get(role) or units.quantity(entry.text('unit'))
+    quantity = ROLES[role].quantity if role in ROLES else units.quantity(entry.text('unit'))
     pressure = quantity == 'pressure'
     entry.check_keys(*source_keys, *_NUMBER_KEYS, *(('reference',) if pressure else ()))
     source = entry.text('topic') if table is None else entry.column()

@@ -3,47 +3,77 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bag import Bag
+from cfd_pneumatic.recording.bags.bag import Bag
+from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
-from cfd_pneumatic.recording.mapping import ChannelMapping
+from cfd_pneumatic.recording.mapping import ChannelMapping, read_mapping
 from cfd_pneumatic.recording.memory_maps import parts
-from cfd_pneumatic.recording.messages import NANOSECONDS
 from cfd_pneumatic.recording.sampling import Defaults, read_samples
 from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.sources import Role, Samples, SignalSource
+from cfd_pneumatic.recording.sources import OTHER, Samples, SignalSource
 from cfd_pneumatic.recording.table import read_table
 from cfd_pneumatic.recording.topics import convention_channels, resolve
 
 FORCE_AXES = ('x', 'y', 'z')
 
+Paths = list[Path] | list[str] | tuple[Path | str, ...]
+"""Several paths; a sequence would not do, for a string is one, too."""
 
+
+@overload
 def read_recording(
     path: Path | str,
     *,
-    mapping: ChannelMapping | None = None,
+    mapping: ChannelMapping | Path | str | None = ...,
+    namespace: str | None = ...,
+    ambient_pressure: float = ...,
+    joint: str = ...,
+    force_axis: str = ...,
+    folder: Path | str | None = ...,
+) -> Recording: ...
+
+
+@overload
+def read_recording(
+    path: Paths,
+    *,
+    mapping: ChannelMapping | Path | str | None = ...,
+    namespace: str | None = ...,
+    ambient_pressure: float = ...,
+    joint: str = ...,
+    force_axis: str = ...,
+    folder: Path | str | None = ...,
+) -> list[Recording]: ...
+
+
+def read_recording(
+    path: Path | str | Paths,
+    *,
+    mapping: ChannelMapping | Path | str | None = None,
     namespace: str | None = None,
     ambient_pressure: float = AMBIENT_PRESSURE,
     joint: str = PISTON_JOINT,
     force_axis: str = 'x',
     folder: Path | str | None = None,
-) -> Recording:
+) -> Recording | list[Recording]:
     """
-    Read a bag or a table.
+    Read a bag or a table, or several.
 
     Parameters
     ----------
-    path : Path or str
+    path : Path or str, or a sequence of them
         A ROS 2 bag (its folder, or a .mcap or .db3 file), a ROS 1 .bag file, or with a mapping that says so a table.
-    mapping : ChannelMapping, optional
-        Where the signals are; by default they are at the names of our convention.
+    mapping : ChannelMapping, Path or str, optional
+        Where the signals are, or the file that says so; by default they are at the names of our convention.
     namespace : str, optional
         Namespace of the topics; needed where several hold our convention's topics. Relative topics of a mapping are in
         it.
@@ -59,7 +89,7 @@ def read_recording(
 
     Returns
     -------
-    Recording
+    Recording, or a list of them where several paths are given
         All that was found, in SI units, each signal on its own times.
 
     Raises
@@ -68,6 +98,21 @@ def read_recording(
         If there is nothing to read or it can't be meant: the message says what to do.
 
     """
+    if isinstance(mapping, Path | str):
+        mapping = read_mapping(mapping)
+    if not isinstance(path, Path | str):
+        return [
+            read_recording(
+                one,
+                mapping=mapping,
+                namespace=namespace,
+                ambient_pressure=ambient_pressure,
+                joint=joint,
+                force_axis=force_axis,
+                folder=folder,
+            )
+            for one in path
+        ]
     path = Path(path)
     if force_axis not in FORCE_AXES:
         raise InputError(f'the force has no axis {force_axis!r}: choose one of {", ".join(FORCE_AXES)}')
@@ -111,7 +156,7 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
     cleaned = {(one.channel.role, one.channel.cylinder): _clean(one, ambient_pressure) for one in samples}
     epoch = min(int(one.times[0]) for one in cleaned.values())
 
-    def signal(role: Role, cylinder: str | None = None) -> Signal | None:
+    def signal(role: str, cylinder: str | None = None) -> Signal | None:
         found = cleaned.get((role, cylinder))
         return None if found is None else Signal(_seconds_since(epoch, found.times), found.values)
 
@@ -125,10 +170,11 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
     assert displacement is not None
     _check_overlap(displacement, cylinders)
     health = [*notes, *(note for one in cleaned.values() for note in one.notes)]
+    own = {field.name for field in fields(Recording)}
     others = {
-        other: Signal(_seconds_since(epoch, found.times), found.values)
+        str(other if role == OTHER else role): Signal(_seconds_since(epoch, found.times), found.values)
         for (role, other), found in cleaned.items()
-        if role == 'other' and other is not None
+        if role == OTHER or (role in ROLES and not ROLES[role].of_cylinder and role not in own)
     }
     return Recording(name, epoch, displacement, cylinders, signal('force'), tuple(health), others)
 
@@ -145,7 +191,7 @@ def _clean(samples: Samples, ambient_pressure: float) -> Cleaned:
     channel, values = samples.channel, samples.raw
     for part in parts(values):
         values[part] = channel.si(values[part], ambient_pressure)
-    if channel.role == 'setpoint':
+    if channel.role in ROLES and ROLES[channel.role].held:
         return at_changes(clean(samples.times, values, channel.name, held=True))
     cleaned = clean(samples.times, values, channel.name)
     return at_changes(_from_previous(cleaned)) if channel.role == 'setpoint_applied' else cleaned

@@ -10,13 +10,13 @@ from tempfile import gettempdir
 from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bag import Bag, Topic
-from cfd_pneumatic.recording.decoding import CounterPath, Decoder, TimePaths
-from cfd_pneumatic.recording.definitions import read_types, types_of
-from cfd_pneumatic.recording.fields import FieldPath, check_number, has_header, is_time, list_numbers, parse_path
+from cfd_pneumatic.recording.bags.bag import Bag, Topic
+from cfd_pneumatic.recording.bags.decoding import CounterPath, Decoder, TimePaths
+from cfd_pneumatic.recording.bags.definitions import read_types, types_of
+from cfd_pneumatic.recording.bags.fields import FieldPath, check_number, has_header, is_time, list_numbers, parse_path
+from cfd_pneumatic.recording.bags.messages import NANOSECONDS, obvious_field
 from cfd_pneumatic.recording.intake import Content, Intake
 from cfd_pneumatic.recording.memory_maps import give_back, parts
-from cfd_pneumatic.recording.messages import NANOSECONDS, obvious_field
 from cfd_pneumatic.recording.sources import RECEIVE, Samples, SignalSource
 from cfd_pneumatic.recording.topics import list_topics
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.recording.memory_maps import give_back, parts
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Signal:
     """
     A quantity as it was sampled.
@@ -36,6 +36,10 @@ class Signal:
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.times)
+
+    def __repr__(self) -> str:
+        """Return how many samples there are."""
+        return f'<Signal of {len(self):,} samples>'
 
     def parts(self) -> Iterator[Signal]:
         """Yield the signal piece by piece, in order."""
@@ -81,7 +85,7 @@ class CylinderSignals:
         return CylinderSignals(self.pressure.between(begin, end), setpoint)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """
     One bag or table.
@@ -112,6 +116,30 @@ class Recording:
     force: Signal | None
     health: tuple[str, ...]
     others: Mapping[str, Signal] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """Return what it is."""
+        return f'<Recording {self}>'
+
+    def __str__(self) -> str:
+        """Return how many samples there are of each signal."""
+        counted = [
+            f'{role if cylinder is None else f"{cylinder} {role}"} {len(signal):,}'
+            for role, cylinder, signal in self.signals()
+        ]
+        return f'{self.name}: {", ".join(counted)}'
+
+    def signals(self) -> Iterator[tuple[str, str | None, Signal]]:
+        """Yield the signals that there are, with their roles, see `convention.ROLES`, and cylinders."""
+        yield 'displacement', None, self.displacement
+        for cylinder, own in self.cylinders.items():
+            yield 'pressure', cylinder, own.pressure
+            if own.setpoint is not None:
+                yield 'setpoint', cylinder, own.setpoint
+        if self.force is not None:
+            yield 'force', None, self.force
+        for name, signal in self.others.items():
+            yield name, None, signal
 
     def between(self, begin: float, end: float) -> Recording:
         """

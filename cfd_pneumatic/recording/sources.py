@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-Role = Literal['displacement', 'pressure', 'setpoint', 'setpoint_applied', 'force', 'other']
+OTHER = 'other'
+"""Role of a signal that only a mapping knows."""
 
 RECEIVE = 'receive'
 """As a `SignalSource.stamp`: the time of reception, whatever stamps the messages have."""
@@ -24,7 +24,7 @@ class SignalSource:
     Attributes
     ----------
     role : str
-        What the signal is.
+        What the signal is: a name of `convention.ROLES`, or `OTHER`.
     cylinder : str or None
         Whose it is; None for the displacement and the force. The name of a signal in another role.
     source : str or int
@@ -44,7 +44,7 @@ class SignalSource:
 
     """
 
-    role: Role
+    role: str
     cylinder: str | None
     source: str | int
     field: str | None = None
@@ -58,7 +58,7 @@ class SignalSource:
     @property
     def name(self) -> str:
         """Name for people: `displacement`, `cylinder_a pressure`."""
-        return ' '.join(word for word in (self.cylinder, self.role) if word not in (None, 'other'))
+        return ' '.join(word for word in (self.cylinder, self.role) if word not in (None, OTHER))
 
     def si(self, raw: NDArray[np.float64], ambient_pressure: float) -> NDArray[np.float64]:
         """Return raw numbers in SI units; pressures come out absolute."""

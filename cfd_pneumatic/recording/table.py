@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.messages import NANOSECONDS
+from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.sources import Samples, SignalSource
 from cfd_pneumatic.recording.wording import counted, reason_of
 

@@ -4,18 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from cfd_pneumatic.convention import (
-    CYLINDERS,
-    MEASURED_FORCE,
-    PISTON_STATE,
-    pressure_topic,
-    setpoint_applied_topic,
-    setpoint_topic,
-)
+from cfd_pneumatic.convention import CYLINDERS, PISTON_STATE, ROLES, Role, pressure_topic
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bag import Topic
-from cfd_pneumatic.recording.messages import FLOAT64, FLUID_PRESSURE, JOINT_STATE, WRENCH_STAMPED
-from cfd_pneumatic.recording.sources import Role, SignalSource
+from cfd_pneumatic.recording.bags.bag import Topic
+from cfd_pneumatic.recording.sources import SignalSource
 
 _MAX_LISTED = 40
 
@@ -38,14 +30,11 @@ def convention_channels(topics: Mapping[str, Topic], namespace: str | None) -> l
 
     """
     chosen = _choose(topics, namespace)
-    channels = [_channel(topics, chosen, PISTON_STATE, JOINT_STATE, 'displacement')]
-    for cylinder in CYLINDERS:
-        channels += [
-            _channel(topics, chosen, pressure_topic(cylinder), FLUID_PRESSURE, 'pressure', cylinder),
-            _channel(topics, chosen, setpoint_topic(cylinder), FLOAT64, 'setpoint', cylinder),
-            _channel(topics, chosen, setpoint_applied_topic(cylinder), FLUID_PRESSURE, 'setpoint_applied', cylinder),
-        ]
-    channels.append(_channel(topics, chosen, MEASURED_FORCE, WRENCH_STAMPED, 'force'))
+    channels = [
+        _channel(topics, chosen, role, cylinder)
+        for role in ROLES.values()
+        for cylinder in (CYLINDERS if role.of_cylinder else (None,))
+    ]
     present = [channel for channel in channels if channel is not None]
     measured = {channel.cylinder for channel in present if channel.role == 'pressure'}
     return [channel for channel in present if channel.cylinder is None or channel.cylinder in measured]
@@ -96,15 +85,13 @@ def _fitting(topics: Iterable[str]) -> set[str]:
     }
 
 
-def _channel(
-    topics: Mapping[str, Topic], namespace: str, name: str, msgtype: str, role: Role, cylinder: str | None = None
-) -> SignalSource | None:
-    topic = topics.get(f'{namespace}/{name}')
+def _channel(topics: Mapping[str, Topic], namespace: str, role: Role, cylinder: str | None) -> SignalSource | None:
+    topic = topics.get(f'{namespace}/{role.topic_of(cylinder)}')
     if topic is None:
         return None
-    if topic.msgtype != msgtype:
-        raise InputError(f'topic {topic.name} holds {topic.msgtype}, not {msgtype}: give a mapping file')
-    return SignalSource(role, cylinder, topic.name, gauge=role == 'setpoint')
+    if topic.msgtype != role.msgtype:
+        raise InputError(f'topic {topic.name} holds {topic.msgtype}, not {role.msgtype}: give a mapping file')
+    return SignalSource(role.name, cylinder, topic.name, gauge=role.gauge)
 
 
 def _normalise(namespace: str) -> str:

@@ -6,11 +6,9 @@ from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.reporting.folder import (
     compare_files,
     is_compare_file,
-    make_folder,
     write_report,
 )
 from cfd_pneumatic.reporting.names import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
-from cfd_pneumatic.reporting.parameters import parameter_file
 
 __all__ = [
     'PAGE_FILE',
@@ -18,9 +16,7 @@ __all__ = [
     'REPORT_FILE',
     'compare_files',
     'is_compare_file',
-    'make_folder',
     'next_plan',
-    'parameter_file',
     'print_report',
     'report_data',
     'write_report',

@@ -19,17 +19,18 @@ Of more than two million messages it holds minima and maxima, unless everything 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cfd_pneumatic.convention import PISTON_JOINT, PISTON_STATE, setpoint_topic
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.identification.result import Comparison
-from cfd_pneumatic.recording import BagWriter, Recording, messages
-from cfd_pneumatic.recording.writer import Stream, stamps_of
+from cfd_pneumatic.recording import BagWriter, Recording
+from cfd_pneumatic.recording.bags.form import Form
+from cfd_pneumatic.recording.bags.writing import Stream
+from cfd_pneumatic.recording.writing import stamps_of, streams_of
 from cfd_pneumatic.reporting.thinning import thinned
 
 MEASURED = '/measured'
@@ -38,12 +39,6 @@ RESIDUAL = ('/residual_before', '/residual_after')
 
 MOST = 2_000_000
 """Messages that a file holds, unless everything is asked for."""
-
-_MESSAGES: Mapping[str, Callable[[int, float], object]] = {
-    messages.FLUID_PRESSURE: messages.fluid_pressure,
-    messages.WRENCH_STAMPED: messages.wrench_stamped,
-}
-"""What makes a message of a stamp [ns] and a value, by its type."""
 
 _REMARK = 'minima and maxima of {} samples each; identify_bag --full writes every sample'
 
@@ -95,28 +90,15 @@ def _thinned(stream: Stream, columns: int) -> Stream:
 
 
 def _streams(identification: Identification, index: int) -> Iterator[Stream]:
-    """Yield what is written, set-points first: at equal times they come before the samples that they act on."""
-    recording, ambient_pressure = identification.recordings[index], identification.ambient_pressure
-    for cylinder, signals in recording.cylinders.items():
-        if signals.setpoint is not None:
-            yield Stream(
-                f'{MEASURED}/{setpoint_topic(cylinder)}',
-                messages.FLOAT64,
-                stamps_of(recording, signals.setpoint.times),
-                signals.setpoint.values - ambient_pressure,
-                lambda _, value: messages.float64(value),
-            )
-    yield Stream(
-        f'{MEASURED}/{PISTON_STATE}',
-        messages.JOINT_STATE,
-        stamps_of(recording, recording.displacement.times),
-        recording.displacement.values,
-        lambda time, value: messages.joint_state(time, PISTON_JOINT, value),
-    )
-    for result in identification.closed:
-        for comparison in result.comparisons:
-            if comparison.recording == index:
-                yield from _compared(recording, comparison)
+    """Yield what is written: what was measured and drives the models, then each channel beside its simulations."""
+    recording = identification.recordings[index]
+    compared = [one for result in identification.closed for one in result.comparisons if one.recording == index]
+    own = {f'{MEASURED}/{one.channel.topics[0]}' for one in compared}
+    for stream in streams_of(recording, MEASURED, identification.ambient_pressure):
+        if stream.topic not in own:
+            yield stream
+    for one in compared:
+        yield from _compared(recording, one)
 
 
 def _compared(recording: Recording, comparison: Comparison) -> Iterator[Stream]:
@@ -124,10 +106,10 @@ def _compared(recording: Recording, comparison: Comparison) -> Iterator[Stream]:
     channel = comparison.channel
     signal = channel.signal(recording)
     assert signal is not None
-    (measured_as, simulated_as), message = channel.topics, _MESSAGES[channel.msgtype]
+    (measured_as, simulated_as), form = channel.topics, Form(channel.msgtype)
     times = stamps_of(recording, comparison.stamps(signal))
-    yield Stream(f'{MEASURED}/{measured_as}', channel.msgtype, times, comparison.experiment.measured, message)
+    yield Stream(f'{MEASURED}/{measured_as}', form, times, comparison.experiment.measured)
     for space, values in zip(SIMULATED, (comparison.before, comparison.after)):
-        yield Stream(f'{space}/{simulated_as}', channel.msgtype, times, values, message)
+        yield Stream(f'{space}/{simulated_as}', form, times, values)
     for which, space in enumerate(RESIDUAL):
-        yield Stream(f'{space}/{simulated_as}', channel.msgtype, times, comparison.residual(which), message)
+        yield Stream(f'{space}/{simulated_as}', form, times, comparison.residual(which))

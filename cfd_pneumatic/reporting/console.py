@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cfd_pneumatic.identification import ChannelResult, Estimate, Identification
+from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.reporting.wording import percent, sentence, verdict
@@ -18,8 +19,10 @@ _STYLES = {'effect_added': 'bold cyan', 'no_missing_effect': 'bold green', 'unex
 _LEAST_BIC = 0.0  # effects that do not lower the criterion stand in the report alone
 
 
-def print_report(identification: Identification, console: Console) -> None:
-    """Print tables of parameters and errors, the paper's units beside SI."""
+def print_report(
+    identification: Identification, console: Console, live: Mapping[str, PartError] = MappingProxyType({})
+) -> None:
+    """Print tables of parameters and errors, the paper's units beside SI, and the errors of a live simulation."""
     for recording in identification.recordings:
         for note in _merged(recording.health):
             console.print(f'{recording.name}: {note}', style='yellow', highlight=False)
@@ -33,6 +36,10 @@ def print_report(identification: Identification, console: Console) -> None:
         console.print(f'No test part: {identification.no_test}.', highlight=False)
     for result in identification.closed:
         _print_findings(result, console)
+    for name, error in live.items():
+        small = identification.channels[name].quantity.small
+        size = f'{error.rmse / small.si:.4g} {small.unit}'
+        console.print(f'{name}: live, as sim_node answers sample by sample, the error is {size}.', highlight=False)
 
 
 def _print_findings(result: ChannelResult, console: Console) -> None:

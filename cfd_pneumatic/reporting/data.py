@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
@@ -14,10 +15,10 @@ from cfd_pneumatic.reporting.advice import next_plan
 SCHEMA = 1
 
 
-def report_data(identification: Identification) -> dict[str, Any]:
-    """Return the report as JSON types."""
+def report_data(identification: Identification, live: Mapping[str, PartError] = MappingProxyType({})) -> dict[str, Any]:
+    """Return the report as JSON types; of errors of a live simulation those that are known, by channel."""
     found = {result.name: result for result in identification.closed}
-    data = {
+    data: dict[str, Any] = {
         'schema': SCHEMA,
         'recordings': [
             {
@@ -48,6 +49,10 @@ def report_data(identification: Identification) -> dict[str, Any]:
     }
     others = [result for name, result in found.items() if name not in identification.cylinders]
     data.update({result.name: _other_data(result) for result in others})
+    for name, error in live.items():
+        block = data['cylinders'][name] if name in identification.cylinders else data.get(name)
+        if block is not None:
+            block['live'] = _error_data({identification.channels[name].judged_on: error}, identification.channels[name])
     data['next_plan'] = next_plan(identification)
     return data
 
@@ -81,12 +86,13 @@ def _cylinder_data(result: ChannelResult, identification: Identification) -> dic
         ],
         'span_pa': result.span,
         'noise_floor_pa': result.noise.std,
-        'before': _error_data(result.before, 'pa'),
+        'before': _error_data(result.before, result),
         'notes': list(result.notes),
     }
 
 
-def _error_data(errors: Mapping[str, PartError], key: str) -> dict[str, Any]:
+def _error_data(errors: Mapping[str, PartError], result: ChannelResult) -> dict[str, Any]:
+    key = result.quantity.key
     return {part: {f'rmse_{key}': error.rmse, 'nrmse_percent': error.nrmse_percent} for part, error in errors.items()}
 
 
@@ -110,7 +116,7 @@ def _estimate_data(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
 
 def _other_data(result: ChannelResult) -> dict[str, Any]:
     key = result.quantity.key
-    return {f'span_{key}': result.span, 'before': _error_data(result.before, key), **_findings_data(result)}
+    return {f'span_{key}': result.span, 'before': _error_data(result.before, result), **_findings_data(result)}
 
 
 def _findings_data(result: ChannelResult) -> dict[str, Any]:
@@ -124,7 +130,7 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         'effect_parameters': {effect: _estimate_data(result.parameters(effect)) for effect in findings.effects},
         'parameters_after': _gain_data(result.gains),
         'alternatives': {effect: list(findings.alternatives.get(effect, ())) for effect in findings.effects},
-        'after': _error_data(result.after, key),
+        'after': _error_data(result.after, result),
         'after_over_before': _ratio_data(result),
         'tried': [
             {

@@ -7,22 +7,12 @@ are thinned to the lowest and the highest value in each pixel column, so that no
 
 from __future__ import annotations
 
-import io
-import re
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from html import escape
-from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from cfd_pneumatic.identification import ChannelResult
 from cfd_pneumatic.identification.data.split import PARTS
@@ -30,20 +20,13 @@ from cfd_pneumatic.identification.residual.autoregression import autocovariance
 from cfd_pneumatic.identification.residual.tests import SIGNIFICANCE
 from cfd_pneumatic.identification.result import Comparison
 from cfd_pneumatic.reporting.thinning import thinned
+from cfd_pneumatic.svg import Curve, Panel, chart
 
 Array = NDArray[np.float64]
 
-MEASURED, BEFORE, AFTER, INK, MUTED, RULE, SHADE, PLANE = (f'#00000{digit}' for digit in range(1, 9))
-_ON_PAGE = dict(
-    zip(
-        (MEASURED, BEFORE, AFTER, INK, MUTED, RULE, SHADE, PLANE),
-        ('measured', 'before', 'after', 'ink', 'muted', 'rule', 'shade', 'plane'),
-    )
-)
-"""Stand-ins for the page's colours, by the names of its CSS variables."""
+MEASURED, BEFORE, AFTER, MUTED = (f'var(--{name})' for name in ('measured', 'before', 'after', 'muted'))
 
 WIDE, NARROW, PANEL = 1000, 380, 340
-_TEXT = 12
 _ZOOM_SHARE = 0.08  # of a recording that a zoom shows
 _SHORTEST_ZOOM, _LONGEST_ZOOM = 0.5, 1.5  # [s]
 _MOST_DOTS = 800
@@ -52,8 +35,7 @@ _LAGS = 60  # samples
 _LAGS_BEFORE = 20  # samples
 _LONGEST_MEMORY = 500  # of a series of residuals or inputs [samples]
 _BEGINS = 100_000  # of a zoom, that are compared
-_POINTS_PER_INCH = 72.0
-_LONG_PATH = 500  # characters
+_TWO_SIDED = float(-ndtri(SIGNIFICANCE / 2.0))
 
 
 @dataclass(frozen=True)
@@ -101,7 +83,7 @@ def record_picture(result: ChannelResult, comparison: Comparison) -> Picture:
 def zoom_picture(result: ChannelResult) -> Picture:
     """Return the same of the stretch that tells most."""
     window = telling_window(result)
-    where = f'{window.comparison.name}, {window.begin:.2f} s to {window.end:.2f} s'
+    where = f'{window.comparison.name}, {round(window.begin, 2) + 0.0:.2f} s to {window.end:.2f} s'
     wide, narrow = _strips(result, window, _alt(result, where))
     return Picture(wide, narrow, f'{where}: {_REASONS[_telling(result)]}.')
 
@@ -157,82 +139,68 @@ def telling_window(result: ChannelResult) -> Window:
 
 def _strips(result: ChannelResult, window: Window, what: str) -> tuple[str, str]:
     return (
-        _strip_figure(result, window, WIDE, (0.55, 1.5, 1.2), 470, what),
-        _strip_figure(result, window, NARROW, (0.55, 1.3, 1.1), 480, what),
+        _strip_figure(result, window, WIDE, (61, 166, 133), what),
+        _strip_figure(result, window, NARROW, (67, 158, 134), what),
     )
 
 
 def _strip_figure(
-    result: ChannelResult, window: Window, width: int, heights: Sequence[float], height: int, what: str
+    result: ChannelResult, window: Window, width: int, heights: tuple[float, float, float], what: str
 ) -> str:
-    figure = _figure(width, height)
-    axes = figure.subplots(3, 1, sharex=True, gridspec_kw={'height_ratios': list(heights)})
     comparison = window.comparison
     shown = (comparison.times >= window.begin) & (comparison.times <= window.end)
     times = comparison.times[shown]
     few = int(np.count_nonzero(shown)) <= _MOST_DOTS * width / WIDE
-
-    def curve(axis: Axes, values: Array, colour: str, **style: Any) -> None:
-        axis.plot(*thinned(times, values[shown], width), color=colour, **{'linewidth': 1.1, **style})
-
-    motion, value, residual = axes
-    curve(motion, comparison.inputs['displacement'] * 1e3, MUTED, linewidth=1.2)
     large, small = result.quantity.large, result.quantity.small
+
+    def curve(values: Array, colour: str, line: float) -> Curve:
+        return Curve(*thinned(times, values[shown], width), colour, line)
+
+    motion = curve(comparison.inputs['displacement'] * 1e3, MUTED, 1.2)
     series = [(comparison.before, BEFORE)] + ([(comparison.after, AFTER)] if result.findings.effects else [])
+    simulated = [curve(values / large.si, colour, 1.3 if few else 0.9) for values, colour in series]
+    measured = comparison.experiment.measured / large.si
     if few:
-        dots = {'linestyle': 'none', 'marker': '.', 'markersize': 2.6, 'markeredgewidth': 0.0}
-        value.plot(times, comparison.experiment.measured[shown] / large.si, color=MEASURED, zorder=3.0, **dots)
+        values = [*simulated, Curve(times, measured[shown], MEASURED, 2.6, dots=True)]
     else:
-        curve(value, comparison.experiment.measured / large.si, MEASURED, linewidth=1.6)
-    for which, (simulated, colour) in enumerate(series):
-        curve(value, simulated / large.si, colour, linewidth=1.3 if few else 0.9)
-        curve(residual, comparison.residual(which) / small.si, colour, linewidth=1.0)
-    band = 2.0 * result.noise.std / small.si
-    residual.axhspan(-band, band, facecolor=SHADE, edgecolor='none', zorder=0.5)
-    _titles(axes, result)
-    _mark_parts(motion, comparison, window, width)
-    value.set_xlim(window.begin, window.end)
-    residual.set_xlabel('time [s]', loc='right')
-    return _svg(figure, what, f'{result.name} {window.begin} {window.end} {width} {comparison.recording}')
-
-
-def _titles(axes: Sequence[Axes], result: ChannelResult) -> None:
-    large, small = result.quantity.large.unit, result.quantity.small.unit
-    absolute = ', absolute' if result.quantity.key == 'pa' else ''
-    names = (
-        'displacement that grows the chamber [mm]' if result.quantity.key == 'pa' else 'displacement [mm]',
-        f'{result.quantity.name}{absolute} [{large}]',
-        f'residual [{small}]',
+        values = [curve(measured, MEASURED, 1.6), *simulated]
+    residuals = [
+        curve(comparison.residual(which) / small.si, BEFORE if which == 0 else AFTER, 1.0)
+        for which in range(len(series))
+    ]
+    titles = _titles(result)
+    words, marks = _parts(comparison, window, width)
+    panels = (
+        Panel(titles[0], heights[0], [motion], ticks=3, headroom=_HEADROOM, words=words),
+        Panel(titles[1], heights[1], values),
+        Panel(titles[2], heights[2], residuals, band=2.0 * result.noise.std / small.si),
     )
-    for axis, name in zip(axes, names):
-        axis.set_title(name, loc='left', fontsize=_TEXT, color=INK, pad=5)
-        axis.yaxis.set_major_locator(MaxNLocator(4 if axis is not axes[0] else 2))
+    return chart(panels, width, (window.begin, window.end), 'time [s]', what, marks=marks)
 
 
-def _mark_parts(axis: Axes, comparison: Comparison, window: Window, width: int) -> None:
-    """Say above the curve which stretch of the recording was for learning and which for judging."""
-    low, high = axis.get_ylim()
-    axis.set_ylim(low, high + _HEADROOM * (high - low))
+def _titles(result: ChannelResult) -> tuple[str, str, str]:
+    absolute = ', absolute' if result.quantity.key == 'pa' else ''
+    return (
+        'displacement that grows the chamber [mm]' if result.quantity.key == 'pa' else 'displacement [mm]',
+        f'{result.quantity.name}{absolute} [{result.quantity.large.unit}]',
+        f'residual [{result.quantity.small.unit}]',
+    )
+
+
+def _parts(comparison: Comparison, window: Window, width: int) -> tuple[list[tuple[float, str]], list[float]]:
+    """Return which stretch of the recording was for learning and which for judging, and where one follows another."""
+    words, marks = [], []
     for index, part in enumerate(PARTS):
         mine = np.flatnonzero(comparison.experiment.part == index)
         if mine.size == 0:
             continue
         begin, end = comparison.times[mine[0]], comparison.times[mine[-1]]
         if index and window.begin < begin < window.end:
-            for one in axis.figure.axes:
-                one.axvline(begin, color=MUTED, linewidth=0.8, linestyle=(0, (2, 3)), zorder=0.6)
-        visible = (max(begin, window.begin), min(end, window.end))
-        if visible[1] - visible[0] > (0.04 if width > NARROW else 0.1) * (window.end - window.begin):
-            axis.annotate(
-                part,
-                (visible[0], 1.0),
-                xycoords=('data', 'axes fraction'),
-                xytext=(4, -3),
-                textcoords='offset points',
-                va='top',
-                fontsize=_TEXT - 2,
-                color=MUTED,
-            )
+            marks.append(float(begin))
+        seen = max(begin, window.begin), min(end, window.end)
+        if seen[1] - seen[0] > (0.04 if width > NARROW else 0.1) * (window.end - window.begin):
+            words.append((float(seen[0]), part))
+    return words, marks
 
 
 def correlation_pictures(result: ChannelResult) -> list[Picture]:
@@ -247,8 +215,7 @@ def correlation_pictures(result: ChannelResult) -> list[Picture]:
 
 def _tested(result: ChannelResult, which: int) -> list[Array]:
     """Return the residuals as they are tested: weighted, on train and validation, without their mean."""
-    runs = [one.tested(which) for one in result.comparisons]
-    return [run - np.mean(run) for run in runs if run.size > 2]
+    return [run - np.mean(run) for run in result.tested(which) if run.size > 2]
 
 
 def _autocorrelation_picture(result: ChannelResult) -> Picture:
@@ -256,10 +223,10 @@ def _autocorrelation_picture(result: ChannelResult) -> Picture:
     for which, colour in _sides(result).items():
         runs = _tested(result, which)
         covariance = autocovariance(runs, min(_LAGS, min(run.size for run in runs) - 1))
-        limit = float(norm.isf(SIGNIFICANCE / 2.0)) / np.sqrt(sum(run.size for run in runs))
+        limit = _TWO_SIDED / np.sqrt(sum(run.size for run in runs))
         curves[colour] = np.arange(1, covariance.size), covariance[1:] / covariance[0], limit
     text = 'Autocorrelation'
-    return Picture(_correlation_figure(result, text, curves), '', text)
+    return Picture(_correlation_figure(text, curves), '', text)
 
 
 def _fitted_input(result: ChannelResult, name: str) -> list[Array]:
@@ -273,7 +240,7 @@ def _input_picture(result: ChannelResult, name: str, drive: Sequence[Array]) -> 
     for which, colour in _sides(result).items():
         curves[colour] = crosscorrelation(_tested(result, which), drive, _LAGS_BEFORE, _LAGS)
     text = f'Correlation with the {name}'
-    return Picture(_correlation_figure(result, text, curves), '', text)
+    return Picture(_correlation_figure(text, curves), '', text)
 
 
 def crosscorrelation(
@@ -298,7 +265,7 @@ def crosscorrelation(
     memory = min(shortest - 1, max(_LAGS, min(int(np.sqrt(count)), _LONGEST_MEMORY)))
     own, other = (autocovariance(series, memory) for series in (residuals, inputs))
     spread = 1.0 + 2.0 * float(own[1:] @ other[1:]) / max(float(own[0] * other[0]), 1e-300)
-    limit = float(norm.isf(SIGNIFICANCE / 2.0)) * float(np.sqrt(max(spread, 1.0) / count))
+    limit = _TWO_SIDED * float(np.sqrt(max(spread, 1.0) / count))
     return lags, np.array(products) / max(size, 1e-300), limit
 
 
@@ -307,94 +274,20 @@ def _sides(result: ChannelResult) -> dict[int, str]:
     return {0: BEFORE, 1: AFTER} if result.findings.effects else {0: BEFORE}
 
 
-def _correlation_figure(
-    result: ChannelResult, text: str, curves: Mapping[str, tuple[NDArray[np.intp], Array, float]]
-) -> str:
-    figure = _figure(PANEL, 215)
-    axis = figure.subplots()
-    axis.axhline(0.0, color=RULE, linewidth=1.0, zorder=0.6)
-    beyond = []
+def _correlation_figure(text: str, curves: Mapping[str, tuple[NDArray[np.intp], Array, float]]) -> str:
+    drawn, levels, beyond = [], [(0.0, 'var(--rule)')], []
     for colour, (lags, values, limit) in curves.items():
-        axis.plot(lags, values, color=colour, linewidth=1.2, marker='.', markersize=4.0, markeredgewidth=0.0)
-        for side in (-limit, limit):
-            axis.axhline(side, color=colour, linewidth=1.0, linestyle=(0, (4, 3)), zorder=0.7)
+        drawn += [Curve(lags, values, colour, 1.2), Curve(lags, values, colour, 4.0, dots=True)]
+        levels += [(-limit, colour), (limit, colour)]
         name = 'without effects' if colour == BEFORE else 'with effects'
         share = int(np.count_nonzero(np.abs(values) > limit))
         beyond.append(f'{name} {share} of {values.size} lags lie beyond the threshold of {limit:.3f}')
-    lowest = min(min(float(np.min(values)), -1.4 * limit) for _, values, limit in curves.values())
-    highest = max(max(float(np.max(values)), 1.4 * limit) for _, values, limit in curves.values())
-    axis.set_ylim(lowest - 0.06 * (highest - lowest), highest + 0.06 * (highest - lowest))
-    axis.yaxis.set_major_locator(MaxNLocator(5))
-    axis.xaxis.set_major_locator(MaxNLocator(6, integer=True))
-    axis.set_xlabel('lag [samples]', loc='right')
-    return _svg(figure, f'{text}, of the residual: {"; ".join(beyond)}.', f'{result.name} {text}')
-
-
-def _figure(width: float, height: float) -> Figure:
-    return Figure(figsize=(width / _POINTS_PER_INCH, height / _POINTS_PER_INCH), layout='constrained')
-
-
-_STYLE: dict[str, Any] = {
-    'svg.fonttype': 'none',  # the page's fonts, and text that can be searched
-    'font.family': 'DejaVu Sans',
-    'font.size': _TEXT,
-    'axes.edgecolor': RULE,
-    'axes.facecolor': 'none',
-    'figure.facecolor': 'none',
-    'axes.labelcolor': MUTED,
-    'axes.labelsize': _TEXT - 1,
-    'axes.spines.top': False,
-    'axes.spines.right': False,
-    'axes.xmargin': 0.0,
-    'axes.ymargin': 0.08,
-    'axes.unicode_minus': True,
-    'axes.formatter.useoffset': False,
-    'xtick.color': RULE,
-    'ytick.color': RULE,
-    'xtick.labelcolor': MUTED,
-    'ytick.labelcolor': MUTED,
-    'xtick.labelsize': _TEXT - 1,
-    'ytick.labelsize': _TEXT - 1,
-    'path.simplify': True,
-    'lines.solid_joinstyle': 'round',
-}
-
-
-def style() -> AbstractContextManager[None]:
-    """Return the context in which figures are drawn."""
-    context: AbstractContextManager[None] = matplotlib.rc_context(_STYLE)
-    return context
-
-
-def _svg(figure: Figure, what: str, salt: str) -> str:
-    """Return a figure as an element of the page that says what it shows."""
-    stream = io.StringIO()
-    with matplotlib.rc_context({'svg.hashsalt': salt}):
-        FigureCanvasSVG(figure).print_svg(stream, metadata={'Date': None, 'Creator': None})
-    return _at_home(stream.getvalue(), what)
-
-
-def _at_home(svg: str, what: str) -> str:
-    """Return Matplotlib's SVG with the page's colours and fonts, small, and without what a page may hold only once."""
-    svg = svg[svg.index('<svg') :]
-    svg = re.sub(r'<metadata>.*?</metadata>', '', svg, flags=re.DOTALL)
-    svg = re.sub(r' id="[\w.]+_\d+"', '', svg)
-    size = re.search(r'viewBox="([^"]*)"', svg)
-    assert size is not None
-    opening = f'<svg viewBox="{size[1]}" role="img" aria-label="{escape(what)}">'
-    svg = opening + svg[svg.index('>') + 1 :]
-    svg = re.sub(r'font(-family)?: ?([\d.]+px )?[^;\"]*DejaVu Sans[^;\"]*', lambda found: _font(found[2]), svg)
-    for colour, name in _ON_PAGE.items():
-        svg = svg.replace(colour, f'var(--{name})')
-    svg = re.sub(r'(?<= d=")[^"]*', _shorter, svg)
-    return re.sub(r'\s*\n\s*', '\n', svg)
-
-
-def _shorter(path: re.Match[str]) -> str:
-    """Return the outline of a curve in tenths of a pixel, that of a marker in hundredths."""
-    digits = 1 if len(path[0]) > _LONG_PATH else 2
-    return re.sub(rf'(\.\d{{{digits}}})\d+', r'\1', path[0])
-
-
-def _font(size: str | None) -> str:
-    return f'font-size: {size.strip()}' if size else ''
+    every = np.concatenate([lags for lags, *_ in curves.values()])
+    return chart(
+        [Panel('', 160, drawn, levels=levels)],
+        PANEL,
+        (float(every.min()), float(every.max())),
+        'lag [samples]',
+        f'{text}, of the residual: {"; ".join(beyond)}.',
+        whole=True,
+    )

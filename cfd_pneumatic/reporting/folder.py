@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import write_text
-from cfd_pneumatic.identification import Identification
+from cfd_pneumatic.device.identified import identified_device
+from cfd_pneumatic.device.live_error import live_errors
+from cfd_pneumatic.files import make_folder, write_text
+from cfd_pneumatic.identification import Identification, PartError
 from cfd_pneumatic.reporting.comparison import write_comparison
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.reporting.names import COMPARE_FILE, PAGE_FILE, PARAMETER_FILE, REPORT_FILE
-from cfd_pneumatic.reporting.parameters import parameter_file
+from cfd_pneumatic.reporting.page import report_page
 
 
 class Written(NamedTuple):
-    """Files that were written, and whether every sample is in those that hold samples."""
+    """Files that were written, whether those with samples hold every one, and the errors of a live simulation."""
 
     files: list[Path]
     complete: bool
+    live: Mapping[str, PartError]
 
 
 def write_report(identification: Identification, folder: Path, *, full: bool = False) -> Written:
@@ -44,20 +47,20 @@ def write_report(identification: Identification, folder: Path, *, full: bool = F
 
     """
     make_folder(folder)
+    device = identified_device(identification)
+    live = live_errors(identification, device)
     files = {
-        folder / REPORT_FILE: json.dumps(report_data(identification), indent=2, allow_nan=False) + '\n',
-        folder / PARAMETER_FILE: parameter_file(identification),
+        folder / REPORT_FILE: json.dumps(report_data(identification, live), indent=2, allow_nan=False) + '\n',
+        folder / PARAMETER_FILE: device.text,
     }
     if identification.closed:
-        from cfd_pneumatic.reporting.page import report_page  # with Matplotlib, whose import takes its time
-
-        files[folder / PAGE_FILE] = report_page(identification)
+        files[folder / PAGE_FILE] = report_page(identification, live)
     for path, text in files.items():
         write_text(path, text)
     compared = compare_files(identification, folder) if identification.closed else []
     complete = [write_comparison(path, identification, index, full=full) for index, path in enumerate(compared)]
     _remove_outdated(folder, {*files, *compared})
-    return Written([*files, *compared], all(complete))
+    return Written([*files, *compared], all(complete), live)
 
 
 def compare_files(identification: Identification, folder: Path) -> list[Path]:
@@ -80,23 +83,3 @@ def _remove_outdated(folder: Path, written: set[Path]) -> None:
     for path in folder.iterdir():
         if (path.name == PAGE_FILE or is_compare_file(path)) and path not in written and path.is_file():
             path.unlink()
-
-
-def make_folder(folder: Path) -> None:
-    """
-    Make an output folder, so that a bad one is found before the work is done.
-
-    Raises
-    ------
-    InputError
-        If it can't be made or written.
-
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / '.writable', '')
-        (folder / '.writable').unlink()
-    except OSError as error:
-        raise InputError(
-            f'cannot write to {folder}: {error.strerror}; choose a folder that you may write to'
-        ) from error

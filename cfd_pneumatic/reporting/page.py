@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from cfd_pneumatic import __version__
@@ -41,10 +42,9 @@ class Row:
     paper_factor: float = 1.0
 
 
-def report_page(identification: Identification) -> str:
-    """Return the page on what closing the loop brought."""
-    with figures.style():
-        sections = [_section(result) for result in identification.closed]
+def report_page(identification: Identification, live: Mapping[str, PartError] = MappingProxyType({})) -> str:
+    """Return the page on what closing the loop brought, with the errors of a live simulation."""
+    sections = [_section(result, live.get(result.name)) for result in identification.closed]
     return rendered(
         TEMPLATE,
         version=__version__,
@@ -64,7 +64,7 @@ def _has_schedule(result: ChannelResult) -> bool:
     return not result.found.model.effects and any(point.fit is not result.fit for point in result.schedule)
 
 
-def _section(result: ChannelResult) -> dict[str, Any]:
+def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
     """Return what the page says about one cylinder, or about the force."""
     findings = result.findings
     drawn = result.comparisons[:_MOST_RECORDINGS]
@@ -77,6 +77,7 @@ def _section(result: ChannelResult) -> dict[str, Any]:
         'pictures': figures.pictures(result, drawn),
         'not_drawn': [comparison.name for comparison in result.comparisons[_MOST_RECORDINGS:]],
         'errors': list(_errors(result)),
+        'live': live,
         'rounds': [_round(trials) for trials in findings.rounds],
         'tests': _tests(findings.tests_before, findings.tests_after),
         'parameters': list(_gain_rows(result)),

@@ -6,6 +6,7 @@ import importlib
 
 import pytest
 
+from cfd_pneumatic import __version__
 from cfd_pneumatic.examples import EXAMPLES
 
 COMMANDS = [name for name in EXAMPLES if not name.endswith('_node')]
@@ -20,6 +21,13 @@ def test_help_says_units_and_defaults_and_ends_with_the_example(name, capsys):
     assert said.endswith(EXAMPLES[name])
     assert '(default: ' in ' '.join(said.split())
     assert '[Pa]' in said
+
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_it_says_its_version(name, capsys):
+    with pytest.raises(SystemExit, match=r'^0$'):
+        importlib.import_module(f'cfd_pneumatic.commands.{name}').main(['--version'])
+    assert capsys.readouterr().out == f'{name} {__version__}\n'
 
 
 def test_the_examples_work(examples):

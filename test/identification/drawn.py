@@ -15,7 +15,8 @@ from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.fit.uncertainty import information
 from cfd_pneumatic.identification.identify import prepared
 from cfd_pneumatic.identification.search.complement import Complement
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording import recording_of as recording_of_samples
+from cfd_pneumatic.recording import sampled
 
 CHANNEL = Pressure('cylinder_a', AMBIENT)
 
@@ -27,20 +28,13 @@ def recording_of(draw, name='drawn'):
 
 
 def recorded(times, displacement, setpoint, pressure, name='made', force=None):
-    """Return signals on one clock as a recording; entry i of the set-point acts up to sample i, from the one before."""
-    begins = np.concatenate([times[:1], times[:-1]])
-    changes = np.concatenate([[True], np.diff(setpoint) != 0.0])
-    cylinder = CylinderSignals(Signal(times, pressure), Signal(begins[changes], setpoint[changes]))
-    felt = None if force is None else Signal(times, force)
-    return Recording(name, 0, Signal(times, displacement), {'cylinder_a': cylinder}, felt, ())
+    """Return signals of cylinder A; entry i of the set-point acts up to sample i, from the one before."""
+    return sampled(times, displacement, {'cylinder_a': pressure}, {'cylinder_a': setpoint}, force, name=name)
 
 
 def both_cylinders(drawn):
     """Return what the sensors of a draw gave, cylinder B too, as the force is of both."""
-    recording = recording_of(drawn)
-    got = drawn.recording
-    other = recorded(got.times, got.displacement, got.setpoints[:, 1], got.pressures[:, 1])
-    return replace(recording, cylinders={**recording.cylinders, 'cylinder_b': other.cylinders['cylinder_a']})
+    return recording_of_samples(drawn.recording, 'drawn')
 
 
 def experiments_of(recordings, channel=CHANNEL):

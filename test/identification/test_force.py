@@ -25,26 +25,11 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import fit, search, summary
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.identify import prepared
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, read_mapping, read_recording
+from cfd_pneumatic.recording import Signal, read_mapping, read_recording, recording_of
 from cfd_pneumatic.rig.panel import draw, force_oracle_rmse
 
 AREA = 1.14e-3
 TEST = PARTS.index('test')
-
-
-def held(times, values):
-    """Return what acted up to each time as a signal that acts from its times on."""
-    changed = np.append(True, np.diff(values) != 0.0)
-    return Signal(np.append(times[:1], times[:-1])[changed], values[changed])
-
-
-def recording_of(drawn):
-    seen = drawn.recording
-    cylinders = {
-        name: CylinderSignals(Signal(seen.times, seen.pressures[:, column]), held(seen.times, setpoint))
-        for column, (name, setpoint) in enumerate(zip(('cylinder_a', 'cylinder_b'), seen.setpoints.T))
-    }
-    return Recording('drawn', 0, Signal(seen.times, seen.displacement), cylinders, Signal(seen.times, seen.force), ())
 
 
 def experiments_of(recordings):
@@ -57,7 +42,7 @@ def difference_of(experiment):
 
 def drawn_experiment(effects, schedule, seed):
     drawn = draw(effects, schedule, seed)
-    return drawn, experiments_of([recording_of(drawn)])[0]
+    return drawn, experiments_of([recording_of(drawn.recording)])[0]
 
 
 def fit_with(names, experiments, area=AREA):
@@ -170,7 +155,7 @@ def test_a_force_counted_backwards_is_refused():
 
 
 def test_what_can_not_make_an_experiment_is_said():
-    recording = recording_of(draw(None, 'paper_step', 4))
+    recording = recording_of(draw(None, 'paper_step', 4).recording)
     channel, force = Force(AREA, 1.0, AMBIENT), recording.force
     assert prepared([replace(recording, force=None)]).experiments(channel) == ()
     for broken, message in (

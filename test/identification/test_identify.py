@@ -12,11 +12,13 @@ import yaml
 from reference import AMBIENT, PSI, pressure_between_samples
 from rich.console import Console
 
+from cfd_pneumatic.device.identified import identified_device
+from cfd_pneumatic.device.live_error import live_errors
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-from cfd_pneumatic.reporting import parameter_file, print_report, report_data, write_report
+from cfd_pneumatic.reporting import print_report, report_data, write_report
 
 GAINS = {5.0: np.array([4.3e6, 104.0, 19.4, 0.0105]), 10.0: np.array([5.5e6, 165.0, 30.0, 0.0123])}
 
@@ -108,7 +110,7 @@ def test_each_set_point_gets_its_own_row():
     for psig, point in zip((5.0, 10.0), result.schedule):
         for estimate, true in zip(point.fit.estimates, GAINS[psig]):
             assert estimate.value == pytest.approx(true, rel=0.05)
-    data = yaml.safe_load(parameter_file(found))['/**']['ros__parameters']['cylinder_a']
+    data = yaml.safe_load(identified_device(found).text)['/**']['ros__parameters']['cylinder_a']
     assert all(len(data[name]) == 2 for name in ('setpoints', *NAMES))
 
 
@@ -161,7 +163,7 @@ def test_a_recording_may_begin_while_the_piston_moves():
 def test_the_report_is_strict_json_in_the_agreed_form(one, tmp_path):
     write_report(one, tmp_path)
     data = json.loads((tmp_path / 'report.json').read_text(), parse_constant=lambda name: pytest.fail(name))
-    assert data == report_data(one)
+    assert data == report_data(one, live_errors(one, identified_device(one)))
     assert data['schema'] == 1
     cylinder = data['cylinders']['cylinder_a']
     assert set(cylinder) >= {'parameters', 'schedule', 'span_pa', 'noise_floor_pa', 'before'}
@@ -175,7 +177,7 @@ def test_the_report_is_strict_json_in_the_agreed_form(one, tmp_path):
     assert set(cylinder['before']['test']) == {'rmse_pa', 'nrmse_percent'}
 
 
-def test_what_is_not_identifiable_is_null_in_the_report_and_left_out_of_the_parameters():
+def test_what_is_not_identifiable_is_null_in_the_report_and_named_in_the_parameters():
     recording = strokes(9, duration=0.56)  # one growing stroke: the regulator only charges
     found = identify([recording])
     entry = report_data(found)['cylinders']['cylinder_a']['parameters']
@@ -186,9 +188,11 @@ def test_what_is_not_identifiable_is_null_in_the_report_and_left_out_of_the_para
         assert entry[name]['std'] is None
         assert entry[name]['ci95'] is None
         assert entry[name]['reason']
-    text = parameter_file(found)
-    assert '# k_v is not identifiable and left out' in text
-    assert 'k_v' not in yaml.safe_load(text)['/**']['ros__parameters']['cylinder_a']
+    text = identified_device(found).text
+    used = dict(zip(NAMES, found.cylinders['cylinder_a'].fit.model.parameters))
+    assert yaml.safe_load(text)['/**']['ros__parameters']['cylinder_a']['k_v'] == [used['k_v']]
+    (line,) = (line for line in text.splitlines() if 'k_v:' in line)
+    assert 'not identifiable, as the fit used it' in line
 
 
 def test_the_table_shows_the_papers_units_beside_si(one):

@@ -8,13 +8,13 @@ import sys
 import numpy as np
 import pytest
 from drawn import recording_of
-from long_bag import GAINS, write_long_bag
 
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data import experiment, motion
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit import likelihood
 from cfd_pneumatic.rig.panel import draw
+from studies.long_bag import GAINS, write_long_bag
 
 
 def test_in_small_parts_the_same_is_identified(monkeypatch):

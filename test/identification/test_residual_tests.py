@@ -10,6 +10,7 @@ from drawn import CHANNEL, experiments_of, model, recording_of, whole
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
+from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.residual import tests as module
 from cfd_pneumatic.identification.residual.noise import SLOWEST
 from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
@@ -47,7 +48,7 @@ def asked(kind, seed, lacking=0.0):
     experiment, simulated = out_and_back()
     measured = replace(experiment, measured=simulated + noise(kind, seed) + lacking)
     level = level_of([measured], [simulated])
-    return {test.name: test for test in CHANNEL.tests([measured], [simulated], level)}
+    return {test.name: test for test in Likelihood.alike(CHANNEL, [measured]).tested([simulated], level)}
 
 
 def scaled(shape, share):
@@ -154,7 +155,8 @@ def test_a_residual_larger_than_the_noise_at_rest_is_found(larger):
     experiment, simulated = out_and_back()
     level = level_of([replace(experiment, measured=simulated + noise('white', 0))], [simulated])
     measured = replace(experiment, measured=simulated + larger * noise('white', 0) * STD / level.std)
-    found = {test.name: test for test in CHANNEL.tests([measured], [simulated], replace(level, std=STD))}
+    alike = Likelihood.alike(CHANNEL, [measured])
+    found = {test.name: test for test in alike.tested([simulated], replace(level, std=STD))}
     size = found['noise_floor']
     assert size.threshold == pytest.approx(module._LARGEST * (1.0 + 3.0 * level.uncertainty))
     assert size.passed == (larger < size.threshold)
@@ -165,7 +167,7 @@ def test_where_the_noise_is_not_known_it_may_be_as_large_as_a_sensors_noise_can_
     experiment, simulated = out_and_back()
     measured = replace(experiment, measured=simulated + noise('white', 0))
     level = replace(level_of([measured], [simulated]), known=False)
-    found = {test.name: test for test in CHANNEL.tests([measured], [simulated], level)}
+    found = {test.name: test for test in Likelihood.alike(CHANNEL, [measured]).tested([simulated], level)}
     assert found['noise_floor'].threshold == SLOWEST
     assert found['noise_floor'].decisive
     assert found['inputs'].decisive
@@ -175,7 +177,7 @@ def test_where_noise_is_rounding_only_its_size_decides():
     experiment, simulated = out_and_back()
     measured = replace(experiment, measured=simulated + noise('white', 0))
     level = replace(level_of([measured], [simulated]), rounded=True)
-    found = CHANNEL.tests([measured], [simulated], level)
+    found = Likelihood.alike(CHANNEL, [measured]).tested([simulated], level)
     assert [test.name for test in found if test.decisive] == ['noise_floor']
 
 
@@ -184,16 +186,16 @@ def test_samples_that_do_not_count_are_not_asked():
     early = np.arange(simulated.size) < 0.6 * simulated.size
     measured = replace(experiment, measured=simulated + noise('white', 0) + 1e4 * ~early, chosen=early)
     level = level_of([replace(experiment, measured=simulated + noise('white', 0))], [simulated])
-    assert explained(CHANNEL.tests([measured], [simulated], level))
+    assert explained(Likelihood.alike(CHANNEL, [measured]).tested([simulated], level))
 
 
 def test_recordings_are_tested_together():
     experiment, simulated = out_and_back()
     ones = [replace(experiment, measured=simulated + noise('white', seed)) for seed in (1, 2)]
     level = level_of(ones, [simulated] * 2)
-    assert explained(CHANNEL.tests(ones, [simulated] * 2, level))
+    assert explained(Likelihood.alike(CHANNEL, ones).tested([simulated] * 2, level))
     apart = [replace(ones[0], measured=ones[0].measured + scaled(rate(0), 0.3)), ones[1]]
-    assert not explained(CHANNEL.tests(apart, [simulated] * 2, level))
+    assert not explained(Likelihood.alike(CHANNEL, apart).tested([simulated] * 2, level))
 
 
 def test_only_decisive_failures_leave_something_unexplained():

@@ -11,7 +11,7 @@ from cfd_pneumatic.model import (
     Arrival,
     Cylinder,
     CylinderState,
-    Device,
+    DeviceModel,
     ExtendedCylinder,
     ForceGeometry,
     LiveDevice,
@@ -28,7 +28,7 @@ START = 1_000_000_000_000
 
 def make_device(effects, points=CONSTANT):
     cylinder = Cylinder(points, AMBIENT, effects)
-    return Device(cylinder, cylinder, GEOMETRY)
+    return DeviceModel(cylinder, cylinder, GEOMETRY)
 
 
 def make_samples(seed=3, count=240):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference import AMBIENT, PSI
 
-from cfd_pneumatic.model import TABLE_1, Arrival, Cylinder, Device, ForceGeometry, LiveDevice
+from cfd_pneumatic.model import TABLE_1, Arrival, Cylinder, DeviceModel, ForceGeometry, LiveDevice
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
 from cfd_pneumatic.model.extended_force import ExtendedForce
 
@@ -25,7 +25,7 @@ SETPOINTS = (AMBIENT + 8.0 * PSI, AMBIENT + 4.0 * PSI)
 
 def make_device(effects, *, play=0.0, single=False):
     cylinder = Cylinder(TABLE_1, AMBIENT)
-    return Device(cylinder, None if single else cylinder, GEOMETRY, effects, play)
+    return DeviceModel(cylinder, None if single else cylinder, GEOMETRY, effects, play)
 
 
 def make_samples(count=800):

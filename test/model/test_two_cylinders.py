@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.convention import CYLINDERS
-from cfd_pneumatic.model import TABLE_1, Arrival, Cylinder, Device, ForceGeometry, LiveDevice, Movement
+from cfd_pneumatic.model import TABLE_1, Arrival, Cylinder, DeviceModel, ForceGeometry, LiveDevice, Movement
 
 AMBIENT = 101_325.0
 GEOMETRY = ForceGeometry(area=1.1e-3, geometric_factor=1.5, ambient_pressure=AMBIENT)
@@ -14,7 +14,7 @@ GEOMETRY = ForceGeometry(area=1.1e-3, geometric_factor=1.5, ambient_pressure=AMB
 
 def device(present='ab'):
     cylinder = Cylinder(TABLE_1, AMBIENT)
-    return Device(*(cylinder if side in present else None for side in 'ab'), GEOMETRY)
+    return DeviceModel(*(cylinder if side in present else None for side in 'ab'), GEOMETRY)
 
 
 @given(st.floats(-100.0, 100.0), st.floats(1e4, 1e5), st.sampled_from(['ab', 'a', 'b']))

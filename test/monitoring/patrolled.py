@@ -9,15 +9,16 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from rig_recordings import EPOCH, identified_device, recording_of, surfaces, take
 
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
+from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.model import Device
+from cfd_pneumatic.model import DeviceModel
 from cfd_pneumatic.monitoring import Finding, Settings, Watch, diagnose
-from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig import RigParameters, RigRecord, record, surface_following, with_changes
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
+from studies.rig_runs import EPOCH, surfaces, take
 
 RATE = 500
 SETTINGS = Settings(learning=20.0, window=15.0)
@@ -61,9 +62,9 @@ def rig() -> RigParameters:
 
 
 @cache
-def device() -> Device:
+def device() -> DeviceModel:
     got = record(surface_following(duration=20.0, seed=1), rig(), seed=1)
-    return identified_device(identify([recording_of(got)]))
+    return identified_device(identify([recording_of(got)])).model
 
 
 def close_loop(recording: Recording) -> Finding:

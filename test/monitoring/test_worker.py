@@ -8,10 +8,9 @@ import subprocess
 import sys
 import time
 
-from rig_recordings import recording_of
-
 from cfd_pneumatic.identification import Options
 from cfd_pneumatic.monitoring import Worker
+from cfd_pneumatic.recording import recording_of
 from cfd_pneumatic.rig import out_and_back, record
 
 PATIENCE = 180.0  # on a busy machine [s]

@@ -67,22 +67,18 @@ class Process:
         module: str,
         arguments: Sequence[str],
         *,
-        fallback: bool = False,
+        before: str = '',
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
     ) -> None:
         """
         Start it, perhaps in a folder and with environment variables of its own.
 
-        `fallback` leaves it without EventsExecutor, as before Jazzy.
+        `before` is Python that its process runs first.
         """
         start = ['-m', f'cfd_pneumatic.nodes.{module}']
-        if fallback:
-            start = [
-                '-c',
-                "import sys; sys.modules['rclpy.experimental'] = None; "
-                f'from cfd_pneumatic.nodes.{module} import main; main()',
-            ]
+        if before:
+            start = ['-c', f'{before}\nfrom cfd_pneumatic.nodes.{module} import main; main()']
         self._stderr = TemporaryFile()  # noqa: SIM115
         environment = os.environ | dict(environment or {})
         self._process = subprocess.Popen(

@@ -14,12 +14,12 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 from graph import Graph, Process, ros_arguments, unique_namespace
 from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from reference import pressure, step_like, step_like_rate
 from std_msgs.msg import String
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, PISTON_AREA
 from cfd_pneumatic.model import NAMES, TABLE_1
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, write_recording
 from cfd_pneumatic.units import PSI
@@ -140,13 +140,20 @@ def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, t
         assert not fitted['k_v']['identifiable']
 
         file = yaml.safe_load((output / 'parameters.yaml').read_text())['/**']['ros__parameters']['cylinder_a']
-        assert 'k_v' not in file
-        names = ('setpoints', 'k_x', 'k_sv', 'tau')
+        assert file['not_identifiable'] == ['k_v']
+        names = ('setpoints', *NAMES, 'setpoint_offset', 'not_identifiable')
         assert graph.get(target, *(f'cylinder_a.{name}' for name in names)) == [file[name] for name in names]
-        (k_v,) = graph.get(target, 'cylinder_a.k_v')
-        assert k_v == pytest.approx(np.interp(file['setpoints'], TABLE_1.setpoints, TABLE_1.k_v))
         assert graph.get(target, 'cylinder_b.k_x') == [TABLE_1.k_x.tolist()]
         assert graph.get(target, *switches) == [False, True, True], 'off where it is not in what was identified'
+        changed = ['area', *switches, *(f'cylinder_a.{name}' for name in names)]
+        applied = graph.get(target, *changed)
+        assert graph.trigger(f'{node.name}/revert').success
+        node.status(f'parameters set on {target}')
+        gains = [getattr(TABLE_1, name).tolist() for name in ('setpoints', *NAMES)]
+        assert graph.get(target, *changed) == [PISTON_AREA, True, True, True, *gains, 0.0, ['']]
+        assert graph.trigger(f'{node.name}/revert').success, 'what was taken back can be brought back'
+        node.status(f'parameters set on {target}')
+        assert graph.get(target, *changed) == applied
         graph.set(node.name, apply_to='')
         node.identify()  # it can be asked again
         node.status(f'done. See {output}/report.json')
@@ -155,26 +162,21 @@ def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, t
 def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(graph: Graph, bag: Path, tmp_path: Path) -> None:
     namespace = unique_namespace()
 
-    def serve(name: str, *parameters: str) -> None:
-        def list_(_: object, response: ListParameters.Response) -> ListParameters.Response:
-            response.result.names = list(parameters)
-            return response
-
+    def serve(name: str, knows: set[str] | None) -> None:
         def get(request: GetParameters.Request, response: GetParameters.Response) -> GetParameters.Response:
-            response.values = [ParameterValue(type=8, double_array_value=[1.0])] * len(request.names)
+            number = ParameterValue(type=8, double_array_value=[1.0])
+            response.values = [number if knows is None or name in knows else ParameterValue() for name in request.names]
             return response
 
         def refuse(_: object, response: SetParametersAtomically.Response) -> SetParametersAtomically.Response:
             response.result.reason = 'not today'
             return response
 
-        graph.node.create_service(ListParameters, f'{namespace}/{name}/list_parameters', list_)
         graph.node.create_service(GetParameters, f'{namespace}/{name}/get_parameters', get)
         graph.node.create_service(SetParametersAtomically, f'{namespace}/{name}/set_parameters_atomically', refuse)
 
-    switches = ('cylinder_a.enabled', 'cylinder_b.enabled')
-    serve('stubborn', 'ambient_pressure', *switches, *(f'cylinder_a.{name}' for name in ('setpoints', *NAMES)))
-    serve('stranger', 'use_sim_time')
+    serve('stubborn', None)
+    serve('stranger', {'use_sim_time'})
     with identifier(graph, bags=listed(bag), output_dir=tmp_path) as node:
         for target, words in (
             ('stubborn', f'{namespace}/stubborn refused the parameters: not today'),

@@ -6,11 +6,10 @@ import pytest
 
 pytest.importorskip('pyarrow', reason='Dask is not to be had here, and the columns of its table stand in the document')
 
-from interface_document import DOCUMENT, document
-from package_facts import programs
-
 from cfd_pneumatic.convention import TOPICS, meaning
 from cfd_pneumatic.model.effects import EFFECTS
+from studies.interface_document import DOCUMENT, document
+from studies.package_facts import programs
 
 
 @pytest.fixture(scope='module')

@@ -16,7 +16,6 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from graph import MILLISECOND, PATIENCE, Graph, Process, refusals, ros_arguments, unique_namespace
-from rig_recordings import recording_of
 from sensor_msgs.msg import FluidPressure, JointState
 
 from cfd_pneumatic.convention import (
@@ -30,10 +29,11 @@ from cfd_pneumatic.convention import (
     residual_topic,
     setpoint_topic,
 )
+from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.nodes.messages import nanoseconds, stamp_message
 from cfd_pneumatic.nodes.monitor_node import MonitorNode
-from cfd_pneumatic.reporting import parameter_file
+from cfd_pneumatic.recording import recording_of
 from cfd_pneumatic.rig import Sensors, record, surface_following
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
 from cfd_pneumatic.units import PSI
@@ -104,7 +104,7 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rig = draw_specimen(np.random.default_rng(7))[0].rig
     got = record(surface_following(duration=20.0, seed=1), rig, seed=1)
     file = tmp_path_factory.mktemp('identified') / 'parameters.yaml'
-    file.write_text(parameter_file(identify([recording_of(got)])))
+    file.write_text(identified_device(identify([recording_of(got)])).text)
     return file
 
 

@@ -11,6 +11,7 @@ import pytest
 import rclpy
 from graph import PATIENCE, Graph
 
+from cfd_pneumatic import __version__
 from cfd_pneumatic.examples import EXAMPLES
 
 NODES = [name for name in EXAMPLES if name.endswith('_node')]
@@ -30,6 +31,16 @@ def test_help_says_every_parameter_and_the_example_without_ros(
     said = capsys.readouterr().out
     assert said.rstrip().endswith(EXAMPLES[name].rstrip())
     assert 'parameters and their defaults:\n  ' in said
+
+
+@pytest.mark.parametrize('name', NODES)
+def test_it_says_its_version_without_ros(
+    name: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rclpy, 'init', None)
+    with pytest.raises(SystemExit, match=r'^0$'):
+        module_of(name).main(['--version'])
+    assert capsys.readouterr().out == f'{name} {__version__}\n'
 
 
 @pytest.mark.parametrize(

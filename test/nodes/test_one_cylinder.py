@@ -11,10 +11,9 @@ from graph import MILLISECOND, Graph, SimClient, ros_arguments, unique_namespace
 from sensor_msgs.msg import FluidPressure, JointState
 
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
-from cfd_pneumatic.commands.record_rig import as_recording
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS, MEASURED_FORCE, PISTON_STATE, pressure_topic
 from cfd_pneumatic.nodes.messages import stamp_message
-from cfd_pneumatic.recording import Recording, write_recording
+from cfd_pneumatic.recording import Recording, recording_of, write_recording
 from cfd_pneumatic.rig import RigParameters, record, surface_following
 from cfd_pneumatic.rig.parameters import with_changes
 from cfd_pneumatic.units import PSI
@@ -33,7 +32,7 @@ def recorded(folder: Path, present: str, linkage: float) -> tuple[Path, Recordin
         {f'{present}.area': AREA, f'{missing}.area': GONE, 'piston.geometric_factor': linkage},
     )
     schedule = surface_following(setpoint=SETPOINT, setpoint_b=SETPOINT, setpoint_steps=0.0, duration=10.0)
-    whole = as_recording(record(schedule, rig), 'one cylinder')
+    whole = recording_of(record(schedule, rig), 'one cylinder', 10**18)
     recording = replace(whole, cylinders={present: whole.cylinders[present]})
     write_recording(folder / 'bag', recording)
     return folder / 'bag', recording

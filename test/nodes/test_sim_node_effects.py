@@ -15,7 +15,7 @@ from rcl_interfaces.srv import DescribeParameters
 from rclpy.parameter import Parameter
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, pressure_topic
-from cfd_pneumatic.model import TABLE_1, Cylinder, Device, ForceGeometry, LiveDevice, composed, propagation
+from cfd_pneumatic.model import TABLE_1, Cylinder, DeviceModel, ForceGeometry, LiveDevice, composed, propagation
 from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.nodes.messages import nanoseconds
 from cfd_pneumatic.nodes.sim_node import SimNode
@@ -49,9 +49,9 @@ BELOW = [(cylinder, PRESSURE_EFFECTS) for cylinder in CYLINDERS] + [(CONTACT_FOR
 Effects = dict[str, tuple[float, ...]]
 
 
-def make_device(a: Effects, b: Effects | None = None, force: Effects | None = None) -> Device:
+def make_device(a: Effects, b: Effects | None = None, force: Effects | None = None) -> DeviceModel:
     cylinders = (Cylinder(TABLE_1, AMBIENT_PRESSURE, effects) for effects in (a, b or {}))
-    return Device(*cylinders, ForceGeometry(AREA, 1.0, AMBIENT_PRESSURE), force or {}, SEAL_PLAY)
+    return DeviceModel(*cylinders, ForceGeometry(AREA, 1.0, AMBIENT_PRESSURE), force or {}, SEAL_PLAY)
 
 
 def settings(prefix: str, effects: Effects, enabled: bool = True) -> dict[str, float | bool]:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from graph import Graph, unique_namespace
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from graph import Graph, SimClient, ros_arguments, unique_namespace
 from identified import closed
 
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, pressure_topic
+from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.model import LiveDevice
 from cfd_pneumatic.nodes.sim_node import SimNode
 from cfd_pneumatic.reporting import PARAMETER_FILE, write_report
@@ -22,12 +28,48 @@ def test_it_simulates_the_pressure_of_the_report(graph: Graph, tmp_path: Path) -
         assert node.get_parameter('cylinder_a.droop.enabled').value is True
         live = node._live
         result = closed().cylinders['cylinder_a']
-        (experiment,), (offset, _) = result.experiments, result.found.model.own[0]
-        inputs = experiment.inputs
-        readings = _played(live, experiment.times, inputs['displacement'], inputs['setpoint'] + offset)
+        (experiment,) = result.experiments
+        readings = _played(live, experiment.times, experiment.inputs['displacement'], experiment.inputs['setpoint'])
     finally:
         node.destroy_node()
     np.testing.assert_allclose(readings[experiment.samples], result.comparisons[0].after, atol=0.5)
+
+
+@pytest.mark.parametrize('present', [CYLINDERS, CYLINDERS[:1]])
+def test_it_answers_what_the_device_simulates_live(graph: Graph, tmp_path: Path, present: tuple[str, ...]) -> None:
+    """Over the middleware, sample by sample and set-point by set-point, through a step of the set-point."""
+    found = replace(closed(), channels={name: closed().channels[name] for name in present})
+    device, file = identified_device(found), tmp_path / PARAMETER_FILE
+    device.save(file)
+    whole = found.recordings[0]
+    step = float(whole.cylinders['cylinder_a'].setpoint.times[1])
+    piece = whole.between(step - 0.2, step + 0.3)
+    answers = device.simulate(piece, raw=True)
+    setpoints = {name: piece.cylinders[name].setpoint for name in present}
+    namespace = unique_namespace()
+    with graph.run('sim_node', [*ros_arguments(namespace), '--params-file', str(file)]):
+        sim = SimClient(graph, namespace, cylinders=present).meet()
+        commanded = {}
+        for index, (time, position) in enumerate(zip(piece.displacement.times, piece.displacement.values)):
+            for rank, name in enumerate(present):
+                held = max(np.searchsorted(setpoints[name].times, time, side='right') - 1, 0)
+                if commanded.get(name) != held:
+                    commanded[name] = held
+                    level = float(setpoints[name].values[held]) - AMBIENT_PRESSURE
+                    sim.setpoint(rank, level)
+                    said = f'{level:.1f}'
+                    graph.next_diagnostics(sim.node, partial(_says, said))
+            heard = sim.sample(piece.epoch + round(time * 1e9), float(position))
+            for name in present:
+                pressure = answers.cylinders[name].pressure.values
+                assert heard[pressure_topic(name)] == pytest.approx(pressure[index], abs=1e-6 * np.ptp(pressure))
+            force = answers.force.values
+            assert heard[CONTACT_FORCE].x == pytest.approx(force[index], abs=1e-6 * np.ptp(force))
+    assert max(commanded.values()) == 1
+
+
+def _says(value: str, status: DiagnosticStatus) -> bool:
+    return value in (entry.value for entry in status.values)
 
 
 def test_it_runs_with_a_parameter_file_of_0_1_0(graph: Graph) -> None:

@@ -7,9 +7,9 @@ from contextlib import ExitStack
 
 import pytest
 from graph import Graph, ros_arguments
-from layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
 
 from cfd_pneumatic.convention import MONITOR_INPUTS, SIM_INPUTS
+from studies.layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
 
 NODES = {
     DEVICE: ('rig_node', {'schedule': 'paper_step', 'start_subscribers': 99}),

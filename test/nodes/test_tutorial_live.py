@@ -14,7 +14,8 @@ import pytest
 import yaml
 from geometry_msgs.msg import WrenchStamped
 from graph import PATIENCE, Graph
-from tutorial import blocks
+
+from studies.tutorial import blocks
 
 LONGEST = 600.0
 """On a busy machine, to which a diagnosis leaves its turn [s]."""

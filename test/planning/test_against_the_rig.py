@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planning_document import RUNS, Job, case, run, scatter
 
 from cfd_pneumatic.model import NAMES
+from studies.planning_document import RUNS, Job, case, run, scatter
 
 SEED = 601
 

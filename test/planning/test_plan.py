@@ -8,14 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.search.visibility import invisible
-from cfd_pneumatic.model import NAMES, TABLE_1, OperatingPoints
-from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS
+from cfd_pneumatic.model import NAMES, TABLE_1
+from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.planning import Limits, Sensing, plan
 from cfd_pneumatic.planning.composition import ROUNDS
-from cfd_pneumatic.planning.device import PlannedCylinder, PlannedDevice
+from cfd_pneumatic.planning.device import at_home, home_gains, home_setpoints, usual_pressures
 from cfd_pneumatic.planning.evidence import Evidence
 from cfd_pneumatic.planning.family import family
 from cfd_pneumatic.planning.plan import settling
@@ -31,13 +32,18 @@ SENSING = Sensing()
 
 def device(effects=None, **gains):
     row = dict(zip(NAMES, TABLE_1.at(LEVEL).table[0, 1:])) | gains
-    cylinder = PlannedCylinder(OperatingPoints.constant(**row, setpoint=LEVEL), LEVEL, effects or {})
-    return PlannedDevice({'cylinder_a': cylinder}, AMBIENT, 1.14e-3, 1.0, {}, ())
+    values = {f'cylinder_a.{name}': [float(value)] for name, value in row.items()}
+    values |= {'cylinder_a.setpoints': [LEVEL], 'cylinder_a.initial_setpoint': LEVEL, 'cylinder_b.enabled': False}
+    for name, own in (effects or {}).items():
+        values[f'cylinder_a.{name}.enabled'] = True
+        parameters = PRESSURE_EFFECTS[name].parameters
+        values |= {f'cylinder_a.{name}.{one.name}': value for one, value in zip(parameters, own)}
+    return Device(values)
 
 
 def proposal_of(*names, limits=LIMITS, of=None):
     one = of or device()
-    return Drawing(limits, SENSING, one.homes, settling(one)).draw(
+    return Drawing(limits, SENSING, home_setpoints(one), settling(one)).draw(
         [next(segment for segment in family() if segment.name == name) for name in names]
     )
 
@@ -221,10 +227,8 @@ def test_force_effects_are_predicted_beside_the_area(planned):
 
 
 def test_a_device_is_read_as_the_simulator_reads_it():
-    from cfd_pneumatic.planning import read_device
-
-    read = read_device(Path(__file__).parents[2] / 'config' / 'table_1.yaml')
-    assert set(read.cylinders) == {'cylinder_a', 'cylinder_b'}
-    assert read.cylinders['cylinder_a'].gains == pytest.approx(TABLE_1.table[0, 1:], rel=1e-5)
-    assert read.usual_pressures == pytest.approx((34473.79, 137895.15))
-    assert read.assumed == ()
+    read = Device.load(Path(__file__).parents[2] / 'config' / 'table_1.yaml')
+    assert set(read.model.cylinders) == {'cylinder_a', 'cylinder_b'}
+    assert home_gains(at_home(read, (0.0, 1e6)), 'cylinder_a') == pytest.approx(TABLE_1.table[0, 1:], rel=1e-5)
+    assert usual_pressures(read) == pytest.approx((34473.79, 137895.15))
+    assert read.assumed == ('area',)

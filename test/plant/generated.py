@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cfd_pneumatic.commands.record_rig import as_recording
-from cfd_pneumatic.recording import Recording, Signal, write_recording
+from cfd_pneumatic.recording import Recording, Signal, recording_of, write_recording
 from cfd_pneumatic.rig import paper_step, record
 
 FIRST = 1_700_000_000_000_000_000
@@ -30,7 +29,7 @@ PROGRAM = [sys.executable, '-m', 'cfd_pneumatic.commands.identify_bag']
 @cache
 def step(seed: int, *, alone: bool = False) -> Recording:
     """Return a short recording of the virtual rig, or of its cylinder A alone."""
-    whole = as_recording(record(paper_step(setpoint=34.5e3), seed=seed), 'step')
+    whole = recording_of(record(paper_step(setpoint=34.5e3), seed=seed), 'step')
     return replace(whole, cylinders={'cylinder_a': whole.cylinders['cylinder_a']}, force=None) if alone else whole
 
 

@@ -6,13 +6,16 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+import made
 import numpy as np
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, messages
+from cfd_pneumatic import convention
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.bags import messages
 
 ROOT = Path(__file__).parents[2]
 MEASURED = Path(os.environ.get('CFD_PNEUMATIC_DATA', ROOT.parent / 'shared' / 'data')) / 'pneumatic_actuator'
@@ -78,18 +81,18 @@ class Message:
 def piston(position, stamp, *, received=None, joint='piston', topic='/cfd/device/piston_state'):
     """Return a JointState message; times [ns]."""
     time = stamp if received is None else received
-    return Message(topic, messages.JOINT_STATE, time, messages.joint_state(stamp, joint, position))
+    return Message(topic, convention.JOINT_STATE, time, made.joint_state(stamp, joint, position))
 
 
 def pressure(value, stamp, *, received=None, topic='/cfd/device/cylinder_a/pressure'):
     """Return a FluidPressure message; times [ns]."""
     time = stamp if received is None else received
-    return Message(topic, messages.FLUID_PRESSURE, time, messages.fluid_pressure(stamp, value))
+    return Message(topic, convention.FLUID_PRESSURE, time, made.fluid_pressure(stamp, value))
 
 
 def setpoint(gauge, received, *, topic='/cfd/device/cylinder_a/setpoint'):
     """Return a Float64 message; time [ns]."""
-    return Message(topic, messages.FLOAT64, received, messages.float64(gauge))
+    return Message(topic, convention.FLOAT64, received, made.float64(gauge))
 
 
 def plain_messages(samples=20, start=EPOCH):
@@ -139,18 +142,20 @@ def write_ros1_bag(path, samples=20, namespace='/cfd/device'):
     """Write a ROS 1 bag of a displacement and a pressure."""
     types = get_typestore(Stores.ROS1_NOETIC)
     time, header = types.types['builtin_interfaces/msg/Time'], types.types['std_msgs/msg/Header']
-    joint_state, fluid_pressure = types.types[messages.JOINT_STATE], types.types[messages.FLUID_PRESSURE]
+    joint_state, fluid_pressure = types.types[convention.JOINT_STATE], types.types[convention.FLUID_PRESSURE]
     with Ros1Writer(path) as writer:
-        pistons = writer.add_connection(f'{namespace}/piston_state', messages.JOINT_STATE, typestore=types)
-        pressures = writer.add_connection(f'{namespace}/cylinder_a/pressure', messages.FLUID_PRESSURE, typestore=types)
+        pistons = writer.add_connection(f'{namespace}/piston_state', convention.JOINT_STATE, typestore=types)
+        pressures = writer.add_connection(
+            f'{namespace}/cylinder_a/pressure', convention.FLUID_PRESSURE, typestore=types
+        )
         for index in range(samples):
             stamp = EPOCH + index * SECOND // 100
             head = header(seq=index, stamp=time(*divmod(stamp, SECOND)), frame_id='ab')
             none, position = np.empty(0), np.array([0.5, 1e-4 * index])
             joints = joint_state(header=head, name=['x', 'piston'], position=position, velocity=none, effort=none)
             air = fluid_pressure(header=head, fluid_pressure=2e5 + index, variance=0.0)
-            writer.write(pistons, stamp, types.serialize_ros1(joints, messages.JOINT_STATE))
-            writer.write(pressures, stamp, types.serialize_ros1(air, messages.FLUID_PRESSURE))
+            writer.write(pistons, stamp, types.serialize_ros1(joints, convention.JOINT_STATE))
+            writer.write(pressures, stamp, types.serialize_ros1(air, convention.FLUID_PRESSURE))
     return path
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import made
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -26,10 +27,10 @@ from rosbags.rosbag2 import Reader
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import read_recording, write_recording
-from cfd_pneumatic.recording.blocks import OneByOne
-from cfd_pneumatic.recording.chunks import McapFile
-from cfd_pneumatic.recording.messages import FLOAT64, JOINT_STATE, joint_state
-from cfd_pneumatic.recording.rows import SqliteRows
+from cfd_pneumatic.recording.bags.blocks import OneByOne
+from cfd_pneumatic.recording.bags.mcap_reading import McapFile
+from cfd_pneumatic.recording.bags.messages import FLOAT64, JOINT_STATE
+from cfd_pneumatic.recording.bags.sqlite_reading import SqliteRows
 
 TOPICS = ('/a', '/b', '/b', '/c')  # a topic may have several channels
 
@@ -163,7 +164,7 @@ def test_a_block_that_is_shorter_than_what_is_looked_for_in_it(tmp_path):
     contents = []
     for index, names in enumerate((['x' * 500, 'piston'], ['piston'], ['piston'])):
         time = EPOCH + index * SECOND
-        joints = joint_state(time, 'piston', 0.0)
+        joints = made.joint_state(time, 'piston', 0.0)
         joints.name, joints.position = names, np.arange(10.0 * index, 10.0 * index + len(names))
         contents += [Message('/d/piston_state', JOINT_STATE, time, joints)]
         contents += [pressure(2e5, time, topic='/d/cylinder_a/pressure')]

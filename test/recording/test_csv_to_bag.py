@@ -54,7 +54,9 @@ def csv_to_bag(folder, *arguments):
 def test_a_table_becomes_a_bag_that_says_the_same(folder, storage):
     done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'out/bag', '--storage', storage)
     assert (done.returncode, done.stderr) == (0, '')
-    assert done.stdout == 'out/bag: displacement 50, force 50, cylinder_a pressure 50, cylinder_a setpoint 2\n'
+    assert done.stdout == (
+        'out/bag written from run.csv: displacement 50, cylinder_a pressure 50, cylinder_a setpoint 2, force 50\n'
+    )
     direct = read_recording(folder / 'run.csv', mapping=read_mapping(folder / 'mapping.yaml'))
     assert_same(read_recording(folder / 'out' / 'bag'), direct, setpoint_error=1e-9)
 
@@ -150,7 +152,9 @@ def test_rows_that_are_left_out_are_said(folder):
     done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
     assert (done.returncode, done.stderr) == (0, '')
     said = done.stdout.splitlines()
-    assert said[0] == 'bag: displacement 51, force 51, cylinder_a pressure 51, cylinder_a setpoint 3'
+    assert (
+        said[0] == 'bag written from run.csv: displacement 51, cylinder_a pressure 51, cylinder_a setpoint 3, force 51'
+    )
     assert said[1:] == [
         '  the last row has no line end and may be cut: left out',
         '  time: dropped 2 rows not finite',

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import shutil
 
+import made
 import numpy as np
 import pytest
 from mcap.writer import CompressionType, IndexType
@@ -43,7 +44,7 @@ def ours(path):
         for topic, msgtype in {message.topic: message.msgtype for message in contents()}.items():
             bag.add_topic(topic, msgtype)
         for message in contents():
-            bag.write_message(message.topic, message.time, message.content)
+            made.write_message(bag, message.topic, message.time, message.content)
     shutil.move(path.parent / path.stem / f'{path.stem}.mcap', path)
 
 

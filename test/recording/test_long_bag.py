@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from long_bag import topics, write_long_bag
 from recording_cases import assert_same
 from rosbags.rosbag2 import Reader
 
 from cfd_pneumatic.recording import read_recording
+from studies.long_bag import topics, write_long_bag
 
 SAMPLES = 22_000
 
@@ -32,9 +32,9 @@ def test_it_is_a_device_at_1_khz_with_steps_of_the_setpoint(plain):
     assert plain.health == ()
 
 
-@pytest.mark.parametrize(('storage', 'compression'), [('mcap', 'zstd'), ('mcap', 'lz4'), ('sqlite3', 'none')])
-def test_it_is_the_same_in_every_storage(tmp_path, plain, storage, compression):
-    file = write_long_bag(tmp_path / 'bag', SAMPLES, storage, compression, force=True)
+@pytest.mark.parametrize(('storage', 'compressed'), [('mcap', True), ('sqlite3', False)])
+def test_it_is_the_same_in_every_storage(tmp_path, plain, storage, compressed):
+    file = write_long_bag(tmp_path / 'bag', SAMPLES, storage, compressed, force=True)
     assert_same(read_recording(file), plain)
     with Reader(file) as reader:
         assert [connection.topic for connection in reader.connections] == topics(force=True)

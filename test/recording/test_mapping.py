@@ -96,10 +96,10 @@ def test_the_example_in_the_documentation_is_valid(tmp_path):
     found = written(tmp_path, dedented(bag))
     assert [channel.name for channel in found.channels] == [
         'displacement',
+        'force',
         'cylinder_a pressure',
         'cylinder_a setpoint',
         'cylinder_b pressure',
-        'force',
         'tool_force',
     ]
     assert written(tmp_path, dedented(table)).table is not None
@@ -125,7 +125,7 @@ BAD = {
     ),
     'unknown entry': (
         f'{GOOD}cylinder_c: 1\n',
-        "unknown key 'cylinder_c': the keys are displacement, cylinder_a, cylinder_b, force, others, table, types",
+        "unknown key 'cylinder_c': the keys are displacement, force, cylinder_a, cylinder_b, others, table, types",
     ),
     'unknown role': (
         f'{GOOD}  temperature: 1\n',

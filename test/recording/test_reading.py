@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import shutil
 
+import made
 import numpy as np
 import pytest
 import yaml
@@ -22,8 +23,9 @@ from recording_cases import (
 )
 from rosbags.rosbag2 import CompressionMode
 
+from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, messages, read_recording, write_recording
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, read_recording, write_recording
 
 
 @st.composite
@@ -174,9 +176,9 @@ def test_times_of_reception_follow_stamps_of_another_clock(tmp_path):
 
 
 def joints(stamp, names, positions):
-    message = messages.joint_state(stamp, '', 0.0)
+    message = made.joint_state(stamp, '', 0.0)
     message.name, message.position = names, np.array(positions)
-    return Message('/cfd/device/piston_state', messages.JOINT_STATE, stamp, message)
+    return Message('/cfd/device/piston_state', convention.JOINT_STATE, stamp, message)
 
 
 def test_a_joint_is_found_by_its_name_wherever_it_is(tmp_path):
@@ -205,9 +207,9 @@ def test_a_joint_that_is_not_there(tmp_path):
 
 
 def test_the_axis_of_the_force(tmp_path):
-    wrench = messages.wrench_stamped(EPOCH, 1.0)
+    wrench = made.wrench_stamped(EPOCH, 1.0)
     wrench.wrench.force.z = 3.0
-    force = Message('/cfd/device/measured_force', messages.WRENCH_STAMPED, EPOCH, wrench)
+    force = Message('/cfd/device/measured_force', convention.WRENCH_STAMPED, EPOCH, wrench)
     write_bag(tmp_path / 'bag', [*plain_messages(), force])
     assert read_recording(tmp_path / 'bag').force.values == [1.0]
     assert read_recording(tmp_path / 'bag', force_axis='z').force.values == [3.0]

@@ -3,23 +3,25 @@ from __future__ import annotations
 import os
 import zlib
 
+import made
 import pytest
 from mcap import records
 from mcap.stream_reader import StreamReader
 from recording_cases import EPOCH, assert_same, recording
 
+from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import BagWriter, messages, read_recording, write_recording
+from cfd_pneumatic.recording import BagWriter, read_recording, write_recording
+from cfd_pneumatic.recording.bags.mcap_writing import McapWriter
 
 
 def fill(bag, count=3):
-    bag.add_topic('/cfd/device/piston_state', messages.JOINT_STATE)
-    bag.add_topic('/cfd/device/cylinder_a/pressure', messages.FLUID_PRESSURE)
+    bag.add_topic('/cfd/device/piston_state', convention.JOINT_STATE)
+    bag.add_topic('/cfd/device/cylinder_a/pressure', convention.FLUID_PRESSURE)
     for index in range(count):
         time = EPOCH + index * 1000
-        bag.write_message('/cfd/device/piston_state', time, messages.joint_state(time, 'piston', 0.5))
-        payload = messages.standard_types().serialize_cdr(messages.fluid_pressure(time, 2e5), messages.FLUID_PRESSURE)
-        bag.write('/cfd/device/cylinder_a/pressure', time, bytes(payload))
+        made.write_message(bag, '/cfd/device/piston_state', time, made.joint_state(time, 'piston', 0.5))
+        made.write_message(bag, '/cfd/device/cylinder_a/pressure', time, made.fluid_pressure(time, 2e5))
 
 
 def fail_to_write(path, **options):
@@ -93,7 +95,7 @@ def test_a_disk_that_is_full(tmp_path, monkeypatch):
     def fail(*arguments):
         raise OSError(28, 'No space left on device')
 
-    monkeypatch.setattr('rosbags.rosbag2.Writer.write', fail)
+    monkeypatch.setattr(McapWriter, 'write_chunk', fail)
     with pytest.raises(InputError) as caught:
         write_recording(tmp_path / 'bag', recording())
     assert str(caught.value) == (

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from identified import EPOCH, closed, closed_on_two, open_loop, recording, with_force
+from identified import closed, closed_on_two, open_loop, recording, with_force
 from rosbags.highlevel import AnyReader
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.recording import read_recording
-from cfd_pneumatic.recording.messages import FLUID_PRESSURE, NANOSECONDS, WRENCH_STAMPED, standard_types
+from cfd_pneumatic.recording.bags.messages import FLUID_PRESSURE, NANOSECONDS, WRENCH_STAMPED, standard_types
 from cfd_pneumatic.reporting import compare_files, write_report
 from cfd_pneumatic.reporting.comparison import write_comparison
 
@@ -72,7 +72,7 @@ def test_pressures_and_residuals_are_those_of_the_identification(topics, cylinde
 
 def test_the_time_line_is_the_recordings_own(topics):
     (original,) = closed().recordings
-    stamps = EPOCH + np.rint(original.cylinders['cylinder_a'].pressure.times * NANOSECONDS).astype(np.int64)
+    stamps = original.epoch + np.rint(original.cylinders['cylinder_a'].pressure.times * NANOSECONDS).astype(np.int64)
     for space in ('measured', 'simulated_after', 'residual_before'):
         np.testing.assert_array_equal(topics[f'/{space}/cylinder_a/pressure'][1], stamps)
 

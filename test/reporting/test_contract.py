@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from identified import closed, open_loop, with_force
 
+from cfd_pneumatic.device import Device
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.planning import read_device
 from cfd_pneumatic.reporting import report_data
 
 PARAMETERS = Path(__file__).parents[1] / 'parameters_0_1_0.yaml'
@@ -131,9 +131,10 @@ def test_options_change_no_key(options):
     assert_holds(told(identify(closed().recordings, options)), REPORT)
 
 
-def test_a_parameter_file_of_0_1_0_is_read_for_planning():
-    device = read_device(PARAMETERS)
-    assert device.area == 0.0012
+def test_a_parameter_file_of_0_1_0_is_read():
+    device = Device.load(PARAMETERS).model
+    assert device.geometry.area == 0.0012
     assert device.cylinders['cylinder_a'].effects == {'droop': (0.0013775011810227419, 0.12040480395560328)}
-    assert device.cylinders['cylinder_b'].gains == pytest.approx([4598430.18, 144.7747, 17.73708, 0.01130016], rel=1e-6)
+    gains = device.cylinders['cylinder_b'].parameters.table[0, 1:]
+    assert gains == pytest.approx([4598430.18, 144.7747, 17.73708, 0.01130016], rel=1e-6)
     assert device.force_effects == {'seal_friction': (2.5, 0.0, 40.0, 5e-5)}

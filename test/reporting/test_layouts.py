@@ -8,11 +8,11 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 from identified import closed, with_force
-from layouts import CELL, FOLDER, LAYOUTS, layouts
 from rosbags.highlevel import AnyReader
 
-from cfd_pneumatic.recording.messages import standard_types
+from cfd_pneumatic.recording.bags.messages import standard_types
 from cfd_pneumatic.reporting import write_report
+from studies.layouts import CELL, FOLDER, LAYOUTS, layouts
 
 
 def curves_of(name):

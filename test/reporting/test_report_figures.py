@@ -65,17 +65,15 @@ def test_independent_series_with_memories_cross_the_threshold_seldom():
 
 
 def test_numbers_on_axes_are_whole(outcome):
-    """What shortens the outlines of curves leaves the words alone: 0.025 must not become 0.02."""
-    with figures.style():
-        picture = figures.correlation_pictures(outcome)[0]
+    """0.025 must not become 0.02."""
+    picture = figures.correlation_pictures(outcome)[0]
     ticks = [float(text.replace('−', '-')) for text in re.findall(r'>(−?\d+\.\d+)<', picture.wide)]
     assert len(ticks) >= 3
     np.testing.assert_allclose(np.diff(sorted(ticks)), np.diff(sorted(ticks))[0], rtol=1e-6)
 
 
 def test_a_curve_that_leaves_out_nothing_visible_is_small(outcome):
-    with figures.style():
-        picture = figures.record_picture(outcome, outcome.comparisons[0])
+    picture = figures.record_picture(outcome, outcome.comparisons[0])
     assert len(picture.wide) < 200_000
     assert len(picture.narrow) < 0.6 * len(picture.wide)
 

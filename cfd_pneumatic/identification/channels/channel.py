@@ -19,7 +19,6 @@ from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.data.split import Split
 from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, runs_at_rest, sample_noise
 from cfd_pneumatic.identification.residual.regressors import Regressors
-from cfd_pneumatic.identification.residual.tests import Test, tests_of
 from cfd_pneumatic.model.effects import Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
 
@@ -475,13 +474,3 @@ class Channel(ABC):
             rests += [run - np.mean(run) for run in runs]
         white = math.sqrt(float(np.average(variances, weights=sizes)))
         return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
-
-    def tests(self, experiments: Sequence[Experiment], simulated: Sequence[Array], noise: Noise) -> list[Test]:
-        """Return the tests of what simulations leave, at the samples that count, which follow each other."""
-        residuals, regressors = [], []
-        for experiment, values in zip(experiments, simulated):
-            if np.any(experiment.counts):
-                weight = self.precision(experiment, values)
-                residuals.append(((experiment.measured - values) * weight)[experiment.counts])
-                regressors.append(self.regressors(experiment, values, weight))
-        return tests_of(residuals, regressors, noise)

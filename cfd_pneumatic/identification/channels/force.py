@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from cfd_pneumatic.convention import AREAS, CONTACT_FORCE, CYLINDERS, MEASURED_FORCE
+from cfd_pneumatic.convention import AREAS, CONTACT_FORCE, CYLINDERS, MEASURED_FORCE, WRENCH_STAMPED
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Model, Quantity, Scale, Unknown
 from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
@@ -29,7 +29,7 @@ from cfd_pneumatic.identification.residual.autoregression import autoregression,
 from cfd_pneumatic.identification.residual.regressors import Regressors
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, Data
 from cfd_pneumatic.model.extended_force import ExtendedForce
-from cfd_pneumatic.recording import Recording, Signal, messages
+from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import POUND_FORCE
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ class Force(Channel):
         'contact force', 'n', 'area times pressure', Scale('N', 1.0), Scale('lbf', POUND_FORCE), Scale('N', 1.0)
     )
     topics = MEASURED_FORCE, CONTACT_FORCE
-    msgtype = messages.WRENCH_STAMPED
+    msgtype = WRENCH_STAMPED
     effects = FORCE_EFFECTS
     library = FORCE_EFFECTS
     parameters = MappingProxyType({'area': 'm^2', 'geometric_factor': '-'})
@@ -87,15 +87,9 @@ class Force(Channel):
         """Return the force in a recording; the grid holds the piston's reversals: friction sees each of them."""
         signal = self.signal(recording)
         assert signal is not None
-        stamps, force = motion.clock_of(signal.times), signal.values
-        pressures = {
-            name: Signal(motion.clock_of(signals.pressure.times), signals.pressure.values)
-            for name, signals in recording.cylinders.items()
-        }
-        first = max(motion.times[0], *(pressure.times[0] for pressure in pressures.values()))
-        last = min(motion.times[-1], *(pressure.times[-1] for pressure in pressures.values()))
-        within = (stamps >= first) & (stamps <= last)
-        sampled, force = stamps[within], force[within]
+        stamps = motion.clock_of(signal.times)
+        within = self.within(recording, motion, stamps)
+        sampled, force = stamps[within], signal.values[within]
         if force.size < FEWEST_SAMPLES:
             raise InputError(
                 f'{recording.name}: only {force.size} samples of the force lie between the first and the last sample '
@@ -103,31 +97,47 @@ class Force(Channel):
             )
         if np.ptp(force) == 0.0:
             raise InputError(f'{recording.name}: the force never changes ({force[0]:g} N): is its sensor connected?')
-        moved = np.concatenate([motion.times, reversals(motion)])
-        times = np.union1d(moved[(moved >= sampled[0]) & (moved <= sampled[-1])], sampled)
-        absent = np.full(times.size, self.ambient_pressure)
-        pressure, opposing = (
-            np.interp(times, pressures[name].times, pressures[name].values) if name in pressures else absent
-            for name in CYLINDERS
-        )
-        levels = [self._level(recording, name, motion, times) for name in CYLINDERS]
+        times, inputs = self.driven(recording, motion, sampled)
         return Experiment(
             recording=recording.name,
             times=times,
-            inputs={
-                'displacement': travelled(motion, recording.displacement.values, times),
-                'rate': motion.rate_at(times),
-                'acceleration': motion.acceleration_at(times),
-                'pressure': pressure,
-                'opposing': opposing,
-                'level': levels[0] - levels[1],
-            },
+            inputs=inputs,
             samples=np.searchsorted(times, sampled),
             measured=force,
             part=split.part_of(sampled),
             motion=motion,
             starts_at_rest=rests_at_start(motion),
         )
+
+    def within(self, recording: Recording, motion: Motion, times: Array) -> slice:
+        """Return which of increasing times lie between the first and the last of displacement and pressures [s]."""
+        signals = [motion.times, *(motion.clock_of(one.pressure.times) for one in recording.cylinders.values())]
+        first, last = max(one[0] for one in signals), min(one[-1] for one in signals)
+        begin, end = np.searchsorted(times, [first, np.nextafter(last, np.inf)]).tolist()
+        return slice(begin, end)
+
+    def driven(self, recording: Recording, motion: Motion, sampled: Array) -> tuple[Array, dict[str, Array]]:
+        """Return a grid that holds sample times, shape (n,) [s], and the inputs on it."""
+        moved = np.concatenate([motion.times, reversals(motion)])
+        times = np.union1d(moved[(moved >= sampled[0]) & (moved <= sampled[-1])], sampled)
+        pressures = [self._pressure(recording, name, motion, times) for name in CYLINDERS]
+        levels = [self._level(recording, name, motion, times) for name in CYLINDERS]
+        inputs = {
+            'displacement': travelled(motion, recording.displacement.values, times),
+            'rate': motion.rate_at(times),
+            'acceleration': motion.acceleration_at(times),
+            'pressure': pressures[0],
+            'opposing': pressures[1],
+            'level': levels[0] - levels[1],
+        }
+        return times, inputs
+
+    def _pressure(self, recording: Recording, cylinder: str, motion: Motion, times: Array) -> Array:
+        """Return a cylinder's pressure, or ambient [Pa]."""
+        signals = recording.cylinders.get(cylinder)
+        if signals is None:
+            return np.full(times.size, self.ambient_pressure)
+        return np.interp(times, motion.clock_of(signals.pressure.times), signals.pressure.values)
 
     def _level(self, recording: Recording, cylinder: str, motion: Motion, times: Array) -> Array:
         """Return a cylinder's set-point, its median pressure where none was recorded, or ambient [Pa]."""

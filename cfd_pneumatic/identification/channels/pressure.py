@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from cfd_pneumatic.convention import CYLINDERS, pressure_topic
+from cfd_pneumatic.convention import CYLINDERS, FLUID_PRESSURE, pressure_topic
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Model, Quantity, Scale, Unknown
 from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
@@ -33,7 +33,7 @@ from cfd_pneumatic.model.baseline import (
 )
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Data
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
-from cfd_pneumatic.recording import Recording, Signal, messages
+from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
 
 Array = NDArray[np.float64]
@@ -58,7 +58,7 @@ class Pressure(Channel):
     quantity = Quantity(
         'pressure', 'pa', 'paper’s model', Scale('Pa', 1.0), Scale('mpsi', 1e-3 * PSI), Scale('kPa', 1e3)
     )
-    msgtype = messages.FLUID_PRESSURE
+    msgtype = FLUID_PRESSURE
     effects = PRESSURE_EFFECTS
     library = PRESSURE_EFFECTS
     parameters = MappingProxyType({spec.name: spec.unit for spec in SPECS})
@@ -89,31 +89,35 @@ class Pressure(Channel):
         """Return the cylinder in a recording."""
         signals = recording.cylinders[self.name]
         stamped = motion.clock_of(signals.pressure.times)
-        during = slice(*np.searchsorted(stamped, [motion.times[0], np.nextafter(motion.times[-1], np.inf)]))
+        during = motion.during(stamped)
         sampled, pressure = stamped[during], signals.pressure.values[during]
         self._check(recording.name, pressure)
-        setpoint = signals.setpoint
-        if setpoint is not None:
-            setpoint = Signal(motion.on_clock(setpoint.times), setpoint.values)
-        else:
-            seen = pressure[: np.searchsorted(sampled, split.bounds[1])]
-            setpoint = Signal(motion.times[:1], np.array([float(np.median(seen if seen.size else pressure))]))
-        times, displacement = motion.on_grid(sampled, setpoint.times)
-        begins = np.append(motion.times[0], times[:-1])
-        held = np.searchsorted(setpoint.times, begins, side='right') - 1
+        seen = pressure[: np.searchsorted(sampled, split.bounds[1])]
+        level = float(np.median(seen if seen.size else pressure))
+        times, inputs = self.driven(motion, level if signals.setpoint is None else signals.setpoint, sampled)
         return Experiment(
             recording=recording.name,
             times=times,
-            inputs={
-                'displacement': DIRECTIONS[self.name] * displacement,
-                'setpoint': setpoint.values[np.maximum(held, 0)],
-            },
+            inputs=inputs,
             samples=np.searchsorted(times, sampled),
             measured=pressure,
             part=split.part_of(sampled),
             motion=motion,
             starts_at_rest=rests_at_start(motion),
         )
+
+    def driven(self, motion: Motion, setpoint: Signal | float, sampled: Array) -> tuple[Array, dict[str, Array]]:
+        """Return a grid that holds sample times, shape (n,) [s], and the inputs on it; set-points are absolute [Pa]."""
+        changed, levels = motion.times[:1], np.array([setpoint])
+        if isinstance(setpoint, Signal):
+            changed, levels = motion.on_clock(setpoint.times), setpoint.values
+        times, displacement = motion.on_grid(sampled, changed)
+        begins = np.append(motion.times[0], times[:-1])
+        held = np.searchsorted(changed, begins, side='right') - 1
+        return times, {
+            'displacement': DIRECTIONS[self.name] * displacement,
+            'setpoint': levels[np.maximum(held, 0)],
+        }
 
     def _check(self, recording: str, pressure: Array) -> None:
         topic = f'{self.name}/pressure'

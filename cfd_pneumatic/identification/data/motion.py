@@ -17,11 +17,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline, PPoly
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_range
@@ -99,6 +98,11 @@ class Motion:
         clock = regular_clock(stamps)
         return stamps if clock is None else clock
 
+    def during(self, times: Array) -> slice:
+        """Return which of increasing times lie between the first and the last sample [s]."""
+        begin, end = np.searchsorted(times, [self.times[0], np.nextafter(self.times[-1], np.inf)]).tolist()
+        return slice(begin, end)
+
     def on_grid(self, sampled: Array, others: Array) -> tuple[Array, Array]:
         """
         Return the grid of a model and the displacement on it, each of shape (n,) [s, m].
@@ -138,7 +142,7 @@ class Motion:
         and at them by the even smaller part that the regulator makes good within one step.
         """
         steps = np.diff(self.times)
-        acceleration = self._spline().derivative(2).c  # coefficients on each step, the highest power's first
+        acceleration = _derivative(self._pieces, 2)
         sharpest = np.maximum(np.abs(acceleration[-1]), np.abs(np.polyval(acceleration, steps)))
         bend = sharpest * steps**2 / 8.0
         tolerance = max(self.noise, _FINEST_BEND * self.reach)
@@ -151,41 +155,55 @@ class Motion:
 
     def at(self, times: Array) -> Array:
         """Return the smoothing spline's displacement at times within the recording, shape (n,) [m]."""
-        return np.asarray(self._spline()(times), dtype=np.float64)
+        return self._spline(times, 0)
 
     def rate_at(self, times: Array) -> Array:
         """Return the smoothing spline's rate at times within the recording, shape (n,) [m/s]."""
-        return np.asarray(self._spline()(times, 1), dtype=np.float64)
+        return self._spline(times, 1)
 
     def acceleration_at(self, times: Array) -> Array:
         """Return the smoothing spline's acceleration at times within the recording, shape (n,) [m/s^2]."""
-        return np.asarray(self._spline()(times, 2), dtype=np.float64)
+        return self._spline(times, 2)
 
-    def _spline(self) -> PPoly:
+    def _spline(self, times: Array, order: int) -> Array:
+        """Return a derivative of what to expect between samples."""
+        at = np.clip(np.searchsorted(self.times, times, side='right') - 1, 0, self.times.size - 2)
+        since = times - self.times[at]
+        value = np.zeros(np.shape(times))
+        for coefficient in _derivative(self._pieces, order):
+            value = value * since + coefficient[at]
+        return value
+
+    @cached_property
+    def _pieces(self) -> list[Array]:
         """
-        Return what to expect between samples.
+        The coefficients of what to expect in each step between samples, the highest power's first, each (n - 1,).
 
         For white acceleration cubics with both ends' displacement and rate; for white jerk quintics with their
         acceleration as well.
         """
-        if self.order == 2:
-            return CubicHermiteSpline(self.times, self.displacement, self.rate)
         h = np.diff(self.times)
         x, v, a = self.displacement[:-1], self.rate[:-1], self.acceleration[:-1]
+        if self.order == 2:
+            mean, ahead = np.diff(self.displacement) / h, self.rate[1:]
+            return [(v + ahead - 2.0 * mean) / h**2, (3.0 * mean - 2.0 * v - ahead) / h, v, x]
         off_x = np.diff(self.displacement) - h * (v + 0.5 * h * a)
         off_v = h * (np.diff(self.rate) - h * a)
         off_a = h**2 * np.diff(self.acceleration)
-        return PPoly(
-            [
-                (6.0 * off_x - 3.0 * off_v + 0.5 * off_a) / h**5,
-                (-15.0 * off_x + 7.0 * off_v - off_a) / h**4,
-                (10.0 * off_x - 4.0 * off_v + 0.5 * off_a) / h**3,
-                0.5 * a,
-                v,
-                x,
-            ],
-            self.times,
-        )
+        return [
+            (6.0 * off_x - 3.0 * off_v + 0.5 * off_a) / h**5,
+            (-15.0 * off_x + 7.0 * off_v - off_a) / h**4,
+            (10.0 * off_x - 4.0 * off_v + 0.5 * off_a) / h**3,
+            0.5 * a,
+            v,
+            x,
+        ]
+
+
+def _derivative(pieces: Sequence[Array], order: int) -> list[Array]:
+    """Return the coefficients of a derivative of polynomials, the highest power's first."""
+    power = len(pieces) - 1
+    return [math.perm(power - rank, order) * one for rank, one in enumerate(pieces[: power + 1 - order])]
 
 
 def smooth_motion(stamps: Array, measured: Array) -> Motion:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, AREAS, FACTORS
+from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.split import FRACTIONS
 
 
@@ -28,6 +29,11 @@ class Options:
     geometric_factor
         Contact force over piston force, from the linkage [-]; None if nobody knows: then it is in the area.
 
+    Raises
+    ------
+    InputError
+        If one of them is none that a device has.
+
     """
 
     per_setpoint: bool = False
@@ -36,3 +42,15 @@ class Options:
     close_loop: bool = False
     area: float | None = None
     geometric_factor: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what no device has."""
+        area, factor = self.area, self.geometric_factor
+        if not 1e4 <= self.ambient_pressure <= 2e5:
+            raise InputError(f'ambient_pressure {self.ambient_pressure:g} Pa is outside 1e4 to 2e5 Pa')
+        if area is not None and not AREAS[0] <= area <= AREAS[1]:
+            raise InputError(f'area {area:g} m^2 is outside {AREAS[0]:g} to {AREAS[1]:g} m^2')
+        if factor is not None and not (FACTORS[0] <= factor <= FACTORS[1] and factor != 0.0):
+            raise InputError(f'geometric_factor {factor:g} is 0 or outside {FACTORS[0]:g} to {FACTORS[1]:g}')
+        if len(self.fractions) != 3 or min(self.fractions) <= 0.0:
+            raise InputError(f'fractions {self.fractions}: give three shares above 0, as (0.6, 0.2, 0.2)')

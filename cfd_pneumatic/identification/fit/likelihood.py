@@ -22,7 +22,7 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.levenberg import Quadratic
 from cfd_pneumatic.identification.residual.autoregression import independent_share, whitened
 from cfd_pneumatic.identification.residual.noise import Noise
-from cfd_pneumatic.identification.residual.tests import Test
+from cfd_pneumatic.identification.residual.tests import Test, tests_of
 from cfd_pneumatic.model.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -130,7 +130,7 @@ class Likelihood:
 
     def weighed(self, simulated: Sequence[Array]) -> Likelihood:
         """Return it with the weights that follow from a simulation and what that leaves; itself where it has them."""
-        precisions = [self.channel.precision(*one) for one in zip(self.experiments, simulated)]
+        precisions = self.precisions(simulated)
         left = [
             (one.measured - values)[one.counts] * own[one.counts]
             for one, values, own in zip(self.experiments, simulated, precisions)
@@ -139,6 +139,10 @@ class Likelihood:
         scales = np.nan_to_num(np.nanmean(rms) / np.maximum(rms, 1e-9), nan=1.0)
         weights = tuple(own * scale for own, scale in zip(precisions, scales.tolist()))
         return self if all(map(np.array_equal, weights, self.weights)) else replace(self, weights=weights)
+
+    def precisions(self, simulated: Sequence[Array]) -> list[Array]:
+        """Return what samples weigh within their recordings, in fits and in tests, each of shape (m,)."""
+        return [self.channel.precision(*one) for one in zip(self.experiments, simulated)]
 
     def until(self, part: str) -> Likelihood:
         """Return what lies up to a part, of which only that part's and earlier samples count."""
@@ -214,7 +218,16 @@ class Likelihood:
     def tests(self, model: Model, noise: Noise) -> list[Test]:
         """Return the tests of what a model leaves, from what represents all samples."""
         telling = self.representative()
-        return self.channel.tests(telling.experiments, telling.simulate(model), noise)
+        return telling.tested(telling.simulate(model), noise)
+
+    def tested(self, simulated: Sequence[Array], noise: Noise) -> list[Test]:
+        """Return the tests of what simulations leave, at the samples that count, which follow each other."""
+        residuals, regressors = [], []
+        for one, values, weight in zip(self.experiments, simulated, self.precisions(simulated)):
+            if np.any(one.counts):
+                residuals.append(((one.measured - values) * weight)[one.counts])
+                regressors.append(self.channel.regressors(one, values, weight))
+        return tests_of(residuals, regressors, noise)
 
     # a fit
 

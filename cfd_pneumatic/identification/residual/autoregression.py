@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
+
+from cfd_pneumatic.compiling import compiler
 
 Array = NDArray[np.float64]
 
@@ -59,9 +60,19 @@ def whitened(series: Array, coefficients: Array) -> Array:
     return innovations
 
 
+@compiler(nogil=True)
+def driven(innovations: Array, coefficients: Array) -> Array:
+    """Return the series, shape (n,), in which innovations, shape (n,), are what is new; it begins at rest."""
+    series = innovations.copy()
+    for index in range(series.size):
+        for lag in range(min(index, coefficients.size)):
+            series[index] += coefficients[lag] * series[index - 1 - lag]
+    return series
+
+
 def independent_share(coefficients: Array) -> float:
     """Return how many independent samples a sample of autoregressive noise is worth, at most one [-]."""
     impulse = np.zeros(_LONGEST_MEMORY)
     impulse[0] = 1.0
-    response = lfilter([1.0], np.concatenate([[1.0], -coefficients]), impulse)
+    response = driven(impulse, np.asarray(coefficients))
     return float(np.clip(np.sum(response**2) * (1.0 - np.sum(coefficients)) ** 2, 1e-3, 1.0))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
 
@@ -52,8 +52,9 @@ def sample_noise(times: Array, values: Array) -> float:
     differences = values[1:-1] - left * values[:-2] - right * values[2:]
     squares = np.sort(differences**2 / (1.0 + left**2 + right**2))
     kept = squares[: max(1, int(_KEPT * squares.size))]
-    limit = norm.ppf(0.5 + 0.5 * _KEPT)
-    share_of_variance = 1.0 - 2.0 * limit * norm.pdf(limit) / _KEPT
+    limit = float(ndtri(0.5 + 0.5 * _KEPT))
+    density = math.exp(-0.5 * limit**2) / math.sqrt(2.0 * math.pi)
+    share_of_variance = 1.0 - 2.0 * limit * density / _KEPT
     return math.sqrt(float(np.mean(kept)) / share_of_variance)
 
 

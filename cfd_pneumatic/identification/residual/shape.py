@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 Array = NDArray[np.float64]
 
@@ -49,6 +48,13 @@ def speed_of(times: Array, displacement: Array) -> float:
     return max(float(np.sqrt(np.mean(speed[speed >= np.median(speed)] ** 2))), 1e-5)
 
 
+def _correlation(long: Array, short: Array) -> Array:
+    """Return the sums of products of a series with a shorter one, laid beside it at each of its samples."""
+    size = 2 ** (long.size - 1).bit_length()
+    product = np.fft.rfft(long, size) * np.conj(np.fft.rfft(short, size))
+    return np.fft.irfft(product, size)[: long.size - short.size + 1]
+
+
 def lag_of(times: Array, measured: Array, simulated: Array) -> float:
     """Return by how much a measured signal comes later than a simulated one, by their correlation [s]."""
     period = float(np.median(np.diff(times)))
@@ -56,7 +62,7 @@ def lag_of(times: Array, measured: Array, simulated: Array) -> float:
     centred = measured - np.mean(measured)
     expected = simulated - np.mean(simulated)
     inner = centred[reach : measured.size - reach]
-    likeness = fftconvolve(expected, inner[::-1], mode='valid')  # by samples that the simulated one is taken later
+    likeness = _correlation(expected, inner)  # by samples that the simulated one is taken later
     total = np.concatenate([[0.0], np.cumsum(expected**2)])
     mismatch = total[inner.size :] - total[: -inner.size] - 2.0 * likeness
     return float(reach - int(np.argmin(mismatch))) * period

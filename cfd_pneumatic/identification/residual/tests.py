@@ -16,10 +16,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.signal import lfilter
-from scipy.stats import beta, f
+from scipy.special import betaincinv, fdtri
 
-from cfd_pneumatic.identification.residual.autoregression import autocovariance, autoregression, whitened
+from cfd_pneumatic.identification.residual.autoregression import autocovariance, autoregression, driven, whitened
 from cfd_pneumatic.identification.residual.gram import gram
 from cfd_pneumatic.identification.residual.noise import SLOWEST, Noise
 from cfd_pneumatic.identification.residual.regressors import Regressors
@@ -128,7 +127,7 @@ def _inputs_test(innovations: Sequence[Array], regressors: Sequence[Regressors],
     apart = powers > _APART**2 * powers[-1]
     share = float(np.sum((directions[:, apart].T @ shared[:, 0]) ** 2 / powers[apart]))
     rank = int(np.count_nonzero(apart))
-    significant = float(beta.isf(SIGNIFICANCE, rank / 2.0, max(count - rank, 1) / 2.0))
+    significant = float(betaincinv(rank / 2.0, max(count - rank, 1) / 2.0, 1.0 - SIGNIFICANCE))
     threshold = max(significant, rank / count + _MATERIAL)
     return Test('inputs', share, threshold, 'share of the residual that a regression on the inputs explains')
 
@@ -253,7 +252,7 @@ def _slow_ratio(spectra: Sequence[Array], count: int) -> tuple[float, float]:
         return 0.0, 1.0
     ratio = float(np.mean(slow) / np.mean(beside))
     material = _MATERIAL_LEVEL * count / (2.0 * len(slow))
-    return ratio, max(float(f.isf(SIGNIFICANCE, 2 * len(slow), 2 * len(beside))), material)
+    return ratio, max(float(fdtri(2 * len(slow), 2 * len(beside), 1.0 - SIGNIFICANCE)), material)
 
 
 def _periodogram(residual: Array) -> Array:
@@ -276,9 +275,9 @@ def _whiteness_test(residuals: Sequence[Array], noise: Noise) -> Test:
 def _significant_likeness(lengths: tuple[int, ...], coefficients: tuple[float, ...]) -> float:
     """Return what autoregressive noise hardly ever exceeds, from simulations of it."""
     rng = np.random.default_rng(_SEED)
-    shape = np.concatenate([[1.0], -np.array(coefficients)])
+    shape = np.array(coefficients, dtype=np.float64)
     simulated = [
-        _ljung_box([lfilter([1.0], shape, rng.standard_normal(_MEMORY + length))[_MEMORY:] for length in lengths])
+        _ljung_box([driven(rng.standard_normal(_MEMORY + length), shape)[_MEMORY:] for length in lengths])
         for _ in range(_SIMULATIONS)
     ]
     return float(np.mean(simulated) + _QUANTILE * np.std(simulated))

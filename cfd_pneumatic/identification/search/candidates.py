@@ -145,7 +145,7 @@ class Candidates:
         """Return the tests of what a candidate leaves of train and validation; none is tested twice."""
         if candidate not in self._known_tests:
             noise = self.channel.noise(self.learn.experiments, candidate.simulated, candidate.model)
-            self._known_tests[candidate] = self.channel.tests(self.learn.experiments, candidate.simulated, noise)
+            self._known_tests[candidate] = self.learn.tested(candidate.simulated, noise)
         return self._known_tests[candidate]
 
     def _finished(self, model: Model, begin: Model) -> Candidate:

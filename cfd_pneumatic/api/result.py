@@ -1,0 +1,162 @@
+"""An identification for whoever works in Python: printed, drawn, saved, and the device that it found."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.device import Device
+from cfd_pneumatic.device.identified import estimated_setpoints, identified_device
+from cfd_pneumatic.device.live_error import live_errors
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification import Identification, Options, PartError
+from cfd_pneumatic.identification import identify as identified
+from cfd_pneumatic.identification.data.split import FRACTIONS
+from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.reporting import print_report, report_data, write_report
+from cfd_pneumatic.reporting.page import report_page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_WIDTH = 110  # characters
+_FRAME = '<iframe srcdoc="{}" style="width: 100%; height: 80vh; border: 1px solid #ccc"></iframe>'
+
+
+def identify(
+    recordings: Recording | Sequence[Recording],
+    *,
+    close_loop: bool = False,
+    area: float | None = None,
+    geometric_factor: float | None = None,
+    per_setpoint: bool = False,
+    ambient_pressure: float = AMBIENT_PRESSURE,
+    fractions: tuple[float, float, float] = FRACTIONS,
+) -> Result:
+    """
+    Identify a device from its recordings, jointly.
+
+    Parameters
+    ----------
+    recordings
+        One or several.
+    close_loop
+        Whether to search for physical effects that the model lacks.
+    area
+        About how large either piston is [m^2]; by default what makes a measured force.
+    geometric_factor
+        Contact force over piston force, from the linkage [-]; by default it counts as a part of the area.
+    per_setpoint
+        Whether to fit a table of operating points beside the joint fit.
+    ambient_pressure
+        What gauge pressures are counted from, as the recordings were read [Pa].
+    fractions
+        Shares of train, validation and test.
+
+    Raises
+    ------
+    InputError
+        If a recording is none, holds no motion or too few samples, or a cylinder tells no parameter.
+
+    """
+    options = Options(per_setpoint, fractions, ambient_pressure, close_loop, area, geometric_factor)
+    given: list[Any] = [recordings] if isinstance(recordings, (Recording, str, Path)) else list(recordings)
+    for one in given:
+        if not isinstance(one, Recording):
+            raise InputError(f'identify takes recordings, not {one!r}: read it first, with read_recording')
+    return Result(identified(given, options))
+
+
+class Result:
+    """
+    What an identification found.
+
+    `print` shows its tables, a notebook its page.
+
+    Attributes
+    ----------
+    identification : Identification
+        All of it: fits, residuals, tests, what was tried.
+
+    """
+
+    def __init__(self, identification: Identification) -> None:
+        self.identification = identification
+
+    @cached_property
+    def device(self) -> Device:
+        """The device that was identified, with the effects that were found."""
+        return identified_device(self.identification)
+
+    @cached_property
+    def _live(self) -> dict[str, PartError]:
+        return live_errors(self.identification, self.device)
+
+    @property
+    def setpoints(self) -> list[dict[str, float]]:
+        """
+        Set-points that were not recorded and so estimated, for each recording by cylinder, gauge [Pa].
+
+        They are what `Device.simulate` takes as `setpoints`.
+        """
+        return estimated_setpoints(self.identification)
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """What `report.json` holds, see docs/interface.md."""
+        return report_data(self.identification, self._live)
+
+    def save(self, folder: Path | str, *, full: bool = False) -> list[Path]:
+        """
+        Write `report.json` and `parameters.yaml`, and where the loop was closed `report.html` and `compare.mcap`.
+
+        Parameters
+        ----------
+        folder
+            Where to; made if need be.
+        full
+            Whether `compare.mcap` holds every sample, however many there are.
+
+        Raises
+        ------
+        InputError
+            If the folder can't be written.
+
+        """
+        return write_report(self.identification, Path(folder), full=full).files
+
+    def plot(self, recording: int = 0) -> list[Axes]:
+        """
+        Draw what was measured in a recording, what is simulated, and the residual, for each cylinder and the force.
+
+        Returns the axes, two for each of them. In a notebook the picture shows; in a program `matplotlib.pyplot.show()`
+        shows it.
+        """
+        from cfd_pneumatic.reporting.overview import overview  # with Matplotlib, whose import takes its time
+
+        return overview(self.identification, recording)
+
+    def __repr__(self) -> str:
+        """Return what was identified, of which recordings."""
+        names = ', '.join(recording.name for recording in self.identification.recordings)
+        return f'<Result of {names}: {", ".join(self.identification.channels)}>'
+
+    def __str__(self) -> str:
+        """Return the tables, and the verdicts where the loop was closed."""
+        stream = io.StringIO()
+        console = Console(file=stream, width=_WIDTH, force_jupyter=False, color_system=None)
+        print_report(self.identification, console, self._live)
+        return stream.getvalue().rstrip()
+
+    def _repr_html_(self) -> str:
+        """Return the page in a frame, or the tables where the loop was not closed."""
+        if not self.identification.closed:
+            return f'<pre>{escape(str(self))}</pre>'
+        return _FRAME.format(escape(report_page(self.identification, self._live)))

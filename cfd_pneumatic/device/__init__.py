@@ -1,0 +1,6 @@
+"""A device as its parameters describe it: their table, its file, and what it makes of a recording."""
+
+from cfd_pneumatic.device.descriptors import DESCRIPTORS, NO_NAMES, Descriptor, Value
+from cfd_pneumatic.device.device import Device, default_of
+
+__all__ = ['DESCRIPTORS', 'NO_NAMES', 'Descriptor', 'Device', 'Value', 'default_of']

@@ -1,0 +1,239 @@
+"""A device, of one cylinder or two, with effects or without."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
+from cfd_pneumatic.device import file
+from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.model import NAMES, TABLE_1, Cylinder, DeviceModel, ForceGeometry, OperatingPoints
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.recording import Recording
+
+
+@dataclass(frozen=True, repr=False)
+class Device:
+    """
+    A device as its parameters describe it.
+
+    Attributes
+    ----------
+    given
+        Parameters by their names, as `DESCRIPTORS` has them; of others the defaults stand in [SI].
+    notes
+        What its file says beside them, also of parameters that are not given, for people to read.
+
+    Raises
+    ------
+    InputError
+        If a value is none that the model takes.
+
+    """
+
+    given: Mapping[str, Value]
+    notes: Mapping[str, str] = field(default_factory=dict, compare=False)
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        object.__setattr__(self, 'given', {name: _checked(name, value) for name, value in self.given.items()})
+        _ = self.model
+
+    def __repr__(self) -> str:
+        """Return the cylinders and the effects."""
+        parts = {**self.model.cylinders, 'force': None}
+        effects = {name: self.model.force_effects if one is None else one.effects for name, one in parts.items()}
+        told = [f'{name} with {", ".join(own)}' if own else name for name, own in effects.items()]
+        return f'<Device: {"; ".join(told)}>'
+
+    def __str__(self) -> str:
+        """Return its file."""
+        return self.text
+
+    @classmethod
+    def load(cls, path: Path | str) -> Device:
+        """
+        Return the device of a ROS parameter file, as `identify_bag` and `save` write it.
+
+        Raises
+        ------
+        InputError
+            If it can't be read, describes no cylinder, or a value is none that the model takes.
+
+        """
+        path = Path(path)
+        given = file.read(path)
+        if not any(name.startswith(f'{cylinder}.') for name in given for cylinder in CYLINDERS):
+            raise InputError(
+                f'{path} describes neither cylinder_a nor cylinder_b: give a parameters.yaml as identify_bag writes it'
+            )
+        try:
+            return cls(given)
+        except InputError as error:
+            raise InputError(f'{path}: {error}') from error
+
+    def save(self, path: Path | str) -> None:
+        """
+        Write the ROS parameter file with which `sim_node` and `monitor_node` run.
+
+        Raises
+        ------
+        InputError
+            If it can't be written.
+
+        """
+        file.write(Path(path), self.given, self.notes)
+
+    @property
+    def text(self) -> str:
+        """What `save` writes."""
+        return file.text_of(self.given, self.notes)
+
+    def value(self, name: str) -> Value:
+        """Return a parameter, or its default [SI]; a gain's default is Table 1's at the set-points."""
+        return self.given[name] if name in self.given else default_of(name, self.given)
+
+    def number(self, name: str) -> float:
+        """Return a parameter that is a number [SI]."""
+        value = self.value(name)
+        assert isinstance(value, float)
+        return value
+
+    def with_values(self, values: Mapping[str, Value]) -> Device:
+        """Return it with some parameters changed."""
+        return replace(self, given={**self.given, **values})
+
+    @cached_property
+    def model(self) -> DeviceModel:
+        """What is simulated."""
+        ambient = self.number('ambient_pressure')
+        a, b = (self._cylinder(name, ambient) for name in CYLINDERS)
+        if a is None and b is None:
+            raise InputError('cylinder_a.enabled and cylinder_b.enabled are both false: leave one of them true')
+        geometry = ForceGeometry(self.number('area'), self.number('geometric_factor'), ambient)
+        if geometry.geometric_factor == 0.0:
+            raise InputError('geometric_factor is 0: no force could be set or derived')
+        force_effects = self._effects(CONTACT_FORCE, FORCE_EFFECTS)
+        return DeviceModel(a, b, geometry, force_effects, self.number(f'{CONTACT_FORCE}.seal_play'))
+
+    @property
+    def initial_setpoints(self) -> dict[str, float]:
+        """Gauge set-point of each cylinder until another one is set [Pa]."""
+        return {name: self.number(f'{name}.initial_setpoint') for name in self.model.cylinders}
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """Names of the gains that are not given and taken from Table 1, and of the area where it isn't."""
+        wanted = ['area', *(f'{cylinder}.{gain}' for cylinder in self.model.cylinders for gain in NAMES)]
+        return tuple(name for name in wanted if name not in self.given)
+
+    @property
+    def not_identifiable(self) -> tuple[str, ...]:
+        """Names of the gains that no recording told, and that are as the fit used them."""
+        names = []
+        for cylinder in self.model.cylinders:
+            untold = self.value(f'{cylinder}.not_identifiable')
+            assert isinstance(untold, tuple)
+            names += [f'{cylinder}.{gain}' for gain in untold if gain]
+        return tuple(names)
+
+    def simulate(
+        self,
+        recording: Recording,
+        *,
+        setpoints: Mapping[str, float] | None = None,
+        raw: bool = False,
+        measured_pressures: bool = False,
+    ) -> Recording:
+        """
+        Return what the device makes of a recording's displacement and set-points.
+
+        Displacement and stamps are smoothed as `identify` does it, and the answers are at the times at which pressures
+        and force were measured, from the first to the last sample of the displacement.
+
+        Parameters
+        ----------
+        recording
+            Its pressures matter only where the piston moves at its beginning: they begin as measured there.
+        setpoints
+            Gauge set-points by cylinder, which hold all the time, instead of the recorded ones [Pa]. By default
+            `initial_setpoints` where none was recorded.
+        raw
+            Whether the samples are taken as they come, and each is answered, as `sim_node` does it.
+        measured_pressures
+            Whether the force follows from the recorded pressures, as in the report, instead of the simulated ones.
+
+        Returns
+        -------
+        Recording
+            Simulated pressures and force, the set-points that acted, and the displacement as it was recorded.
+
+        Raises
+        ------
+        InputError
+            If a set-point is of no cylinder, or the recording is too short, or lacks the pressures that are asked for.
+
+        """
+        from cfd_pneumatic.device import simulation  # with SciPy and the smoother, which no node needs
+
+        chosen = dict(setpoints or {})
+        for name in chosen:
+            if name not in self.model.cylinders:
+                raise InputError(f'a set-point of {name}: the cylinders are {", ".join(self.model.cylinders)}')
+        missing = {
+            name: level
+            for name, level in self.initial_setpoints.items()
+            if name not in recording.cylinders or recording.cylinders[name].setpoint is None
+        }
+        constant = {**missing, **chosen}
+        if raw:
+            return simulation.answered(self.model, recording, constant)
+        return simulation.smoothed(self.model, recording, constant, measured_pressures)
+
+    def _cylinder(self, name: str, ambient: float) -> Cylinder | None:
+        if not self.value(f'{name}.enabled'):
+            return None
+        try:
+            points = OperatingPoints.from_rows({row: self.value(f'{name}.{row}') for row in ('setpoints', *NAMES)})
+        except ValueError as error:
+            raise InputError(f'{name}.{error}') from error
+        effects = self._effects(name, PRESSURE_EFFECTS)
+        return Cylinder(points, ambient, effects, self.number(f'{name}.setpoint_offset'))
+
+    def _effects(self, prefix: str, library: Mapping[str, Effect]) -> dict[str, tuple[float, ...]]:
+        """Return the parameters of each effect that is on."""
+        return {
+            name: tuple(self.number(f'{prefix}.{name}.{one.name}') for one in effect.parameters)
+            for name, effect in library.items()
+            if self.value(f'{prefix}.{name}.enabled')
+        }
+
+
+def default_of(name: str, given: Mapping[str, Value]) -> Value:
+    """
+    Return what stands in for a parameter beside others that are given [SI]; for a gain Table 1's at the set-points.
+
+    Raises
+    ------
+    InputError
+        If the set-points are none.
+
+    """
+    owner, _, gain = name.rpartition('.')
+    setpoints = f'{owner}.setpoints'
+    if gain not in NAMES or setpoints not in given:
+        return DESCRIPTORS[name].default
+    try:
+        return tuple(getattr(TABLE_1.at(given[setpoints]), gain).tolist())
+    except ValueError as error:
+        raise InputError(f'{owner}.{error}') from error
+
+
+def _checked(name: str, value: object) -> Value:
+    if name not in DESCRIPTORS:
+        raise InputError(f'{name} is no parameter of a device')
+    return DESCRIPTORS[name].checked(value)

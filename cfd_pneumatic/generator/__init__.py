@@ -1,0 +1,1 @@
+"""The generator of `cfd_pneumatic/model/composed.py`; `python -m cfd_pneumatic.generator` writes it."""

@@ -1,0 +1,84 @@
+"""The text of the extended model's kernel: every effect behind a switch, put together by a template."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from cfd_pneumatic.model import flow_function, lanes, lanewise
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, FUNCTIONS, MODULES, PRESSURE_EFFECTS
+from cfd_pneumatic.model.places import (
+    FORCE_PLACES,
+    FORCE_STATES,
+    PARAMETERS,
+    PLACES,
+    PRESSURES,
+    STATES,
+    Place,
+)
+
+_TEMPLATES = Path(__file__).parent
+
+
+def composed() -> str:
+    """Return the kernel's text."""
+    effects = [_described(name, PLACES[name], 'y{}') for name in PRESSURE_EFFECTS]
+    force_effects = [_described(name, FORCE_PLACES[name], 'state[{}]') for name in FORCE_EFFECTS]
+    templates = Environment(loader=FileSystemLoader(_TEMPLATES), undefined=StrictUndefined, keep_trailing_newline=True)
+
+    def having(function: str) -> list[dict[str, Any]]:
+        return [effect for effect in effects if hasattr(MODULES[effect['name']], function)]
+
+    return templates.get_template('kernel.py.jinja').render(
+        effects=effects,
+        force_effects=force_effects,
+        having=having,
+        states=STATES,
+        parameters=PARAMETERS,
+        resting=_resting(effects),
+        force_states=FORCE_STATES,
+        fingerprint=_fingerprint(),
+    )
+
+
+def _described(name: str, place: Place, state: str) -> dict[str, Any]:
+    """Return what the template says of an effect; `state` is how a state with a number is written."""
+    states = place.state_indices
+    own = [state.format(index) for index in states]
+    own += [f'a[{index}]' for index in range(place.parameters.start, place.parameters.stop)]
+    return {
+        'name': name,
+        'switch': place.switch,
+        'own': ', '.join(own),
+        'states': ', '.join(own[: len(states)]),
+        'rates': ', '.join(f'dy{index}' for index in states),
+        'first_state': place.states.start,
+        'follows': MODULES[name].EFFECT.follows,
+        'rests_at_pressure': MODULES[name].EFFECT.rests_at_pressure,
+        'state_indices': list(states),
+        'parameter_indices': list(range(place.parameters.start, place.parameters.stop)),
+        'integrated': hasattr(MODULES[name], 'evolve'),
+        'compiled': any(hasattr(MODULES[name], function) for function in FUNCTIONS),
+    }
+
+
+def _resting(effects: Sequence[Mapping[str, Any]]) -> dict[int, str]:
+    """Return what each state is at rest, as the template writes it."""
+    resting = dict.fromkeys(range(PRESSURES), 'pressure')
+    for effect in effects:
+        for rank, index in enumerate(effect['state_indices']):
+            at_pressure = rank == 0 and effect['rests_at_pressure']
+            at_displacement = effect['follows'] == 'displacement'
+            resting[index] = 'pressure' if at_pressure else 'x' if at_displacement else '0.0'
+    return resting
+
+
+def _fingerprint() -> str:
+    """Return what changes with all that is compiled in: Numba's files are made anew when the kernel's text changes."""
+    text = ''.join(inspect.getsource(module) for module in (*MODULES.values(), flow_function, lanes, lanewise))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

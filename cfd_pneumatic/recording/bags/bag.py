@@ -1,0 +1,284 @@
+"""Bags of ROS 1 and ROS 2: their topics and their messages, from whatever files they consist of."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag2 import Reader as Ros2Reader
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.bags.blocks import MessageBlock, OneByOne, Span
+from cfd_pneumatic.recording.bags.layout import Serialization
+from cfd_pneumatic.recording.bags.messages import NANOSECONDS
+from cfd_pneumatic.recording.bags.storages import (
+    METADATA,
+    ROS1_SUFFIX,
+    SUFFIXES,
+    Storage,
+    StorageFile,
+    remedy_of,
+    storage_of,
+)
+from cfd_pneumatic.recording.wording import counted, reason_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+_MAX_LISTED = 5
+
+
+@dataclass(frozen=True)
+class Topic:
+    """
+    A topic of a bag.
+
+    Attributes
+    ----------
+    name, msgtype : str
+        Its name and message type.
+    count : int
+        Number of messages.
+    connections : tuple of Connection
+        Its connections, for the definition of its messages.
+
+    """
+
+    name: str
+    msgtype: str
+    count: int
+    connections: tuple[Connection, ...]
+
+
+class Bag:
+    """
+    A bag, open for reading.
+
+    Parameters
+    ----------
+    path : Path
+        A folder, .mcap, .db3 or .bag file.
+
+    Attributes
+    ----------
+    topics : dict
+        The topics by name, those without messages too.
+    serialization : Serialization
+        How the messages are serialised.
+    notes : list of str
+        What was amiss with the files, for people.
+
+    Raises
+    ------
+    InputError
+        If there is no bag, it holds no messages, or nothing of it can be read.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.notes: list[str] = []
+        self.serialization = Serialization.ROS1 if path.suffix == ROS1_SUFFIX else Serialization.CDR
+        self._stack = ExitStack()
+        try:
+            self._storages = self._open()
+            self.topics = self._list_topics()
+        except BaseException:
+            self.close()
+            raise
+
+    def blocks(self, topics: Iterable[str]) -> Iterator[tuple[str, MessageBlock]]:
+        """
+        Yield the messages of some topics, file by file, in each file in the order of reception.
+
+        What is damaged is left out, and noted.
+
+        Raises
+        ------
+        InputError
+            If nothing else is there, or it can't be told what is damaged.
+
+        """
+        wanted = set(topics)
+        read = missing = 0
+        left_out: list[Span] = []
+        for storage in self._storages:
+            connections = [connection for connection in storage.connections if _full_name(connection) in wanted]
+            if not connections:
+                continue
+            try:
+                before = read
+                for connection, block in storage.blocks(connections):
+                    read += len(block)
+                    yield _full_name(connection), block
+                missing += max(0, sum(connection.msgcount for connection in connections) - (read - before))
+                left_out += storage.left_out
+            except Exception as error:  # readers raise whatever damage makes them stumble over
+                raise InputError(f'is damaged: {reason_of(error)}; {remedy_of(self.path)}') from error
+        if (missing or left_out) and not read:
+            raise InputError(f'is damaged and nothing can be salvaged; {remedy_of(self.path)}')
+        if missing or left_out:
+            what = [counted(missing, 'message')] if missing else []
+            what += [f'what was received {self._when(left_out)} after its start'] if left_out else []
+            self.notes.append(f'{self.path.name} is damaged: left out {", ".join(what)}')
+
+    def _when(self, spans: Sequence[Span]) -> str:
+        """Return from when to when, for a note."""
+        begin = min(storage.start_time for storage in self._storages)
+
+        def seconds(time: int) -> str:
+            return f'{max(0, time - begin) / NANOSECONDS:.3f} s'
+
+        times = [
+            f'between {seconds(start)} and {seconds(stop)}' if stop else f'later than {seconds(start)}'
+            for start, stop in spans[:_MAX_LISTED]
+        ]
+        if len(spans) > _MAX_LISTED:
+            times.append(f'at {counted(len(spans) - _MAX_LISTED, "other time")}')
+        return ' and '.join(times)
+
+    def close(self) -> None:
+        """Close the files."""
+        self._stack.close()
+
+    def __enter__(self) -> Self:
+        """Return the bag."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the files."""
+        self.close()
+
+    def _open(self) -> list[StorageFile]:
+        if not self.path.exists():
+            raise InputError('does not exist: give the path of a recording')
+        if self.path.is_dir():
+            return self._open_folder()
+        if self.path.suffix == ROS1_SUFFIX:
+            return [self._open_ros1()]
+        if storage_of(self.path) is not None:
+            return self._open_file(self.path)
+        raise InputError(
+            'is not a bag: give the folder of a ROS 2 bag, a .mcap, .db3 or ROS 1 .bag file, '
+            'or a table together with its mapping file'
+        )
+
+    def _open_folder(self) -> list[StorageFile]:
+        files = sorted(file for file in self.path.iterdir() if file.suffix in SUFFIXES)
+        if (self.path / METADATA).exists():
+            try:
+                if not any(_storage(file).flaw(file) for file in files):
+                    storages = self._enter(Ros2Reader(self.path))
+                    for file in files:
+                        self._note_unmerged(file)
+                    return storages
+            except Exception as error:  # rosbags raises whatever damage makes it stumble over
+                if not files:
+                    raise InputError(f'cannot be read: {reason_of(error)}') from error
+                self.notes.append(f'{METADATA} was not used: {reason_of(error)}')
+        elif not files:
+            raise InputError(self._no_bag_here())
+        elif len({re.sub(r'_\d+$', '', file.stem) for file in files}) > 1:
+            raise InputError(f'holds several bags without {METADATA}: give one of {", ".join(f.name for f in files)}')
+        storages = [storage for file in files for storage in self._open_file(file)]
+        return sorted(storages, key=lambda storage: storage.start_time)
+
+    def _no_bag_here(self) -> str:
+        inside = sorted(file.parent.name for file in self.path.glob(f'*/{METADATA}'))
+        inside += sorted(file.name for file in self.path.glob(f'*{ROS1_SUFFIX}'))
+        if inside:
+            return f'is a folder of bags: give one of {", ".join(inside)}'
+        if any(self.path.glob('*.zstd')):
+            return f'is compressed and has no {METADATA}: unpack its files with zstd -d'
+        return f'holds no bag, neither {METADATA} nor .mcap or .db3 files'
+
+    def _open_ros1(self) -> StorageFile:
+        try:
+            reader = Ros1Reader(self.path)
+            reader.open()
+            self._stack.callback(reader.close)
+            told: Counter[int] = Counter()  # by the chunks' summaries, beside what their indexes lead to
+            for chunk in reader.chunk_infos:
+                told.update(chunk.connection_counts)
+            reader.connections = [
+                connection._replace(msgcount=max(connection.msgcount, told[connection.id]))
+                for connection in reader.connections
+            ]
+            return OneByOne(reader, reader.start_time)
+        except Exception as error:  # rosbags raises whatever damage makes it stumble over
+            raise InputError(f'cannot be read: {reason_of(error)}; {remedy_of(self.path)}') from error
+
+    def _open_file(self, file: Path) -> list[StorageFile]:
+        """Open one storage file, damaged or not."""
+        self._note_unmerged(file)
+        try:
+            damage = _storage(file).flaw(file)
+            if damage is None:
+                return self._enter(Ros2Reader(file))
+        except PermissionError as error:
+            raise InputError(f'{file.name} cannot be read: {error.strerror}') from error
+        except Exception as error:  # rosbags raises whatever damage makes it stumble over
+            damage = f'is damaged ({reason_of(error)})'
+        storage = _storage(file).salvaged(file, self._stack)
+        count = sum(connection.msgcount for connection in storage.connections)
+        if not count and file == self.path:
+            raise InputError(f'{damage} and nothing can be salvaged; {remedy_of(file)}')
+        self.notes.append(f'{file.name} {damage}: salvaged {counted(count, "message")}')
+        return [storage]
+
+    def _note_unmerged(self, file: Path) -> None:
+        """Note what a recorder that was killed had not moved into a database yet."""
+        log = file.with_name(f'{file.name}-wal')
+        if log.exists() and log.stat().st_size:
+            self.notes.append(f'{log.name} is not read: open {file.name} once with sqlite3 to merge it')
+
+    def _enter(self, reader: Ros2Reader) -> list[StorageFile]:
+        reader.open()
+        self._stack.callback(reader.close)
+        if reader.compression_mode == 'message':
+            return [OneByOne(reader, reader.start_time)]
+        files = getattr(reader.storage, 'storages', [reader.storage])
+        for file in files:
+            stray = file.metadata.message_count - sum(connection.msgcount for connection in file.connections)
+            if stray > 0:
+                self.notes.append(f'{file.path.name} is damaged: {counted(stray, "message")} of no topic left out')
+        return [_storage(Path(str(file.path))).opened(file) for file in files]
+
+    def _list_topics(self) -> dict[str, Topic]:
+        topics: dict[str, Topic] = {}
+        for storage in self._storages:
+            for connection in storage.connections:
+                name = _full_name(connection)
+                seen = topics.get(name)
+                if seen is not None and seen.msgtype != connection.msgtype:
+                    raise InputError(
+                        f'topic {name} has messages of {seen.msgtype} and of {connection.msgtype}: split the bag'
+                    )
+                count = connection.msgcount + (seen.count if seen else 0)
+                connections = (*seen.connections, connection) if seen else (connection,)
+                topics[name] = Topic(name, connection.msgtype, count, connections)
+        if not any(topic.count for topic in topics.values()):
+            notes = f' ({"; ".join(self.notes)})' if self.notes else ''
+            raise InputError(f'holds no messages{notes}: was anything published while it was recorded?')
+        return topics
+
+
+def _storage(file: Path) -> Storage:
+    storage = storage_of(file)
+    assert storage is not None
+    return storage
+
+
+def _full_name(connection: Connection) -> str:
+    """Return a topic's name with the leading slash that ROS 1 may leave out."""
+    return '/' + connection.topic.lstrip('/')

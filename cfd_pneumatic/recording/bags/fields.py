@@ -1,0 +1,162 @@
+"""
+Field paths: which number of a message is meant.
+
+A path is names with dots between, an array's entry in brackets: ``wrench.force.x``, ``data[3]``,
+``sensors[1].pressure``. Where a message keeps names beside its arrays, as JointState does in ``name``, an entry may be
+given by its name: ``position[piston]``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import FieldDesc
+from rosbags.typesys.store import Typestore
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.bags.messages import HEADER, TIME
+
+NAMES = 'name'
+"""Field that holds the names of the entries of the arrays beside it."""
+
+NUMBERS = {
+    'bool': 'u1',
+    'byte': 'u1',
+    'char': 'u1',
+    'int8': 'i1',
+    'uint8': 'u1',
+    'int16': 'i2',
+    'uint16': 'u2',
+    'int32': 'i4',
+    'uint32': 'u4',
+    'int64': 'i8',
+    'uint64': 'u8',
+    'float32': 'f4',
+    'float64': 'f8',
+}
+"""NumPy's names of the number types of messages, without the byte order."""
+
+_STEP = re.compile(r'(?P<name>[A-Za-z]\w*)(\[(?P<index>[^\[\]]+)\])?')
+_MAX_LISTED = 30
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a path: a field, and the entry if it is an array."""
+
+    name: str
+    index: int | str | None = None
+
+    def __str__(self) -> str:
+        """Return the step as it is written."""
+        return self.name if self.index is None else f'{self.name}[{self.index}]'
+
+
+@dataclass(frozen=True)
+class FieldPath:
+    """A path of steps from a message to a number in it."""
+
+    steps: tuple[Step, ...]
+
+    def __str__(self) -> str:
+        """Return the path as it is written."""
+        return '.'.join(map(str, self.steps))
+
+
+def parse_path(text: str) -> FieldPath:
+    """
+    Return the path that a text describes.
+
+    Raises
+    ------
+    InputError
+        If it isn't one.
+
+    """
+    steps = []
+    for part in re.split(r'\.(?![^\[]*\])', text):
+        match = _STEP.fullmatch(part.strip())
+        if match is None:
+            raise InputError(f'{text!r} is not a field path: write it like wrench.force.x or data[3]')
+        index = match['index']
+        steps.append(Step(match['name'], int(index) if index is not None and index.isdigit() else index))
+    return FieldPath(tuple(steps))
+
+
+def has_header(types: Typestore, msgtype: str) -> bool:
+    """Return whether a message type has a std_msgs/Header named `header`."""
+    return dict(types.fielddefs[msgtype][1]).get('header') == (Nodetype.NAME, HEADER)
+
+
+def is_time(types: Typestore, msgtype: str, path: FieldPath) -> bool:
+    """Return whether a path leads to a builtin_interfaces/Time."""
+    return _target(types, msgtype, path) == (Nodetype.NAME, TIME)
+
+
+def check_number(types: Typestore, msgtype: str, path: FieldPath) -> None:
+    """
+    Make sure that a path leads to a number.
+
+    Raises
+    ------
+    InputError
+        If it doesn't: the message lists the fields that there are.
+
+    """
+    kind, detail = _target(types, msgtype, path)
+    if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        raise InputError(f'field {path} of {msgtype} is an array: say which entry, as in {path}[0]')
+    if kind == Nodetype.NAME:
+        raise InputError(f'field {path} of {msgtype} is a message: {list_numbers(types, msgtype)}')
+    if detail[0] not in NUMBERS:
+        raise InputError(f'field {path} of {msgtype} is a {detail[0]}, not a number: {list_numbers(types, msgtype)}')
+
+
+def list_numbers(types: Typestore, msgtype: str) -> str:
+    """Return the numbers of a message type, for a message."""
+    numbers = list(_numbers(types, msgtype))
+    listed = ', '.join(numbers[:_MAX_LISTED]) + (', ...' if len(numbers) > _MAX_LISTED else '')
+    return f'its numbers are {listed}' if numbers else 'it has no numbers'
+
+
+def _target(types: Typestore, msgtype: str, path: FieldPath) -> FieldDesc:
+    """Return the definition of the field that a path leads to."""
+    target: FieldDesc = (Nodetype.NAME, msgtype)
+    for step in path.steps:
+        fields = dict(types.fielddefs[target[1]][1]) if target[0] == Nodetype.NAME else {}
+        if step.name not in fields:
+            raise InputError(f'{msgtype} has no field {path}: {list_numbers(types, msgtype)}')
+        target = fields[step.name]
+        if step.index is None:
+            continue
+        if target[0] not in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            raise InputError(f'field {step.name} of {msgtype} is not an array: {list_numbers(types, msgtype)}')
+        element, length = target[1]
+        if target[0] == Nodetype.ARRAY and isinstance(step.index, int) and step.index >= length:
+            raise InputError(f'field {path} of {msgtype}: the array has {length} entries, the first is {step.name}[0]')
+        if isinstance(step.index, str) and not _is_list_of_names(fields.get(NAMES)):
+            raise InputError(f'field {path} of {msgtype}: the entries have no names, give a number, {step.name}[0]')
+        target = element
+    return target
+
+
+def _is_list_of_names(desc: FieldDesc | None) -> bool:
+    if desc is None or desc[0] not in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        return False
+    element = desc[1][0]
+    return element[0] == Nodetype.BASE and element[1][0] == 'string'
+
+
+def _numbers(types: Typestore, msgtype: str, prefix: str = '') -> Iterator[str]:
+    """Yield the paths of all numbers of a message type."""
+    for name, desc in types.fielddefs[msgtype][1]:
+        path = f'{prefix}{name}'
+        if desc[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            path, desc = f'{path}[0]', desc[1][0]
+        if desc[0] == Nodetype.NAME:
+            yield from _numbers(types, desc[1], f'{path}.')
+        elif desc[1][0] in NUMBERS:
+            yield path

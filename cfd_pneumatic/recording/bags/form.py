@@ -1,0 +1,111 @@
+"""Forms of serialised messages: with blanks for the stamp and one number, filled one by one or many at once."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import FieldDesc
+
+from cfd_pneumatic.convention import JOINT_STATE
+from cfd_pneumatic.recording.bags.blocks import MessageBlock
+from cfd_pneumatic.recording.bags.fields import NUMBERS, FieldPath, parse_path
+from cfd_pneumatic.recording.bags.layout import Layout, Place, Serialization
+from cfd_pneumatic.recording.bags.messages import NANOSECONDS, obvious_field, standard_types
+
+SECOND, NANOSECOND = parse_path('header.stamp.sec'), parse_path('header.stamp.nanosec')
+"""Where a header's stamp is."""
+
+_STAMP = struct.Struct('<iI')
+
+
+class Form:
+    """
+    A message of a standard type with one number, and with a stamp where the type has a header.
+
+    Making a message and serialising it takes longer than the model's step; filling in two blanks does not.
+
+    Parameters
+    ----------
+    msgtype : str
+        JointState, FluidPressure, WrenchStamped, Float64 or another type with an obvious number.
+    joint : str
+        Name of the joint in a JointState.
+    axis : str
+        Of a WrenchStamped, along which the number is.
+    frame_id : str
+        In the header.
+
+    """
+
+    def __init__(self, msgtype: str, *, joint: str = '', axis: str = 'x', frame_id: str = '') -> None:
+        self.msgtype = msgtype
+        types = standard_types()
+        message = _blank(msgtype)
+        if msgtype == JOINT_STATE:
+            message.name, message.position = [joint], np.zeros(1)
+        if hasattr(message, 'header'):
+            message.header.frame_id = frame_id
+        self.payload = bytes(types.serialize_cdr(message, msgtype))
+        layout = Layout(self.payload, types, msgtype, Serialization.CDR)
+        field = obvious_field(msgtype, joint='0', force_axis=axis)
+        assert field is not None
+        places = {'number': _place(layout, parse_path(field))}
+        self._stamped = hasattr(message, 'header')
+        if self._stamped:
+            places |= {'sec': _place(layout, SECOND), 'nanosec': _place(layout, NANOSECOND)}
+        self._blanks = np.dtype(
+            {
+                'names': list(places),
+                'formats': [place.dtype for place in places.values()],
+                'offsets': [place.offset for place in places.values()],
+                'itemsize': len(self.payload),
+            }
+        )
+        self._one = bytearray(self.payload)
+        self._stamp_at = places['sec'].offset if self._stamped else 0
+        self._number, self._number_at = struct.Struct(np.dtype(places['number'].dtype).char), places['number'].offset
+
+    def filled(self, stamp: int, number: float) -> bytes:
+        """Return one message with a stamp [ns] and a number."""
+        if self._stamped:
+            _STAMP.pack_into(self._one, self._stamp_at, *divmod(stamp, NANOSECONDS))
+        self._number.pack_into(self._one, self._number_at, number)
+        return bytes(self._one)
+
+    def block(self, times: NDArray[np.int64], numbers: NDArray[np.float64]) -> MessageBlock:
+        """Return messages, shape (n,), stamped with and received at times [ns]."""
+        rows = np.full(times.size, np.void(self.payload))
+        blanks = rows.view(self._blanks)
+        blanks['number'] = numbers
+        if self._stamped:
+            blanks['sec'], blanks['nanosec'] = np.divmod(times, NANOSECONDS)
+        size = len(self.payload)
+        return MessageBlock(times, rows.tobytes(), size * np.arange(times.size), np.full(times.size, size))
+
+
+def _place(layout: Layout, path: FieldPath) -> Place:
+    place = layout.place(path)
+    assert place is not None
+    return place
+
+
+def _blank(msgtype: str) -> Any:
+    """Return a message of zeros and empty texts."""
+    types = standard_types()
+    fields = types.fielddefs[msgtype][1]
+    return types.types[msgtype](**{name: _zero(desc) for name, desc in fields})
+
+
+def _zero(desc: FieldDesc) -> Any:
+    if desc[0] == Nodetype.NAME:
+        return _blank(desc[1])
+    if desc[0] == Nodetype.BASE:
+        return '' if desc[1][0] == 'string' else 0
+    element, length = desc[1]
+    if element[0] == Nodetype.BASE and element[1][0] in NUMBERS:
+        return np.zeros(length if desc[0] == Nodetype.ARRAY else 0, NUMBERS[element[1][0]])
+    return [_zero(element) for _ in range(length if desc[0] == Nodetype.ARRAY else 0)]

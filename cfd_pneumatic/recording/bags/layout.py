@@ -1,0 +1,195 @@
+"""
+Where the fields of a serialised message are.
+
+The messages of a topic mostly have the same layout, so that one look at the first tells where to find a number in all
+of them. The layout follows from the message's definition and from the lengths of the strings and sequences in the
+payload: two payloads of equal size with equal lengths are laid out alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import FieldDesc
+from rosbags.typesys.store import Typestore
+
+from cfd_pneumatic.recording.bags.blocks import MessageBlock, gather
+from cfd_pneumatic.recording.bags.fields import NAMES, NUMBERS, FieldPath
+
+_PLACEHOLDER = 'structure_needs_at_least_one_member'
+"""The byte that stands for an empty message in CDR."""
+
+
+class Serialization(Enum):
+    """How a bag's messages are serialised."""
+
+    CDR = 'ROS 2: numbers aligned to their size, after four bytes that say the byte order'
+    ROS1 = 'ROS 1: packed, little endian'
+
+
+class LayoutError(Exception):
+    """A payload does not fit the definition of its type."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Place of a number in a payload: offset in bytes, NumPy type."""
+
+    offset: int
+    dtype: str
+
+    def number(self, payload: bytes) -> float:
+        """Return the number in a payload."""
+        return float(np.frombuffer(payload, self.dtype, 1, self.offset)[0])
+
+
+class Layout:
+    """
+    Layout of a payload, and of all that are laid out alike.
+
+    Parameters
+    ----------
+    payload : bytes
+        A serialised message.
+    types : Typestore
+        Definitions of its type and of those in it.
+    msgtype : str
+        Its type.
+    serialization : Serialization
+        How it is serialised.
+
+    Raises
+    ------
+    LayoutError
+        If the payload can't be a message of this type.
+
+    """
+
+    def __init__(self, payload: bytes, types: Typestore, msgtype: str, serialization: Serialization) -> None:
+        self.size = len(payload)
+        self._payload = payload
+        self._types = types
+        self._aligned = serialization is Serialization.CDR
+        self._order = '<'
+        self._position = 0
+        self._arrays: dict[str, tuple[Place, int]] = {}
+        self._texts: dict[str, slice] = {}
+        self._deciding: list[slice] = []
+        if self._aligned:
+            self._walk_encapsulation()
+        self._origin = self._position
+        self._padding = 3 if self._aligned else 0
+        self._walk_message(msgtype, '')
+        if not 0 <= self.size - self._position <= self._padding:
+            raise LayoutError(f'has {self.size} bytes where its definition wants {self._position}')
+
+    def place(self, path: FieldPath) -> Place | None:
+        """Return where the number of a path is; None where the payload has no such entry."""
+        parent, array, entry = '', '', 0
+        for step in path.steps:
+            index = step.index
+            if isinstance(index, str):
+                names = self.names(parent)
+                if index not in names:
+                    return None
+                index = names.index(index)
+            entry = index or 0
+            array = f'{parent}{step.name}'
+            parent = f'{array}.' if index is None else f'{array}[{index}].'
+        first, count = self._arrays.get(array, (Place(0, ''), 0))
+        return Place(first.offset + entry * np.dtype(first.dtype).itemsize, first.dtype) if entry < count else None
+
+    def names(self, parent: str = '') -> list[str]:
+        """Return the names of the entries of the arrays in a message."""
+        names: list[str] = []
+        while (span := self._texts.get(f'{parent}{NAMES}[{len(names)}]')) is not None:
+            names.append(self._payload[span].rstrip(b'\0').decode(errors='replace'))
+        return names
+
+    def fits(self, payload: bytes) -> bool:
+        """Return whether a payload is laid out alike."""
+        return len(payload) == self.size and all(payload[span] == self._payload[span] for span in self._deciding)
+
+    def alike(self, block: MessageBlock) -> NDArray[np.bool_]:
+        """Return which messages are laid out alike: their size, all lengths and the names of the entries agree."""
+        alike: NDArray[np.bool_] = block.sizes == self.size
+        for span in self._deciding:
+            which = np.flatnonzero(alike)
+            texts = gather(block.data, f'V{span.stop - span.start}', block.starts[which] + span.start)
+            alike[which] = texts == np.void(self._payload[span])
+        return alike
+
+    def _decide(self, start: int, stop: int) -> None:
+        """Count bytes among those that must agree."""
+        if self._deciding and self._deciding[-1].stop == start:
+            start = self._deciding.pop().start
+        self._deciding.append(slice(start, stop))
+
+    def _walk_encapsulation(self) -> None:
+        kind = self._payload[:2]
+        if len(self._payload) < 4 or kind not in (b'\0\0', b'\0\1'):
+            raise LayoutError(f'begins with {kind.hex()}, which is not plain CDR')
+        self._order = '<' if kind[1] else '>'
+        self._decide(0, 4)
+        self._position = 4
+
+    def _walk_message(self, msgtype: str, prefix: str) -> None:
+        for name, desc in self._types.fielddefs[msgtype][1]:
+            if name == _PLACEHOLDER and not self._aligned:
+                continue
+            self._walk_field(desc, f'{prefix}{name}')
+
+    def _walk_field(self, desc: FieldDesc, path: str) -> None:
+        if desc[0] == Nodetype.NAME:
+            self._walk_message(desc[1], f'{path}.')
+        elif desc[0] == Nodetype.BASE and desc[1][0] == 'string':
+            self._walk_text(path)
+        elif desc[0] == Nodetype.BASE:
+            self._walk_numbers(desc[1][0], 1, path)
+        else:
+            element, length = desc[1]
+            count = length if desc[0] == Nodetype.ARRAY else self._walk_length()
+            if element[0] == Nodetype.BASE and element[1][0] != 'string':
+                self._walk_numbers(element[1][0], count, path)
+                return
+            for index in range(count):
+                self._walk_field(element, f'{path}[{index}]')
+
+    def _walk_numbers(self, kind: str, count: int, path: str) -> None:
+        if kind not in NUMBERS:
+            raise LayoutError(f'holds a {kind}, which cannot be read')
+        dtype = np.dtype(self._order + NUMBERS[kind])
+        if count:
+            self._align(dtype.itemsize)
+        elif self._aligned:
+            self._padding += dtype.itemsize  # rmw_serialize leaves room for aligning nothing
+        self._arrays[path] = (Place(self._position, dtype.str), count)
+        self._position += count * dtype.itemsize
+
+    def _walk_text(self, path: str) -> None:
+        length = self._walk_length()
+        text = slice(self._position, self._position + length)
+        self._texts[path] = text
+        if length and path.rpartition('.')[2].startswith(f'{NAMES}['):
+            self._decide(text.start, text.stop)
+        self._position = text.stop
+
+    def _walk_length(self) -> int:
+        self._align(4)
+        word = slice(self._position, self._position + 4)
+        if word.stop > self.size:
+            raise LayoutError(f'ends after {self.size} bytes, inside a message')
+        self._decide(word.start, word.stop)
+        self._position = word.stop
+        length = int.from_bytes(self._payload[word], 'little' if self._order == '<' else 'big')
+        if length > self.size:
+            raise LayoutError(f'has {self.size} bytes and a sequence of {length}')
+        return length
+
+    def _align(self, size: int) -> None:
+        if self._aligned:
+            self._position += (self._origin - self._position) % size

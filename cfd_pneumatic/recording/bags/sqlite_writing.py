@@ -1,0 +1,22 @@
+"""Writing a sqlite3 file many messages at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rosbags.interfaces import Connection
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
+
+from cfd_pneumatic.recording.bags.blocks import MessageBlock
+
+_INSERT = 'INSERT INTO messages (topic_id, timestamp, data) VALUES(?, ?, ?)'
+
+
+class SqliteWriter(Sqlite3Writer):
+    """A sqlite3 file of a bag that is written, as rosbags' `Writer` takes a storage."""
+
+    def write_chunk(self, blocks: Sequence[tuple[Connection, MessageBlock]]) -> None:
+        """Write messages of several topics, each topic's together."""
+        for connection, block in blocks:
+            payloads = (block.payload(index) for index in range(len(block)))
+            self.cursor.executemany(_INSERT, zip([connection.id] * len(block), block.times.tolist(), payloads))

@@ -1,0 +1,118 @@
+"""The formats of a bag's files: how each is read, mended and written; a further one is a row here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from rosbags.interfaces import Connection
+
+from cfd_pneumatic.recording.bags.blocks import MessageBlock, OneByOne, Span
+from cfd_pneumatic.recording.bags.mcap_pieces import flaw as mcap_flaw
+from cfd_pneumatic.recording.bags.mcap_reading import McapFile
+from cfd_pneumatic.recording.bags.mcap_writing import McapWriter
+from cfd_pneumatic.recording.bags.sqlite_reading import SqliteRows
+from cfd_pneumatic.recording.bags.sqlite_salvage import SalvagedSqlite
+from cfd_pneumatic.recording.bags.sqlite_salvage import flaw as sqlite_flaw
+from cfd_pneumatic.recording.bags.sqlite_writing import SqliteWriter
+
+StorageName = Literal['mcap', 'sqlite3']
+StorageWriter = McapWriter | SqliteWriter
+
+
+class StorageFile(Protocol):
+    """One file of a bag, open for reading."""
+
+    @property
+    def connections(self) -> list[Connection]:
+        """The topics."""
+
+    @property
+    def start_time(self) -> int:
+        """Time of the first message [ns]."""
+
+    @property
+    def left_out(self) -> list[Span]:
+        """Times of which messages were left out while reading, because they are damaged."""
+
+    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
+        """Yield the messages of some topics."""
+
+
+@dataclass(frozen=True)
+class Storage:
+    """
+    A format.
+
+    Attributes
+    ----------
+    suffix : str
+        Of its files.
+    remedy : str
+        What may mend a damaged one.
+    flaw : callable
+        Returns what is wrong with a file, None if nothing is; rosbags may notice only while reading.
+    opened : callable
+        Returns the quickest way to read a file that rosbags has opened.
+    salvaged : callable
+        Returns what can still be read of a damaged file; what has to be closed goes onto a stack.
+    writer : type
+        Writes one.
+
+    """
+
+    suffix: str
+    remedy: str
+    flaw: Callable[[Path], str | None]
+    opened: Callable[[Any], StorageFile]
+    salvaged: Callable[[Path, ExitStack], StorageFile]
+    writer: type[McapWriter] | type[SqliteWriter]
+
+
+def _salvaged_sqlite(path: Path, stack: ExitStack) -> StorageFile:
+    salvaged = SalvagedSqlite(path)
+    stack.callback(salvaged.close)
+    return OneByOne(salvaged, salvaged.start_time)
+
+
+STORAGES: Mapping[StorageName, Storage] = {
+    'mcap': Storage(
+        '.mcap',
+        'mcap recover may mend it',
+        mcap_flaw,
+        lambda file: McapFile(Path(str(file.path)), file.connections),
+        lambda path, _: McapFile(path),
+        McapWriter,
+    ),
+    'sqlite3': Storage(
+        '.db3',
+        'sqlite3 .recover may mend it',
+        sqlite_flaw,
+        lambda file: SqliteRows(file.dbconn, file.connections, file.metadata.start_time),
+        _salvaged_sqlite,
+        SqliteWriter,
+    ),
+}
+"""By the names that rosbag2 gives them."""
+
+SUFFIXES = tuple(storage.suffix for storage in STORAGES.values())
+"""Of files of ROS 2."""
+
+ROS1_SUFFIX = '.bag'
+ROS1_REMEDY = 'rosbag reindex may mend it'
+METADATA = 'metadata.yaml'
+
+
+def storage_of(path: Path) -> Storage | None:
+    """Return the format of a file by its name; None for a folder and for a file of ROS 1."""
+    return next((storage for storage in STORAGES.values() if path.suffix == storage.suffix), None)
+
+
+def remedy_of(path: Path) -> str:
+    """Return what may mend a file, or a bag's folder, that is damaged."""
+    if path.suffix == ROS1_SUFFIX:
+        return ROS1_REMEDY
+    return (storage_of(path) or STORAGES['mcap']).remedy

@@ -1,0 +1,212 @@
+"""Writing bags: whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.bags.blocks import MessageBlock, join
+from cfd_pneumatic.recording.bags.form import Form
+from cfd_pneumatic.recording.bags.messages import standard_types
+from cfd_pneumatic.recording.bags.storages import METADATA, STORAGES, StorageName, StorageWriter
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+_BAG_VERSION: Literal[8] = 8
+"""What Humble's rosbag2 reads, too."""
+
+_CHUNK = 2**21  # bytes of payload in a chunk
+_PORTION = 5_000  # samples of a topic that are written together
+
+
+class BagWriter:
+    """
+    Writes a ROS 2 bag aside and moves it to its place when it is complete.
+
+    As a context manager it closes the bag at the end, or drops it if there was an error.
+
+    Parameters
+    ----------
+    path : Path or str
+        Folder of the bag.
+    storage : str
+        `mcap` or `sqlite3`.
+    overwrite : bool
+        Whether a bag that is there may be replaced; anything else there is kept in any case.
+
+    Raises
+    ------
+    InputError
+        If there is something at the path already or its parent can't be written.
+
+    """
+
+    def __init__(self, path: Path | str, *, storage: StorageName = 'mcap', overwrite: bool = False) -> None:
+        self.path = Path(path)
+        self._connections: dict[str, Connection] = {}
+        self._waiting: list[tuple[Connection, MessageBlock]] = []
+        self._size = 0  # of what is waiting [bytes]
+        self._check_free(overwrite)
+        with self._reported():
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._aside = Path(tempfile.mkdtemp(dir=self.path.parent, prefix=f'.{self.path.name}.'))
+            self._writer = Writer(
+                self._aside / self.path.name, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()]
+            )
+            self._writer.STORAGE_PLUGINS = {StoragePlugin[storage.upper()]: STORAGES[storage].writer}
+            self._writer.open()
+
+    def add_topic(self, topic: str, msgtype: str) -> None:
+        """
+        Announce a topic; needed before its first message.
+
+        Raises
+        ------
+        InputError
+            If ROS 2 has no such message type.
+
+        """
+        types = standard_types()
+        if msgtype not in types.fielddefs:
+            raise InputError(f'topic {topic} cannot be recorded: its type {msgtype} is not one that ROS 2 ships')
+        with self._reported():
+            self._connections[topic] = self._writer.add_connection(topic, msgtype, typestore=types)
+
+    def write(self, topic: str, block: MessageBlock) -> None:
+        """
+        Write serialised (CDR) messages on an announced topic.
+
+        They are kept until a chunk is full; `flush` writes what there is.
+        """
+        self._waiting.append((self._connections[topic], block))
+        self._size += len(block.data)
+        if self._size > _CHUNK:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is waiting, in the order of reception."""
+        by_topic: dict[int, list[MessageBlock]] = {}
+        connections = {connection.id: connection for connection, _ in self._waiting}
+        for connection, block in self._waiting:
+            by_topic.setdefault(connection.id, []).append(block)
+        self._waiting, self._size = [], 0
+        blocks = [(connections[number], join(own)) for number, own in by_topic.items()]
+        blocks = [(connection, block) for connection, block in blocks if len(block)]
+        if not blocks:
+            return
+        with self._reported():
+            cast(StorageWriter, self._writer.storage).write_chunk(blocks)
+        for connection, block in blocks:
+            self._writer.counts[connection.id] += len(block)
+            self._writer.min_timestamp = min(self._writer.min_timestamp, int(block.times.min()))
+            self._writer.max_timestamp = max(self._writer.max_timestamp, int(block.times.max()))
+
+    def write_streams(self, streams: Sequence[Stream]) -> None:
+        """Write streams, their topics announced here, stretch by stretch; at equal times in their own order."""
+        for one in streams:
+            self.add_topic(one.topic, one.form.msgtype)
+        for portion in _portions(streams):
+            for one, samples in zip(streams, portion):
+                self.write(one.topic, one.form.block(one.times[samples], one.values[samples]))
+            self.flush()
+
+    def remark(self, key: str, text: str) -> None:
+        """Put a text into the bag's metadata."""
+        self._writer.set_custom_data(key, text)
+
+    def close(self) -> None:
+        """Complete the bag and move it to its place."""
+        self.flush()
+        with self._reported():
+            self._writer.close()
+            self._take_place()
+            shutil.rmtree(self._aside, ignore_errors=True)
+
+    def abort(self) -> None:
+        """Drop what was written."""
+        with suppress(Exception):
+            self._writer.abort()
+        shutil.rmtree(self._aside, ignore_errors=True)
+
+    def __enter__(self) -> Self:
+        """Return the writer."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the bag, or drop it after an error."""
+        if kind is not None:
+            self.abort()
+            return
+        try:
+            self.close()
+        except BaseException:
+            self.abort()
+            raise
+
+    def _check_free(self, overwrite: bool) -> None:
+        if self.path.parent.exists() and not self.path.parent.is_dir():
+            raise InputError(f'cannot write {self.path}: {self.path.parent} is not a folder')
+        if not self.path.exists():
+            return
+        if not overwrite:
+            raise InputError(f'{self.path} exists already: choose another name or let it be overwritten')
+        if not (self.path / METADATA).is_file():
+            raise InputError(f'{self.path} is not a bag and is not overwritten: choose another name')
+
+    def _take_place(self) -> None:
+        """Move the bag to its place; where that fails an earlier bag is put back."""
+        earlier = self._aside / 'earlier'
+        if self.path.exists():
+            os.replace(self.path, earlier)
+        try:
+            os.replace(self._aside / self.path.name, self.path)
+        except OSError:
+            if earlier.exists():
+                os.replace(earlier, self.path)
+            raise
+
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        """Turn what a disk can do wrong into an error for the user."""
+        try:
+            yield
+        except (OSError, sqlite3.Error) as error:
+            reason = getattr(error, 'strerror', None) or str(error)
+            raise InputError(f'cannot write {self.path}: {reason}; choose a folder that can be written') from error
+
+
+@dataclass(frozen=True)
+class Stream:
+    """What is written on a topic: numbers at increasing times [ns], and the form of its messages."""
+
+    topic: str
+    form: Form
+    times: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+def _portions(streams: Sequence[Stream]) -> Iterator[list[slice]]:
+    """Yield which samples of each stream come next, a limited number at a time."""
+    longest = max((one.times for one in streams), key=len)
+    begins = [0] * len(streams)
+    for edge in [*longest[_PORTION::_PORTION].tolist(), None]:
+        ends = [len(one.times) if edge is None else int(np.searchsorted(one.times, edge)) for one in streams]
+        yield [slice(begin, end) for begin, end in zip(begins, ends)]
+        begins = ends

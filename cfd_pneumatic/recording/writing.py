@@ -1,0 +1,99 @@
+"""Writing a recording as a bag in our convention."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, PISTON_JOINT, ROLES
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.bags.form import Form
+from cfd_pneumatic.recording.bags.messages import NANOSECONDS
+from cfd_pneumatic.recording.bags.storages import StorageName
+from cfd_pneumatic.recording.bags.writing import BagWriter, Stream
+from cfd_pneumatic.recording.signals import Recording
+from cfd_pneumatic.recording.topics import resolve
+
+_LAST_STAMP = 2**31
+"""Seconds that a stamp can't hold any more."""
+
+
+def write_recording(
+    path: Path | str,
+    recording: Recording,
+    *,
+    namespace: str = '/cfd/device',
+    storage: StorageName = 'mcap',
+    ambient_pressure: float = AMBIENT_PRESSURE,
+    joint: str = PISTON_JOINT,
+    overwrite: bool = False,
+) -> None:
+    """
+    Write a recording as a bag in our convention.
+
+    Parameters
+    ----------
+    path : Path or str
+        Folder of the bag.
+    recording : Recording
+        What to write.
+    namespace : str
+        Namespace of the topics.
+    storage : str
+        `mcap` or `sqlite3`.
+    ambient_pressure : float
+        What the set-points, which are gauge pressures in a bag, are above [Pa].
+    joint : str
+        Name of the piston in JointState.
+    overwrite : bool
+        Whether a bag that is there may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the bag can't be written, or the recording's times don't fit a message.
+
+    """
+    with BagWriter(path, storage=storage, overwrite=overwrite) as bag:
+        bag.write_streams(streams_of(recording, namespace, ambient_pressure, joint))
+
+
+def streams_of(
+    recording: Recording, namespace: str, ambient_pressure: float, joint: str = PISTON_JOINT
+) -> list[Stream]:
+    """
+    Return what is written of a recording, at topics in a namespace; of signals that only a mapping knows nothing.
+
+    What is held comes first: at equal times before the samples that it acts on.
+    """
+    known = [(ROLES[role], cylinder, signal) for role, cylinder, signal in recording.signals() if role in ROLES]
+    return [
+        Stream(
+            resolve(namespace, role.topic_of(cylinder)),
+            Form(role.msgtype, joint=joint),
+            stamps_of(recording, signal.times),
+            signal.values - ambient_pressure if role.gauge else signal.values,
+        )
+        for role, cylinder, signal in sorted(known, key=lambda one: not one[0].held)
+    ]
+
+
+def stamps_of(recording: Recording, times: NDArray[np.float64]) -> NDArray[np.int64]:
+    """
+    Return the stamps of times of a recording [ns].
+
+    Raises
+    ------
+    InputError
+        If they don't fit a message.
+
+    """
+    stamps = recording.epoch + np.rint(times * NANOSECONDS).astype(np.int64)
+    if stamps[0] < 0 or stamps[-1] >= _LAST_STAMP * NANOSECONDS:
+        first, last = stamps[[0, -1]] / NANOSECONDS
+        raise InputError(
+            f'{recording.name}: times of {first:g} to {last:g} s do not fit a stamp: check their unit and offset'
+        )
+    return stamps

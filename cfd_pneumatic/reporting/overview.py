@@ -1,0 +1,56 @@
+"""One picture of a recording for people at a prompt: measured, simulated, residual."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+
+from cfd_pneumatic.identification import ChannelResult, Identification
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.result import Comparison
+from cfd_pneumatic.reporting.thinning import thinned
+from cfd_pneumatic.reporting.wording import spoken, title
+
+_COLUMNS = 2_000  # of pixels
+_SIZE = (10.0, 3.4)  # of a channel [inch]
+
+
+def overview(identification: Identification, recording: int) -> list[Axes]:
+    """Return the axes of a picture: for each channel that a recording holds one of values and one of residuals."""
+    held = [
+        (result, one)
+        for result in identification.channels.values()
+        for one in result.comparisons
+        if one.recording == recording
+    ]
+    figure = plt.figure(figsize=(_SIZE[0], _SIZE[1] * len(held)), layout='constrained')
+    ratios = {'height_ratios': [2, 1] * len(held)}
+    flat = list(figure.subplots(2 * len(held), 1, sharex=True, squeeze=False, gridspec_kw=ratios)[:, 0])
+    for rank, (result, comparison) in enumerate(held):
+        _draw(flat[2 * rank], flat[2 * rank + 1], result, comparison)
+    flat[-1].set_xlabel('time [s]')
+    return flat
+
+
+def _draw(values: Axes, residuals: Axes, result: ChannelResult, comparison: Comparison) -> None:
+    large, small = result.quantity.large, result.quantity.small
+    series = {f'simulated, {result.quantity.model}': (0, 'tab:orange', comparison.before)}
+    effects = result.found.model.effects
+    if effects:
+        series[f'simulated, with {" and ".join(map(spoken, effects))}'] = (1, 'tab:blue', comparison.after)
+    times = comparison.times
+    measured = thinned(times, comparison.experiment.measured / large.si, _COLUMNS)
+    values.plot(*measured, color='0.3', linewidth=1.6, label='measured')
+    for label, (which, colour, simulated) in series.items():
+        values.plot(*thinned(times, simulated / large.si, _COLUMNS), color=colour, linewidth=0.9, label=label)
+        residual = comparison.residual(which) / small.si
+        residuals.plot(*thinned(times, residual, _COLUMNS), color=colour, linewidth=0.8)
+    values.set_title(f'{title(result.name)}, {comparison.name}', loc='left', fontsize=10)
+    values.set_ylabel(f'[{large.unit}]')
+    residuals.set_ylabel(f'residual [{small.unit}]')
+    values.legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), ncol=3, fontsize=8, frameon=False, borderaxespad=0.2)
+    test = comparison.experiment.part == PARTS.index('test')
+    if test.any():
+        for axis in (values, residuals):
+            axis.axvspan(times[test][0], times[test][-1], color='0.93', zorder=0.0)
+        residuals.annotate('test', (times[test][0], 1.0), (3, -3), ('data', 'axes fraction'), 'offset points', va='top')

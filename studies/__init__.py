@@ -1,0 +1,1 @@
+"""Programs that measure the software and write its documents; none of them is installed. `make help` lists them."""

@@ -1,0 +1,148 @@
+"""The Python front door: the lines of its page, on the rig and on a measured run, and the notebook."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import nbformat
+import numpy as np
+import pytest
+from measured import MAPPING, ROOT, needs_measured_data
+
+import cfd_pneumatic as cfd
+from cfd_pneumatic import api
+from cfd_pneumatic.commands.record_rig import main as record_rig
+from studies.notebook import NOTEBOOK, executed, notebook
+
+mpl.use('Agg')
+
+
+@pytest.fixture(scope='module')
+def rig(tmp_path_factory):
+    bag = tmp_path_factory.mktemp('bags') / 'cell_7'
+    faults = 'effects_a.leak_conductance=1e-10'
+    assert record_rig(['out_and_back', '--device', 'paper', '--faults', faults, '--output', str(bag)]) == 0
+    return bag
+
+
+def test_what_a_notebook_shows_is_short_and_plain(rig):
+    recording = cfd.read_recording(rig)
+    assert repr(recording).startswith('<Recording cell_7: displacement ')
+    assert repr(recording.force) == f'<Signal of {len(recording.force):,} samples>'
+    result = cfd.identify(recording)
+    assert repr(result) == '<Result of cell_7: cylinder_a, cylinder_b, force>'
+    assert repr(result.device) == '<Device: cylinder_a; cylinder_b; force>'
+    assert str(result.device) == result.device.text
+    assert '\x1b' not in result._repr_html_()  # no colours of a terminal
+
+
+def test_a_path_is_not_a_recording(rig):
+    for given in ('cell_7', rig, [rig]):
+        with pytest.raises(cfd.InputError, match=r'cell_7.*: read it first, with read_recording'):
+            cfd.identify(given)
+
+
+def walked(recording: cfd.Recording, folder: Path) -> cfd.Result:
+    """Do what the page says with a recording, and check what it says of it."""
+    result = cfd.identify([recording], close_loop=True, area=1.14e-3, geometric_factor=1.0)
+    assert all(f'{name}: ' in str(result) for name in recording.cylinders)
+    axes = result.plot()
+    assert len(axes) == 2 * len(result.identification.channels)
+    assert {path.name for path in result.save(folder / 'cell_7')} == {
+        'report.json',
+        'parameters.yaml',
+        'report.html',
+        'compare.mcap',
+    }
+    assert '<iframe' in result._repr_html_()
+    device = result.device
+    simulated = device.simulate(recording)
+    assert set(simulated.cylinders) == set(recording.cylinders)
+    for name, signals in simulated.cylinders.items():
+        measured = recording.cylinders[name].pressure
+        assert np.isin(signals.pressure.times, measured.times).all()
+        assert signals.setpoint is not None
+        test = result.report['cylinders'][name]['after']['test']
+        begin = result.report['split']['recordings'][0]['test_from_s']
+        at = np.searchsorted(measured.times, signals.pressure.times)
+        left = (measured.values[at] - signals.pressure.values)[signals.pressure.times >= begin]
+        assert np.sqrt(np.mean(left**2)) == pytest.approx(test['rmse_pa'], rel=0.01)
+        assert result.report['cylinders'][name]['live']['test']['rmse_pa'] > 0.0
+    assert len(simulated.force) > 0
+    device.save(folder / 'parameters.yaml')
+    assert cfd.Device.load(folder / 'parameters.yaml') == device
+    assert (folder / 'parameters.yaml').read_text() == (folder / 'cell_7' / 'parameters.yaml').read_text()
+    limits = cfd.Limits(stroke=3e-3, speed=0.1, acceleration=2.0, pressures=(35e3, 70e3), duration=30.0)
+    plan = cfd.plan(device, limits)
+    assert 'predicted standard errors' in str(plan)
+    assert {path.name for path in plan.save(folder / 'next')} == {'schedule.csv', 'plan.json', 'schedule.svg'}
+    return result
+
+
+def test_the_lines_run_on_the_rig(rig, tmp_path):
+    result = walked(cfd.read_recording(rig), tmp_path)
+    assert 'leakage' in result.device.model.cylinders['cylinder_a'].effects
+    assert set(result.device.model.cylinders) == {'cylinder_a', 'cylinder_b'}
+    assert result.setpoints == [{}]
+
+
+@needs_measured_data
+def test_the_lines_run_on_a_measured_run(tmp_path):
+    run = cfd.read_recording(ROOT / 'friction' / 'O-ring257_3bar.csv', mapping=MAPPING)
+    result = walked(run, tmp_path)
+    assert set(result.device.model.cylinders) == {'cylinder_a'}
+    assert result.setpoints[0] == pytest.approx(result.device.initial_setpoints)
+
+
+def test_several_paths_are_a_list_and_a_single_recording_needs_no_brackets(rig):
+    first, second = cfd.read_recording([rig, str(rig)])
+    assert str(first) == str(second)
+    result = cfd.identify(first)
+    assert '<pre>' in result._repr_html_()
+    assert result.report == cfd.identify([second]).report
+
+
+def test_the_notebook_runs_and_is_the_page(tmp_path):
+    cells = executed(tmp_path).cells
+    outputs = [output for cell in cells if cell.cell_type == 'code' for output in cell.outputs]
+    assert not [output for output in outputs if output.output_type == 'error']
+    assert sum('image/png' in output.get('data', {}) for output in outputs) >= 2
+    kept = nbformat.read(NOTEBOOK, 4)
+    assert [cell.source for cell in kept.cells] == [cell.source for cell in notebook().cells], 'make notebook'
+    assert NOTEBOOK.stat().st_size < 1_000_000
+
+
+def test_what_is_offered_is_documented_and_is_there():
+    assert set(cfd.OFFERED) == set(api.__all__)
+    assert set(cfd.OFFERED) <= set(dir(cfd))
+    assert all(inspect.getdoc(getattr(cfd, name)) for name in cfd.OFFERED)
+    with pytest.raises(AttributeError):
+        _ = cfd.nothing
+
+
+IMPORTED = """
+import os, pkgutil, signal
+import matplotlib, numba, numpy, yaml
+
+def settings():
+    numba_settings = {name: str(value) for name, value in vars(numba.config).items() if name.isupper()}
+    own = dict(matplotlib.rcParams)
+    return dict(os.environ), numba_settings, numpy.geterr(), own, str(signal.getsignal(signal.SIGINT))
+
+before = settings()
+import cfd_pneumatic as cfd
+assert 'cfd_pneumatic.api' not in __import__('sys').modules
+for module in pkgutil.walk_packages(cfd.__path__, 'cfd_pneumatic.'):
+    if '.nodes' not in module.name and '.plant' not in module.name:
+        __import__(module.name)
+cfd.Device({}).model.at_rest(2e5, 2e5)
+assert settings() == before
+"""
+
+
+def test_importing_changes_no_setting_of_the_process():
+    subprocess.run([sys.executable, '-c', IMPORTED], check=True)

@@ -1,0 +1,57 @@
+"""Charts: round numbers beside the axes, curves where they belong, and elements of a page that are well-formed."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cfd_pneumatic.svg import Curve, Panel, chart, ticks_of
+
+SVG = '{http://www.w3.org/2000/svg}'
+
+
+@given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 12))
+def test_numbers_are_round_within_the_range_and_told_apart(low, size, most):
+    ticks = ticks_of((low, low + size), most)
+    assert 1 <= len(ticks) <= most + 1 or size < 1e-9 * abs(low)
+    for value, text in ticks:
+        assert low - 1e-6 * size <= value <= low + size + 1e-6 * size
+        assert float(text.replace('−', '-')) == pytest.approx(value, abs=1e-6 * size, rel=1e-12)
+    assert len({text for _, text in ticks}) == len(ticks)
+
+
+def test_lags_are_whole_numbers():
+    assert [text for _, text in ticks_of((-1.0, 2.0), 6, whole=True)] == ['−1', '0', '1', '2']
+
+
+def points(path: str) -> np.ndarray:
+    """Return where a path goes, in pixels."""
+    begin, moves = re.fullmatch(r'M(-?\d+ -?\d+)l(.*)', path).groups()
+    steps = np.array(f'{begin} {moves}'.split(), dtype=float).reshape(-1, 2)
+    return np.cumsum(steps, axis=0) / 10.0
+
+
+def test_a_curve_is_drawn_to_a_tenth_of_a_pixel():
+    x = np.linspace(2.0, 4.0, 500)
+    y = np.sin(7.0 * x)
+    root = ElementTree.fromstring(
+        chart([Panel('<up> & down', 200.0, [Curve(x, y, 'red')])], 600, (2.0, 4.0), 's', 'a "sine"')
+    )
+    (path,) = (one for one in root.iter(f'{SVG}path') if one.get('stroke') == 'red')
+    drawn = points(path.get('d'))
+    assert np.allclose(np.interp(x, [2.0, 4.0], drawn[[0, -1], 0]), drawn[:, 0], atol=0.1)
+    assert np.corrcoef(drawn[:, 1], -y)[0, 1] > 0.999999
+    assert np.ptp(drawn[:, 1]) == pytest.approx(200.0 / 1.16, abs=0.2)  # 8 % are left above and below
+    assert root.get('aria-label') == 'a "sine"'
+    assert '<up> & down' in [one.text for one in root.iter(f'{SVG}text')]
+
+
+def test_what_is_constant_or_empty_is_drawn_too():
+    flat, none = np.full(3, 5.0), np.empty(0)
+    for x, y in ((np.arange(3.0), flat), (none, none)):
+        ElementTree.fromstring(chart([Panel('', 100.0, [Curve(x, y, 'red')])], 300, (0.0, 2.0), '', ''))
