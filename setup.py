@@ -13,7 +13,7 @@ setup(
     license='Apache-2.0',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     package_data={
-        PACKAGE: ['py.typed'],
+        PACKAGE: ['py.typed', 'help/*.txt'],
         f'{PACKAGE}.generator': ['*.jinja'],
         f'{PACKAGE}.plant': ['templates/*'],
         f'{PACKAGE}.reporting': ['templates/*'],
@@ -60,15 +60,15 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'csv_to_bag = cfd_pneumatic.commands.csv_to_bag:main',
-            'identifier_node = cfd_pneumatic.nodes.identifier_node:main',
-            'identify_bag = cfd_pneumatic.commands.identify_bag:main',
-            'plan_experiment = cfd_pneumatic.commands.plan_experiment:main',
-            'record_rig = cfd_pneumatic.commands.record_rig:main',
-            'monitor_node = cfd_pneumatic.nodes.monitor_node:main',
-            'recorder_node = cfd_pneumatic.nodes.recorder_node:main',
-            'rig_node = cfd_pneumatic.nodes.rig_node:main',
-            'sim_node = cfd_pneumatic.nodes.sim_node:main',
+            'csv_to_bag = cfd_pneumatic.start:csv_to_bag',
+            'identifier_node = cfd_pneumatic.start:identifier_node',
+            'identify_bag = cfd_pneumatic.start:identify_bag',
+            'plan_experiment = cfd_pneumatic.start:plan_experiment',
+            'record_rig = cfd_pneumatic.start:record_rig',
+            'monitor_node = cfd_pneumatic.start:monitor_node',
+            'recorder_node = cfd_pneumatic.start:recorder_node',
+            'rig_node = cfd_pneumatic.start:rig_node',
+            'sim_node = cfd_pneumatic.start:sim_node',
         ],
     },
 )

@@ -1,5 +1,5 @@
 """
-Every program, topic, service and parameter: make interface-document writes docs/interface.md.
+Every program, topic, service and parameter: make interface-document writes docs/interface.md, and the pages of help.
 
 Nodes are started and asked: parameters come from their descriptors, topics and services from what they have opened.
 """
@@ -28,8 +28,10 @@ from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS
 from cfd_pneumatic.planning.report import PLAN_FILE, SCHEDULE_FILE
 from cfd_pneumatic.plant.table import COLUMNS, CSV_FILE, PARQUET_FILE
 from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE
+from cfd_pneumatic.start import HELP
 from cfd_pneumatic.units import PSI, PSI_PER_INCH
 from studies.documents import code, table
+from studies.help_pages import node_class, pages
 from studies.package_facts import ROOT, programs
 from studies.ros_environment import isolate
 
@@ -138,7 +140,7 @@ def _nodes(folder: Path) -> Iterator[dict[str, list[Node]]]:
     try:
         for name, module in programs().items():
             if name.endswith(NODE):
-                make = getattr(importlib.import_module(module), name.title().replace('_', ''))
+                make = node_class(importlib.import_module(module))
                 for parameters in given.get(name, [{}]):
                     overrides = [Parameter(one, value=value) for one, value in parameters.items()]
                     node = make(context=context, namespace=NAMESPACE, parameter_overrides=overrides)
@@ -349,7 +351,9 @@ def main() -> None:
     options = parser.parse_args()
     isolate()
     write_text(options.output, document())
-    print(options.output)
+    for name, page in pages().items():
+        write_text(HELP / f'{name}.txt', page)
+    print(f'{options.output} and {HELP}')
 
 
 if __name__ == '__main__':

@@ -6,6 +6,8 @@ import ast
 from pathlib import Path
 from typing import Any
 
+from cfd_pneumatic import start
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -25,4 +27,4 @@ def setup_arguments() -> dict[str, Any]:
 def programs() -> dict[str, str]:
     """Return the module of each program, by the program's name."""
     lines = setup_arguments()['entry_points']['console_scripts']
-    return {name: where.partition(':')[0] for name, _, where in (line.partition(' = ') for line in lines)}
+    return {name: getattr(start, name).args[0] for name, _, _ in (line.partition(' = ') for line in lines)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import re
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 import yaml
 
 import cfd_pneumatic
-from studies.package_facts import setup_arguments
+from studies.package_facts import programs, setup_arguments
 
 ROOT = Path(__file__).parents[1]
 
@@ -110,8 +111,29 @@ def test_what_launch_files_import_is_required():
 
 @pytest.mark.parametrize('name', PROGRAMS)
 def test_program_is_there(name):
-    module, function = PROGRAMS[name].split(':')
+    assert PROGRAMS[name] == f'cfd_pneumatic.start:{name}'
+    module = programs()[name]
     if '.nodes.' in module:
         pytest.importorskip('rclpy', reason='ROS 2 is not to be had here')
     assert module.split('.')[-1] == name
-    assert callable(getattr(importlib.import_module(module), function))
+    assert callable(importlib.import_module(module).main)
+
+
+BEGIN = """
+import sys
+before = set(sys.modules)
+from cfd_pneumatic.start import {name}
+code = {name}()
+more = {{module.partition('.')[0] for module in set(sys.modules) - before}}
+print(code, *more - sys.stdlib_module_names, file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize('name', PROGRAMS)
+@pytest.mark.parametrize('asked', ['-h', '--help', '--version'])
+def test_help_and_version_import_nothing_from_elsewhere(name, asked):
+    command = [sys.executable, '-c', BEGIN.format(name=name), asked]
+    ran = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    page = (ROOT / 'cfd_pneumatic' / 'help' / f'{name}.txt').read_text(encoding='utf-8')
+    assert ran.stdout == (f'{name} {cfd_pneumatic.__version__}\n' if asked == '--version' else page)
+    assert ran.stderr.split() == ['0', 'cfd_pneumatic']

@@ -24,10 +24,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time_source import TimeSource
 
-from cfd_pneumatic import __version__
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.nodes.help import help_of
 from cfd_pneumatic.nodes.messages import is_time
+from cfd_pneumatic.start import told
 
 try:
     from rclpy.experimental import EventsExecutor
@@ -79,12 +78,7 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     A mistake in the parameters or files that the user gave is one line on standard error and exit code 2. With `--help`
     it says what the node is, with `--version` which one, and starts nothing.
     """
-    given = set(sys.argv[1:] if args is None else args)
-    if {'-h', '--help'} & given:
-        print(help_of(name, make_node))
-        return 0
-    if '--version' in given:
-        print(f'{name} {__version__}')
+    if told(name, sys.argv[1:] if args is None else args):
         return 0
     made = Event()
     _interrupt_until(made)

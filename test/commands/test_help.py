@@ -8,17 +8,21 @@ import pytest
 
 from cfd_pneumatic import __version__
 from cfd_pneumatic.examples import EXAMPLES
+from cfd_pneumatic.start import HELP
 
 COMMANDS = [name for name in EXAMPLES if not name.endswith('_node')]
 
 
 @pytest.mark.parametrize('name', COMMANDS)
-def test_help_says_units_and_defaults_and_ends_with_the_example(name, capsys):
+def test_help_says_units_and_defaults_and_ends_with_the_example(name, capsys, monkeypatch):
+    monkeypatch.setenv('COLUMNS', '100')  # as wide as the page
     main = importlib.import_module(f'cfd_pneumatic.commands.{name}').main
     with pytest.raises(SystemExit, match=r'^0$'):
         main(['--help'])
     said = capsys.readouterr().out
     assert said.endswith(EXAMPLES[name])
+    page = (HELP / f'{name}.txt').read_text(encoding='utf-8')
+    assert said.split() == page.split(), 'run make interface-document'
     assert '(default: ' in ' '.join(said.split())
     assert '[Pa]' in said
 

@@ -8,6 +8,8 @@ pytest.importorskip('pyarrow', reason='Dask is not to be had here, and the colum
 
 from cfd_pneumatic.convention import TOPICS, meaning
 from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.start import HELP
+from studies.help_pages import pages
 from studies.interface_document import DOCUMENT, document
 from studies.package_facts import programs
 
@@ -20,6 +22,12 @@ def told():
 def test_the_interface_document_is_up_to_date(told):
     """`make interface-document` makes it."""
     assert DOCUMENT.read_text(encoding='utf-8').splitlines() == told.splitlines()
+
+
+def test_the_pages_of_help_are_up_to_date():
+    assert {path.stem: path.read_text(encoding='utf-8').split() for path in HELP.glob('*.txt')} == {
+        name: page.split() for name, page in pages().items()
+    }
 
 
 def test_it_names_every_program_topic_and_effect(told):

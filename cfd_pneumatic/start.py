@@ -1,0 +1,48 @@
+"""
+Where every program begins: its help and its version at once, itself where more is asked.
+
+Help is a page in `help/`, which `make interface-document` writes of what parsers and nodes say of themselves. Nothing
+has to be imported for it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Collection
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+
+from cfd_pneumatic import __version__
+
+HELP = Path(__file__).with_name('help')
+
+
+def told(program: str, arguments: Collection[str]) -> bool:
+    """Print a program's help or version where its arguments ask for one, and return whether they did."""
+    if '-h' in arguments or '--help' in arguments:
+        sys.stdout.write((HELP / f'{program}.txt').read_text(encoding='utf-8'))
+    elif '--version' in arguments:
+        print(f'{program} {__version__}')
+    else:
+        return False
+    return True
+
+
+def _begin(module: str) -> int:
+    """Run the program that is a module, and return its exit code."""
+    if told(module.rpartition('.')[2], sys.argv[1:]):
+        return 0
+    code: int = import_module(module).main()
+    return code
+
+
+csv_to_bag = partial(_begin, 'cfd_pneumatic.commands.csv_to_bag')
+identify_bag = partial(_begin, 'cfd_pneumatic.commands.identify_bag')
+plan_experiment = partial(_begin, 'cfd_pneumatic.commands.plan_experiment')
+record_rig = partial(_begin, 'cfd_pneumatic.commands.record_rig')
+identifier_node = partial(_begin, 'cfd_pneumatic.nodes.identifier_node')
+monitor_node = partial(_begin, 'cfd_pneumatic.nodes.monitor_node')
+recorder_node = partial(_begin, 'cfd_pneumatic.nodes.recorder_node')
+rig_node = partial(_begin, 'cfd_pneumatic.nodes.rig_node')
+sim_node = partial(_begin, 'cfd_pneumatic.nodes.sim_node')
