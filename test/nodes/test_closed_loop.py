@@ -135,10 +135,9 @@ def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found
         with graph.run('recorder_node', ros_arguments(parameters=record)):
             graph.until(lambda: residual.samples > RECORDED * SCHEDULE.samples)
         identified('report.json')
-        since = residual.now
+        before_a, before_b = residual.over_noise(residual.now)
         graph.set(identifier, close_loop=True)
         status = identified('report.html')
-        before_a, before_b = residual.over_noise(since)
         after_a, after_b = residual.over_noise(residual.now)
     print(f'live residual over noise: A {before_a:.2f}, then {after_a:.2f}; B {before_b:.2f}, then {after_b:.2f}')
     a, b = (json.loads((output / 'report.json').read_text())['cylinders'][cylinder] for cylinder in CYLINDERS)
