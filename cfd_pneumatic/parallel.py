@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from threading import Event, current_thread, main_thread
 from typing import TypeVar
 
 LIMIT = 'OMP_NUM_THREADS'
@@ -22,11 +23,32 @@ def threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
 
 
+_interrupted = Event()
+
+
 def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Return the work's results in the order of its items; compiled functions let other threads run meanwhile."""
+    """
+    Return the work's results in the order of its items; compiled functions let other threads run meanwhile.
+
+    Work may share out its own. An interrupt comes to the main thread alone: the others end before their next item.
+    """
     pending = list(items)
     workers = min(threads(), len(pending))
+
+    def unless_interrupted(item: Item) -> Result:
+        if _interrupted.is_set():
+            raise KeyboardInterrupt
+        return work(item)
+
     if workers < 2:
-        return [work(item) for item in pending]
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(work, pending))
+        return list(map(unless_interrupted, pending))
+    try:
+        with ThreadPoolExecutor(workers) as pool:
+            try:
+                return list(pool.map(unless_interrupted, pending))
+            except KeyboardInterrupt:
+                _interrupted.set()
+                raise
+    finally:
+        if current_thread() is main_thread():
+            _interrupted.clear()

@@ -235,7 +235,7 @@ def _progress(style: str, *, remaining: bool = False) -> Iterator[Callable[[str,
             task = bar.add_task('reading', total=1.0)
             yield lambda what, share: bar.update(task, description=what, completed=share)
     elif style == 'lines':
-        yield lambda what, share: print(json.dumps({PROGRESS_KEY: share, 'what': what}), flush=True)
+        yield lambda what, share: print(json.dumps({PROGRESS_KEY: share, 'what': what}) + '\n', end='', flush=True)
     else:
         yield lambda what, share: None
 

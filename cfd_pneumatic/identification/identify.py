@@ -18,6 +18,7 @@ from cfd_pneumatic.identification.fit.fit import Fit, fit
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
 from cfd_pneumatic.identification.verdict import part_errors
+from cfd_pneumatic.parallel import each
 from cfd_pneumatic.recording import Recording
 
 Array = NDArray[np.float64]
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 """Called with what is being done and which share of the whole is done [0 to 1]."""
 
+_SMOOTHED = 0.06  # share of the whole
+_TOGETHER = 1_000_000  # samples whose channels are identified side by side
 _LEVEL_GAP = 0.03  # set-points closer than this share of the absolute pressure are one operating point
 
 
@@ -91,23 +94,33 @@ def identify(
     progress('smoothing the displacement', 0.0)
     data = prepared(recordings, options.fractions)
     channels = channels_of(recordings, options)
-    results: dict[str, ChannelResult] = {}
-    unidentified: dict[str, str] = {}
-    for rank, channel in enumerate(channels):
-        progress(f'fitting {channel.name}', (0.2 + rank) / (0.2 + len(channels)))
+    waiting = [channel.name for channel in channels]
+    progress(f'fitting {", ".join(waiting)}', _SMOOTHED)
+
+    def result_of(channel: Channel) -> ChannelResult | InputError:
         try:
-            results[channel.name] = _identified(channel, data.holding(channel), data.experiments(channel), options)
+            found: ChannelResult | InputError = _identified(channel, data, options)
         except InputError as error:
-            if channel.needed:
-                raise InputError(f'{channel.name}: {error}') from error
-            unidentified[channel.name] = f'{channel.name}: {error}'
-    progress('done', 1.0)
+            found = InputError(f'{channel.name}: {error}')
+        waiting.remove(channel.name)
+        share = 1.0 - (1.0 - _SMOOTHED) * len(waiting) / len(channels)
+        progress(f'fitting {", ".join(waiting)}' if waiting else 'done', share)
+        return found
+
+    samples = sum(len(recording.displacement.times) for recording in recordings)
+    together = each if samples <= _TOGETHER else map  # one after the other where memory counts
+    found = dict(zip((channel.name for channel in channels), together(result_of, channels)))
+    failed = {name: one for name, one in found.items() if isinstance(one, InputError)}
+    for channel in channels:
+        if channel.needed and channel.name in failed:
+            raise failed[channel.name]
+    results = {name: one for name, one in found.items() if isinstance(one, ChannelResult)}
+    unidentified = {name: str(error) for name, error in failed.items()}
     return Identification(data.recordings, data.splits, data.no_test, results, unidentified, options)
 
 
-def _identified(
-    channel: Channel, held: tuple[int, ...], experiments: tuple[Experiment, ...], options: Options
-) -> ChannelResult:
+def _identified(channel: Channel, data: Prepared, options: Options) -> ChannelResult:
+    held, experiments = data.holding(channel), data.experiments(channel)
     joint = fit(channel, experiments)
     schedule, simulated, notes = _schedule(joint, options)
     found, conclusion = close_loop(joint) if options.close_loop else (joint, None)

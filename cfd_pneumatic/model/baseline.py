@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.model.parameters import SPECS
+
 Array = NDArray[np.float64]
 
 HINTS = {
@@ -17,11 +19,9 @@ HINTS = {
 }
 """What to record so that a parameter shows."""
 
-SHORTEST_TAU = 0.3
-"""Sample periods: a quicker sensing can't be told from none, and would cost steps [-]."""
-
 _STARTING_K = (3.0, 30.0, 150.0)  # charging gains [1/s]
 _SHORTEST_CHAMBER = 0.03  # [m]
+_SHORTEST = 0.3  # sample periods: a quicker time constant can't be told from none
 _QUICKER = 5.0
 _SLOWEST_RELIEF, _USUAL_RELIEF = 0.1, 0.25  # K_v over K_sv; the paper's tables have 0.15 to 0.3
 
@@ -30,6 +30,17 @@ def starting_gains(pressure: float, stroke: float) -> list[Array]:
     """Return starts about K_x = n p / L with the chamber's length L taken as the stroke's order [m], and several K."""
     k_x = pressure / max(stroke, _SHORTEST_CHAMBER)
     return [np.array([k_x, gain, 0.5 * gain, 0.1 / gain]) for gain in _STARTING_K]
+
+
+def told_gains(period: float) -> tuple[Array, Array]:
+    """Return bounds of the gains within which samples of some period [s] tell them; their own bounds for 0."""
+    lower, upper = np.array([[spec.lower, spec.upper] for spec in SPECS]).T
+    if period > 0.0:
+        shortest = _SHORTEST * period
+        _, k_sv, k_v, tau = range(len(SPECS))
+        lower[tau] = max(lower[tau], shortest)
+        upper[[k_sv, k_v]] = np.minimum(upper[[k_sv, k_v]], 1.0 / shortest)
+    return lower, upper
 
 
 def other_gains(gains: Array, astray: bool) -> list[Array]:

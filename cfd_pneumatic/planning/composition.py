@@ -118,7 +118,7 @@ def lack(evidence: Sequence[Evidence], wanted: Collection[str]) -> float:
         for effect in one.effects:
             if effect in wanted and not EFFECTS[effect].of_time:
                 total += float(np.mean(1.0 / (1.0 + one.visibility[effect] ** 2)))
-                rivals = [own for other, own in one.distinctness[effect].items() if not EFFECTS[other].of_time]
+                rivals = [own for other, own in one.distinctness(effect).items() if not EFFECTS[other].of_time]
                 if rivals:
                     total += float(np.mean(1.0 / (1.0 + np.maximum(np.concatenate(rivals), 0.0))))
     return total

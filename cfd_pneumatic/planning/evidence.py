@@ -88,34 +88,28 @@ class Evidence:
     @cached_property
     def remaining(self) -> Mapping[str, Mapping[str, Array]]:
         """Which share of what a form of an effect leaves also remains beside each other effect in all of its forms."""
-        products = self._beside_own
-        own = np.sqrt(np.diag(products))
-        own[own == 0.0] = np.inf
+        scaled, _ = _scaled(self._beside_own)
         found: dict[str, dict[str, Array]] = {effect: {} for effect in self._forms_of}
         for other, others in self._forms_of.items():
-            order = np.concatenate([others, np.arange(len(products))])
-            left = _left(products[np.ix_(order, order)], others.size)
-            shares = np.minimum(np.sqrt(np.diag(left)) / own, 1.0)
+            left = np.diag(scaled) - np.sum(_along(scaled, others) ** 2, axis=0)
+            shares = np.sqrt(np.where(left > _SINGULAR, left, 0.0))
             for effect, forms in self._asked_of.items():
                 if effect != other:
                     found[effect][other] = shares[forms]
         return found
 
-    @cached_property
-    def distinctness(self) -> Mapping[str, Mapping[str, Array]]:
+    def distinctness(self, effect: str) -> Mapping[str, Array]:
         """
-        By how much the criterion would prefer each form of an effect that just shows to another effect, over what ties.
+        Return by how much the criterion would prefer each form of an effect that just shows to each other effect.
 
-        Above 1 it decides between them. A parameter more costs the other one what it costs there.
+        It is over what ties: above 1 the criterion decides between them. A parameter more costs the other one what it
+        costs there.
         """
         cost = math.log(max(self.samples, 1))
         return {
-            effect: {
-                other: (self.samples * np.log1p((SHOWN * shares) ** 2) + cost * (_searched(other) - _searched(effect)))
-                / TIE
-                for other, shares in others.items()
-            }
-            for effect, others in self.remaining.items()
+            other: (self.samples * np.log1p((SHOWN * shares) ** 2) + cost * (_searched(other) - _searched(effect)))
+            / TIE
+            for other, shares in self.remaining[effect].items()
         }
 
 
@@ -124,14 +118,24 @@ def _searched(effect: str) -> int:
     return sum(not parameter.choice for parameter in EFFECTS[effect].parameters)
 
 
-def _left(products: Array, basis: int) -> Array:
-    """Return the products of what columns leave beside the first `basis` ones."""
+def _scaled(products: Array) -> tuple[Array, Array]:
+    """Return products of columns scaled to one, and their sizes; a column of nothing stays."""
     size = np.sqrt(np.diag(products))
     size[size == 0.0] = 1.0
-    scaled = products / np.outer(size, size)
-    values, vectors = np.linalg.eigh(scaled[:basis, :basis])
-    kept = values > _SINGULAR * max(float(values[-1]), 1e-300) if basis else np.empty(0, np.bool_)
-    coordinates = (vectors[:, kept] / np.sqrt(values[kept])).T @ scaled[:basis, basis:]
+    return products / np.outer(size, size), size
+
+
+def _along(scaled: Array, basis: Indices) -> Array:
+    """Return the coordinates of columns along what some of them span, shape (dimensions, columns)."""
+    values, vectors = np.linalg.eigh(scaled[np.ix_(basis, basis)])
+    kept = values > _SINGULAR * max(float(values[-1]), 1e-300) if basis.size else np.empty(0, np.bool_)
+    return np.asarray((vectors[:, kept] / np.sqrt(values[kept])).T @ scaled[basis])
+
+
+def _left(products: Array, basis: int) -> Array:
+    """Return the products of what columns leave beside the first `basis` ones."""
+    scaled, size = _scaled(products)
+    coordinates = _along(scaled, np.arange(basis))[:, basis:]
     left = scaled[basis:, basis:] - coordinates.T @ coordinates
     alone = np.diag(left) > _SINGULAR  # otherwise what is left is rounding
     return np.asarray(np.where(np.outer(alone, alone), left, 0.0) * np.outer(size[basis:], size[basis:]))

@@ -240,7 +240,7 @@ def _effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPredicti
         least = int(np.argmin(visibility))
         remaining = {other: float(shares.min()) for other, shares in evidence.remaining[name].items()}
         nearest = min(remaining, key=lambda other: remaining[other], default=None)
-        alike = [other for other, own in evidence.distinctness[name].items() if float(own.min()) < 1.0]
+        alike = [other for other, own in evidence.distinctness(name).items() if float(own.min()) < 1.0]
         found.append(
             EffectPrediction(
                 evidence.signatures.channel,

@@ -28,6 +28,7 @@ Effects = Mapping[str, tuple[float, ...]]
 """Parameters of each effect that is on, by its name."""
 
 _SHORTEST_LAG = 0.15  # of a sample: what is faster can't be told from nothing, and would cost steps
+_NYQUIST = 0.5  # periods in a sample: what swings faster passes for something slower, and would cost steps
 _FEWEST_PERIODS = 0.5  # in the longest experiment: with fewer, a period can't be told from a drift
 
 
@@ -281,13 +282,8 @@ class Channel(ABC):
             Which samples, the signal at them, shape (m,), and its derivatives, shape (m, k) [SI].
 
         """
-        rows = np.repeat(row[None], 1 + slots.size, axis=0)
-        rows[1 + np.arange(slots.size), slots] += steps
-        for samples, simulated in self.follow(experiment, effects, rows, count):
-            base = simulated[:, :1]
-            with np.errstate(invalid='ignore'):  # a model that runs away is no worse than one that has
-                jacobian = (simulated[:, 1:] - base) / steps
-            yield samples, base[:, 0], jacobian
+        for samples, simulated in self.follow(experiment, effects, beside(row, slots, steps), count):
+            yield samples, simulated[:, 0], slopes(simulated, steps)
 
     @abstractmethod
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
@@ -313,6 +309,11 @@ class Channel(ABC):
         """Return where a fit with a further effect may start; the lack of it may have led a model `astray`."""
         del astray
         return [model]
+
+    def beside_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
+        """Return a model that was fitted without effects where one that has some may be."""
+        del experiments
+        return model
 
     def may_tell(self, experiments: Sequence[Experiment], effect: str, model: Model) -> bool:
         """Return whether experiments may tell an effect beside a model from what the model's own parameters do."""
@@ -434,14 +435,15 @@ class Channel(ABC):
                     continue
                 least = {'s': _SHORTEST_LAG * period, 'Hz': _FEWEST_PERIODS / duration}.get(parameter.unit, 0.0)
                 lower = max(parameter.lower, least) if parameter.logarithmic else parameter.lower
+                upper = min(parameter.upper, _NYQUIST / period) if parameter.unit == 'Hz' else parameter.upper
                 scale = abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
                 found.append(
                     Unknown(
                         full,
                         parameter.unit,
                         slot,
-                        min(lower, parameter.upper),
-                        parameter.upper,
+                        min(lower, upper),
+                        upper,
                         scale,
                         parameter.logarithmic,
                     )
@@ -474,3 +476,16 @@ class Channel(ABC):
             rests += [run - np.mean(run) for run in runs]
         white = math.sqrt(float(np.average(variances, weights=sizes)))
         return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
+
+
+def beside(row: Array, slots: Indices, steps: Array) -> Array:
+    """Return numbers of a model, and such with a step in each of some slots, shape (1 + k, slots)."""
+    rows = np.repeat(row[None], 1 + slots.size, axis=0)
+    rows[1 + np.arange(slots.size), slots] += steps
+    return rows
+
+
+def slopes(simulated: Array, steps: Array) -> Array:
+    """Return derivatives by differences, shape (m, k), from what a model and such with a step make, (m, 1 + k)."""
+    with np.errstate(invalid='ignore'):  # a model that runs away is no worse than one that has
+        return np.asarray((simulated[:, 1:] - simulated[:, :1]) / steps)

@@ -13,8 +13,17 @@ from scipy.ndimage import uniform_filter1d
 
 from cfd_pneumatic.convention import CYLINDERS, FLUID_PRESSURE, pressure_topic
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Model, Quantity, Scale, Unknown
-from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
+from cfd_pneumatic.identification.channels.channel import (
+    Channel,
+    Estimate,
+    Model,
+    Quantity,
+    Scale,
+    Unknown,
+    beside,
+    slopes,
+)
+from cfd_pneumatic.identification.data.experiment import Block, Experiment, rests_at_start
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_range
@@ -25,11 +34,11 @@ from cfd_pneumatic.identification.residual.shape import lag_of, speed_of, strong
 from cfd_pneumatic.model import DIRECTIONS, SPECS, Course
 from cfd_pneumatic.model.baseline import (
     HINTS,
-    SHORTEST_TAU,
     displacement_sensitivity,
     flows,
     other_gains,
     starting_gains,
+    told_gains,
 )
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Data
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
@@ -43,6 +52,7 @@ _LARGEST = 1e9  # [Pa]
 _SMOOTHED = 25  # samples
 _LEAST_FLOW = 10.0  # that a limit may be drawn from [Pa/s]
 _LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone stays below
+_SHORTEST_GAP = 1e-9  # [s]
 _OFFSET, _START = range(2)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
 
@@ -143,20 +153,24 @@ class Pressure(Channel):
         """Return the model, and with other gains."""
         return [model, *(replace(model, parameters=gains) for gains in other_gains(model.parameters, astray))]
 
+    def beside_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
+        """Return the model, no quicker than can be told: Runge and Kutta's steps get as short as it is quick."""
+        return replace(model, parameters=np.clip(model.parameters, *told_gains(_period(experiments))))
+
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
         """Return the gains, every offset, and the starts where the piston does not begin at rest."""
-        shortest = SHORTEST_TAU * min(one.period for one in experiments) if model.effects else 0.0
+        bounds = told_gains(_period(experiments) if model.effects else 0.0)
         found = [
             Unknown(
                 spec.name,
                 spec.unit,
                 slot,
-                max(spec.lower, shortest) if spec.unit == 's' else spec.lower,
-                spec.upper,
+                lower,
+                upper,
                 1.0,
                 logarithmic=True,
             )
-            for slot, spec in enumerate(SPECS)
+            for slot, (spec, lower, upper) in enumerate(zip(SPECS, *bounds))
         ]
         scale = (
             max(float(np.ptp(one.measured[one.fitted])) if np.any(one.fitted) else 0.0 for one in experiments) or 1.0
@@ -198,17 +212,30 @@ class Pressure(Channel):
         groups = [np.flatnonzero(delays == delay) for delay in np.unique(delays)]
         walks = [self._composed(experiment, effects, rows[own], count, float(delays[own[0]])) for own in groups]
         for parts in zip(*walks):
-            samples, pressures = parts[0][0], np.empty((len(parts[0][1]), len(rows)))
-            for own, (_, readings) in zip(groups, parts):
-                pressures[:, own] = readings
+            samples = parts[0][0].samples
+            pressures = np.empty((samples.stop - samples.start, len(rows)))
+            for own, (block, readings) in zip(groups, parts):
+                pressures[:, own] = readings[block.at]
             yield samples, pressures
 
     def linearised(
         self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Indices, steps: Array, count: int
     ) -> Iterator[tuple[slice, Array, Array]]:
-        """Yield the pressure and its derivatives; without effects they are exact."""
+        """
+        Yield the pressure and its derivatives; without effects they are exact.
+
+        Who reads later reads what the pressure was by its slope before: no other simulation is asked for a delay.
+        """
         if effects:
-            yield from super().linearised(experiment, effects, row, slots, steps, count)
+            delays = [self.slots_of(name)[0] for name in effects if self.effects[name].delays]
+            late = np.isin(slots, delays)
+            rows = beside(row, slots[~late], steps[~late])
+            for block, readings in self._composed(experiment, effects, rows, count, float(row[delays].sum())):
+                read = readings[block.at]
+                jacobian = np.empty((len(read), slots.size))
+                jacobian[:, ~late] = slopes(read, steps[~late])
+                jacobian[:, late] = -_slope(block.times, readings[:, :1])[block.at]
+                yield block.samples, read[:, 0], jacobian
             return
         columns = np.where(slots < self.shared, slots, slots - self.shared + len(SPECS))
         for samples, pressure, jacobian in self._exact(experiment, row, count, slopes=True):
@@ -230,8 +257,8 @@ class Pressure(Channel):
 
     def _composed(
         self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int, delay: float
-    ) -> Iterator[tuple[slice, Array]]:
-        """Yield the pressures with effects, the cylinders side by side, all read with one delay [s]."""
+    ) -> Iterator[tuple[Block, Array]]:
+        """Yield the pressures with effects, the cylinders side by side, on grids that hold when all are read."""
         displacement, setpoint = experiment.inputs['displacement'], experiment.inputs['setpoint']
         cylinders = [
             ExtendedCylinder(
@@ -253,8 +280,7 @@ class Pressure(Channel):
             settles=at_rest and any(self.effects[name].moves_rest for name in effects),
         )
         for block in experiment.blocks(count, delay):
-            readings = side_by_side.follow(block.times, block.inputs['displacement'], block.inputs['setpoint'])
-            yield block.samples, readings[block.at]
+            yield block, side_by_side.follow(block.times, block.inputs['displacement'], block.inputs['setpoint'])
 
     def _starts(self, experiment: Experiment, rows: Array) -> Array:
         """Return by how much models start above the set-point, shape (models,) [Pa]."""
@@ -371,3 +397,16 @@ def _evidence(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> 
             rested, left = float(np.var(one.measured[mask])), float(np.mean((one.measured - pressure)[mask] ** 2))
             evidence += np.count_nonzero(mask) * math.log(rested / max(left, 1e-300))
     return evidence
+
+
+def _period(experiments: Sequence[Experiment]) -> float:
+    """Return the shortest period of samples [s]."""
+    return min(one.period for one in experiments)
+
+
+def _slope(times: Array, values: Array) -> Array:
+    """Return how fast values change, from each one's neighbours, shape (n, 1) [SI/s]."""
+    at = np.arange(times.size)
+    before, after = np.maximum(at - 1, 0), np.minimum(at + 1, times.size - 1)
+    between = np.maximum(times[after] - times[before], _SHORTEST_GAP)
+    return np.asarray((values[after] - values[before]) / between[:, None])

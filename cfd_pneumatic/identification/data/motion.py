@@ -280,8 +280,9 @@ def _smoothed(times: Array, measured: Array, orders: Sequence[int] = _ORDERS) ->
     # in units of the mean step and of the displacement's spread, so that the search sees numbers about one
     unit = float(np.mean(np.diff(times)))
     scale = float(np.std(measured)) or 1.0
-    samples = Samples.of(np.diff(times) / unit, (measured - measured[0]) / scale)
-    best = min((likeliest(order, samples) for order in orders), key=lambda smoother: smoother.deviance)
+    steps, values = np.diff(times) / unit, (measured - measured[0]) / scale
+    found = each(lambda order: likeliest(order, Samples.of(steps, values)), orders)
+    best = min(found, key=lambda smoother: smoother.deviance)
     mean, variance = best.smooth()
     noise = scale * best.noise
     displacement = measured[0] + scale * mean[:, 0]

@@ -8,14 +8,13 @@ spline; samples are in units of the mean step and of their own spread.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
-from scipy.optimize import minimize_scalar
 
 from cfd_pneumatic.compiling import compiler
 
@@ -23,6 +22,8 @@ Array = NDArray[np.float64]
 
 _LOG_BANDWIDTH = (-4.0, 3.0)  # decades of what the smoother lets through, in units of the mean sampling rate
 _COARSE = 8  # bandwidths tried before the search, which finds the nearest optimum only
+_FINE = 0.005  # decades, to which the search is taken
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _FIXED = 3  # samples that fix the state of the highest order, and tell nothing of how likely an order is
 _OFF_A_MULTIPLE = 0.05  # what readings of a rounding sensor may be, for they are recorded with few digits themselves
 _SUDDEN = 6.0  # standard deviations of what drives the motion otherwise
@@ -181,6 +182,22 @@ def likeliest(order: int, samples: Samples) -> Smoother:
     return best
 
 
+def _least(function: Callable[[float], float], low: float, high: float, tolerance: float) -> tuple[float, float]:
+    """Return the least value of a function with one minimum, and where it is, by golden sections."""
+    inner = [high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)]
+    values = [function(one) for one in inner]
+    while high - low > tolerance:
+        if values[0] < values[1]:
+            high = inner[1]
+            inner = [high - _GOLDEN * (high - low), inner[0]]
+            values = [function(inner[0]), values[0]]
+        else:
+            low = inner[0]
+            inner = [inner[1], low + _GOLDEN * (high - low)]
+            values = [values[1], function(inner[1])]
+    return min(zip(values, inner))
+
+
 class Smoother:
     """
     The smoother of one order, of the likeliest bandwidth: `deviance`, and the `noise` in the samples' unit.
@@ -196,10 +213,10 @@ class Smoother:
         coarse = np.linspace(*_LOG_BANDWIDTH, _COARSE)
         nearest = int(np.argmin([self._deviance(log_bandwidth) for log_bandwidth in coarse]))
         bounds = coarse[max(nearest - 1, 0)], coarse[min(nearest + 1, _COARSE - 1)]
-        search = minimize_scalar(self._deviance, bounds=bounds, method='bounded', options={'xatol': 0.005})
+        deviance, log_bandwidth = _least(self._deviance, *bounds, _FINE)
         spent = math.log(samples.values.size) * np.count_nonzero(boost > 1.0)
-        self.deviance = float(search.fun) + spent
-        self._density = self._density_at(float(search.x))
+        self.deviance = deviance + spent
+        self._density = self._density_at(log_bandwidth)
         _, self.noise = self._filter(self._density)
 
     def _density_at(self, log_bandwidth: float) -> Array:

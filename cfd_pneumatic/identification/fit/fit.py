@@ -16,6 +16,7 @@ from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.fit.levenberg import least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, Information, information
+from cfd_pneumatic.parallel import each
 
 Array = NDArray[np.float64]
 
@@ -25,7 +26,7 @@ ROUGH = (1e-4, 40)
 FINE = (1e-9, 200)
 """The same of a fit whose numbers are reported."""
 
-_EXCERPT = 50_000  # grid steps
+_EXCERPT = 10_000  # grid steps that starts are chosen on
 _CONFIDENCE = 0.95
 _AT_BOUND = 1e-3  # of what is searched
 _SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not determined
@@ -82,7 +83,7 @@ def fit(channel: Channel, experiments: Sequence[Experiment], initial: Model | No
     start = starts[0]
     if len(starts) > 1 or alike.excerpt(_EXCERPT) is not alike:
         part = alike.excerpt(_EXCERPT)
-        start = min((search(part, one, *ROUGH) for one in starts), key=lambda found: found.cost).model
+        start = min(each(lambda one: search(part, one, *ROUGH), starts), key=lambda found: found.cost).model
     first = search(alike, start, *FINE).model
     weighed = alike.weighed(alike.simulate(first))
     return summary(weighed, first if weighed is alike else search(weighed, first, *FINE).model)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 
 _REFINED = 2  # of an effect's starts
 _PROMISING = 4  # effects that are fitted to the end at least
-_LONG = 5000  # grid steps
+_LONG = 2500  # grid steps
 _EXCERPT = 5000  # grid steps of each recording that rough fits are of
 _LONGER_EXCERPT = 40_000  # that fits are brought close on where everything is more than twice as much
-_FITTED_OF_LONG = 6  # effects
+_FITTED_OF_LONG = 8  # effects
 _RIVALLING = 0.3  # of what the best one takes: what is fitted to the end of long recordings
 _ALIKE = 0.7  # of what its best start takes: starts whose rough fits may change places
 _STRONG = 5.0  # in sample noises: a residual that may have led the model astray
@@ -114,12 +114,13 @@ class Candidates:
 
         All are fitted roughly, from every start; the more promising ones are fitted to the end.
         """
-        starts = self._starts(candidate, names)
-        rough = dict(zip(names, each(lambda name: self._rough(candidate, name, starts[name]), names)))
+        begins = self._begins(candidate, names)
+        rough = _best_first(_fitted(begins, lambda begin: search(self._excerpt, begin, *_ROUGH)))
         before = self._cost_of_excerpt(candidate)
         promising = self._rivals(candidate, rough, before)
-        fine = dict(zip(promising, each(lambda name: self._fine(rough[name], before), promising)))
-        found = [fine.get(name, rough[name][0]).model for name in names]
+        refined = {name: self._refined(rough[name], before) for name in promising}
+        best = rough | _best_first(_fitted(refined, self._fine))
+        found = [best[name][0].model for name in names]
         return dict(zip(names, each(lambda one: self._finished(one, candidate.model), found)))
 
     def without(self, candidate: Candidate, name: str) -> Candidate:
@@ -198,24 +199,34 @@ class Candidates:
             known.update(zip(fresh, each(lambda name: complement.share(name, starts[name]), fresh)))
         return {name: known[name] for name in names}
 
-    def _rough(self, candidate: Candidate, name: str, starts: Sequence[Start]) -> list[Optimum]:
-        """Return a candidate with one more effect as rough fits from each start leave it, the best first."""
-        data, effects = self._excerpt, candidate.effects
+    def _begins(self, candidate: Candidate, names: Sequence[str]) -> dict[str, list[Model]]:
+        """Return a candidate with one more effect, for each of some names: where fits begin."""
         astray = candidate.rss > self.train.samples * (_STRONG * self._noise) ** 2
         begins = self.channel.beginnings(candidate.model, astray)
-        fits = [
-            search(data, replace(begin, effects={**effects, name: start}), *_ROUGH)
-            for begin in begins
-            for start in starts
-        ]
-        return sorted(fits, key=lambda one: one.cost)
+        return {
+            name: [replace(begin, effects={**candidate.effects, name: start}) for begin in begins for start in own]
+            for name, own in self._starts(candidate, names).items()
+        }
 
-    def _fine(self, rough: Sequence[Optimum], before: float) -> Optimum:
-        """Return the best of a few rough fits, fitted to the end."""
+    def _refined(self, rough: Sequence[Optimum], before: float) -> list[Model]:
+        """Return which of rough fits to fit to the end."""
         best, *others = rough[:_REFINED]
         if self._is_long:
             others = [one for one in others if before - one.cost > _ALIKE * (before - best.cost)]
-        begins = [one.model for one in (best, *others)]
+        return [one.model for one in (best, *others)]
+
+    def _fine(self, begin: Model) -> Optimum:
+        """Return a model fitted to the end."""
         if self._longer_excerpt is not None:  # the steps of a long way are taken where they are cheap
-            begins = [search(self._longer_excerpt, one, *_FINE).model for one in begins]
-        return min((search(self.train, one, *_FINE) for one in begins), key=lambda one: one.cost)
+            begin = search(self._longer_excerpt, begin, *_FINE).model
+        return search(self.train, begin, *_FINE)
+
+
+def _fitted(begins: Mapping[str, Sequence[Model]], fit: Callable[[Model], Optimum]) -> dict[str, list[Optimum]]:
+    """Return the fits from models, by the same names; they are shared among the cores."""
+    found = iter(each(fit, [one for own in begins.values() for one in own]))
+    return {name: [next(found) for _ in own] for name, own in begins.items()}
+
+
+def _best_first(fits: Mapping[str, Sequence[Optimum]]) -> dict[str, list[Optimum]]:
+    return {name: sorted(own, key=lambda one: one.cost) for name, own in fits.items()}

@@ -26,13 +26,13 @@ class Complement:
     Parameters
     ----------
     likelihood, model
-        Of which samples, and of which model.
+        Of which samples, and of which model; what effects change is asked where a model with effects may be.
 
     """
 
     def __init__(self, likelihood: Likelihood, model: Model) -> None:
         self.likelihood = likelihood
-        self.model = model
+        self.model = likelihood.channel.beside_effects(likelihood.experiments, model)
 
     @cached_property
     def simulated(self) -> Array:

@@ -55,7 +55,7 @@ def invisible(likelihood: Likelihood, model: Model, noise: Noise) -> tuple[str, 
         if not channel.may_tell(telling.experiments, name, model):
             return False
         starts = channel.library[name].starts(data)
-        if has_excerpt and _shows(excerpt, name, starts, _SURELY * shown, asks_a_fit=False):
+        if has_excerpt and _shows(excerpt, name, starts, _SURELY * shown):
             return True
         return _shows(whole, name, starts, shown)
 
@@ -65,17 +65,14 @@ def invisible(likelihood: Likelihood, model: Model, noise: Noise) -> tuple[str, 
     return tuple(name for name, visible in zip(names, each(shows, names)) if not visible)
 
 
-def _shows(
-    complement: Complement, name: str, starts: Sequence[Start], least: float, *, asks_a_fit: bool = True
-) -> bool:
+def _shows(complement: Complement, name: str, starts: Sequence[Start], least: float) -> bool:
     """Return whether an effect leaves more than so much [SI] of itself; a fit is asked where that isn't plain."""
     changes = complement.changes(name, starts)
     left, whole = _rms(complement.left(changes)), _rms(changes)
     telling = left > least
     if np.any(telling & ((left > _PLAIN * least) | (whole < _MADE_UP * left))):
         return True
-    doubtful = np.flatnonzero(telling).tolist() if asks_a_fit else []
-    return any(_remains(complement, name, starts[rank], least) for rank in doubtful)
+    return any(_remains(complement, name, starts[rank], least) for rank in np.flatnonzero(telling).tolist())
 
 
 def _remains(complement: Complement, name: str, start: Start, least: float) -> bool:
