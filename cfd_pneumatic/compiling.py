@@ -1,24 +1,40 @@
-"""Numba's compiler: machine code is kept on disk, or in memory where no folder can be written."""
+"""
+Numba's compiler: machine code is kept on disk, or in memory where no folder can be written.
+
+One process at a time compiles what a folder keeps; others that want the same wait, and find it there.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
-from typing import Any, cast
+import fcntl
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import RLock
+from typing import Any
 
 from numba import config, njit
 from numba.core.event import Event, Listener, install_listener
 
+_LOCK_FILE = 'compiling.lock'
+_PATIENCE, _PAUSE = 0.5, 0.02  # after which it is said that another process compiles, and between two looks [s]
+
+_own = RLock()
+_depth = 0  # a function's compilation asks for that of those that it calls
+_waiting: list[Callable[[], None]] = []
+
 
 def compiler(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Return a decorator that compiles a function on its first call, with some options of Numba's."""
+    options['no_cfunc_wrapper'] = True  # nothing passes functions to functions
 
     def compiled(function: Callable[..., Any]) -> Any:
         try:
             dispatcher = njit(cache=True, **options)(function)
         except RuntimeError:  # neither the installation nor the user's cache can be written
             dispatcher = njit(**options)(function)
-        dispatcher.compile = _vectorizing(dispatcher.compile)
+        dispatcher.compile = _alone(_vectorizing(dispatcher.compile), dispatcher.stats.cache_path)
         return dispatcher
 
     return compiled
@@ -41,13 +57,67 @@ def _vectorizing(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return compile_vectorizing
 
 
-def announced(tell: Callable[[str | None], None]) -> AbstractContextManager[None]:
+def _alone(compile_: Callable[[Any], Any], folder: str | None) -> Callable[[Any], Any]:
+    """Let a compiler run in one process at a time; it looks first whether the folder keeps what it is asked for."""
+
+    def compile_alone(signature: Any) -> Any:
+        global _depth
+        with _own:
+            _depth += 1
+            try:
+                if _depth > 1 or folder is None:
+                    return compile_(signature)
+                with _locked(Path(folder)):
+                    return compile_(signature)
+            finally:
+                _depth -= 1
+
+    return compile_alone
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keep other processes from compiling into a folder; where it can't be locked each is on its own."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = (folder / _LOCK_FILE).open('w')
+    except OSError:
+        yield
+        return
+    with file:
+        with suppress(OSError):  # of a file system without locks
+            _lock(file.fileno())
+        yield
+
+
+def _lock(file: int) -> None:
+    """Wait for a lock, which ends with its file; say so where it takes long."""
+    told, began = False, time.monotonic()
+    while True:
+        try:
+            return fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if not told and time.monotonic() - began > _PATIENCE:
+                told = True
+                for tell in _waiting:
+                    tell()
+            time.sleep(_PAUSE)
+
+
+@contextmanager
+def announced(tell: Callable[[str | None], None], wait: Callable[[], None]) -> Iterator[None]:
     """
     Tell, once, that functions are about to be compiled; not where machine code is there already.
 
-    `tell` gets the folder in which it is kept, or None where it is lost with the process.
+    `tell` gets the folder in which it is kept, or None where it is lost with the process. `wait` is called where
+    another process compiles them.
     """
-    return cast(AbstractContextManager[None], install_listener('numba:compile', _First(tell)))
+    _waiting.append(wait)
+    try:
+        with install_listener('numba:compile', _First(tell)):
+            yield
+    finally:
+        _waiting.remove(wait)
 
 
 class _First(Listener):

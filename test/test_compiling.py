@@ -21,7 +21,7 @@ def twice(number):
 def squared(number):
     return number * number
 
-with announced(print):
+with announced(print, lambda: print('waiting')):
     assert (twice(3), squared(3)) == (6, 9)
 """
 
@@ -72,3 +72,40 @@ def test_where_nothing_can_be_written_every_run_compiles(module: Path) -> None:
     protect(module)
     nowhere = {'XDG_CACHE_HOME': str(module / 'below a file'), 'NUMBA_CACHE_DIR': str(module / 'too')}
     assert [told(module, nowhere) for _ in range(2)] == [['None']] * 2
+
+
+LONG = """
+import sys, time
+from numba.extending import overload
+from cfd_pneumatic.compiling import announced, compiler
+
+def slow(number):
+    return number
+
+@overload(slow)
+def _(number):
+    time.sleep(3)  # while it is compiled
+    return lambda number: 2 * number
+
+@compiler()
+def outer(number):
+    return inner(number)
+
+@compiler()
+def inner(number):
+    return slow(number)
+
+with announced(lambda folder: print('compiling'), lambda: print('waiting')):
+    assert outer(3) == 6
+"""
+
+
+def test_of_processes_that_begin_together_one_compiles_and_the_others_wait_and_say_so(module: Path) -> None:
+    module.write_text(LONG)
+    environment = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
+    began = [
+        subprocess.Popen([sys.executable, module], env=environment, stdout=subprocess.PIPE, text=True) for _ in range(4)
+    ]
+    said = [process.communicate()[0].split() for process in began]
+    assert [process.returncode for process in began] == [0] * 4
+    assert sorted(said) == [['compiling'], ['waiting'], ['waiting'], ['waiting']]

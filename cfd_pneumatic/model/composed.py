@@ -36,7 +36,7 @@ from cfd_pneumatic.model.effects import (
     volume_variation,
 )
 from cfd_pneumatic.model.effects.effect import ForceMoment, Moment
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inner, kernel
 from cfd_pneumatic.model.lanes import COUNT, load, store, where
 
 # states: pressures p and p_f, then the effects' own
@@ -151,7 +151,7 @@ SLID = 2
 """Where, behind these, the displacement stands that the seals slid to last [m]."""
 
 
-@kernel
+@inner
 def valve_error(moment, w, on):
     """Return the valves' error, from the set-point that acts [Pa]."""
     target = moment.setpoint
@@ -164,11 +164,11 @@ def valve_error(moment, w, on):
     return target - load(w, S1)
 
 
-@kernel
+@inner
 def slopes(time, ambient, w, on):
     """Compute the rates of all states."""
     x, rate, p, setpoint = load(w, X), load(w, RATE), load(w, S0), load(w, SETPOINT)
-    moment = Moment(time, x, rate, p, setpoint, ambient, 0.0)
+    moment = Moment(time, x, rate, p, setpoint, ambient, 0.0 * rate)
     gain = load(w, A0)
     if on[0]:
         gain = volume_variation.velocity_gain(gain, moment, load(w, A4))
@@ -233,7 +233,7 @@ def slopes(time, ambient, w, on):
     store(w, K1, (outlet - load(w, S1)) / tau)
 
 
-@kernel
+@inner
 def begin_stages(w, on):
     """Begin a step of Runge and Kutta where the states are."""
     store(w, S0, load(w, Y0))
@@ -259,7 +259,7 @@ def begin_stages(w, on):
         store(w, SUM9, 0.0)
 
 
-@kernel
+@inner
 def next_stage(weight, ahead, w, on):
     """Add the rates of a stage to their sum, and go ahead of the states by some seconds at these rates."""
     store(w, SUM0, load(w, SUM0) + weight * load(w, K0))
@@ -285,7 +285,7 @@ def next_stage(weight, ahead, w, on):
         store(w, S9, load(w, Y9) + ahead * load(w, K9))
 
 
-@kernel
+@inner
 def end_stages(sixth, w, on):
     """Advance the states by the sum of the rates times a sixth of the step [s]."""
     store(w, Y0, load(w, Y0) + sixth * (load(w, SUM0) + load(w, K0)))
@@ -311,13 +311,13 @@ def end_stages(sixth, w, on):
         store(w, S9, load(w, Y9))
 
 
-@kernel
+@inner
 def move(h, w):
     """Move the piston on by h seconds."""
     store(w, X, load(w, X) + h * load(w, RATE))
 
 
-@kernel
+@inner
 def advance(time, h, steps, ambient, w, on):
     """Advance the states by h seconds from a time on, cut into equal steps; the piston keeps its speed."""
     h /= steps
@@ -339,10 +339,11 @@ def advance(time, h, steps, ambient, w, on):
             leave_behind_valve_hysteresis(time, ambient, w, on)
 
 
-@kernel
+@inner
 def leave_behind_valve_hysteresis(time, ambient, w, on):
     """Compute the error at which this play stands."""
-    moment = Moment(time, load(w, X), load(w, RATE), load(w, S0), load(w, SETPOINT), ambient, 0.0)
+    rate = load(w, RATE)
+    moment = Moment(time, load(w, X), rate, load(w, S0), load(w, SETPOINT), ambient, 0.0 * rate)
     error = valve_error(moment, w, on)
     error = valve_hysteresis.error(error, moment, load(w, S2), load(w, A13))
     store(w, Y2, error)
@@ -357,7 +358,7 @@ def follow(time, x, h, ambient, w, on):
     store(w, MEASURED, x)
     store(w, X, x)
     x_followed = load(w, X)
-    moment = Moment(time, x_followed, rate, load(w, Y0), load(w, SETPOINT), ambient, 0.0)
+    moment = Moment(time, x_followed, rate, load(w, Y0), load(w, SETPOINT), ambient, 0.0 * rate)
     if on[3]:
         x_followed = displacement_lag.displacement(x_followed, moment, load(w, A9))
     if on[11]:
@@ -371,7 +372,8 @@ def follow(time, x, h, ambient, w, on):
 @kernel
 def read(time, ambient, w, on):
     """Compute what the pressure sensor reads [Pa]."""
-    moment = Moment(time, load(w, X), load(w, RATE), load(w, Y0), load(w, SETPOINT), ambient, 0.0)
+    rate = load(w, RATE)
+    moment = Moment(time, load(w, X), rate, load(w, Y0), load(w, SETPOINT), ambient, 0.0 * rate)
     signal = load(w, Y0)
     if on[12]:
         signal = sensor_lag.signal(signal, moment, load(w, S5), load(w, A28))

@@ -56,7 +56,7 @@ class ModelNode(Node):
             self.get_logger().warning(f'not given: {self._told_defaults()}; {instead}')
         if self._described.not_identifiable:
             self.get_logger().warning(f'no recording told {self._told_doubtful()}: as the fit used it')
-        with announced(self._on_compiling):
+        with announced(self._on_compiling, self._on_waiting):
             self._warm_up()
 
     def _warm_up(self) -> None:
@@ -132,6 +132,9 @@ class ModelNode(Node):
         if folder is None:
             kept = 'for this run only: no cache can be written, name a folder for it in NUMBA_CACHE_DIR'
         self.get_logger().info(f'compiling the model, {kept}')
+
+    def _on_waiting(self) -> None:
+        self.get_logger().info('another process compiles the model: waiting for it')
 
     # topics
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.residual.gram import gram
-from cfd_pneumatic.model.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -122,7 +121,6 @@ def least_squares(
     return point, here
 
 
-@kernel
 def _step(
     normal: Array, gradient: Array, damping: float, down: Array, up: Array, longest: Array
 ) -> tuple[Array, float]:
