@@ -122,6 +122,7 @@ $(VENV)/.ready: $(PACKAGING)
 	@$(VENV)/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
 	@$(call install,$(VENV),$(SETUPTOOLS))
 	@$(call install,$(VENV),--editable '.[$(EXTRAS)]')
+	@$(VENV)/bin/compile_kernels
 	@touch $@
 
 # Developers' tools, each when it is first wanted.

@@ -60,6 +60,7 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
+            'compile_kernels = cfd_pneumatic.start:compile_kernels',
             'csv_to_bag = cfd_pneumatic.start:csv_to_bag',
             'identifier_node = cfd_pneumatic.start:identifier_node',
             'identify_bag = cfd_pneumatic.start:identify_bag',

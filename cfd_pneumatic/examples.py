@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 EXAMPLES: Mapping[str, str] = {
+    'compile_kernels': """\
+compile_kernels
+""",
     'record_rig': """\
 record_rig out_and_back --device paper --faults effects_a.leak_conductance=1e-10 --output rig_bag
 """,

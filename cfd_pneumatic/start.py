@@ -37,6 +37,7 @@ def _begin(module: str) -> int:
     return code
 
 
+compile_kernels = partial(_begin, 'cfd_pneumatic.commands.compile_kernels')
 csv_to_bag = partial(_begin, 'cfd_pneumatic.commands.csv_to_bag')
 identify_bag = partial(_begin, 'cfd_pneumatic.commands.identify_bag')
 plan_experiment = partial(_begin, 'cfd_pneumatic.commands.plan_experiment')

@@ -162,6 +162,9 @@ def _fit_each_setpoint(
     for low, high in _bands(np.concatenate(levels), ambient_pressure):
         applies = [(low <= level) & (level <= high) for level in levels]
         used = [index for index, mask in enumerate(applies) if np.any(mask & experiments[index].counts)]
+        if not used:
+            notes.append(f'set-point {low:.0f} Pa left out of the schedule: only the test part holds it')
+            continue
         setpoint = float(np.mean(np.concatenate([levels[index][applies[index]] for index in used])))
         try:
             chosen = [replace(experiments[index], index=rank) for rank, index in enumerate(used)]

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +14,21 @@ from cfd_pneumatic import __version__
 from cfd_pneumatic.examples import EXAMPLES
 from cfd_pneumatic.start import HELP
 
+ROOT = Path(__file__).parents[2]
+COMPILE = 'from cfd_pneumatic.commands.compile_kernels import main; main([])'
+RUN = """
+import sys
+from cfd_pneumatic.compiling import announced
+from cfd_pneumatic.commands import identify_bag, plan_experiment, record_rig
+from cfd_pneumatic import model, monitoring
+with announced(lambda folder: print(f'compiled {folder}', file=sys.stderr), lambda: None):
+    record_rig.main(['surface_following', '--duration', '15', '--output', 'bag_to_compile'])
+    identify_bag.main(['bag_to_compile', '--close-loop', '--progress', 'none', '--output', 'compiled'])
+    identify_bag.main(['bag_to_compile', '--per-setpoint', '--progress', 'none', '--output', 'compiled'])
+    plan_experiment.main(['compiled/parameters.yaml', '--duration', '8', '--output', 'compiled'])
+    model.warm_up()
+    monitoring.warm_up()
+"""
 COMMANDS = [name for name in EXAMPLES if not name.endswith('_node')]
 
 
@@ -23,8 +42,9 @@ def test_help_says_units_and_defaults_and_ends_with_the_example(name, capsys, mo
     assert said.endswith(EXAMPLES[name])
     page = (HELP / f'{name}.txt').read_text(encoding='utf-8')
     assert said.split() == page.split(), 'run make interface-document'
-    assert '(default: ' in ' '.join(said.split())
-    assert '[Pa]' in said
+    if name != 'compile_kernels':  # which has no options
+        assert '(default: ' in ' '.join(said.split())
+        assert '[Pa]' in said
 
 
 @pytest.mark.parametrize('name', COMMANDS)
@@ -32,6 +52,20 @@ def test_it_says_its_version(name, capsys):
     with pytest.raises(SystemExit, match=r'^0$'):
         importlib.import_module(f'cfd_pneumatic.commands.{name}').main(['--version'])
     assert capsys.readouterr().out == f'{name} {__version__}\n'
+
+
+def test_once_compiled_nothing_is_compiled_again(examples, tmp_path):
+    """What a first start would compile, whichever program it is of."""
+    folder, cache = examples.folder, {'NUMBA_CACHE_DIR': str(tmp_path), 'PYTHONPATH': str(ROOT)}
+    environment = os.environ | cache
+    said = [
+        subprocess.run([sys.executable, '-c', program], cwd=folder, env=environment, capture_output=True, text=True)
+        for program in (COMPILE, COMPILE, RUN)
+    ]
+    assert [one.returncode for one in said] == [0, 0, 0], said
+    assert said[0].stdout == f'compiled: the machine code is kept below {tmp_path}\n'
+    assert said[1].stdout == 'everything is compiled already\n'
+    assert said[2].stderr == ''
 
 
 def test_the_examples_work(examples):

@@ -114,6 +114,14 @@ def test_each_set_point_gets_its_own_row():
     assert all(len(data[name]) == 2 for name in ('setpoints', *NAMES))
 
 
+def test_a_set_point_of_the_test_part_alone_gets_no_row():
+    recording = strokes(6, levels=(5.0, 5.0, 5.0, 5.0, 5.0, 10.0), duration=24.0)
+    result = identify([recording], Options(per_setpoint=True)).cylinders['cylinder_a']
+    assert [point.setpoint / PSI for point in result.schedule] == pytest.approx([5.0], abs=0.01)
+    (note,) = result.notes
+    assert note.endswith('left out of the schedule: only the test part holds it')
+
+
 def test_nothing_reads_the_test_part(one):
     """Spoil the test part: what was fitted stays the same to the last bit, only the test error grows."""
     recording = strokes(0)

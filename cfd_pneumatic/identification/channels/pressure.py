@@ -232,7 +232,7 @@ class Pressure(Channel):
             rows = beside(row, slots[~late], steps[~late])
             for block, readings in self._composed(experiment, effects, rows, count, float(row[delays].sum())):
                 read = readings[block.at]
-                jacobian = np.empty((len(read), slots.size))
+                jacobian = np.empty((len(read), slots.size), order='F')
                 jacobian[:, ~late] = slopes(read, steps[~late])
                 jacobian[:, late] = -_slope(block.times, readings[:, :1])[block.at]
                 yield block.samples, read[:, 0], jacobian

@@ -262,8 +262,17 @@ class Likelihood:
             walk = self.channel.linearised(experiment, unknowns.effects, numbers, slots, steps[own], last)
             for samples, simulated, jacobian in walk:
                 here = slice(samples.start, samples.stop)
-                rows = _rows(simulated, experiment.measured[here], weight[here], counts[here], jacobian, scales[own])
-                yield rows, own
+                yield (
+                    _rows(
+                        np.ascontiguousarray(simulated),  # of one layout: for each another function is compiled
+                        experiment.measured[here],
+                        weight[here],
+                        counts[here],
+                        np.ascontiguousarray(jacobian.T),
+                        scales[own],
+                    ),
+                    own,
+                )
 
     # what a model is worth
 
@@ -283,7 +292,7 @@ class Likelihood:
 
 
 @kernel
-def _rows(simulated: Array, measured: Array, weight: Array, counts: Mask, jacobian: Array, scales: Array) -> Array:
+def _rows(simulated: Array, measured: Array, weight: Array, counts: Mask, slopes: Array, scales: Array) -> Array:
     """Return the weighted residuals of the samples that count, and below them their derivatives, shape (1 + k, n)."""
     rows = np.empty((1 + scales.size, np.count_nonzero(counts)))
     kept = 0
@@ -291,6 +300,6 @@ def _rows(simulated: Array, measured: Array, weight: Array, counts: Mask, jacobi
         if counts[sample]:
             rows[0, kept] = (simulated[sample] - measured[sample]) * weight[sample]
             for rank in range(scales.size):
-                rows[1 + rank, kept] = jacobian[sample, rank] * scales[rank] * weight[sample]
+                rows[1 + rank, kept] = slopes[rank, sample] * scales[rank] * weight[sample]
             kept += 1
     return rows
