@@ -173,6 +173,26 @@ def _shift_held(run: Run) -> Found:
     return Found(text, shift['peak'] <= IDENTIFIED and shift['compared'] <= COMPARED)
 
 
+COMMANDS = (
+    ('test_rig', '`identify_bag --close-loop`, a minute of the rig at 500 Hz: two cylinders and the force', 2.5),
+    (
+        'test_measured[O-ring257_3bar]',
+        '`identify_bag --close-loop`, `O-ring257_3bar`: a measured minute at 100 Hz',
+        2.5,
+    ),
+    ('test_measured[Kidney_2bar]', '`identify_bag --close-loop`, `Kidney_2bar`: with more effects', 6.0),
+    ('test_plan', '`plan_experiment`', 3.0),
+    ('test_help[identify_bag]', '`identify_bag --help`', 0.3),
+    ('test_help[sim_node]', '`sim_node --help`', 0.3),
+    ('test_ready[sim_node]', '`sim_node`, ready, warm caches', 1.0),
+    ('test_ready[monitor_node]', '`monitor_node`, ready, warm caches', 1.0),
+    ('test_first_start[1]', '`sim_node`, ready, first start', 8.0),
+    ('test_first_start[5]', 'five `sim_node` at once, ready, first start', 8.0),
+    ('test_compile_kernels', '`compile_kernels`', None),
+)
+"""Benchmarks of whole commands, what they are, and how many units they may take."""
+
+
 MINUTES = ('leakage-60', 'valve_dead_band-12', 'sensor_lag-3', 'heat_transfer-7')
 QUARTER = 'test_close_loop[leakage-60-900.0]'
 
@@ -203,6 +223,18 @@ def _reading_against(test: str, peer: str, bags: Sequence[str], least: float | N
         kinds = ' / '.join(bag.replace(',', ' with') for bag in bags)
         text = f'{" / ".join(f"{one:.3g}" for one in times)} times ({here} ns a message): {kinds}, {count:,}'
         return Found(text, None if least is None else min(times) >= least, f'{peer}: {there} ns')
+
+    return find
+
+
+def _writing_against(storage: str, least: float | None) -> Callable[[Run], Found]:
+    """Tell how many times as long as ours rosbags takes, whose messages are made already."""
+
+    def find(run: Run) -> Found:
+        count = run.told(f'test_writing[{storage}]')['messages']
+        here, there = (run.fastest(f'{test}[{storage}]') for test in ('test_writing', 'test_writing_with_rosbags'))
+        text = f'{there / here:.3g} times ({1e9 * here / count:,.0f} ns a message): {storage}, {count:,}'
+        return Found(text, None if least is None else there >= least * here, f'rosbags: {1e9 * there / count:,.0f} ns')
 
     return find
 
@@ -300,6 +332,8 @@ PROMISES = (
         _reading_against('test_reading_with_mcap_ros2_support', 'mcap-ros2-support', BAGS[:2], None),
     ),
     Promise('read a bag into arrays: memory', f'the arrays and a chunk ({_bytes(ROOM)})', _reading_held),
+    Promise('write a bag', 'at least 20 times as fast', _writing_against('mcap', 20.0)),
+    Promise('write a bag', '-', _writing_against('sqlite3', None)),
     Promise('`sim_node` at 1 kHz: answers', 'every one for 10 minutes', _answered),
     Promise('`sim_node` at 1 kHz: processor', 'at most 20 % of a core', _core),
     Promise('`sim_node` at 1 kHz: latency p99', 'at most 1 ms on an idle machine', _late),
@@ -334,6 +368,7 @@ def document(run: Run, notes: str) -> str:
         '# Speed\n\nWhat work costs, beside what was promised and what a peer needs that was measured in the same run. '
         'Written by `make speed-document`; what stands under "Notes" at the end is kept.',
         _how_section(run),
+        _commands_section(run),
         _promises_section(lines_of(run)),
         _growth_section(run),
     ]
@@ -351,6 +386,28 @@ def _how_section(run: Run) -> str:
 - Libraries: {libraries}
 - Commit {run.about['commit']}; load of the machine (mean number of processes that run) {load['before']:.1f} before, \
 {load['after']:.1f} after"""
+
+
+def _commands_section(run: Run) -> str:
+    cells, steps = [], []
+    for name, work, most in COMMANDS:
+        try:
+            told = run.told(name)
+        except NotMeasured:
+            cells.append([work, 'not measured', '', '' if most is None else f'{most:g}', ''])
+            continue
+        kept = '' if most is None else 'yes' if told['units'] <= most else '**no**'
+        units = f'{told["units"]:.2f}'
+        cells.append([work, _duration(told['seconds']), units, '-' if most is None else f'at most {most:g}', kept])
+        if 'stages' in told:
+            steps.append(f'- {work}: ' + '; '.join(f'{when:.2f} s {what}' for what, when in told['stages']))
+    return (
+        '## Whole commands\n\nWhat a user waits for, each command a process of its own, the median of five. A unit is '
+        'what `import numba, scipy.optimize, matplotlib.pyplot` takes in the same run.\n\n'
+        + table(['command', 'wall', 'units', 'promised', 'kept'], cells)
+        + '\n\nWhen each stage begins, the interpreter and the imports before the first:\n\n'
+        + '\n'.join(steps)
+    )
 
 
 def _promises_section(lines: Sequence[tuple[Promise, Found]]) -> str:

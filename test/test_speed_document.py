@@ -43,6 +43,11 @@ def benchmarks() -> dict[str, tuple[float, dict]]:
         found[f'test_reading[{bag}]'] = (0.2, {'messages': MESSAGES})
         found[f'test_reading_with_rosbags[{bag}]'] = (8.0, {'messages': MESSAGES})
         found[f'test_reading_with_mcap_ros2_support[{bag}]'] = (20.0, {'messages': MESSAGES})
+    for storage in ('mcap', 'sqlite3'):
+        found[f'test_writing[{storage}]'] = (0.1, {'messages': MESSAGES})
+        found[f'test_writing_with_rosbags[{storage}]'] = (2.5, {'messages': MESSAGES})
+    for name, _, most in document.COMMANDS:
+        found[name] = (1.0, {'seconds': 1.0, 'units': most or 20.0, 'stages': [('reading', 0.5), ('ended', 1.0)]})
     for work, size, bytes_each in GROWN:
         cost = {'size': size, 'seconds': 1e-6 * size, 'busy': 2e-6 * size, 'peak': bytes_each * size}
         found[f'test_growth[{work}-{size}]'] = (5.0, {**cost, 'compared': 4e8})
@@ -78,7 +83,11 @@ def verdicts(run: dict) -> dict[str, bool | None]:
 def test_a_run_that_keeps_every_promise():
     said = verdicts(told())
     assert len(said) == len(document.PROMISES)
-    assert [work for work, kept in said.items() if kept is not True] == ['read a bag into arrays; -; mcap-ros2-support']
+    assert [work for work, kept in said.items() if kept is not True] == [
+        'read a bag into arrays; -; mcap-ros2-support',
+        'write a bag; -; rosbags',
+    ]
+    assert '**no**' not in document.document(Run(told()), '')
 
 
 @pytest.mark.parametrize(
@@ -94,6 +103,7 @@ def test_a_run_that_keeps_every_promise():
         ('test_close_loop[sensor_lag-3-60.0]', (1.1, {'cores': 1.8}), 'close the loop, 60 s'),
         (document.QUARTER, (9.0, {'cores': 1.0}), 'close the loop: cores'),
         ('test_reading_with_rosbags[sqlite3]', (0.4, {'messages': MESSAGES}), 'read a bag into arrays; at least'),
+        ('test_writing_with_rosbags[mcap]', (1.9, {'messages': MESSAGES}), 'write a bag; at least'),
         (READ, (5.0, {'size': 10**7, 'peak': 2e8}), 'read a bag into arrays: memory'),
         (IDENTIFY, (9.0, {'size': document.SHIFT, 'peak': 5e9, 'compared': 1e8}), 'identify a bag of 4 h'),
         (IDENTIFY, (9.0, {'size': document.SHIFT, 'peak': 3e9, 'compared': 6e8}), 'identify a bag of 4 h'),
@@ -120,7 +130,8 @@ def test_answers_count_when_they_were_watched_long_enough():
 
 def test_the_document_says_what_is_missed_and_what_was_not_measured(tmp_path):
     run, output = tmp_path / 'benchmark.json', tmp_path / 'speed.md'
-    run.write_text(json.dumps(told(**{'test_fit[3600000]': (1.75, {}), 'test_a_plant[1]': None, READ: None})))
+    slow = {'test_plan': (3.1, {'seconds': 3.1, 'units': 3.1}), 'test_rig': None}
+    run.write_text(json.dumps(told(**{'test_fit[3600000]': (1.75, {}), 'test_a_plant[1]': None, READ: None, **slow})))
     output.write_text('# Old\n\n## Notes\n\nBy hand.\n')
     assert document.main(['--benchmark', str(run), '--output', str(output)]) == 0
     text = output.read_text()
@@ -134,7 +145,12 @@ def test_the_document_says_what_is_missed_and_what_was_not_measured(tmp_path):
     assert text.endswith('## Notes\n\nBy hand.\n')
     assert 'secret' not in text
     tables = [block for block in text.split('\n\n') if block.startswith('|')]
-    assert len(tables) == 2
+    assert len(tables) == 3
+    assert '| `plan_experiment` | 3.1 s | 3.10 | at most 3 | **no** |' in text
+    assert (
+        '| `identify_bag --close-loop`, a minute of the rig at 500 Hz: two cylinders and the force | not measured |'
+        in text
+    )
     for block in tables:
         assert len({line.count('|') for line in block.splitlines()}) == 1, block
 
