@@ -45,6 +45,7 @@ C1, C2, C3, C4, C5, C6 = (1.0 / math.factorial(2 * n) for n in range(1, 7))  # c
 S1, S2, S3, S4, S5, S6 = (1.0 / math.factorial(2 * n + 1) for n in range(1, 7))  # sinh(sqrt z) / sqrt z
 D0, D1, D2, D3, D4, D5 = ((n + 1.0) / math.factorial(2 * n + 3) for n in range(6))  # d/dz of the latter
 E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12 = (1.0 / math.factorial(n) for n in range(2, 13))  # e^x
+_LEAST, _FORGETS = 1e-150, 64  # what is next to nothing, and after how many steps it is forgotten
 _LONGEST_TURN = 4.0  # (omega h)^2 of a piece: below pi^2, so that w has at most one extremum in it
 
 
@@ -419,6 +420,12 @@ def advance(p, p_f, h, rate, setpoint, k_x, k_sv, k_v, tau):
 
 
 @inlined
+def perceptible(value):
+    """Return a value, zero where it is next to nothing."""
+    return value if abs(value) > _LEAST else 0.0
+
+
+@inlined
 def write_sample(i, value, pressure, carried, jacobian):
     """Write the pressure of a sample and, where they are asked for, its derivatives by `SENSITIVITIES`."""
     pressure[i] = value
@@ -505,6 +512,15 @@ def propagate(times, displacement, setpoint, table, ambient, state, pressure, ca
                 carry(carried, step, venting_slopes, charges, u, w, rate, b1)
         u = u_end
         w = w_end
+        if (
+            i % _FORGETS == 0
+        ):  # what has decayed for long gets so small that a processor takes ten times as long over it
+            u = perceptible(u)
+            w = perceptible(w)
+            if jacobian is not None:
+                for column in range(CARRIED):
+                    carried[0, column] = perceptible(carried[0, column])
+                    carried[1, column] = perceptible(carried[1, column])
         write_sample(i, p_d + u, pressure, carried, jacobian)
     state[0] = p_d + u
     state[1] = p_d + w
