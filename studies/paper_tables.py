@@ -32,7 +32,7 @@ from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.channels.pressure import Pressure
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.fit.fit import fit
-from cfd_pneumatic.identification.identify import prepared
+from cfd_pneumatic.identification.procedure import prepared
 from cfd_pneumatic.model import TABLE_1, TABLE_2
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal

@@ -21,7 +21,7 @@ from cfd_pneumatic.identification import (
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import fit
-from cfd_pneumatic.identification.identify import prepared
+from cfd_pneumatic.identification.procedure import prepared
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
 from cfd_pneumatic.identification.result import Comparison

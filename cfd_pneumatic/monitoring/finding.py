@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from cfd_pneumatic.convention import CONTACT_FORCE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import ChannelResult, Estimate, Options, identify
-from cfd_pneumatic.recording import Recording
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.identification import ChannelResult, Estimate, Options
+    from cfd_pneumatic.recording import Recording
 
 _SURE = 3.0  # standard errors
 _MATERIAL = 0.05  # share of a parameter
@@ -68,6 +71,8 @@ class Finding:
 
 def diagnose(recording: Recording, options: Options) -> Finding:
     """Close the loop on a recording, as `identify_bag --close-loop` does."""
+    from cfd_pneumatic.identification import identify  # in the worker: a watch does not wait for it at its start
+
     try:
         identification = identify([recording], options)
     except InputError as error:

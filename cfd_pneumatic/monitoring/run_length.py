@@ -19,13 +19,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 SLACK = 0.5
 """What a score has to exceed on the average until an alarm comes [standard deviations]."""
 
 _OVERSHOOT = 1.166  # what the sum passes either end by on the average, together, Siegmund (1985)
 _LOWEST, _HIGHEST = 0.1, 1e4  # thresholds
+_PRECISION = 1e-7  # of a threshold
 _NODES, _WEIGHTS = hermegauss(15)
 _SMALLEST_SPREAD = 0.2
 _LONGEST_EXPONENT = 700.0  # of floating point's range
@@ -79,9 +79,13 @@ def threshold_for(wanted: float, learned_from: int) -> float:
         )
         return math.log(rate * wanted)
 
-    if excess(_LOWEST) <= 0.0:
-        return _LOWEST
-    return float(brentq(excess, _LOWEST, _HIGHEST, xtol=1e-3))
+    low, high = _LOWEST, _HIGHEST
+    if excess(low) <= 0.0:
+        return low
+    while high - low > _PRECISION:
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if excess(middle) > 0.0 else (low, middle)
+    return high
 
 
 class Excursions(NamedTuple):

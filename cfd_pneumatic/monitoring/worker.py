@@ -8,13 +8,17 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
+from importlib import import_module
 from multiprocessing import connection, get_context, parent_process
 from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING
 
-from cfd_pneumatic.identification import Options
 from cfd_pneumatic.monitoring.finding import Finding, diagnose
 from cfd_pneumatic.parallel import LIMIT
 from cfd_pneumatic.recording import Recording
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.identification import Options
 
 _NICE = 5  # callbacks come first, and yet it is not to starve on a busy machine
 
@@ -73,6 +77,7 @@ def _serve(requests: Connection) -> None:
     os.nice(_NICE)
     os.environ[LIMIT] = '1'
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    import_module('cfd_pneumatic.identification.procedure')  # before it is needed
     while True:
         try:
             requests.send(_diagnose(*requests.recv()))

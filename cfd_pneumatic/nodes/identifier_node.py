@@ -32,12 +32,12 @@ from cfd_pneumatic.commands.identify_bag import PROGRESS_KEY
 from cfd_pneumatic.commands.program import BAD_INPUT
 from cfd_pneumatic.device import DESCRIPTORS, NO_NAMES, Device, Value
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.wording import sentence, title
 from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.parameters import number, switch, text, texts
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.reporting import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
-from cfd_pneumatic.reporting.wording import sentence, title
 
 _PERIOD = 0.1  # how often the fit's process is looked after [s]
 _POLL = 0.01  # [s]

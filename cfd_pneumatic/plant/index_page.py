@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from cfd_pneumatic import __version__
+from cfd_pneumatic.identification import wording
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.plant.chart import Curve, drift_chart
 from cfd_pneumatic.plant.history import Change, Device, Part, devices, effects_of
 from cfd_pneumatic.plant.table import CSV_FILE, PARQUET_FILE, Row, column_of
-from cfd_pneumatic.reporting import wording
 from cfd_pneumatic.reporting.template import rendered
 
 TEMPLATES = Path(__file__).parent / 'templates'

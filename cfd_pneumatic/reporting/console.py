@@ -11,8 +11,8 @@ from rich.table import Table
 
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.wording import percent, sentence, verdict
 from cfd_pneumatic.model import NAMES, SPECS
-from cfd_pneumatic.reporting.wording import percent, sentence, verdict
 from cfd_pneumatic.units import PSI
 
 _STYLES = {'effect_added': 'bold cyan', 'no_missing_effect': 'bold green', 'unexplained': 'bold yellow'}

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from cfd_pneumatic.identification import ChannelResult, Identification
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.result import Comparison
+from cfd_pneumatic.identification.wording import spoken, title
 from cfd_pneumatic.reporting.thinning import thinned
-from cfd_pneumatic.reporting.wording import spoken, title
 
 _COLUMNS = 2_000  # of pixels
 _SIZE = (10.0, 3.4)  # of a channel [inch]

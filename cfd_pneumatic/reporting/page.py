@@ -8,13 +8,13 @@ from types import MappingProxyType
 from typing import Any
 
 from cfd_pneumatic import __version__
-from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
+from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError, wording
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
-from cfd_pneumatic.reporting import figures, wording
+from cfd_pneumatic.reporting import figures
 from cfd_pneumatic.reporting.advice import next_plan
 from cfd_pneumatic.reporting.template import rendered
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from cfd_pneumatic.reporting import wording
+from cfd_pneumatic.identification import wording
 
 TEMPLATES = Path(__file__).parent / 'templates'
 

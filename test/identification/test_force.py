@@ -24,7 +24,7 @@ from cfd_pneumatic.identification.data.reversals import travelled
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import fit, search, summary
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
-from cfd_pneumatic.identification.identify import prepared
+from cfd_pneumatic.identification.procedure import prepared
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording, recording_of
 from cfd_pneumatic.rig.panel import draw, force_oracle_rmse
 

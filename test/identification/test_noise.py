@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from reference import AMBIENT, PSI, step_like
 from scipy.signal import lfilter
 
-from cfd_pneumatic.identification.residual import noise as module
-from cfd_pneumatic.identification.residual.noise import rounding_step, runs_at_rest, sample_noise, stamp_jitter
+from cfd_pneumatic.identification.residual import rests as module
+from cfd_pneumatic.identification.residual.noise import rounding_step, sample_noise, stamp_jitter
+from cfd_pneumatic.identification.residual.rests import runs_at_rest
 from cfd_pneumatic.model import TABLE_1
 
 GAINS = np.array(TABLE_1.table[0, 1:])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cfd_pneumatic.reporting.wording import number, percent, sentence, spoken, unit
+from cfd_pneumatic.identification.wording import number, percent, sentence, spoken, unit
 
 
 @pytest.mark.parametrize(('value', 'digits', 'text'), [

@@ -17,8 +17,9 @@ from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.data.split import Split
-from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, runs_at_rest, sample_noise
+from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, sample_noise
 from cfd_pneumatic.identification.residual.regressors import Regressors
+from cfd_pneumatic.identification.residual.rests import runs_at_rest
 from cfd_pneumatic.model.effects import Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 
 from cfd_pneumatic.compiling import compiler
 
@@ -30,18 +29,21 @@ def autoregression(series: Sequence[Array]) -> Array:
     """
     Return coefficients c of e_t = sum c_k e_(t-k) + white noise, shape (order,), by Yule and Walker.
 
+    Each order follows from the one before (Durbin, 1960).
     The order, up to 12, is the one with the least Bayesian information criterion; white noise, and none, have none.
     """
     count = sum(one.size for one in series)
     highest = min(_HIGHEST_ORDER, count // 20)
     covariance = autocovariance(series, highest)
-    best = np.empty(0)
-    if covariance[0] == 0.0:
+    best = coefficients = np.empty(0)
+    innovation = float(covariance[0])
+    if innovation == 0.0:
         return best
-    lowest = count * np.log(covariance[0])
+    lowest = count * np.log(innovation)
     for order in range(1, highest + 1):
-        coefficients = solve_toeplitz(covariance[:order], covariance[1 : order + 1])
-        innovation = covariance[0] - float(coefficients @ covariance[1 : order + 1])
+        reflection = (covariance[order] - coefficients @ covariance[order - 1 : 0 : -1]) / max(innovation, 1e-300)
+        coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
+        innovation *= 1.0 - reflection**2
         criterion = count * np.log(max(innovation, 1e-300)) + order * np.log(count)
         if criterion < lowest:
             best, lowest = coefficients, criterion

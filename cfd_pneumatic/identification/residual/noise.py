@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
-from scipy.special import ndtri
 
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
 
 Array = NDArray[np.float64]
 
 _PIECE = 500_000  # samples
-_SETTLING = 0.15  # after which a pressure is at rest [s]
-_SHORTEST_REST = 30  # samples
 SLOWEST = 6.0
 """Noise of a sensor over its white part, at most: with a memory of 25 samples [-]."""
 
@@ -25,6 +22,7 @@ _APART = 50  # samples: longer than the memory of a sensor
 _ENOUGH_AT_REST = 100  # samples
 _MOSTLY_ROUNDING = 0.6  # rounding over all of the noise, from which on it is rounding above all
 _KEPT = 0.9  # share of the smallest differences that is taken for noise; the rest may be transients
+_NORMAL = NormalDist()
 _NORMAL_PER_MEDIAN = 1.4826  # standard deviation over median absolute deviation
 
 
@@ -52,8 +50,8 @@ def sample_noise(times: Array, values: Array) -> float:
     differences = values[1:-1] - left * values[:-2] - right * values[2:]
     squares = np.sort(differences**2 / (1.0 + left**2 + right**2))
     kept = squares[: max(1, int(_KEPT * squares.size))]
-    limit = float(ndtri(0.5 + 0.5 * _KEPT))
-    density = math.exp(-0.5 * limit**2) / math.sqrt(2.0 * math.pi)
+    limit = _NORMAL.inv_cdf(0.5 + 0.5 * _KEPT)
+    density = _NORMAL.pdf(limit)
     share_of_variance = 1.0 - 2.0 * limit * density / _KEPT
     return math.sqrt(float(np.mean(kept)) / share_of_variance)
 
@@ -131,25 +129,6 @@ def _spread(rests: Sequence[Array]) -> float:
     apart = min(_APART, max(rest.size for rest in rests) // 2)
     differences = np.concatenate([rest[apart:] - rest[:-apart] for rest in rests if rest.size > apart])
     return math.sqrt(0.5 * float(np.mean(differences**2)))
-
-
-def runs_at_rest(times: Array, x: Array, setpoint: Array, slack: float, values: Array) -> list[Array]:
-    """Return the runs of values while a displacement has stayed within some slack, and a set-point, for a while."""
-    period = float(np.median(np.diff(times)))
-    window = max(int(_SETTLING / period), 2)
-    if window >= times.size:
-        return []
-    reach = x.max() - x.min()
-    spread = maximum_filter1d(x, window, origin=(window - 1) // 2) - minimum_filter1d(
-        x, window, origin=(window - 1) // 2
-    )
-    steps = maximum_filter1d(setpoint, window, origin=(window - 1) // 2) - minimum_filter1d(
-        setpoint, window, origin=(window - 1) // 2
-    )
-    still = (spread <= max(slack, 1e-3 * reach)) & (steps == 0.0)
-    runs = np.split(values, np.flatnonzero(np.diff(still.astype(np.int8)) != 0) + 1)
-    flags = np.split(still, np.flatnonzero(np.diff(still.astype(np.int8)) != 0) + 1)
-    return [run for run, flag in zip(runs, flags) if flag[0] and run.size >= _SHORTEST_REST]
 
 
 def stamp_jitter(times: Array) -> float:
