@@ -512,9 +512,7 @@ def propagate(times, displacement, setpoint, table, ambient, state, pressure, ca
                 carry(carried, step, venting_slopes, charges, u, w, rate, b1)
         u = u_end
         w = w_end
-        if (
-            i % _FORGETS == 0
-        ):  # what has decayed for long gets so small that a processor takes ten times as long over it
+        if i % _FORGETS == 0:  # a processor takes ten times as long over what has decayed to next to nothing
             u = perceptible(u)
             w = perceptible(w)
             if jacobian is not None:
