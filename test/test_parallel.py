@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -45,6 +46,33 @@ def test_an_error_in_the_work_is_raised(monkeypatch):
     monkeypatch.setenv(LIMIT, '2')
     with pytest.raises(ZeroDivisionError):
         each(lambda item: 1 / item, [1, 0, 2])
+
+
+SHARED = """
+import time
+from cfd_pneumatic.parallel import each
+
+def wait(number):
+    print(number, flush=True)
+    time.sleep(0.2)
+
+try:
+    each(lambda _: each(wait, range(1000)), range(2))
+except KeyboardInterrupt:
+    print('interrupted')
+print(each(abs, [-1, -2]))
+"""
+
+
+def test_an_interrupt_ends_shared_work_before_its_next_item():
+    process = subprocess.Popen(
+        [sys.executable, '-c', SHARED], stdout=subprocess.PIPE, text=True, env=os.environ | {LIMIT: '2'}
+    )
+    assert process.stdout.readline() in ('0\n', '1\n')
+    process.send_signal(signal.SIGINT)
+    *numbers, interrupted, after = process.communicate()[0].splitlines()
+    assert (interrupted, after, process.returncode) == ('interrupted', '[1, 2]', 0)
+    assert len(numbers) < 20
 
 
 ASKED = """
