@@ -53,7 +53,7 @@ import time
 from cfd_pneumatic.parallel import each
 
 def wait(number):
-    print(number, flush=True)
+    print(f'{number}\\n', end='', flush=True)  # in one piece
     time.sleep(0.2)
 
 try:
