@@ -380,8 +380,9 @@ def _how_section(run: Run) -> str:
     libraries = ', '.join(f'{name} {version}' for name, version in run.about['libraries'].items())
     return f"""## How it was measured
 
-- Commands: `CFD_PNEUMATIC_SECONDS=600 CFD_PNEUMATIC_MESSAGES=10000000 CFD_PNEUMATIC_SAMPLES={SHIFT} make benchmark`, \
-`make speed-document`
+- Commands: `make benchmark`, `make speed-document`. With `CFD_PNEUMATIC_SECONDS=600`, \
+`CFD_PNEUMATIC_MESSAGES=10000000`, `CFD_PNEUMATIC_SAMPLES={SHIFT}` live nodes, bags and growth are measured longer; \
+each row says how long it was.
 - Machine: {run.about['machine']}
 - Libraries: {libraries}
 - Commit {run.about['commit']}; load of the machine (mean number of processes that run) {load['before']:.1f} before, \

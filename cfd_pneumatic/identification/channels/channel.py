@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.experiment import Experiment, shortest_period
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.data.split import Split
@@ -283,8 +283,8 @@ class Channel(ABC):
             Which samples, the signal at them, shape (m,), and its derivatives, shape (m, k) [SI].
 
         """
-        for samples, simulated in self.follow(experiment, effects, beside(row, slots, steps), count):
-            yield samples, simulated[:, 0], slopes(simulated, steps)
+        for samples, simulated in self.follow(experiment, effects, stepped(row, slots, steps), count):
+            yield samples, simulated[:, 0], differences(simulated, steps)
 
     @abstractmethod
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
@@ -426,7 +426,7 @@ class Channel(ABC):
 
     def unknowns(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
         """Return everything that is searched of a model with its effects."""
-        period = min(one.period for one in experiments)
+        period = shortest_period(experiments)
         duration = max(float(np.ptp(one.sample_times)) for one in experiments)
         found, held = self.searched(experiments, model), self.held(experiments, model)
         for name, values in model.effects.items():
@@ -479,14 +479,14 @@ class Channel(ABC):
         return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
 
 
-def beside(row: Array, slots: Indices, steps: Array) -> Array:
+def stepped(row: Array, slots: Indices, steps: Array) -> Array:
     """Return numbers of a model, and such with a step in each of some slots, shape (1 + k, slots)."""
     rows = np.repeat(row[None], 1 + slots.size, axis=0)
     rows[1 + np.arange(slots.size), slots] += steps
     return rows
 
 
-def slopes(simulated: Array, steps: Array) -> Array:
+def differences(simulated: Array, steps: Array) -> Array:
     """Return derivatives by differences, shape (m, k), from what a model and such with a step make, (m, 1 + k)."""
     with np.errstate(invalid='ignore'):  # a model that runs away is no worse than one that has
         return np.asarray((simulated[:, 1:] - simulated[:, :1]) / steps)

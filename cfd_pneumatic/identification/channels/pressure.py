@@ -20,10 +20,10 @@ from cfd_pneumatic.identification.channels.channel import (
     Quantity,
     Scale,
     Unknown,
-    beside,
-    slopes,
+    differences,
+    stepped,
 )
-from cfd_pneumatic.identification.data.experiment import Block, Experiment, rests_at_start
+from cfd_pneumatic.identification.data.experiment import Block, Experiment, rests_at_start, shortest_period
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_range
@@ -155,11 +155,11 @@ class Pressure(Channel):
 
     def beside_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
         """Return the model, no quicker than can be told: Runge and Kutta's steps get as short as it is quick."""
-        return replace(model, parameters=np.clip(model.parameters, *told_gains(_period(experiments))))
+        return replace(model, parameters=np.clip(model.parameters, *told_gains(shortest_period(experiments))))
 
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
         """Return the gains, every offset, and the starts where the piston does not begin at rest."""
-        bounds = told_gains(_period(experiments) if model.effects else 0.0)
+        bounds = told_gains(shortest_period(experiments) if model.effects else 0.0)
         found = [
             Unknown(
                 spec.name,
@@ -229,11 +229,11 @@ class Pressure(Channel):
         if effects:
             delays = [self.slots_of(name)[0] for name in effects if self.effects[name].delays]
             late = np.isin(slots, delays)
-            rows = beside(row, slots[~late], steps[~late])
+            rows = stepped(row, slots[~late], steps[~late])
             for block, readings in self._composed(experiment, effects, rows, count, float(row[delays].sum())):
                 read = readings[block.at]
                 jacobian = np.empty((len(read), slots.size), order='F')
-                jacobian[:, ~late] = slopes(read, steps[~late])
+                jacobian[:, ~late] = differences(read, steps[~late])
                 jacobian[:, late] = -_slope(block.times, readings[:, :1])[block.at]
                 yield block.samples, read[:, 0], jacobian
             return
@@ -371,7 +371,7 @@ class Pressure(Channel):
             'x_high': float(np.max(displacement)),
             'speed': speed_of(one.times, one.inputs['displacement']),
             'lag': lag_of(one.sample_times, one.measured, simulated[longest]),
-            'period': min(one.period for one in experiments),
+            'period': shortest_period(experiments),
             'duration': float(np.ptp(one.sample_times)),
             'largest_charge': max(charge, _LEAST_FLOW),
             'largest_exhaust': max(exhaust, _LEAST_FLOW),
@@ -397,11 +397,6 @@ def _evidence(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> 
             rested, left = float(np.var(one.measured[mask])), float(np.mean((one.measured - pressure)[mask] ** 2))
             evidence += np.count_nonzero(mask) * math.log(rested / max(left, 1e-300))
     return evidence
-
-
-def _period(experiments: Sequence[Experiment]) -> float:
-    """Return the shortest period of samples [s]."""
-    return min(one.period for one in experiments)
 
 
 def _slope(times: Array, values: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -214,6 +214,11 @@ class Experiment:
             chosen=None if self.chosen is None else self.chosen[samples],
             cut_from=self.begin if grid.start else self.cut_from,
         )
+
+
+def shortest_period(experiments: Sequence[Experiment]) -> float:
+    """Return the shortest of the experiments' periods of samples [s]."""
+    return min(one.period for one in experiments)
 
 
 def rests_at_start(motion: Motion) -> bool:
