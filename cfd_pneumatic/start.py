@@ -7,6 +7,7 @@ has to be imported for it.
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Collection
 from functools import partial
@@ -34,6 +35,7 @@ def _begin(module: str) -> int:
     if told(module.rpartition('.')[2], sys.argv[1:]):
         return 0
     code: int = import_module(module).main()
+    gc.freeze()  # the process ends: a last search for unreachable objects among all that was imported takes 0.15 s
     return code
 
 

@@ -30,7 +30,8 @@ from cfd_pneumatic.identification.verdict import (
     verdict_of,
 )
 
-_FINE = (1e-8, 60)
+_NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
+_MOST_EVALUATIONS = 60
 
 
 def close_loop(before: Fit) -> tuple[Fit, Conclusion]:
@@ -97,7 +98,7 @@ def _fitted(before: Fit, rough: Model) -> Fit:
     Parameters that were not identifiable without effects are not with them.
     """
     likelihood = before.likelihood
-    model = search(likelihood, rough, *_FINE).model
+    model = search(likelihood, rough, _NEAR_ENOUGH / likelihood.samples, _MOST_EVALUATIONS).model
     if not all(np.all(np.isfinite(values)) for values in likelihood.simulate(model)):
         model = rough
     after = summary(likelihood, model)

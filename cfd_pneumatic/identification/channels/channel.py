@@ -488,5 +488,5 @@ def stepped(row: Array, slots: Indices, steps: Array) -> Array:
 
 def differences(simulated: Array, steps: Array) -> Array:
     """Return derivatives by differences, shape (m, k), from what a model and such with a step make, (m, 1 + k)."""
-    with np.errstate(invalid='ignore'):  # a model that runs away is no worse than one that has
+    with np.errstate(invalid='ignore', over='ignore'):  # a model that runs away is no worse than one that has
         return np.asarray((simulated[:, 1:] - simulated[:, :1]) / steps)

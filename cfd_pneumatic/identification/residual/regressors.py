@@ -48,7 +48,7 @@ class Regressors:
         found = np.empty((width, end - begin))
         weight = self.weight[rows]
         for row, (signal, lag) in zip(found, self._signals()):
-            row[:] = weight if signal is None else weight * signal[np.clip(rows - lag, 0, signal.size - 1)]
+            row[:] = weight if signal is None else weight * signal.take(rows - lag, mode='clip')
         return found
 
     def sums(self, edges: NDArray[np.intp], width: int) -> Array:

@@ -32,14 +32,15 @@ def strongest_frequency(times: Array, residual: Array) -> float:
     power = np.abs(np.fft.rfft(filled, length)) ** 2
     within = np.flatnonzero((frequencies >= slowest) & (frequencies <= _FASTEST_SUPPLY))
     tallest = frequencies[within[np.argsort(power[within])[-_MOST_FREQUENCIES:]]]
-    return float(tallest[int(np.argmax([_explained(centres, means, one) for one in tallest]))])
+    return float(tallest[int(np.argmax(_explained(centres, means, tallest)))])
 
 
-def _explained(times: Array, values: Array, frequency: float) -> float:
-    """Return how much of the sum of squares a sine and a level explain."""
-    angle = 2.0 * np.pi * frequency * times
-    basis, _ = np.linalg.qr(np.column_stack([np.ones_like(times), np.sin(angle), np.cos(angle)]))
-    return float(np.sum((basis.T @ values) ** 2))
+def _explained(times: Array, values: Array, frequencies: Array) -> Array:
+    """Return how much of the sum of squares about the mean a sine of each frequency explains, shape (frequencies,)."""
+    angle = 2.0 * np.pi * np.outer(frequencies, times)
+    sine, cosine = (wave - np.mean(wave, axis=1, keepdims=True) for wave in (np.sin(angle), np.cos(angle)))
+    cosine -= sine * (np.sum(sine * cosine, axis=1) / np.sum(sine**2, axis=1))[:, None]
+    return np.asarray(sum((wave @ values) ** 2 / np.sum(wave**2, axis=1) for wave in (sine, cosine)))
 
 
 def speed_of(times: Array, displacement: Array) -> float:

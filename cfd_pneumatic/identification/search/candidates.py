@@ -16,6 +16,7 @@ from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.identification.search.complement import Complement, Start
+from cfd_pneumatic.model.effects import Data
 from cfd_pneumatic.parallel import each
 
 Array = NDArray[np.float64]
@@ -96,6 +97,7 @@ class Candidates:
         noises = [sample_noise(one.sample_times, one.measured) ** 2 for one in self.train.experiments]
         self._noise = math.sqrt(float(np.mean(noises)))
         self._is_long = self.train.steps > _LONG
+        self._known_data: dict[Candidate, Data] = {}
         self._known_shares: dict[Candidate, dict[str, float]] = {}
         self._known_tests: dict[Candidate, list[Test]] = {}
         self.baseline = self._finished(search(self.train, begin, *_FINE).model, begin)
@@ -114,14 +116,28 @@ class Candidates:
 
         All are fitted roughly, from every start; the more promising ones are fitted to the end.
         """
-        begins = self._begins(candidate, names)
+        return self._best(candidate, self._begins(candidate, names))
+
+    def instead(self, candidate: Candidate, rivals: Mapping[str, Candidate]) -> dict[str, Candidate]:
+        """Return candidates with each of some effects beside those of one, from where they ended in other company."""
+        begins = {
+            name: [
+                replace(model, effects={**candidate.effects, name: rival.effects[name]})
+                for model in (candidate.model, rival.model)
+            ]
+            for name, rival in rivals.items()
+        }
+        return self._best(candidate, begins)
+
+    def _best(self, candidate: Candidate, begins: Mapping[str, Sequence[Model]]) -> dict[str, Candidate]:
+        """Return the best fit of each of some effects beside those of a candidate, from where it may begin."""
         rough = _best_first(_fitted(begins, lambda begin: search(self._excerpt, begin, *_ROUGH)))
         before = self._cost_of_excerpt(candidate)
         promising = self._rivals(candidate, rough, before)
         refined = {name: self._refined(rough[name], before) for name in promising}
         best = rough | _best_first(_fitted(refined, self._fine))
-        found = [best[name][0].model for name in names]
-        return dict(zip(names, each(lambda one: self._finished(one, candidate.model), found)))
+        found = [best[name][0].model for name in begins]
+        return dict(zip(begins, each(lambda one: self._finished(one, candidate.model), found)))
 
     def without(self, candidate: Candidate, name: str) -> Candidate:
         """Return a candidate with one effect less."""
@@ -183,10 +199,11 @@ class Candidates:
         return sum(float(run @ run) for run in left)
 
     def _starts(self, candidate: Candidate, names: Sequence[str]) -> dict[str, Sequence[Start]]:
-        train = self.train.experiments
-        simulated = [values[: one.part.size] for one, values in zip(train, candidate.simulated)]
-        data = self.channel.data(train, candidate.model, simulated)
-        return {name: self.channel.library[name].starts(data) for name in names}
+        if candidate not in self._known_data:
+            train = self.train.experiments
+            simulated = [values[: one.part.size] for one, values in zip(train, candidate.simulated)]
+            self._known_data[candidate] = self.channel.data(train, candidate.model, simulated)
+        return {name: self.channel.library[name].starts(self._known_data[candidate]) for name in names}
 
     def _shares(self, candidate: Candidate, names: Sequence[str]) -> dict[str, float]:
         """Return what share of a candidate's residual each effect may take; nothing is simulated twice."""

@@ -132,9 +132,10 @@ class Step:
         names = [*self.ranked, *others]
         return tuple(accepted if accepted and name == chosen else self.tried[name] for name in names)
 
-    def rivals(self, name: str) -> list[str]:
-        """Return the best of the others."""
-        return [other for other in self.ranked if other != name][:_RIVALS]
+    def rivals(self, name: str) -> dict[str, Candidate]:
+        """Return the best of the others, as they were fitted here."""
+        others = [other for other in self.ranked if other != name][:_RIVALS]
+        return {other: self.candidates[other] for other in others}
 
 
 class Search:
@@ -233,8 +234,6 @@ class Search:
     def _beside(self, model: Candidate, names: Sequence[str]) -> dict[str, Candidate]:
         """Return a model with one more effect, for each of some names that may tell; none is fitted twice."""
         keys = {name: (*model.effects, name) for name in names}
-        if self._accepted.get(tuple(model.effects)) is not model:
-            return self.candidates.beside(model, names)
         fresh = [name for name in names if keys[name] not in self._tried]
         if fresh:
             found = self.candidates.beside(model, fresh)
@@ -256,8 +255,15 @@ class Search:
                 model = fewer
         return model
 
+    def _instead(self, rest: Candidate, rivals: Mapping[str, Candidate]) -> dict[str, Candidate]:
+        """Return a model with each of some effects beside its own; what was fitted already is not fitted again."""
+        keys = {name: (*rest.effects, name) for name in rivals}
+        known = {name: self._tried[key] for name, key in keys.items() if key in self._tried}
+        fresh = {name: rival for name, rival in rivals.items() if name not in known}
+        return {**known, **self.candidates.instead(rest, fresh)} if fresh else known
+
     def challenged(
-        self, model: Candidate, ranking: Mapping[str, Sequence[str]]
+        self, model: Candidate, ranking: Mapping[str, Mapping[str, Candidate]]
     ) -> tuple[Candidate, Mapping[str, tuple[str, ...]]]:
         """Try rivals in each effect's place; return the best model, and for each effect those that do as well."""
         for _ in range(_ROUNDS):
@@ -270,7 +276,8 @@ class Search:
             better: tuple[float, Candidate] | None = None
             for name in model.effects:
                 rest = self._rest(model, name)
-                rivals = self._beside(rest, [rival for rival in ranking.get(name, ()) if rival not in model.effects])
+                others = {rival: one for rival, one in ranking.get(name, {}).items() if rival not in model.effects}
+                rivals = self._instead(rest, others)
                 gains = {rival: own - self.criterion(one, coefficients) for rival, one in rivals.items()}
                 ties = [rival for rival in gains if gains[rival] > -TIE]
                 if more_is_left:
@@ -281,9 +288,9 @@ class Search:
                     better = gains[ties[0]], rivals[ties[0]]
             if better is None:
                 return model, alternatives
-            replaced = set(model.effects) - set(better[1].effects)
+            (replaced,) = set(model.effects) - set(better[1].effects)
             newcomer = list(better[1].effects)[-1]
-            ranking = {**ranking, newcomer: [*replaced, *ranking.get(replaced.pop(), ())]}
+            ranking = {**ranking, newcomer: {replaced: model, **ranking.get(replaced, {})}}
             model = better[1]
         return model, alternatives
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 _PLAIN = 10.0  # times what shows: no fit makes up for so much
 _MADE_UP = 2.0  # an effect that loses less than half of itself to the model's parameters keeps what is left
-_EXCERPT = 8000  # grid steps of each recording that are asked first
+_EXCERPT = 3000  # grid steps of each recording that are asked first
 _SURELY = 2.0  # times what shows: what shows in an excerpt shows in the whole
 _ROUGH = (1e-2, 10)  # tolerance and evaluations of a fit to what an effect makes
 
