@@ -31,7 +31,7 @@ def strongest_frequency(times: Array, residual: Array) -> float:
     frequencies = np.fft.rfftfreq(length, _BIN)
     power = np.abs(np.fft.rfft(filled, length)) ** 2
     within = np.flatnonzero((frequencies >= slowest) & (frequencies <= _FASTEST_SUPPLY))
-    tallest = frequencies[within[np.argsort(power[within])[-_MOST_FREQUENCIES:]]]
+    tallest = np.asarray(frequencies[within[np.argsort(power[within])[-_MOST_FREQUENCIES:]]], dtype=np.float64)
     return float(tallest[int(np.argmax(_explained(centres, means, tallest)))])
 
 
