@@ -12,6 +12,7 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import read_mapping, read_recording, write_recording
 from cfd_pneumatic.recording.bags.storages import STORAGES
+from cfd_pneumatic.recording.inspection import described, doubts
 
 NAME = 'csv_to_bag'
 
@@ -36,6 +37,11 @@ def convert(arguments: Sequence[str] | None = None) -> None:
     if mapping.table is None:
         raise InputError(f'{options.mapping} maps the topics of a bag: for a table it needs the entry `table`')
     recording = read_recording(options.file, mapping=mapping, ambient_pressure=options.ambient_pressure)
+    print(f'{recording.name}:')
+    for line in described(recording, options.ambient_pressure):
+        print(f'  {line}')
+    for line in (*recording.health, *(f'{one.level}: {one}' for one in doubts(recording, options.ambient_pressure))):
+        print(f'  {line}')
     write_recording(
         options.output,
         recording,
@@ -44,9 +50,7 @@ def convert(arguments: Sequence[str] | None = None) -> None:
         ambient_pressure=options.ambient_pressure,
         overwrite=options.force,
     )
-    print(f'{options.output} written from {recording}')
-    for note in recording.health:
-        print(f'  {note}')
+    print(f'{options.output} written')
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -165,6 +165,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
     from cfd_pneumatic.files import make_folder
     from cfd_pneumatic.identification import identify
     from cfd_pneumatic.recording import read_recording
+    from cfd_pneumatic.recording.inspection import described
     from cfd_pneumatic.reporting import next_plan, print_report, write_report
 
     make_folder(arguments.output)
@@ -176,6 +177,10 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
             for path in arguments.bags
         ]
         report('read', 0.2)
+    if arguments.progress != 'lines':
+        for recording in recordings:
+            print(f'{recording.name}:', *described(recording, options.ambient_pressure), sep='\n  ')
+    with _progress(arguments.progress) as report:
         identification = identify(recordings, options, lambda what, share: report(what, 0.2 + 0.7 * share))
         report('writing the report', 0.9)
         written = write_report(identification, arguments.output, full=arguments.full)

@@ -14,10 +14,13 @@ from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import Motion, observed_motion
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.data.split import FRACTIONS, Split, split_recordings
+from cfd_pneumatic.identification.doubts import doubts, of_recordings
 from cfd_pneumatic.identification.fit.fit import Fit, fit
 from cfd_pneumatic.identification.loop import close_loop
+from cfd_pneumatic.identification.readings import other_reading
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
 from cfd_pneumatic.identification.verdict import part_errors
+from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.parallel import each
 from cfd_pneumatic.recording import Recording
 
@@ -92,7 +95,10 @@ def identify(
 
     """
     progress('smoothing the displacement', 0.0)
-    data = prepared(recordings, options.fractions)
+    try:
+        data = prepared(recordings, options.fractions)
+    except InputError as error:
+        raise _with_what_it_looks_like(error, recordings, options) from error
     channels = channels_of(recordings, options)
     waiting = [channel.name for channel in channels]
     progress(f'fitting {", ".join(waiting)}', _SMOOTHED)
@@ -100,6 +106,8 @@ def identify(
     def result_of(channel: Channel) -> ChannelResult | InputError:
         try:
             found: ChannelResult | InputError = _identified(channel, data, options)
+        except SuspectError as error:
+            found = SuspectError(replace(error.notice, message=f'{channel.name}: {error.notice.message}'))
         except InputError as error:
             found = InputError(f'{channel.name}: {error}')
         waiting.remove(channel.name)
@@ -113,10 +121,27 @@ def identify(
     failed = {name: one for name, one in found.items() if isinstance(one, InputError)}
     for channel in channels:
         if channel.needed and channel.name in failed:
-            raise failed[channel.name]
+            other = other_reading(recordings, options)
+            raise SuspectError(other) if other else _with_what_it_looks_like(failed[channel.name], recordings, options)
     results = {name: one for name, one in found.items() if isinstance(one, ChannelResult)}
     unidentified = {name: str(error) for name, error in failed.items()}
-    return Identification(data.recordings, data.splits, data.no_test, results, unidentified, options)
+    notices = (*doubts(recordings, results, options), *map(_notice_of, failed.values()))
+    results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}
+    return Identification(data.recordings, data.splits, data.no_test, results, unidentified, options, notices)
+
+
+def _notice_of(error: InputError) -> Notice:
+    """Return why a channel could not be identified."""
+    return error.notice if isinstance(error, SuspectError) else note('not_identified', str(error))
+
+
+def _with_what_it_looks_like(error: InputError, recordings: Sequence[Recording], options: Options) -> InputError:
+    """Return the mistakes that recordings look like, and the error that they end in."""
+    seen = [one for one in of_recordings(recordings, options) if one.level == WARNING]
+    if not seen:
+        return error
+    first, *others = seen
+    return SuspectError(replace(first, fix='; '.join([first.fix, *map(str, others), str(error)])))
 
 
 def _identified(channel: Channel, data: Prepared, options: Options) -> ChannelResult:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from cfd_pneumatic.identification.data.split import PARTS, Split
 from cfd_pneumatic.identification.fit.fit import Fit
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.verdict import Conclusion, PartError
+from cfd_pneumatic.notices import Notice
 from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
@@ -146,6 +147,10 @@ class ChannelResult:
         assert self.conclusion is not None
         return self.conclusion
 
+    def doubted(self) -> ChannelResult:
+        """Return it with its conclusion in doubt."""
+        return self if self.conclusion is None else replace(self, conclusion=replace(self.conclusion, doubted=True))
+
     @property
     def judged_on(self) -> str:
         """The part on which before and after are compared: the test part, or all samples where there is none."""
@@ -225,6 +230,8 @@ class Identification:
         Why a channel that was recorded could not be identified, by its name.
     options
         How it was identified.
+    notices
+        Mistakes that recordings and results look like, and what was assumed.
 
     """
 
@@ -234,6 +241,7 @@ class Identification:
     channels: Mapping[str, ChannelResult]
     unidentified: Mapping[str, str]
     options: Options
+    notices: tuple[Notice, ...] = ()
 
     @property
     def ambient_pressure(self) -> float:

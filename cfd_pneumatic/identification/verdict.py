@@ -23,6 +23,9 @@ Array = NDArray[np.float64]
 VERDICTS = ('effect_added', 'no_missing_effect', 'unexplained', 'insufficient_data')
 """What the loop may end with."""
 
+STATUSES = ('confirmed', 'hypothesis')
+"""How far a verdict is to be trusted."""
+
 _FEWEST_SAMPLES = 100  # of the train part: below, a dozen unknowns and a noise floor are not to be told apart
 _BLOCKS = 20
 _RESAMPLINGS = 2000
@@ -57,6 +60,8 @@ class Conclusion:
         Effects that these recordings could not have shown.
     next_experiment
         What to record to see them; empty where there are none.
+    doubted
+        Whether a warning about the recordings puts all of it in doubt.
 
     """
 
@@ -72,6 +77,12 @@ class Conclusion:
     noise: Noise
     not_visible: tuple[str, ...]
     next_experiment: str
+    doubted: bool = False
+
+    @property
+    def status(self) -> str:
+        """One of `STATUSES`: a hypothesis is a name beside which more than noise is left, or what a warning doubts."""
+        return 'hypothesis' if self.doubted or (self.effects and self.verdict == 'unexplained') else 'confirmed'
 
     @property
     def rounds(self) -> list[tuple[Trial, ...]]:

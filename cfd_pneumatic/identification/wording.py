@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.model.effects import EFFECTS
 
 TITLES = {'cylinder_a': 'Cylinder A', 'cylinder_b': 'Cylinder B', 'force': 'Contact force'}
@@ -43,6 +44,13 @@ def title(name: str) -> str:
 def verdict(name: str) -> str:
     """Return a verdict in two words."""
     return VERDICTS.get(name, spoken(name).capitalize())
+
+
+def qualified(findings: Conclusion) -> str:
+    """Return what has to be said beside a verdict that is not to be trusted yet, or nothing."""
+    if findings.doubted:
+        return ', in doubt: look into the warning first'
+    return ', with a hypothesis' if findings.status == 'hypothesis' else ''
 
 
 def title_of_test(name: str) -> str:

@@ -25,7 +25,7 @@ MAX_DISORDER = 1.0
 GAP = 5.0
 """An interval of so many usual ones is a gap."""
 
-JITTER = 0.1
+JITTER = 0.5
 """Spread of the intervals, as a part of the usual one, from which on it is mentioned."""
 
 _RESOLUTION = 10_000

@@ -11,8 +11,9 @@ from rich.table import Table
 
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.wording import percent, sentence, verdict
+from cfd_pneumatic.identification.wording import percent, qualified, sentence, verdict
 from cfd_pneumatic.model import NAMES, SPECS
+from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.units import PSI
 
 _STYLES = {'effect_added': 'bold cyan', 'no_missing_effect': 'bold green', 'unexplained': 'bold yellow'}
@@ -25,7 +26,10 @@ def print_report(
     """Print tables of parameters and errors, the paper's units beside SI, and the errors of a live simulation."""
     for recording in identification.recordings:
         for note in _merged(recording.health):
-            console.print(f'{recording.name}: {note}', style='yellow', highlight=False)
+            console.print(f'{recording.name}: {note}', style='yellow', markup=False, highlight=False)
+    for notice in identification.notices:
+        style = 'bold red' if notice.level == WARNING else 'yellow'
+        console.print(f'{notice.level}: {notice}', style=style, markup=False, highlight=False)
     for cylinder, result in identification.cylinders.items():
         for title, estimates in _reported_gains(cylinder, result):
             console.print(_parameter_table(title, estimates))
@@ -47,9 +51,8 @@ def _print_findings(result: ChannelResult, console: Console) -> None:
     findings = result.findings
     style = _STYLES.get(findings.verdict, 'bold')
     console.print()
-    console.print(
-        f'[{style}]{result.name}: {verdict(findings.verdict)}.[/] {escape(sentence(findings.why))}', highlight=False
-    )
+    headline = f'{result.name}: {verdict(findings.verdict)}{qualified(findings)}.'
+    console.print(f'[{style}]{headline}[/] {escape(sentence(findings.why))}', highlight=False)
     if findings.effects:
         console.print(_effect_table(result))
     if findings.tried:

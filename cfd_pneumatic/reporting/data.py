@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any
 
@@ -54,6 +55,7 @@ def report_data(identification: Identification, live: Mapping[str, PartError] = 
         if block is not None:
             block['live'] = _error_data({identification.channels[name].judged_on: error}, identification.channels[name])
     data['next_plan'] = next_plan(identification)
+    data['warnings'] = [asdict(one) for one in identification.notices]
     return data
 
 
@@ -127,6 +129,7 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         'verdict': findings.verdict,
         'why': findings.why,
         'effects': list(findings.effects),
+        'status': findings.status,
         'effect_parameters': {effect: _estimate_data(result.parameters(effect)) for effect in findings.effects},
         'parameters_after': _gain_data(result.gains),
         'alternatives': {effect: list(findings.alternatives.get(effect, ())) for effect in findings.effects},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from types import MappingProxyType
 from typing import Any
 
@@ -14,12 +15,15 @@ from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.notices import NOTE, WARNING
+from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import figures
 from cfd_pneumatic.reporting.advice import next_plan
 from cfd_pneumatic.reporting.template import rendered
 
 TEMPLATE = 'report.html.jinja'
 
+_EPOCH_OF_TABLES = 1970  # in which times begin that are no dates
 _MOST_RECORDINGS = 6  # that are drawn whole
 _FORCE_PARAMETERS = {
     'area': 'piston area',
@@ -49,6 +53,9 @@ def report_page(identification: Identification, live: Mapping[str, PartError] = 
         TEMPLATE,
         version=__version__,
         recordings=identification.recordings,
+        dates=[_date(recording) for recording in identification.recordings],
+        warnings=[one for one in identification.notices if one.level == WARNING],
+        notes=[one for one in identification.notices if one.level == NOTE],
         splits=identification.splits,
         no_test=identification.no_test,
         sections=sections,
@@ -57,6 +64,12 @@ def report_page(identification: Identification, live: Mapping[str, PartError] = 
         next_plan=next_plan(identification),
         scheduled=[name for name, result in identification.cylinders.items() if _has_schedule(result)],
     )
+
+
+def _date(recording: Recording) -> str:
+    """Return when a recording began, nothing where its times have a zero of their own."""
+    began = datetime.fromtimestamp(recording.epoch / 1e9, tz=timezone.utc)
+    return f'{began:%Y-%m-%d %H:%M} UTC' if began.year > _EPOCH_OF_TABLES else ''
 
 
 def _has_schedule(result: ChannelResult) -> bool:

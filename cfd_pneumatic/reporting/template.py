@@ -24,6 +24,7 @@ def rendered(template: str, *folders: Path, **values: Any) -> str:
     templates.filters.update(
         number=wording.number,
         percent=wording.percent,
+        qualified=wording.qualified,
         sentence=wording.sentence,
         spoken=wording.spoken,
         title=wording.title,

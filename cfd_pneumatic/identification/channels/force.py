@@ -29,6 +29,7 @@ from cfd_pneumatic.identification.residual.autoregression import autoregression,
 from cfd_pneumatic.identification.residual.regressors import Regressors
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, Data
 from cfd_pneumatic.model.extended_force import ExtendedForce
+from cfd_pneumatic.notices import SuspectError, warning
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import POUND_FORCE
 
@@ -157,8 +158,15 @@ class Force(Channel):
         return [Model(np.array([self._first_area(experiments), self.factor]), {}, own)]
 
     def _first_area(self, experiments: Sequence[Experiment]) -> float:
+        """Return the area to begin at: the one that was given, or what the recordings tell [m^2]."""
+        if self.area is not None and not _hold_several_levels(experiments):
+            return self.area
+        told = self.told_area(experiments)
+        return told if self.area is None else self.area
+
+    def told_area(self, experiments: Sequence[Experiment]) -> float:
         """
-        Return the area to begin at [m^2].
+        Return the area that force and pressures make [m^2].
 
         At one set-point by a line through zero: friction, which follows the pressure as both follow the motion, hardly
         tilts it.
@@ -174,13 +182,11 @@ class Force(Channel):
         if _hold_several_levels(experiments):
             slope = float(np.polyfit(differences, forces, 1)[0]) / self.factor
             if not slope > 0.0:
-                raise InputError('the force falls while the pressure difference grows: check the sign of the force')
-            return slope if self.area is None else self.area
-        if self.area is not None:
-            return self.area
+                raise _against('falls while the pressure difference grows')
+            return slope
         area = float(forces @ differences) / float(differences @ differences) / self.factor
         if not area > 0.0:
-            raise InputError('the force is against the pressure difference: check the sign of the force')
+            raise _against('is against the pressure difference')
         return area
 
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
@@ -215,9 +221,12 @@ class Force(Channel):
         """Raise InputError where the area is none that a piston has."""
         area = float(model.parameters[_AREA])
         if not AREAS[0] <= area <= AREAS[1]:
-            raise InputError(
-                f'the force makes the piston area {area:.3g} m^2, outside {AREAS[0]:g} to {AREAS[1]:g} m^2: check the '
-                'units of force and pressure'
+            raise SuspectError(
+                warning(
+                    'unit_suspect',
+                    f'the force makes the piston area {area:.3g} m^2, outside {AREAS[0]:g} to {AREAS[1]:g} m^2',
+                    'check the units of force and pressure',
+                )
             )
 
     # what recordings can tell
@@ -343,6 +352,10 @@ class Force(Channel):
             'piston speed': experiment.at_samples('rate'),
             'pressure difference': _difference(experiment),
         }
+
+
+def _against(what: str) -> SuspectError:
+    return SuspectError(warning('sign_suspect', f'the force {what}', 'check the sign of the force'))
 
 
 def _difference(experiment: Experiment) -> Array:

@@ -52,6 +52,7 @@ _LARGEST = 1e9  # [Pa]
 _SMOOTHED = 25  # samples
 _LEAST_FLOW = 10.0  # that a limit may be drawn from [Pa/s]
 _LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone stays below
+_MOST_STEPS = 100.0  # in a sample: what is quicker runs away in them, and no search goes there
 _SHORTEST_GAP = 1e-9  # [s]
 _OFFSET, _START = range(2)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
@@ -268,7 +269,8 @@ class Pressure(Channel):
             )
             for row in rows
         ]
-        stiffness = max(one.stiffness_over(displacement, setpoint) for one in cylinders)
+        stiffest = max(one.stiffness_over(displacement, setpoint) for one in cylinders)
+        stiffness = min(stiffest, _MOST_STEPS / experiment.period)
         at_rest = experiment.whole and experiment.starts_at_rest
         side_by_side = SideBySide(
             cylinders[0],

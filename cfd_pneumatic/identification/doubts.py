@@ -1,0 +1,186 @@
+"""
+Which mistakes a result looks like: parameters that no device has, a device that changed, an area that can't be.
+
+A check looks closer only where something is odd.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.identification.channels.force import Force
+from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.identification.readings import is_doubtful, other_reading
+from cfd_pneumatic.identification.result import ChannelResult
+from cfd_pneumatic.notices import Notice, any_warning, note, warning
+from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.recording.inspection import doubts as doubts_of_recording
+from cfd_pneumatic.recording.inspection import duplicates
+from cfd_pneumatic.units import INCH
+
+Array = NDArray[np.float64]
+
+CHAMBER_LENGTHS = (5e-3, 0.45)
+"""Absolute pressure over `k_x`: how long a chamber of the piston's area would be [m]."""
+
+_OTHER_AREA = 1.5  # times the one that was given, or the reverse
+_AN_ATMOSPHERE = 0.15  # share by which an offset may miss ambient pressure times area
+_PIECES = 10  # of a recording, whose errors are compared
+_FEWEST = 50  # samples of a piece
+_CHANGED = 3.0  # times as large an error after a change as before, or the reverse
+_ABOVE_NOISE = 2.0  # times the noise: what is smaller has not changed anything that matters
+_STEPS = 0.5  # share of what is left without a set-point that a staircase explains
+_LEAST_STEP = 5.0  # times the noise
+_MOST_TOLD = 5
+_MOST_STEPS = 40
+_LEAST_SHARE = 0.01  # of the sum of squares, that each further step explains
+
+
+def doubts(
+    recordings: Sequence[Recording], results: Mapping[str, ChannelResult], options: Options
+) -> tuple[Notice, ...]:
+    """Return which mistakes recordings, and what was identified of them, look like; and what was assumed."""
+    found = [*of_recordings(recordings, options)]
+    cylinders = {name: one for name, one in results.items() if not isinstance(one.channel, Force)}
+    if not any_warning(found):
+        found += [notice for one in cylinders.values() for notice in _of_chamber(one)]
+    if not any_warning(found) and is_doubtful({name: one.fit for name, one in cylinders.items()}):
+        other = other_reading(recordings, options)
+        found += [other] if other is not None else []
+    if not any_warning(found):
+        for name, one in cylinders.items():
+            assumed = [held.cylinders[name].setpoint is None for held in recordings if name in held.cylinders]
+            found += _of_steps(one) if any(assumed) else []
+    if not any_warning(found):
+        found += [notice for one in results.values() for notice in _of_changes(one)]
+    forces = [one for one in results.values() if isinstance(one.channel, Force)]
+    found += [notice for one in forces for notice in _of_force(one, options)]
+    return tuple(found)
+
+
+def of_recordings(recordings: Sequence[Recording], options: Options) -> tuple[Notice, ...]:
+    """Return which mistakes recordings look like, and what has to be assumed of them."""
+    alone = (notice for one in recordings for notice in doubts_of_recording(one, options.ambient_pressure))
+    return (*dict.fromkeys(alone), *duplicates(recordings))
+
+
+def _of_chamber(result: ChannelResult) -> Iterator[Notice]:
+    """Ask whether the chamber has a size that a cylinder may have."""
+    estimate = result.gains[0] if result.gains else result.fit.estimates[0]
+    if estimate.value is None:
+        return
+    pressure = float(np.median(np.concatenate([one.measured for one in result.experiments])))
+    length = pressure / estimate.value
+    if not CHAMBER_LENGTHS[0] <= length <= CHAMBER_LENGTHS[1]:
+        yield warning(
+            'unit_suspect',
+            f'{result.name}: k_x of {estimate.value:.3g} Pa/m at {1e-3 * pressure:.4g} kPa is that of a chamber '
+            f'{1e3 * length:.3g} mm long',
+            'check the units of displacement and pressure',
+        )
+
+
+def _of_steps(result: ChannelResult) -> Iterator[Notice]:
+    """Ask whether what is left without a recorded set-point is a staircase."""
+    for one in result.comparisons:
+        residual = one.residual(0)
+        times, levels = _staircase(residual)
+        if len(levels) < 2:
+            continue
+        left = residual - np.repeat(levels, np.diff([*times, residual.size]))
+        size = float(np.ptp(levels))
+        if float(np.var(left)) < (1.0 - _STEPS) * float(np.var(residual)) and size > _LEAST_STEP * result.noise.std:
+            at = [f'{one.times[first]:.2f} s' for first in times[1 : 1 + _MOST_TOLD]]
+            more = ' and later' if len(times) > 1 + _MOST_TOLD else ''
+            yield warning(
+                'setpoint_assumed',
+                f'{result.name}: the set-point was not recorded, and the pressure changes its level by up to '
+                f'{1e-3 * size:.3g} kPa, at {", ".join(at)}{more}',
+                'record the set-point, or cut the recording where it changes',
+            )
+
+
+def _staircase(values: Array) -> tuple[list[int], Array]:
+    """Return where levels begin, from the largest step on down, and the levels: a step has to explain a share."""
+    begins = [0, values.size]
+    for _ in range(_MOST_STEPS):
+        gains = [_best_cut(values[first:last]) for first, last in pairwise(begins)]
+        place = int(np.argmax([gain for gain, _ in gains]))
+        if gains[place][0] < _LEAST_SHARE * float(np.sum((values - np.mean(values)) ** 2)):
+            break
+        begins = sorted([*begins, begins[place] + gains[place][1]])
+    return begins[:-1], np.array([np.mean(values[first:last]) for first, last in pairwise(begins)])
+
+
+def _best_cut(values: Array) -> tuple[float, int]:
+    """Return by how much a step lowers the sum of squares at most, and where it is."""
+    if values.size < 2 * _FEWEST:
+        return 0.0, 0
+    sums = np.cumsum(values - np.mean(values))[_FEWEST - 1 : -_FEWEST]
+    before = np.arange(_FEWEST, values.size - _FEWEST + 1)[: sums.size]
+    gains = sums**2 * values.size / (before * (values.size - before))
+    best = int(np.argmax(gains))
+    return float(gains[best]), int(before[best])
+
+
+def _of_changes(result: ChannelResult) -> Iterator[Notice]:
+    """Ask whether the error, as a share of what moves, is several times as large from some time on, or up to it."""
+    for one in result.comparisons:
+        if one.times.size < _PIECES * _FEWEST:
+            continue
+        pieces = np.array_split(np.arange(one.times.size), _PIECES)
+        errors = np.array([_rms(one.residual(1)[piece]) for piece in pieces])
+        shares = errors / np.array([max(float(np.std(one.experiment.measured[piece])), 1e-300) for piece in pieces])
+        ratio, cut = max((_ratio(shares, cut), cut) for cut in range(1, _PIECES))
+        before, after = (float(np.median(some)) for some in (errors[:cut], errors[cut:]))
+        if ratio > _CHANGED and max(before, after) > _ABOVE_NOISE * result.noise.std:
+            small, when = result.quantity.small, float(one.times[pieces[cut][0]])
+            yield warning(
+                'changed_during_recording',
+                f'{one.name}, {result.name}: the error is {before / small.si:.3g} {small.unit} before t = {when:.1f} s '
+                f'and {after / small.si:.3g} {small.unit} after it',
+                'something changed there, the device or its work: identify the two pieces on their own',
+            )
+
+
+def _ratio(shares: Array, cut: int) -> float:
+    """Return how many times the largest on one side of a cut the median of the other is."""
+    sides = shares[:cut], shares[cut:]
+    return max(float(np.median(one)) / float(np.max(other)) for one, other in (sides, sides[::-1]))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _of_force(result: ChannelResult, options: Options) -> Iterator[Notice]:
+    """Ask whether area and offset are what a piston and a gauge have."""
+    channel = result.channel
+    assert isinstance(channel, Force)
+    area = float(result.found.model.parameters[0])
+    bore = 2.0 * math.sqrt(area / math.pi)
+    told = result.found.estimates[0]
+    size = f'{1e6 * area:.4g} mm^2, a bore of {1e3 * bore:.3g} mm ({bore / INCH:.3g} inch)'
+    direct = channel.told_area(result.experiments)
+    if options.area is not None and not 1.0 / _OTHER_AREA < direct / options.area < _OTHER_AREA:
+        yield warning(
+            'area_suspect',
+            f'force and pressures make {1e6 * direct:.4g} mm^2 of a piston said to have {1e6 * options.area:.4g} mm^2',
+            'check the area, and the units of force and pressure',
+        )
+    code = 'area_held' if told.reason else 'area_told'
+    yield note(code, f'the force goes with a piston of {size}', 'check that against the drawing')
+    offset = result.found.model.effects.get('force_offset')
+    if offset is not None and abs(abs(offset[0]) / area - options.ambient_pressure) < (
+        _AN_ATMOSPHERE * options.ambient_pressure
+    ):
+        yield warning(
+            'ambient_suspect',
+            f'the force is off by {offset[0]:.3g} N, which is ambient pressure on the piston',
+            'one pressure is gauge and said to be absolute, or the reverse',
+        )

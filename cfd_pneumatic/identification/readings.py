@@ -1,0 +1,138 @@
+"""
+Other ways to read recordings: the displacement counted the other way, the cylinders swapped.
+
+Whoever mixes these up gets a pressure that does not follow the piston. Each other way is fitted without effects, and
+the one that fits is named.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.channels.pressure import Pressure
+from cfd_pneumatic.identification.data.motion import observed_motion
+from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.identification.data.split import split_recordings
+from cfd_pneumatic.identification.fit.fit import Fit, search
+from cfd_pneumatic.identification.fit.likelihood import Likelihood
+from cfd_pneumatic.notices import Notice, warning
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+
+_DOUBTFUL = 0.3  # share of a pressure's spread that a model may leave of it; what is read rightly leaves far less
+_BETTER = 0.5  # of what the recordings leave as they are read: what another way leaves at most
+_LONGEST = 20_000  # samples that other ways are tried on
+_ROUGH = (1e-3, 30)  # tolerance and evaluations
+
+Reading = Callable[[Recording], Recording]
+
+
+def is_doubtful(fits: Mapping[str, Fit]) -> bool:
+    """Return whether a pressure hardly follows the piston, or not at all, in fits without effects by cylinder."""
+    return any(
+        not one.estimates[0].identifiable or _left(one.simulated, one.likelihood) > _DOUBTFUL for one in fits.values()
+    )
+
+
+def other_reading(recordings: Sequence[Recording], options: Options) -> Notice | None:
+    """Return which other way of reading recordings fits, where theirs does not; None where none does."""
+    some = [_beginning(one) for one in recordings]
+    here = _worst(some, options)
+    found = {}
+    for name, reading in _readings(some).items():
+        left = _worst([reading(one) for one in some], options)
+        if left < min(_DOUBTFUL, _BETTER * here):
+            found[name] = left
+    if not found:
+        return None
+    least = min(found.values())
+    alike = [name for name, left in found.items() if left < 2.0 * least]
+    code = 'sign_suspect' if all('sign' in name for name in alike) else 'cylinders_swapped'
+    return warning(code, 'the pressures do not follow the piston as it is read', f'it fits {" or ".join(alike)}')
+
+
+def _readings(recordings: Sequence[Recording]) -> dict[str, Reading]:
+    """Return other ways to read recordings, by what they are; the sign of the force tells apart what fits alike."""
+    other_way = 'with the other `sign` of the displacement'
+    if not all(len(one.cylinders) == len(CYLINDERS) for one in recordings):
+        return {other_way: _turned}
+    readings: dict[str, Reading] = {
+        'with the pressures of the two cylinders swapped': _pressures_swapped,
+        'with the set-points of the two cylinders swapped': _setpoints_swapped,
+    }
+    agrees = _force_agrees(recordings)
+    if agrees is not False:
+        readings[other_way] = _turned
+    if agrees is not True:
+        readings['with the two cylinders swapped'] = lambda one: _setpoints_swapped(_pressures_swapped(one))
+    return readings
+
+
+def _turned(recording: Recording) -> Recording:
+    signal = recording.displacement
+    return replace(recording, displacement=Signal(signal.times, -signal.values))
+
+
+def _pressures_swapped(recording: Recording) -> Recording:
+    a, b = (recording.cylinders[name] for name in CYLINDERS)
+    swapped = (CylinderSignals(b.pressure, a.setpoint), CylinderSignals(a.pressure, b.setpoint))
+    return replace(recording, cylinders=dict(zip(CYLINDERS, swapped)))
+
+
+def _setpoints_swapped(recording: Recording) -> Recording:
+    a, b = (recording.cylinders[name] for name in CYLINDERS)
+    swapped = (CylinderSignals(a.pressure, b.setpoint), CylinderSignals(b.pressure, a.setpoint))
+    return replace(recording, cylinders=dict(zip(CYLINDERS, swapped)))
+
+
+def _force_agrees(recordings: Sequence[Recording]) -> bool | None:
+    """Return whether the force grows with the pressure in A less that in B; None where none was measured."""
+    likeness = []
+    for one in recordings:
+        if one.force is not None:
+            a, b = (np.interp(one.force.times, own.times, own.values) for own in _pressures(one))
+            likeness.append(float(np.corrcoef(a - b, one.force.values)[0, 1]))
+    return float(np.nansum(likeness)) > 0.0 if likeness else None
+
+
+def _pressures(recording: Recording) -> list[Signal]:
+    return [recording.cylinders[name].pressure for name in CYLINDERS]
+
+
+def _beginning(recording: Recording) -> Recording:
+    """Return no more of a recording than is needed."""
+    times = recording.displacement.times
+    return recording if len(times) <= _LONGEST else recording.between(times[0], times[_LONGEST])
+
+
+def _worst(recordings: Sequence[Recording], options: Options) -> float:
+    """Return the share of its spread that the model leaves of the pressure that it fits worst."""
+    try:
+        motions, strokes = zip(*(observed_motion(one) for one in recordings))
+        splits, _ = split_recordings(list(strokes), options.fractions)
+        shares = []
+        for channel in Pressure.found_in(recordings, options):
+            experiments = [
+                replace(channel.experiment(one, motion, split), index=rank)
+                for rank, (one, motion, split) in enumerate(zip(recordings, motions, splits))
+                if channel.signal(one) is not None
+            ]
+            likelihood = Likelihood.alike(channel, experiments)
+            found = [search(likelihood, start, *_ROUGH) for start in channel.starts(experiments)]
+            best = min(found, key=lambda one: one.cost)
+            shares.append(_left(likelihood.simulate(best.model), likelihood))
+        return max(shares)
+    except InputError:
+        return math.inf
+
+
+def _left(simulated: Sequence[np.ndarray], likelihood: Likelihood) -> float:
+    """Return the root mean square of what is left of a pressure, as a share of its spread."""
+    left = np.concatenate([one.measured - values for one, values in zip(likelihood.experiments, simulated)])
+    spread = np.concatenate([one.measured - np.mean(one.measured) for one in likelihood.experiments])
+    return math.sqrt(float(left @ left) / max(float(spread @ spread), 1e-300))

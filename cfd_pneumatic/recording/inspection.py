@@ -1,0 +1,234 @@
+"""
+What a recording looks like to people, and which mistakes it looks like.
+
+Ranges are those of a pneumatic force device that fits a robot's hand, with much room on either side: whoever leaves one
+of them has most likely named a wrong unit, a wrong reference or a wrong column.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.notices import Notice, note, warning
+from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.wording import counted
+from cfd_pneumatic.units import PSI
+
+Array = NDArray[np.float64]
+
+STROKES = (2e-5, 0.5)
+"""What a piston moves [m]."""
+
+PERIODS = (4e-5, 0.5)
+"""Between samples [s]."""
+
+GAUGE_PRESSURES = (1.5e4, 1e6)
+"""At which a regulator holds a cylinder [Pa]."""
+
+_BELOW_AMBIENT = -5e3  # gauge; no regulator holds a vacuum [Pa]
+_OFF_SETPOINT = 1e4  # by which a pressure at rest may miss its set-point [Pa]
+_OFF_SHARE = 0.3  # likewise, of the gauge pressure
+_AN_ATMOSPHERE = 0.15  # share by which a difference may miss ambient pressure and still be one
+_MOST_LOOKED_AT = 100_000  # samples
+_STEADY, _ALIVE = 0.05, 0.5  # share of the samples at which a set-point changes at most, a pressure at least
+_ALIKE = 1e-9
+_MOST_GUESSES = 2
+_ROUGHEST = 0.6  # change from sample to sample, as a share of the spread; 1.4 of independent samples
+
+
+def described(recording: Recording, ambient_pressure: float) -> list[str]:
+    """Return a line for each signal, in units of people: range, level, and how it was sampled."""
+    lines = []
+    for role, cylinder, signal in recording.signals():
+        name = role if cylinder is None else f'{cylinder} {role}'
+        values = _some(signal.values)
+        low, high, middle = float(np.min(values)), float(np.max(values)), float(np.median(values))
+        if role == 'displacement':
+            text = f'{1e3 * low:.4g} to {1e3 * high:.4g} mm'
+        elif role in ('pressure', 'setpoint'):
+            low, high, middle = (1e-3 * (one - ambient_pressure) for one in (low, high, middle))
+            psi = 1e3 / PSI
+            text = f'{low:.4g} to {high:.4g} kPa gauge ({psi * low:.3g} to {psi * high:.3g} psi), mostly {middle:.4g}'
+        else:
+            text = f'{low:.4g} to {high:.4g}' + (' N' if role == 'force' else '')
+        lines.append(f'{name}: {text}; {_sampling(role, signal)}')
+    return lines
+
+
+def _sampling(role: str, signal: Signal) -> str:
+    if role == 'setpoint':
+        return counted(len(signal) - 1, 'change')
+    period = _period(signal)
+    rate = f' at {1.0 / period:.4g} Hz' if period else ''
+    return f'{counted(len(signal), "sample")}{rate} in {float(np.ptp(signal.times)):.4g} s'
+
+
+def doubts(recording: Recording, ambient_pressure: float) -> list[Notice]:
+    """Return which mistakes a recording looks like, and what has to be assumed of it."""
+    return [
+        *_of_motion(recording.displacement),
+        *(
+            notice
+            for name, own in recording.cylinders.items()
+            for notice in _of_pressure(name, own, recording.cylinders, ambient_pressure)
+        ),
+        *_assumptions(recording),
+    ]
+
+
+def duplicates(recordings: Sequence[Recording]) -> Iterator[Notice]:
+    """Yield which recordings hold the same data."""
+    for index, one in enumerate(recordings):
+        for other in recordings[:index]:
+            if _same(one.displacement, other.displacement):
+                yield warning(
+                    'duplicate_recording',
+                    f'{one.name} holds the same displacement as {other.name}',
+                    'leave one out: twice the same data make standard errors too small',
+                )
+
+
+def _of_motion(displacement: Signal) -> Iterator[Notice]:
+    stroke, period = float(np.ptp(_some(displacement.values))), _period(displacement)
+    if stroke > STROKES[1] or 0.0 < stroke < STROKES[0]:
+        yield warning(
+            'unit_suspect',
+            f'the piston moves {_length(stroke)}',
+            f'check the unit of the displacement{_instead(stroke, STROKES, _LENGTHS)}',
+        )
+    if period and not PERIODS[0] <= period <= PERIODS[1]:
+        yield warning(
+            'unit_suspect',
+            f'a sample every {period:.3g} s, {float(np.ptp(displacement.times)):.4g} s in all',
+            f'check the unit of the time{_instead(period, PERIODS, _TIMES)}',
+        )
+    values = displacement.values[:_MOST_LOOKED_AT]
+    spread = float(np.std(values))
+    if spread and float(np.sqrt(np.mean(np.diff(values) ** 2))) > _ROUGHEST * spread:
+        yield warning(
+            'sampling_slow',
+            f'the displacement is another one at each sample, every {period:.3g} s',
+            'sample ten times as fast, or let the piston move more slowly',
+        )
+
+
+def _of_pressure(
+    name: str, own: CylinderSignals, cylinders: Mapping[str, CylinderSignals], ambient: float
+) -> Iterator[Notice]:
+    pressure = float(np.median(_some(own.pressure.values)))
+    gauge = pressure - ambient
+    off = None if own.setpoint is None else _off(own.pressure, own.setpoint)
+    if own.setpoint is not None and _look_swapped(own.pressure, own.setpoint):
+        yield warning(
+            'setpoint_suspect',
+            f'{name}: the pressure moves in steps, and the set-point at every sample',
+            'swap pressure and set-point',
+        )
+    elif off is not None and abs(abs(off) - ambient) < _AN_ATMOSPHERE * ambient:
+        yield warning(
+            'reference_suspect',
+            f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point, '
+            'an atmosphere',
+            f'one of the two is {"gauge" if off > 0.0 else "absolute"} and said to be the other: check both references',
+        )
+    elif gauge < _BELOW_AMBIENT:
+        yield warning(
+            'reference_suspect',
+            f'{name}: the pressure is mostly {gauge / 1e3:.4g} kPa gauge, below ambient, which no regulator holds',
+            'check whether it was measured against ambient (`reference: gauge`), its unit, and the ambient pressure',
+        )
+    elif not GAUGE_PRESSURES[0] <= gauge <= GAUGE_PRESSURES[1]:
+        yield warning(
+            'unit_suspect',
+            f'{name}: the pressure is mostly {gauge / 1e3:.4g} kPa gauge ({gauge / PSI:.3g} psi)',
+            f'check the unit of the pressure{_instead(gauge, GAUGE_PRESSURES, _PRESSURES)}',
+        )
+    elif off is not None and abs(off) > max(_OFF_SETPOINT, _OFF_SHARE * gauge):
+        yield warning(
+            'setpoint_suspect',
+            f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point',
+            _whose(name, own, cylinders),
+        )
+
+
+def _whose(name: str, own: CylinderSignals, cylinders: Mapping[str, CylinderSignals]) -> str:
+    """Return what a pressure off its set-point suggests: the other cylinder's."""
+    assert own.setpoint is not None
+    off = abs(_off(own.pressure, own.setpoint))
+    for other, signals in cylinders.items():
+        if other != name and signals.setpoint is not None and abs(_off(own.pressure, signals.setpoint)) < 0.5 * off:
+            return f'it lies at that of {other}: check which set-point and which pressure is whose'
+    return 'check the units of both, and whether this is its set-point'
+
+
+def _assumptions(recording: Recording) -> Iterator[Notice]:
+    for name, own in recording.cylinders.items():
+        if own.setpoint is None:
+            yield note(
+                'setpoint_assumed',
+                f'{name}: no set-point was recorded: one that never changes is assumed, and estimated',
+                'record the set-point if it changes',
+            )
+    if len(recording.cylinders) == 1 and recording.force is not None:
+        (name,) = recording.cylinders
+        yield note(
+            'cylinder_assumed',
+            f'only {name} was recorded: against the force, ambient pressure is assumed on the other side',
+        )
+
+
+def _off(pressure: Signal, setpoint: Signal) -> float:
+    """Return by how much a pressure is mostly above what its set-point was then [Pa]."""
+    every = max(1, len(pressure) // _MOST_LOOKED_AT)
+    held = np.searchsorted(setpoint.times, pressure.times[::every], side='right') - 1
+    return float(np.median(pressure.values[::every] - setpoint.values[np.maximum(held, 0)]))
+
+
+def _look_swapped(pressure: Signal, setpoint: Signal) -> bool:
+    """Return whether what is said to be a pressure holds still like a set-point, and the reverse."""
+    values = pressure.values[:_MOST_LOOKED_AT]
+    if len(values) < 2 or len(setpoint) < 2:
+        return False
+    changes = float(np.mean(np.diff(values) != 0.0))
+    moves = len(setpoint) / len(pressure)
+    return changes < _STEADY and moves > max(_ALIVE, 2.0 * changes)
+
+
+def _same(one: Signal, other: Signal) -> bool:
+    """Return whether signals hold the same values, whenever they were."""
+    return len(one) == len(other) and bool(np.allclose(one.values, other.values, rtol=_ALIKE, atol=0.0))
+
+
+def _some(values: Array) -> Array:
+    """Return values evenly spread over a signal."""
+    return values[:: max(1, len(values) // _MOST_LOOKED_AT)]
+
+
+def _period(signal: Signal) -> float:
+    """Return the usual interval [s], 0 of a single sample."""
+    return float(np.median(np.diff(signal.times[:_MOST_LOOKED_AT]))) if len(signal) > 1 else 0.0
+
+
+_LENGTHS = {'m': 1.0, 'mm': 1e-3, 'um': 1e-6, 'inch': 0.0254}
+_TIMES = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6}
+_PRESSURES = {'Pa': 1.0, 'kPa': 1e3, 'psi': PSI, 'bar': 1e5, 'MPa': 1e6}
+
+
+def _length(metres: float) -> str:
+    return f'{metres:.3g} m' if metres >= 1.0 else f'{1e3 * metres:.3g} mm'
+
+
+def _instead(value: float, usual: tuple[float, float], units: Mapping[str, float]) -> str:
+    """Return which mistakes of the unit would explain a value best."""
+    low, high = usual
+    fitting = {
+        f'{right} read as {wrong}': abs(math.log(value * right_si / wrong_si / math.sqrt(low * high)))
+        for wrong, wrong_si in units.items()
+        for right, right_si in units.items()
+        if right != wrong and low <= value * right_si / wrong_si <= high
+    }
+    return f' ({" or ".join(sorted(fitting, key=fitting.__getitem__)[:_MOST_GUESSES])}?)' if fitting else ''

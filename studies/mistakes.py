@@ -1,0 +1,401 @@
+"""
+What is said of recordings that were read wrongly: make mistakes.
+
+Mistakes that users make, one at a time, in the mapping or in the recording itself: of a table as the tutorial makes it,
+of a bag of the rig with a measured force, and of a measured run. None may end in a confident verdict.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import os
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.files import write_text
+from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.notices import WARNING, SuspectError
+from cfd_pneumatic.recording import Recording, Signal, read_mapping, read_recording, recording_of
+from cfd_pneumatic.rig import Schedule, device_named, record, surface_following
+from studies.documents import notes_in, table
+from studies.provenance import ROOT, machine
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+Layout = dict[str, Any]
+Change = Callable[[Columns, Layout], None]
+
+DATA = Path(os.environ.get('CFD_PNEUMATIC_DATA', ROOT.parent / 'shared' / 'data')) / 'pneumatic_actuator' / 'friction'
+MEASURED = 'O-ring257_3bar'
+PSI = 6894.757
+EPOCH = 1_700_000_000_000_000_000
+
+
+@dataclass(frozen=True)
+class Table:
+    """
+    Measurements as somebody has them.
+
+    Attributes
+    ----------
+    name
+        Of the recording.
+    columns
+        By their heads, in the units that the layout names.
+    layout
+        The mapping that is right.
+
+    """
+
+    name: str
+    columns: Columns
+    layout: Layout
+
+    def recording(self, folder: Path, change: Change, ambient_pressure: float = AMBIENT_PRESSURE) -> Recording:
+        """Return what is read of the table after a change, written and read as a user's [ambient pressure: Pa]."""
+        columns, layout = dict(self.columns), copy.deepcopy(self.layout)
+        change(columns, layout)
+        table, mapping = folder / f'{self.name}.csv', folder / f'{self.name}.yaml'
+        head = ','.join(columns)
+        np.savetxt(table, np.column_stack(list(columns.values())), fmt='%.9g', delimiter=',', header=head, comments='')
+        mapping.write_text(yaml.safe_dump(layout), encoding='utf-8')
+        return read_recording(table, mapping=read_mapping(mapping), ambient_pressure=ambient_pressure)
+
+
+def _held(signal: Signal, times: Array) -> Array:
+    return signal.values[np.maximum(np.searchsorted(signal.times, times, side='right') - 1, 0)]
+
+
+def _rows(recording: Recording, displacement: float, pressure: float, ambient: float) -> Columns:
+    """Return a recording's signals at the displacement's times, in units of so many metres and pascals."""
+    times = recording.displacement.times
+    columns = {'x': recording.displacement.values / displacement}
+    for name, own in zip('AB', recording.cylinders.values()):
+        assert own.setpoint is not None
+        columns[f'p{name}'] = (np.interp(times, own.pressure.times, own.pressure.values) - ambient) / pressure
+        columns[f'set{name}'] = (_held(own.setpoint, times) - AMBIENT_PRESSURE) / pressure
+    if recording.force is not None:
+        columns['F'] = np.interp(times, recording.force.times, recording.force.values)
+    return columns
+
+
+def _pressures(unit: str, reference: str) -> Layout:
+    def of(name: str) -> Layout:
+        return {
+            'pressure': {'column': f'p{name}', 'unit': unit, 'reference': reference},
+            'setpoint': {'column': f'set{name}', 'unit': unit, 'reference': 'gauge'},
+        }
+
+    return {'cylinder_a': of('A'), 'cylinder_b': of('B')}
+
+
+def _played(schedule: Schedule, seed: int, faults: str) -> Recording:
+    return recording_of(record(schedule, device_named('paper', faults), seed=seed), schedule.name, EPOCH)
+
+
+def tutorial() -> Table:
+    """Return the tutorial's press: milliseconds, millimetres, psi above ambient; a dead band."""
+    recording = _played(surface_following(duration=20.0, seed=0), 0, 'effects_a.dead_band=300')
+    columns = {'t': 1e3 * recording.displacement.times, **_rows(recording, 1e-3, PSI, AMBIENT_PRESSURE)}
+    del columns['F']
+    layout = {
+        'table': {'time': {'column': 't', 'unit': 'ms'}, 'delimiter': 'comma', 'header_rows': 1},
+        'displacement': {'column': 'x', 'unit': 'mm'},
+        **_pressures('psi', 'gauge'),
+    }
+    return Table('tutorial', columns, layout)
+
+
+def rig() -> Table:
+    """Return a rig with a load cell: seconds, inches, absolute kPa; a leak."""
+    recording = _played(surface_following(duration=20.0, seed=1), 1, 'effects_a.leak_conductance=1e-10')
+    columns = {'t': recording.displacement.times, **_rows(recording, 0.0254, 1e3, 0.0)}
+    layout = {
+        'table': {'time': {'column': 't', 'unit': 's'}, 'delimiter': 'comma', 'header_rows': 1},
+        'displacement': {'column': 'x', 'unit': 'inch'},
+        **_pressures('kPa', 'absolute'),
+        'force': {'column': 'F', 'unit': 'N'},
+    }
+    return Table('rig', columns, layout)
+
+
+def measured() -> Table:
+    """Return a measured run of one cylinder, whose set-point was not recorded."""
+    rows = np.loadtxt(DATA / f'{MEASURED}.csv', skiprows=15)
+    columns = {'t': rows[:, 0], 'x': rows[:, 4], 'pA': rows[:, 5], 'F': rows[:, 6]}
+    layout = {
+        'table': {'time': {'column': 't', 'unit': 'ms'}, 'delimiter': 'comma', 'header_rows': 1},
+        'displacement': {'column': 'x', 'unit': 'mm', 'sign': -1},
+        'cylinder_a': {'pressure': {'column': 'pA', 'unit': 'bar', 'reference': 'gauge'}},
+        'force': {'column': 'F', 'unit': 'N'},
+    }
+    return Table('measured', columns, layout)
+
+
+TABLES: dict[str, Callable[[], Table]] = {'tutorial': cache(tutorial), 'rig': cache(rig), 'measured': cache(measured)}
+
+PRESSURES = ('cylinder_a.pressure', 'cylinder_b.pressure')
+SETPOINTS = ('cylinder_a.setpoint', 'cylinder_b.setpoint')
+
+
+def entries(**values: object) -> Change:
+    """Return a change of entries of the layout; their names have two underscores where the file has a level."""
+
+    def change(_columns: Columns, layout: Layout) -> None:
+        for name, value in values.items():
+            *levels, key = name.split('__')
+            part = layout
+            for level in levels:
+                part = part[level]
+            part[key] = value
+
+    return change
+
+
+def every(key: str, value: object, *paths: str) -> Change:
+    """Return a change of the same key in several parts of the layout."""
+    return entries(**{f'{path}.{key}'.replace('.', '__'): value for path in paths})
+
+
+def without(*paths: str) -> Change:
+    """Return a change that leaves parts of the layout out."""
+
+    def change(_columns: Columns, layout: Layout) -> None:
+        for path in paths:
+            *levels, key = path.split('.')
+            part = layout
+            for level in levels:
+                part = part[level]
+            del part[key]
+
+    return change
+
+
+def rows(choose: Callable[[Columns], Array | slice]) -> Change:
+    """Return a change that keeps some rows, in an order."""
+
+    def change(columns: Columns, _layout: Layout) -> None:
+        kept = choose(columns)
+        columns.update({name: values[kept] for name, values in columns.items()})
+
+    return change
+
+
+def other_device(columns: Columns, _layout: Layout) -> None:
+    """Let another piston, with a third more volume, go on after two thirds."""
+    late = columns['t'] > columns['t'][-1] * 2 / 3
+    middle = np.median(columns['pA'])
+    columns['pA'] = np.where(late, middle + 0.7 * (columns['pA'] - middle), columns['pA'])
+
+
+def columns_of(**names: str) -> Change:
+    """Return a change of which column a signal is in."""
+    return entries(**{f'{path}__column': name for path, name in names.items()})
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """
+    A mistake.
+
+    Attributes
+    ----------
+    on, what
+        Of which table, and in words.
+    change
+        What it does to table and layout.
+    codes
+        One of which has to be said, or of which the error has to be.
+    options
+        How it is identified.
+    twice
+        Whether the same recording is given twice.
+
+    """
+
+    on: str
+    what: str
+    change: Change
+    codes: tuple[str, ...]
+    options: Options = field(default=Options(close_loop=True))
+    twice: bool = False
+
+
+UNIT, REFERENCE, SETPOINT = ('unit_suspect',), ('reference_suspect',), ('setpoint_suspect',)
+SIGN, SWAPPED, ERROR = ('sign_suspect', 'cylinders_swapped'), ('cylinders_swapped', 'setpoint_suspect'), ('error',)
+
+
+def _of_both() -> Iterator[Mistake]:
+    """Yield mistakes with two cylinders, of the tutorial's table and of the rig's."""
+    for on in ('tutorial', 'rig'):
+        yield Mistake(on, 'mm or inch read as m', entries(displacement__unit='m'), UNIT)
+        yield Mistake(on, 'everything in bar', every('unit', 'bar', *PRESSURES, *SETPOINTS), UNIT)
+        yield Mistake(on, 'everything in Pa', every('unit', 'Pa', *PRESSURES, *SETPOINTS), (*UNIT, *REFERENCE))
+        yield Mistake(on, 'one pressure in bar', entries(cylinder_a__pressure__unit='bar'), UNIT)
+        yield Mistake(on, 'set-points absolute', every('reference', 'absolute', *SETPOINTS), REFERENCE)
+        swapped = columns_of(cylinder_a__pressure='setA', cylinder_a__setpoint='pA')
+        yield Mistake(on, 'pressure and set-point swapped', swapped, SETPOINT)
+        yield Mistake(on, "the other's set-point", columns_of(cylinder_a__setpoint='setB'), SETPOINT)
+        crossed = columns_of(cylinder_a__setpoint='setB', cylinder_b__setpoint='setA')
+        yield Mistake(on, 'set-points swapped', crossed, SWAPPED)
+        crossed = columns_of(cylinder_a__pressure='pB', cylinder_b__pressure='pA')
+        yield Mistake(on, 'pressures swapped', crossed, SWAPPED)
+        both = {'cylinder_a__pressure': 'pB', 'cylinder_b__pressure': 'pA'}
+        both |= {'cylinder_a__setpoint': 'setB', 'cylinder_b__setpoint': 'setA'}
+        yield Mistake(on, 'cylinders swapped', columns_of(**both), SIGN)
+        yield Mistake(on, 'displacement the other way', entries(displacement__sign=-1), SIGN)
+        yield Mistake(on, 'no set-points', without(*SETPOINTS), ('setpoint_assumed',))
+        yield Mistake(on, 'upside down', rows(lambda _: slice(None, None, -1)), ERROR)
+        yield Mistake(on, 'the same twice', entries(), ('duplicate_recording',), twice=True)
+        yield Mistake(on, 'another device from two thirds on', other_device, ('changed_during_recording',))
+        yield Mistake(on, 'every fortieth row', rows(lambda _: slice(None, None, 40)), ('sampling_slow',))
+
+
+def _of_one() -> Iterator[Mistake]:
+    """Yield mistakes that one of the tables allows."""
+    yield Mistake('tutorial', 'mm read as inch', entries(displacement__unit='inch'), UNIT)
+    yield Mistake('tutorial', 'mm read as um', entries(displacement__unit='um'), UNIT)
+    yield Mistake('tutorial', 'mm read as mil', entries(displacement__unit='mil'), UNIT)
+    yield Mistake('tutorial', 'ms read as s', entries(table__time__unit='s'), UNIT)
+    yield Mistake('tutorial', 'ms read as us', entries(table__time__unit='us'), UNIT)
+    yield Mistake('tutorial', 'psi read as kPa', every('unit', 'kPa', *PRESSURES, *SETPOINTS), UNIT)
+    yield Mistake('tutorial', 'one pressure in kPa', entries(cylinder_a__pressure__unit='kPa'), (*UNIT, *SETPOINT))
+    yield Mistake('tutorial', 'pressures in kPa', every('unit', 'kPa', *PRESSURES), (*UNIT, *SETPOINT))
+    everything = every('reference', 'absolute', *PRESSURES, *SETPOINTS)
+    yield Mistake('tutorial', 'everything absolute', everything, REFERENCE)
+    yield Mistake('tutorial', 'one pressure absolute', entries(cylinder_a__pressure__reference='absolute'), REFERENCE)
+    yield Mistake('tutorial', 'pressures absolute', every('reference', 'absolute', *PRESSURES), REFERENCE)
+    yield Mistake('rig', 'inch read as mm', entries(displacement__unit='mm'), UNIT)
+    yield Mistake('rig', 's read as ms', entries(table__time__unit='ms'), UNIT)
+    yield Mistake('rig', 'kPa read as psi', every('unit', 'psi', *PRESSURES, *SETPOINTS), (*UNIT, *SETPOINT))
+    yield Mistake('rig', 'pressures in psi', every('unit', 'psi', *PRESSURES), (*UNIT, *SETPOINT))
+    yield Mistake('rig', 'pressures gauge', every('reference', 'gauge', *PRESSURES), REFERENCE)
+    yield Mistake('rig', 'one pressure gauge', entries(cylinder_a__pressure__reference='gauge'), REFERENCE)
+    yield Mistake('rig', 'force the other way', entries(force__sign=-1), SIGN)
+    yield Mistake('rig', 'N read as kN', entries(force__unit='kN'), UNIT)
+    known = Options(close_loop=True, area=1.14e-3)
+    yield Mistake('rig', 'N read as lbf, area known', entries(force__unit='lbf'), ('area_suspect',), known)
+    half = Options(close_loop=True, area=0.5e-3)
+    yield Mistake('rig', 'half the area', entries(), ('area_suspect',), half)
+    ambient = Options(close_loop=True, ambient_pressure=2e4)
+    yield Mistake('rig', 'ambient pressure of 20 kPa', entries(), (*REFERENCE, 'setpoint_suspect'), ambient)
+
+
+def _of_measured() -> Iterator[Mistake]:
+    """Yield mistakes with a measured run."""
+    pressure = PRESSURES[0]
+    yield Mistake('measured', 'mm read as m', entries(displacement__unit='m'), UNIT)
+    yield Mistake('measured', 'mm read as inch', entries(displacement__unit='inch'), UNIT)
+    yield Mistake('measured', 'ms read as s', entries(table__time__unit='s'), UNIT)
+    yield Mistake('measured', 'bar read as psi', every('unit', 'psi', pressure), UNIT)
+    yield Mistake('measured', 'bar read as kPa', every('unit', 'kPa', pressure), UNIT)
+    yield Mistake('measured', 'bar read as MPa', every('unit', 'MPa', pressure), UNIT)
+    yield Mistake('measured', 'bar read as Pa', every('unit', 'Pa', pressure), UNIT)
+    yield Mistake('measured', 'displacement the other way', entries(displacement__sign=1), SIGN)
+    yield Mistake('measured', 'force the other way', entries(force__sign=-1), SIGN)
+    yield Mistake('measured', 'N read as kN', entries(force__unit='kN'), UNIT)
+    yield Mistake('measured', 'upside down', rows(lambda _: slice(None, None, -1)), ERROR)
+    yield Mistake('measured', 'the same twice', entries(), ('duplicate_recording',), twice=True)
+
+
+MISTAKES = (*_of_both(), *_of_one(), *_of_measured())
+
+
+@dataclass(frozen=True)
+class Answer:
+    """
+    What is said of a mistake.
+
+    Attributes
+    ----------
+    codes
+        Of what was said; `error` where it can't be used.
+    text
+        The first warning, or the error.
+    confident
+        Channels whose verdict is none that may be wrong.
+
+    """
+
+    codes: tuple[str, ...]
+    text: str
+    confident: tuple[str, ...]
+
+
+def answer(mistake: Mistake) -> Answer:
+    """Return what is said of a mistake."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            ambient = mistake.options.ambient_pressure
+            recording = TABLES[mistake.on]().recording(Path(folder), mistake.change, ambient)
+            found = identify([recording] * (2 if mistake.twice else 1), mistake.options)
+        except InputError as error:
+            suspected = (error.notice.code,) if isinstance(error, SuspectError) else ()
+            return Answer(('error', *suspected), str(error).removeprefix(folder), ())
+    sure = [one for one in found.closed if one.findings.verdict in ('effect_added', 'no_missing_effect')]
+    confident = [one.name for one in sure if one.findings.status == 'confirmed']
+    warnings = [one for one in found.notices if one.level == WARNING]
+    return Answer(
+        tuple(dict.fromkeys(one.code for one in warnings)), str(warnings[0]) if warnings else '', tuple(confident)
+    )
+
+
+def is_told(mistake: Mistake, said: Answer) -> bool:
+    """Return whether a mistake is noticed, or at least nothing is claimed."""
+    return not said.confident and bool({*said.codes} & {*mistake.codes, 'error'})
+
+
+def document(answers: Sequence[tuple[Mistake, Answer]], notes: str) -> str:
+    """Return the table of mistakes with what is said of each."""
+    told = sum(is_told(mistake, said) for mistake, said in answers)
+    lines = [(one.on, one.what, ', '.join(said.codes), said.text) for one, said in answers]
+    counts = Counter(code for _, said in answers for code in said.codes)
+    return '\n'.join(
+        [
+            '# Mistakes',
+            '',
+            'What `identify_bag` says of data that were read wrongly. Written by `make mistakes`; what stands under '
+            '"Notes" at the end is kept.',
+            '',
+            '- `tutorial`: the table of the tutorial, psi above ambient, a dead band. `rig`: absolute kPa, inches, a '
+            f'load cell, a leak. `measured`: a measured run of one cylinder, `{MEASURED}`.',
+            f'- {len(answers)} mistakes. Of {told} it is said what leads to the mend, and no verdict is confident.',
+            f'- Codes: {", ".join(f"`{code}` {count}" for code, count in counts.most_common())}. `error`: nothing is '
+            'identified, exit code 2.',
+            f'- Machine: {machine()}',
+            '',
+            table(('of', 'mistake', 'code', 'what is said first'), lines),
+            '',
+            notes,
+        ]
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Make each mistake, write the document; return 1 where one is not noticed."""
+    parser = argparse.ArgumentParser(prog='mistakes', description=__doc__.split('\n\n')[0])
+    parser.add_argument('--output', type=Path, default=ROOT / 'docs' / 'mistakes.md', help='document')
+    options = parser.parse_args(arguments)
+    answers = []
+    for mistake in MISTAKES:
+        answers.append((mistake, answer(mistake)))
+        print(f'{"told  " if is_told(*answers[-1]) else "MISSED"}  {mistake.on}: {mistake.what}: {answers[-1][1].text}')
+    write_text(options.output, document(answers, notes_in(options.output)))
+    return 0 if all(is_told(*one) for one in answers) else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())
