@@ -28,6 +28,9 @@ Array = NDArray[np.float64]
 CHAMBER_LENGTHS = (5e-3, 0.45)
 """Absolute pressure over `k_x`: how long a chamber of the piston's area would be [m]."""
 
+BORES = (3e-3, 0.2)
+"""Of a piston as force and pressure make it [m]."""
+
 _OTHER_AREA = 1.5  # times the one that was given, or the reverse
 _AN_ATMOSPHERE = 0.15  # share by which an offset may miss ambient pressure times area
 _PIECES = 10  # of a recording, whose errors are compared
@@ -175,6 +178,8 @@ def _of_force(result: ChannelResult, options: Options) -> Iterator[Notice]:
         )
     code = 'area_held' if told.reason else 'area_told'
     yield note(code, f'the force goes with a piston of {size}', 'check that against the drawing')
+    if not BORES[0] <= bore <= BORES[1]:
+        yield warning('unit_suspect', f'the force makes a piston of {size}', 'check the units of force and pressure')
     offset = result.found.model.effects.get('force_offset')
     if offset is not None and abs(abs(offset[0]) / area - options.ambient_pressure) < (
         _AN_ATMOSPHERE * options.ambient_pressure

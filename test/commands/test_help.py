@@ -71,4 +71,4 @@ def test_once_compiled_nothing_is_compiled_again(examples, tmp_path):
 def test_the_examples_work(examples):
     assert list(examples.said) == COMMANDS
     assert 'cylinder_a: Effect found. The model lacks leakage' in examples.said['identify_bag']
-    assert 'cylinder_a pressure 3' in examples.said['csv_to_bag']
+    assert 'cylinder_a pressure: 68.33 to 68.95 kPa gauge' in examples.said['csv_to_bag']

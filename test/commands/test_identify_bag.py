@@ -97,7 +97,8 @@ def test_closing_the_loop_writes_a_page_and_a_comparison_and_says_the_verdicts(b
         'insufficient_data': 'Not enough data',
     }
     for cylinder, block in report['cylinders'].items():
-        assert f'{cylinder}: {words[block["verdict"]]}.' in printed
+        beside = ', with a hypothesis' if block['status'] == 'hypothesis' else ''
+        assert f'{cylinder}: {words[block["verdict"]]}{beside}.' in printed
         assert words[block['verdict']] in page
         for effect in block['effects']:
             assert effect in printed
