@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from threading import Event, current_thread, main_thread
 from typing import TypeVar
 
@@ -13,6 +13,8 @@ LIMIT = 'OMP_NUM_THREADS'
 
 Item = TypeVar('Item')
 Result = TypeVar('Result')
+
+_GLANCE = 0.2  # between looks for an interrupt: one just before a wait without end is not seen until it ends [s]
 
 
 def threads() -> int:
@@ -44,11 +46,22 @@ def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         return list(map(unless_interrupted, pending))
     try:
         with ThreadPoolExecutor(workers) as pool:
+            futures: list[Future[Result]] = []
             try:
-                return list(pool.map(unless_interrupted, pending))
+                futures += [pool.submit(unless_interrupted, item) for item in pending]
+                return [_result_of(future) for future in futures]
             except KeyboardInterrupt:
                 _interrupted.set()
                 raise
+            finally:
+                for future in futures:
+                    future.cancel()
     finally:
         if current_thread() is main_thread():
             _interrupted.clear()
+
+
+def _result_of(future: Future[Result]) -> Result:
+    while not future.done():
+        wait([future], _GLANCE)
+    return future.result()
