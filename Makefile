@@ -68,7 +68,7 @@ monitor-figures: $(VENV)/.with-benchmark  ## false alarms and delays of the watc
 planning-document: $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
 	$(PY) -m studies.planning_document $(ARGS)
 
-interface-document: $(VENV)/.ready  ## write docs/interface.md, and the pages of --help
+interface-document: $(VENV)/.ready  ## write docs/interface.md, docs/mapping.md, and the pages of --help
 	$(PY) -m studies.interface_document $(ARGS)
 
 effects-document: $(VENV)/.ready  ## write docs/effects.md: every effect, and how it shows on the rig; 1 minute

@@ -30,6 +30,7 @@ from cfd_pneumatic.plant.table import COLUMNS, CSV_FILE, PARQUET_FILE
 from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.start import HELP
 from cfd_pneumatic.units import PSI, PSI_PER_INCH
+from studies import mapping_document
 from studies.documents import code, table
 from studies.help_pages import node_class, pages
 from studies.package_facts import ROOT, programs
@@ -351,9 +352,10 @@ def main() -> None:
     options = parser.parse_args()
     isolate()
     write_text(options.output, document())
+    mapping_document.write()
     for name, page in pages().items():
         write_text(HELP / f'{name}.txt', page)
-    print(f'{options.output} and {HELP}')
+    print(f'{options.output}, {mapping_document.DOCUMENT} and {HELP}')
 
 
 if __name__ == '__main__':

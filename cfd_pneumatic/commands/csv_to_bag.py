@@ -58,7 +58,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser = program.parser_of(
         NAME,
         'Make a ROS 2 bag of a table of measurements, in SI units. What the columns are and in which units stands in a '
-        'mapping file; all that it may hold is in cfd_pneumatic/recording/mapping.py.',
+        'mapping file; docs/mapping.md has all that it may hold.',
     )
     parser.add_argument('file', type=Path, metavar='FILE', help='text file with a row for each sample')
     parser.add_argument(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.options import Options
-from cfd_pneumatic.identification.readings import is_doubtful, other_reading
+from cfd_pneumatic.identification.readings import is_doubtful, left_of_force, other_reading
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import Recording
@@ -39,6 +39,7 @@ _CHANGED = 3.0  # times as large an error after a change as before, or the rever
 _ABOVE_NOISE = 2.0  # times the noise: what is smaller has not changed anything that matters
 _STEPS = 0.5  # share of what is left without a set-point that a staircase explains
 _LEAST_STEP = 5.0  # times the noise
+_TOLD_BY_FORCE = 0.05  # change of the force's error
 _MOST_TOLD = 5
 _MOST_STEPS = 40
 _LEAST_SHARE = 0.01  # of the sum of squares, that each further step explains
@@ -50,6 +51,7 @@ def doubts(
     """Return which mistakes recordings, and what was identified of them, look like; and what was assumed."""
     found = [*of_recordings(recordings, options)]
     cylinders = {name: one for name, one in results.items() if not isinstance(one.channel, Force)}
+    forces = [one for one in results.values() if isinstance(one.channel, Force)]
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in _of_chamber(one)]
     if not any_warning(found) and is_doubtful({name: one.fit for name, one in cylinders.items()}):
@@ -61,7 +63,7 @@ def doubts(
             found += _of_steps(one) if any(assumed) else []
     if not any_warning(found):
         found += [notice for one in results.values() for notice in _of_changes(one)]
-    forces = [one for one in results.values() if isinstance(one.channel, Force)]
+        found += [notice for one in cylinders.values() for notice in _of_delay(one, forces, recordings, options)]
     found += [notice for one in forces for notice in _of_force(one, options)]
     return tuple(found)
 
@@ -86,6 +88,32 @@ def _of_chamber(result: ChannelResult) -> Iterator[Notice]:
             f'{1e3 * length:.3g} mm long',
             'check the units of displacement and pressure',
         )
+
+
+def _of_delay(
+    result: ChannelResult, forces: Sequence[ChannelResult], recordings: Sequence[Recording], options: Options
+) -> Iterator[Notice]:
+    """Ask whether the pressure comes before the piston, which no air does, and what the force says of it."""
+    estimates = [result.parameters(name) for name in result.found.model.effects if result.channel.effects[name].delays]
+    for one in (held['delay'] for held in estimates if 'delay' in held):
+        if one.value is not None and one.interval is not None and one.interval[1] < 0.0:
+            message = f'{result.name}: a delay of {1e3 * one.value:.3g} ms has the pressure come before the piston'
+            ratios = [
+                left_of_force(recordings, force, options, one.value) / left_of_force(recordings, force, options)
+                for force in forces
+            ]
+            yield warning('size_suspect', message, _of_late_displacement(*ratios))
+
+
+def _of_late_displacement(ratio: float = 1.0) -> str:
+    """Return what to look at where a displacement seems late, by the force's error with it moved over that without."""
+    sensor, dynamics = "the filter and the clock of the displacement's sensor", 'dynamics that the model lacks'
+    if ratio > 1.0 + _TOLD_BY_FORCE:
+        against = f'with the displacement moved by that the error of the force grows to {100.0 * ratio:.0f} %'
+        return f'the delay stands for {dynamics}, as {against}'
+    if ratio < 1.0 - _TOLD_BY_FORCE:
+        return f'look at {sensor}, as moving it lowers the error of the force, too, to {100.0 * ratio:.0f} %'
+    return f'look at {sensor}; or the delay stands for {dynamics}'
 
 
 def _of_steps(result: ChannelResult) -> Iterator[Notice]:

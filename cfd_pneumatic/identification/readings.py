@@ -15,12 +15,14 @@ import numpy as np
 
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.channels.channel import Channel, Model
 from cfd_pneumatic.identification.channels.pressure import Pressure
 from cfd_pneumatic.identification.data.motion import observed_motion
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.data.split import split_recordings
 from cfd_pneumatic.identification.fit.fit import Fit, search
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
+from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
@@ -54,6 +56,17 @@ def other_reading(recordings: Sequence[Recording], options: Options) -> Notice |
     alike = [name for name, left in found.items() if left < 2.0 * least]
     code = 'sign_suspect' if all('sign' in name for name in alike) else 'cylinders_swapped'
     return warning(code, 'the pressures do not follow the piston as it is read', f'it fits {" or ".join(alike)}')
+
+
+def left_of_force(recordings: Sequence[Recording], result: ChannelResult, options: Options, by: float = 0.0) -> float:
+    """Return which share of its spread a force's model leaves with the displacement's stamps moved [s]."""
+    some = [_moved(_beginning(one), by) for one in recordings]
+    return _left_by(result.channel, some, options, result.found.model)
+
+
+def _moved(recording: Recording, by: float) -> Recording:
+    signal = recording.displacement
+    return replace(recording, displacement=Signal(signal.times + by, signal.values))
 
 
 def _readings(recordings: Sequence[Recording]) -> dict[str, Reading]:
@@ -113,22 +126,21 @@ def _beginning(recording: Recording) -> Recording:
 def _worst(recordings: Sequence[Recording], options: Options) -> float:
     """Return the share of its spread that the model leaves of the pressure that it fits worst."""
     try:
-        motions, strokes = zip(*(observed_motion(one) for one in recordings))
-        splits, _ = split_recordings(list(strokes), options.fractions)
-        shares = []
-        for channel in Pressure.found_in(recordings, options):
-            experiments = [
-                replace(channel.experiment(one, motion, split), index=rank)
-                for rank, (one, motion, split) in enumerate(zip(recordings, motions, splits))
-                if channel.signal(one) is not None
-            ]
-            likelihood = Likelihood.alike(channel, experiments)
-            found = [search(likelihood, start, *_ROUGH) for start in channel.starts(experiments)]
-            best = min(found, key=lambda one: one.cost)
-            shares.append(_left(likelihood.simulate(best.model), likelihood))
-        return max(shares)
+        return max(_left_by(one, recordings, options) for one in Pressure.found_in(recordings, options))
     except InputError:
         return math.inf
+
+
+def _left_by(channel: Channel, recordings: Sequence[Recording], options: Options, start: Model | None = None) -> float:
+    """Return what a rough fit of a channel's model leaves, as a share of the spread; it begins from its own starts."""
+    held = [one for one in recordings if channel.signal(one) is not None]
+    motions, strokes = zip(*(observed_motion(one) for one in held))
+    splits, _ = split_recordings(list(strokes), options.fractions)
+    experiments = [replace(channel.experiment(*one), index=rank) for rank, one in enumerate(zip(held, motions, splits))]
+    likelihood = Likelihood.alike(channel, experiments)
+    starts = channel.starts(experiments) if start is None else [start]
+    best = min((search(likelihood, one, *_ROUGH) for one in starts), key=lambda one: one.cost)
+    return _left(likelihood.simulate(best.model), likelihood)
 
 
 def _left(simulated: Sequence[np.ndarray], likelihood: Likelihood) -> float:

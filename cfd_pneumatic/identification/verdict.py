@@ -26,6 +26,14 @@ VERDICTS = ('effect_added', 'no_missing_effect', 'unexplained', 'insufficient_da
 STATUSES = ('confirmed', 'hypothesis')
 """How far a verdict is to be trusted."""
 
+_FAILINGS = {
+    'inputs': 'follows what drives the device',
+    'slow_inputs': 'follows it slowly, too',
+    'line': 'has a tone in it',
+    'level': 'wanders',
+    'ljung_box': 'has a longer memory than the noise',
+    'noise_floor': 'is larger than the noise',
+}
 _FEWEST_SAMPLES = 100  # of the train part: below, a dozen unknowns and a noise floor are not to be told apart
 _BLOCKS = 20
 _RESAMPLINGS = 2000
@@ -158,12 +166,14 @@ def verdict_of(
         for name in effects
     )
     falls = '' if ratio is None or interval is None else f'; with it the error {_change(ratio, interval)}'
-    failed = ', '.join(test.what for test in tests if test.decisive and not test.passed)
+    failed = ', '.join(_FAILINGS.get(test.name, test.what) for test in tests if test.decisive and not test.passed)
     if effects:
         why = f'the model lacks {named}{falls}'
-        left = f', and something that is not known here ({failed})' if failed else ', and what is left is noise'
+        left = ', and what is left is noise'
+        if failed:
+            left = f', and something that is not known here: what is left {failed}'
     elif failed:
-        why, left = 'the model lacks something that is none of the effects known here', f' ({failed})'
+        why, left = 'the model lacks something that is none of the effects known here', f': what is left {failed}'
     else:
         why, left = 'what the model leaves is noise', ': nothing is missing that these recordings could show'
     if failed or against:

@@ -149,6 +149,8 @@ def _count_late(times: NDArray[np.int64], name: str) -> int:
         if behind.max() > worst:
             worst, where = int(behind.max()), part.start + int(np.argmax(behind))
         latest = max(latest, times[part].max())
+    if worst > MAX_DISORDER * NANOSECONDS and late == len(times) - 1 and late > 1:
+        raise InputError(f'{name}: time runs backwards from the first sample to the last: turn the rows round')
     if worst > MAX_DISORDER * NANOSECONDS:
         raise InputError(
             f'{name}: time goes back by {worst / NANOSECONDS:.3f} s at sample {where + 1:,}: '

@@ -1,50 +1,7 @@
 """
 Mapping files: where a bag or a table of another make keeps the signals.
 
-A mapping is YAML, with an entry for each signal. For a bag::
-
-    types: msgs                  # folder with PACKAGE/msg/NAME.msg files, where the bag lacks its messages' definitions
-    displacement:
-      topic: /press/axes
-      field: axes[0].position    # obvious for JointState, FluidPressure, WrenchStamped, Float64; else needed
-      unit: inch
-      scale: 1/3.1736            # units in one raw unit: here inches in a volt
-      offset: -0.5               # in the same unit
-      sign: -1                   # +x grows cylinder A; -1 where the sensor's reading falls then
-    cylinder_a:
-      pressure:
-        topic: /press/analog
-        field: data[3]
-        unit: psi
-        scale: 25/5              # 25 psi in 5 V
-        reference: gauge         # or absolute
-        time_offset: -0.002      # seconds, added to the times
-        stamp: t_us              # where the time is, if not in a header; `receive` for the time of reception
-        stamp_unit: us
-      setpoint: {topic: /press/regulator, unit: bar, reference: gauge}
-    cylinder_b:
-      pressure: {topic: /press/pressure_b, unit: Pa, reference: absolute}
-    force: {topic: /press/load_cell, field: wrench.force.z, unit: N}
-    others:                      # what a measured channel of your own is of, by names of your own
-      tool_force: {topic: /press/second_cell, unit: N}
-
-For a table, with columns by number (from 1 on) or, where there are header rows, by name::
-
-    table:
-      time: {column: 1, unit: ms}
-      delimiter: ','             # white space if not given
-      header_rows: 1             # the last of them names the columns
-      skip_rows: 15              # samples dropped at the beginning
-    displacement: {column: laser, unit: mm, sign: -1}
-    cylinder_a:
-      pressure: {column: 6, unit: bar, reference: gauge}
-
-All rows of a table have the same number of fields, as many as the header has names; numbers have decimal points.
-
-A number becomes ``sign * (scale * raw + offset)`` in `unit`. `displacement` and the pressure of a cylinder are needed,
-the rest is optional. A `setpoint` acts from its time on; a `setpoint_applied` acted up to its time, since the one
-before. A topic without a leading slash is relative to the namespace that the reader is given. An array's entry that has
-a name can be given by it, as in ``position[piston]``.
+A mapping is YAML, with an entry for each signal; docs/mapping.md has examples, and all keys as they stand here.
 """
 
 from __future__ import annotations
@@ -66,9 +23,46 @@ _OF_CYLINDER = tuple(role.name for role in ROLES.values() if role.of_cylinder)
 _OF_DEVICE = tuple(role.name for role in ROLES.values() if not role.of_cylinder)
 _DELIMITERS = {'space': None, 'whitespace': None, 'tab': '\t', 'comma': ',', 'semicolon': ';'}
 
-_NUMBER_KEYS = ('unit', 'scale', 'offset', 'sign', 'time_offset')
-_TOPIC_KEYS = ('topic', 'field', 'stamp', 'stamp_unit')
-_TABLE_KEYS = ('time', 'delimiter', 'header_rows', 'skip_rows')
+TOP_KEYS = {
+    **{name: f'the {name}{", needed" if name == "displacement" else ""}' for name in _OF_DEVICE},
+    **dict.fromkeys(CYLINDERS, 'its `pressure`, which is needed, and `setpoint` or `setpoint_applied`'),
+    'others': 'measured channels of your own, by names of your own',
+    'table': 'layout of the table; without it the mapping is for bags',
+    'types': 'folder with `PACKAGE/msg/NAME.msg` files, where a bag lacks its messages’ definitions',
+}
+"""Keys of a mapping file."""
+
+NUMBER_KEYS = {
+    'unit': 'unit of the number; needed',
+    'scale': 'units in one raw unit, `25/5` for 25 psi in 5 V; 1 if not given',
+    'offset': 'added in the same unit, after the scale; 0 if not given',
+    'sign': '1, or -1 where the sensor counts the other way: +x grows cylinder A',
+    'time_offset': 'added to the times [s]; 0 if not given',
+}
+"""Keys of every signal."""
+
+PRESSURE_KEYS = {'reference': '`gauge` or `absolute`; needed'}
+"""Further keys of a pressure."""
+
+COLUMN_KEYS = {'column': 'number of the column, from 1 on, or its name where there are header rows; needed'}
+"""Further keys of a signal in a table."""
+
+TOPIC_KEYS = {
+    'topic': 'topic; without a leading slash it is relative to the namespace; needed',
+    'field': 'path of the number inside the message, such as `axes[0].position` or `position[piston]`; '
+    'not needed for JointState, FluidPressure, WrenchStamped and Float64',
+    'stamp': 'path of the time, where there is no header; `receive` for the time of reception',
+    'stamp_unit': 'unit of a stamp that is a plain number; seconds if not given',
+}
+"""Further keys of a signal in a bag."""
+
+TABLE_KEYS = {
+    'time': '`column` and `unit` of the time; needed',
+    'delimiter': f'one character, or one of {", ".join(_DELIMITERS)}; white space if not given',
+    'header_rows': 'rows before the numbers, the last of which names the columns; 0 if not given',
+    'skip_rows': 'rows of numbers to leave out at the beginning; 0 if not given',
+}
+"""Keys of `table`."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +96,7 @@ def read_mapping(path: Path | str) -> ChannelMapping:
     Parameters
     ----------
     path : Path or str
-        A YAML file as the module describes it.
+        A YAML file as docs/mapping.md describes it.
 
     Raises
     ------
@@ -204,7 +198,7 @@ class _Entry:
 
 
 def _mapping(path: Path, root: _Entry) -> ChannelMapping:
-    root.check_keys(*_OF_DEVICE, *CYLINDERS, 'others', 'table', 'types')
+    root.check_keys(*TOP_KEYS)
     table = _table(root.inner('table')) if 'table' in root else None
     root.inner('displacement')
     channels = [_channel(root.inner(role), role, None, table) for role in _OF_DEVICE if role in root]
@@ -226,7 +220,7 @@ def _mapping(path: Path, root: _Entry) -> ChannelMapping:
 
 
 def _table(entry: _Entry) -> TableFormat:
-    entry.check_keys(*_TABLE_KEYS)
+    entry.check_keys(*TABLE_KEYS)
     time = entry.inner('time')
     time.check_keys('column', 'unit')
     delimiter = entry.text('delimiter') if 'delimiter' in entry else 'space'
@@ -243,10 +237,10 @@ def _table(entry: _Entry) -> TableFormat:
 
 
 def _channel(entry: _Entry, role: str, cylinder: str | None, table: TableFormat | None) -> SignalSource:
-    source_keys = _TOPIC_KEYS if table is None else ('column',)
+    source_keys = TOPIC_KEYS if table is None else COLUMN_KEYS
     quantity = ROLES[role].quantity if role in ROLES else units.quantity(entry.text('unit'))
     pressure = quantity == 'pressure'
-    entry.check_keys(*source_keys, *_NUMBER_KEYS, *(('reference',) if pressure else ()))
+    entry.check_keys(*source_keys, *NUMBER_KEYS, *(PRESSURE_KEYS if pressure else ()))
     source = entry.text('topic') if table is None else entry.column()
     sign = entry.choice('sign', (1, -1)) if 'sign' in entry else 1
     unit = entry.unit(quantity) * (-1.0 if sign == -1 else 1.0)

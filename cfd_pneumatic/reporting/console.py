@@ -11,7 +11,7 @@ from rich.table import Table
 
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.wording import percent, qualified, sentence, verdict
+from cfd_pneumatic.identification.wording import percent, qualified, remainder, sentence, verdict
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.units import PSI
@@ -53,6 +53,8 @@ def _print_findings(result: ChannelResult, console: Console) -> None:
     console.print()
     headline = f'{result.name}: {verdict(findings.verdict)}{qualified(findings)}.'
     console.print(f'[{style}]{headline}[/] {escape(sentence(findings.why))}', highlight=False)
+    if findings.verdict == 'unexplained':
+        console.print(remainder(result), highlight=False, markup=False)
     if findings.effects:
         console.print(_effect_table(result))
     if findings.tried:
@@ -161,14 +163,14 @@ def _parameter_table(title: str, estimates: Sequence[Estimate]) -> Table:
 def _error_table(cylinder: str, result: ChannelResult) -> Table:
     without = ', without effects' if result.found.model.effects else ''
     table = Table(title=f'{cylinder}: simulated against measured pressure{without}', title_justify='left')
-    for heading in ('part', 'samples', 'RMSE, Pa', 'RMSE, mpsi', 'NRMSE, % of span'):
+    for heading in ('part', 'samples', 'RMSE, Pa', 'RMSE, psi', 'NRMSE, % of span'):
         table.add_column(heading, justify='left' if heading == 'part' else 'right')
     for index, part in enumerate(PARTS):
         error = result.before.get(part)
         if error is not None:
             count = sum(int((experiment.part == index).sum()) for experiment in result.experiments)
             table.add_row(
-                part, str(count), f'{error.rmse:.1f}', f'{1e3 * error.rmse / PSI:.1f}', f'{error.nrmse_percent:.2f}'
+                part, str(count), f'{error.rmse:.1f}', f'{error.rmse / PSI:.4f}', f'{error.nrmse_percent:.2f}'
             )
     table.caption = (
         f'span p99 - p1: {result.span:.0f} Pa ({result.span / PSI:.3f} psi); noise floor {result.noise.std:.1f} Pa'

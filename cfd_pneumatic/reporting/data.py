@@ -11,6 +11,7 @@ from typing import Any
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.tests import Test
+from cfd_pneumatic.identification.whereabouts import dependences
 from cfd_pneumatic.reporting.advice import next_plan
 
 SCHEMA = 1
@@ -135,6 +136,7 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         'alternatives': {effect: list(findings.alternatives.get(effect, ())) for effect in findings.effects},
         'after': _error_data(result.after, result),
         'after_over_before': _ratio_data(result),
+        'left': _left_data(result),
         'tried': [
             {
                 'effect': trial.effect,
@@ -149,6 +151,17 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         'residual_tests': {'before': _test_data(findings.tests_before), 'after': _test_data(findings.tests_after)},
         'not_visible': list(findings.not_visible),
         'next_experiment': findings.next_experiment,
+    }
+
+
+def _left_data(result: ChannelResult) -> dict[str, Any]:
+    """Return how large what is left is, and on what it depends."""
+    size = result.rmse(1)
+    return {
+        f'rmse_{result.quantity.key}': size,
+        'over_noise': size / result.noise.std,
+        'percent_of_span': 100.0 * size / result.span,
+        'depends_on': [{'on': one.on, 'share': one.share, 'look_at': one.suggestion} for one in dependences(result)],
     }
 
 

@@ -19,6 +19,7 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.autoregression import autocovariance
 from cfd_pneumatic.identification.residual.tests import SIGNIFICANCE
 from cfd_pneumatic.identification.result import Comparison
+from cfd_pneumatic.identification.whereabouts import Dependence, dependences
 from cfd_pneumatic.reporting.thinning import thinned
 from cfd_pneumatic.svg import Curve, Panel, chart
 
@@ -34,6 +35,18 @@ _HEADROOM = 0.5  # of an axis, for words
 _LAGS = 60  # samples
 _LAGS_BEFORE = 20  # samples
 _LONGEST_MEMORY = 500  # of a series of residuals or inputs [samples]
+_MOST_DEPENDENCES = 3
+_SIGNAL_UNITS = {
+    'position': (1e-3, ' [mm]'),
+    'piston speed': (1e-3, ' [mm/s]'),
+    'direction': (1.0, ''),
+    'pressure': (1e3, ', absolute [kPa]'),
+    'contact force': (1.0, ' [N]'),
+    'pressure difference': (1e3, ' [kPa]'),
+    'set-point': (1e3, ', absolute [kPa]'),
+    'valve error': (1e3, ' [kPa]'),
+    'time': (1.0, ' [s]'),
+}
 _BEGINS = 100_000  # of a zoom, that are compared
 _TWO_SIDED = float(-ndtri(SIGNIFICANCE / 2.0))
 
@@ -69,7 +82,27 @@ class Window:
 def pictures(result: ChannelResult, drawn: Sequence[Comparison]) -> dict[str, list[Picture]]:
     """Return the figures of a channel by their place on the page; whole recordings are shown of those `drawn`."""
     strips = [zoom_picture(result), *(record_picture(result, one) for one in drawn)]
-    return {'strips': strips, 'correlations': correlation_pictures(result)}
+    unexplained = result.findings.verdict == 'unexplained'
+    return {
+        'strips': strips,
+        'correlations': correlation_pictures(result),
+        'dependences': dependence_pictures(result) if unexplained else [],
+    }
+
+
+def dependence_pictures(result: ChannelResult) -> list[Picture]:
+    """Return the mean of what is left over the signals that it depends on most."""
+    return [_dependence_picture(result, one) for one in dependences(result)[:_MOST_DEPENDENCES]]
+
+
+def _dependence_picture(result: ChannelResult, found: Dependence) -> Picture:
+    small, (scale, unit) = result.quantity.small, _SIGNAL_UNITS.get(found.on, (1.0, ''))
+    at, mean = found.at / scale, found.mean / small.si
+    curves = [Curve(at, mean, AFTER, 1.2), Curve(at, mean, AFTER, 4.0, dots=True)]
+    text = f'{found.on} explains {100.0 * found.share:.0f} %: {found.suggestion}'
+    panel = Panel(f'residual [{small.unit}]', 160, curves, levels=[(0.0, 'var(--rule)')])
+    span = (float(at.min()), float(at.max()))
+    return Picture(chart([panel], PANEL, span, f'{found.on}{unit}', f'Mean of the residual. {text}.'), '', text)
 
 
 def record_picture(result: ChannelResult, comparison: Comparison) -> Picture:

@@ -91,6 +91,7 @@ def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
         'not_drawn': [comparison.name for comparison in result.comparisons[_MOST_RECORDINGS:]],
         'errors': list(_errors(result)),
         'live': live,
+        'remainder': wording.remainder(result),
         'rounds': [_round(trials) for trials in findings.rounds],
         'tests': _tests(findings.tests_before, findings.tests_after),
         'parameters': list(_gain_rows(result)),

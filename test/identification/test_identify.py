@@ -209,7 +209,7 @@ def test_the_table_shows_the_papers_units_beside_si(one):
     text = stream.getvalue()
     assert 'lbf/in^3' in text
     assert 'Pa/m' in text
-    assert 'mpsi' in text
+    assert 'RMSE, psi' in text
     assert 'psi) gauge' in text
 
 

@@ -48,7 +48,7 @@ def text_of(page):
 
 
 def test_the_sums_come_first(page):
-    assert re.search(r'devices 12 bags 72 devices changed 1 bags failed 1', text_of(page))
+    assert re.search(r'devices 12 bags 72 device changed 1 bags failed 1', text_of(page))
 
 
 def test_a_changed_device_is_marked_in_words(page):
@@ -98,7 +98,7 @@ def test_the_same_rows_give_the_same_page(page):
 
 def test_a_plant_of_failures_alone():
     page = index_page([{'device': 'cell', 'bag': 'a.mcap', **failure('does not exist')}])
-    assert 'devices 1 bags 1 devices changed 0 bags failed 1' in text_of(page)
+    assert 'device 1 bags 1 devices changed 0 bags failed 1' in text_of(page)
 
 
 def test_bags_without_a_time_go_by_their_names():

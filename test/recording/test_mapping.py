@@ -7,7 +7,6 @@ import pytest
 from recording_cases import EPOCH, ROOT, plain_messages, press_messages, press_types, write_bag, write_press_types
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import mapping as mapping_module
 from cfd_pneumatic.recording import read_mapping, read_recording
 from cfd_pneumatic.units import INCH, PSI
 
@@ -88,26 +87,6 @@ def test_volts_as_in_the_paper(tmp_path):
     displacement, pressure = written(tmp_path, text).channels
     assert displacement.si(np.array(3.1736), 0.0) == pytest.approx(INCH)
     assert pressure.si(np.array(5.0), 0.0) == pytest.approx(25 * PSI)
-
-
-def test_the_example_in_the_documentation_is_valid(tmp_path):
-    bag, table = (block for block in mapping_module.__doc__.split('::\n') if 'displacement:' in block)
-    (tmp_path / 'msgs').mkdir()
-    found = written(tmp_path, dedented(bag))
-    assert [channel.name for channel in found.channels] == [
-        'displacement',
-        'force',
-        'cylinder_a pressure',
-        'cylinder_a setpoint',
-        'cylinder_b pressure',
-        'tool_force',
-    ]
-    assert written(tmp_path, dedented(table)).table is not None
-
-
-def dedented(block):
-    lines = [line for line in block.splitlines() if line.startswith('    ')]
-    return '\n'.join(line[4:] for line in lines)
 
 
 def test_the_mapping_of_the_measured_data_is_valid():

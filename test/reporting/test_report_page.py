@@ -75,7 +75,7 @@ def test_table_headings_have_their_scope(page):
 
 def test_numbers_stand_in_both_units(page):
     text = text_of(page)
-    for word in ('Pa/m', 'lbf/in³', 'mpsi', 'lbf', '95 %', 'droop.slope'):
+    for word in ('Pa/m', 'lbf/in³', '[psi]', 'lbf', '95 %', 'droop.slope'):
         assert word in text
 
 

@@ -66,9 +66,7 @@ class Pressure(Channel):
     each grid time [Pa]. Each experiment has an `offset` of its set-point, and a `start` of the pressure above it [Pa].
     """
 
-    quantity = Quantity(
-        'pressure', 'pa', 'paper’s model', Scale('Pa', 1.0), Scale('mpsi', 1e-3 * PSI), Scale('kPa', 1e3)
-    )
+    quantity = Quantity('pressure', 'pa', 'paper’s model', Scale('Pa', 1.0), Scale('psi', PSI), Scale('kPa', 1e3))
     msgtype = FLUID_PRESSURE
     effects = PRESSURE_EFFECTS
     library = PRESSURE_EFFECTS
