@@ -122,7 +122,7 @@ def _section(name: str) -> Iterator[str]:
     yield table(['parameter', 'unit', 'meaning', 'range', 'off at', 'searched'], rows)
     others = dict.fromkeys(other for family in effect.families for other in FAMILIES[family] if other != name)
     taken = ', '.join(f'[`{other}`](#{other})' for other in others) or 'none of these, where the recording is lively'
-    yield f'- Acts on: {_place(name)}\n- To see it, record: {effect.shown_by}\n- May be taken for: {taken}'
+    yield f'- Acts on: {_place(name)}\n- To see it, record: {effect.advice}\n- May be taken for: {taken}'
     if name in ON_RIG:
         yield f'![How {name} shows]({PICTURES.name}/{name}.svg)'
         installed = ON_RIG[name]

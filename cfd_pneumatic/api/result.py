@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from rich.console import Console
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.device import Device
@@ -22,11 +19,11 @@ from cfd_pneumatic.identification.data.split import FRACTIONS
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import print_report, report_data, write_report
 from cfd_pneumatic.reporting.page import report_page
+from cfd_pneumatic.terminal import printed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_WIDTH = 110  # characters
 _FRAME = '<iframe srcdoc="{}" style="width: 100%; height: 80vh; border: 1px solid #ccc"></iframe>'
 
 
@@ -150,10 +147,7 @@ class Result:
 
     def __str__(self) -> str:
         """Return the tables, and the verdicts where the loop was closed."""
-        stream = io.StringIO()
-        console = Console(file=stream, width=_WIDTH, force_jupyter=False, color_system=None)
-        print_report(self.identification, console, self._live)
-        return stream.getvalue().rstrip()
+        return printed(lambda console: print_report(self.identification, console, self._live))
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, or the tables where the loop was not closed."""

@@ -160,13 +160,12 @@ def _identify(args: Sequence[str] | None) -> None:
 
 def _identify_together(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
     """Identify all bags as one."""
-    from rich.console import Console
-
     from cfd_pneumatic.files import make_folder
     from cfd_pneumatic.identification import identify
     from cfd_pneumatic.recording import read_recording
     from cfd_pneumatic.recording.inspection import described
     from cfd_pneumatic.reporting import next_plan, print_report, write_report
+    from cfd_pneumatic.terminal import terminal
 
     make_folder(arguments.output)
     with _progress(arguments.progress) as report:
@@ -186,7 +185,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         written = write_report(identification, arguments.output, full=arguments.full)
         report('done', 1.0)
     if arguments.progress != 'lines':
-        print_report(identification, Console(width=None if sys.stdout.isatty() else 120), written.live)
+        print_report(identification, terminal(), written.live)
         print(f'written: {", ".join(map(str, written.files))}')
         if not written.complete:
             print('The recording is long: compare.mcap holds minima and maxima. --full writes every sample.')
@@ -233,7 +232,7 @@ def _progress(style: str, *, remaining: bool = False) -> Iterator[Callable[[str,
         from rich.console import Console
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-        columns = [SpinnerColumn(), TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn()]
+        columns = [SpinnerColumn(), TextColumn('{task.description}', markup=False), BarColumn(), TimeElapsedColumn()]
         columns += [TimeRemainingColumn()] if remaining else []
         console = Console(stderr=True)
         with Progress(*columns, console=console, transient=True, speed_estimate_period=_LONG) as bar:

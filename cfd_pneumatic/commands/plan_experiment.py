@@ -31,27 +31,40 @@ def propose(arguments: Sequence[str] | None = None) -> None:
         If the parameter file can't be read, the limits leave nothing, or the folder can't be written.
 
     """
-    from rich.console import Console
-
     from cfd_pneumatic.device import Device
     from cfd_pneumatic.files import make_folder
-    from cfd_pneumatic.planning import Limits, Sensing, plan, read_sensing, usual_pressures
+    from cfd_pneumatic.planning import Limits, Sensing, plan, read_report, usual_pressures
     from cfd_pneumatic.planning.report import print_plan, write_plan
+    from cfd_pneumatic.terminal import terminal
 
     options = make_parser().parse_args(arguments)
     device = Device.load(options.parameters)
-    sensing = Sensing() if options.report is None else read_sensing(options.report, Sensing())
+    sensing, stroke = (Sensing(), Limits.stroke) if options.report is None else read_report(options.report)
     sensing = replace(sensing, **{name: value for name in _SENSING if (value := getattr(options, name)) is not None})
     pressures = usual_pressures(device) if options.pressures is None else tuple(options.pressures)
+    options.stroke = stroke if options.stroke is None else options.stroke
     limits = Limits(pressures, **{name: getattr(options, name) for name in _LIMITS})
     make_folder(options.output)
     found = plan(device, limits, sensing, options.wanted)
     files = write_plan(found, options.output)
-    console = Console(width=None if sys.stdout.isatty() else 120)
+    console = terminal()
     for name in device.assumed:
-        console.print(f'{name} is not in {options.parameters}: planned with Table 1', style='yellow', highlight=False)
+        console.print(f'{name} is not in {options.parameters}: planned with Table 1', style='yellow')
+    scope = f'planned for strokes of {1e3 * limits.stroke:.3g} mm, sampled at {sensing.sample_rate:g} Hz'
+    console.print(f'{scope}{_slowness(options.wanted, sensing.sample_rate)}')
     print_plan(found, console)
     print(f'written: {", ".join(map(str, files))}')
+
+
+def _slowness(wanted: Sequence[str], sample_rate: float) -> str:
+    """Return which effects a faster sampling than planned for [Hz] would show better, if any."""
+    from cfd_pneumatic.model.effects import EFFECTS
+
+    slow = [EFFECTS[name] for name in wanted if name in EFFECTS and EFFECTS[name].shown_at > sample_rate]
+    if not slow:
+        return ''
+    names, rate = ', '.join(one.name for one in slow), max(one.shown_at for one in slow)
+    return f'; better seen at --sample-rate {rate:g}: {names}'
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -84,9 +97,9 @@ def make_parser() -> argparse.ArgumentParser:
     cell.add_argument(
         '--stroke',
         type=float,
-        default=limits.stroke,
         metavar='M',
-        help='the piston stays between 0 and this [m]; may be negative (default: %(default)s)',
+        help='the piston stays between 0 and this [m]; may be negative '
+        f'(default: {limits.stroke:g}, or as far as it went in the report)',
     )
     cell.add_argument(
         '--speed', type=float, default=limits.speed, metavar='M/S', help='largest speed [m/s] (default: %(default)s)'
@@ -113,7 +126,7 @@ def make_parser() -> argparse.ArgumentParser:
         '--report',
         type=Path,
         metavar='FILE',
-        help='report.json of identify_bag to take the noise of the pressures and the sample rate from',
+        help='report.json of identify_bag to take the noise of the pressures, the sample rate and the stroke from',
     )
     for name, metavar, text, otherwise in (
         ('pressure_noise', 'PA', "standard deviation of the pressures' noise [Pa]", ", or the report's"),

@@ -201,5 +201,5 @@ def next_experiment(hidden: Sequence[str], library: Mapping[str, Effect], shorta
     """Return what to record to see effects that did not show."""
     if shortage is not None:
         return 'several strokes out and back, of two sizes, at two set-points'
-    advice = list(dict.fromkeys(library[name].shown_by for name in hidden if library[name].shown_by))
+    advice = list(dict.fromkeys(library[name].advice for name in hidden if library[name].advice))
     return '; '.join(advice)

@@ -12,7 +12,7 @@ Which experiment to do next: a schedule within the limits of a cell, and what it
     found.effects            # whether each would show, from which strength on, and what it could be mistaken for
 """
 
-from cfd_pneumatic.planning.device import read_sensing, usual_pressures
+from cfd_pneumatic.planning.device import read_report, usual_pressures
 from cfd_pneumatic.planning.limits import Limits, Sensing
 from cfd_pneumatic.planning.plan import WANTED, EffectPrediction, ParameterPrediction, Plan, plan, predict
 from cfd_pneumatic.planning.proposal import Proposal
@@ -27,6 +27,6 @@ __all__ = [
     'Sensing',
     'plan',
     'predict',
-    'read_sensing',
+    'read_report',
     'usual_pressures',
 ]

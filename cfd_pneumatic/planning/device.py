@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,9 +60,9 @@ def home_gains(device: Device, cylinder: str) -> Array:
     return points.at(device.initial_setpoints[cylinder]).table[0, 1:]
 
 
-def read_sensing(path: Path, sensing: Sensing) -> Sensing:
+def read_report(path: Path) -> tuple[Sensing, float]:
     """
-    Return what sensors see with the noise that a report of `identify_bag` found.
+    Return what sensors see as a report of `identify_bag` found it, and how far the piston went [m].
 
     Raises
     ------
@@ -75,10 +74,11 @@ def read_sensing(path: Path, sensing: Sensing) -> Sensing:
         report = json.loads(path.read_text(encoding='utf-8'))
         cylinders = report['cylinders'].values()
         noise = max(float(one['noise_floor_pa']) for one in cylinders)
-        rates = [float(one['displacement_samples']) / float(one['duration_s']) for one in report['recordings']]
+        rates = [(int(one['displacement_samples']) - 1) / float(one['duration_s']) for one in report['recordings']]
+        farthest = max((float(end) for one in report['recordings'] for end in one['travel_m']), key=abs)
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}; give the report.json of identify_bag') from error
     except (ValueError, LookupError, TypeError, AttributeError, ZeroDivisionError) as error:
         raise InputError(f'{path} is no report of identify_bag: give its report.json') from error
     # the floor is that of the residual: what the displacement's noise adds to it is in there
-    return replace(sensing, pressure_noise=noise, displacement_noise=0.0, sample_rate=float(round(min(rates))))
+    return Sensing(pressure_noise=noise, displacement_noise=0.0, sample_rate=float(round(min(rates)))), farthest

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Sequence
 from itertools import groupby
@@ -18,13 +17,13 @@ from cfd_pneumatic.files import make_folder, write_text
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.plan import EffectPrediction, ParameterPrediction, Plan
 from cfd_pneumatic.svg import Curve, Panel, chart
+from cfd_pneumatic.terminal import printed
 
 SCHEMA = 1
 
 SCHEDULE_FILE = 'schedule.csv'
 PLAN_FILE = 'plan.json'
 PICTURE_FILE = 'schedule.svg'
-_WIDTH = 110  # characters
 _COLOURS = {'blue': '#0a5fc2', 'orange': '#c2500f'}
 
 
@@ -55,7 +54,6 @@ def print_plan(plan: Plan, console: Console) -> None:
     console.print(
         f'{proposal.times[-1]:.1f} s in {plan.rounds} round{"s" if plan.rounds > 1 else ""}, each of: '
         f'{"; ".join(_counted(plan))}.',
-        highlight=False,
     )
     console.print(_parameter_table(plan.parameters))
     for channel, effects in groupby(plan.effects, key=lambda one: one.channel):
@@ -64,9 +62,7 @@ def print_plan(plan: Plan, console: Console) -> None:
 
 def plan_tables(plan: Plan) -> str:
     """Return what is printed of a plan."""
-    stream = io.StringIO()
-    print_plan(plan, Console(file=stream, width=_WIDTH, force_jupyter=False, color_system=None))
-    return stream.getvalue().rstrip()
+    return printed(lambda console: print_plan(plan, console))
 
 
 def _counted(plan: Plan) -> list[str]:

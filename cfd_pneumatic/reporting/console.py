@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
@@ -26,24 +26,24 @@ def print_report(
     """Print tables of parameters and errors, the paper's units beside SI, and the errors of a live simulation."""
     for recording in identification.recordings:
         for note in _merged(recording.health):
-            console.print(f'{recording.name}: {note}', style='yellow', markup=False, highlight=False)
+            console.print(f'{recording.name}: {note}', style='yellow')
     for notice in identification.notices:
         style = 'bold red' if notice.level == WARNING else 'yellow'
-        console.print(f'{notice.level}: {notice}', style=style, markup=False, highlight=False)
+        console.print(f'{notice.level}: {notice}', style=style)
     for cylinder, result in identification.cylinders.items():
         for title, estimates in _reported_gains(cylinder, result):
             console.print(_parameter_table(title, estimates))
         for note in result.notes:
-            console.print(note, style='yellow', highlight=False)
+            console.print(note, style='yellow')
         console.print(_error_table(cylinder, result))
     if identification.no_test is not None:
-        console.print(f'No test part: {identification.no_test}.', highlight=False)
+        console.print(f'No test part: {identification.no_test}.')
     for result in identification.closed:
         _print_findings(result, console)
     for name, error in live.items():
         small = identification.channels[name].quantity.small
         size = f'{error.rmse / small.si:.4g} {small.unit}'
-        console.print(f'{name}: live, as sim_node answers sample by sample, the error is {size}.', highlight=False)
+        console.print(f'{name}: live, as sim_node answers sample by sample, the error is {size}.')
 
 
 def _print_findings(result: ChannelResult, console: Console) -> None:
@@ -52,15 +52,15 @@ def _print_findings(result: ChannelResult, console: Console) -> None:
     style = _STYLES.get(findings.verdict, 'bold')
     console.print()
     headline = f'{result.name}: {verdict(findings.verdict)}{qualified(findings)}.'
-    console.print(f'[{style}]{headline}[/] {escape(sentence(findings.why))}', highlight=False)
+    console.print(Text.assemble((headline, style), ' ', sentence(findings.why)))
     if findings.verdict == 'unexplained':
-        console.print(remainder(result), highlight=False, markup=False)
+        console.print(remainder(result))
     if findings.effects:
         console.print(_effect_table(result))
     if findings.tried:
         console.print(_trial_table(result))
     if findings.next_experiment:
-        console.print(f'To see more, record: {findings.next_experiment}.', highlight=False, markup=False)
+        console.print(f'To see more, record: {findings.next_experiment}.')
 
 
 def _effect_table(result: ChannelResult) -> Table:

@@ -27,6 +27,7 @@ def report_data(identification: Identification, live: Mapping[str, PartError] = 
                 'name': recording.name,
                 'displacement_samples': recording.displacement.times.size,
                 'duration_s': float(recording.displacement.times[-1] - recording.displacement.times[0]),
+                'travel_m': [float(recording.displacement.values.min()), float(recording.displacement.values.max())],
                 'notes': list(recording.health),
             }
             for recording in identification.recordings

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 
@@ -72,6 +73,13 @@ def test_a_bag_becomes_a_report_and_parameters(bag, tmp_path, capsys):
     assert set(report['cylinders']) == {'cylinder_a', 'cylinder_b'}
     parameters = yaml.safe_load((output / 'parameters.yaml').read_text())['/**']['ros__parameters']
     assert parameters['cylinder_b']['k_x'] == [report['cylinders']['cylinder_b']['parameters']['k_x']['value']]
+
+
+def test_a_name_is_no_markup(bag, tmp_path, capsys):
+    odd = tmp_path / '[bold]press[7]:smile:'
+    shutil.copytree(bag, odd)
+    assert main([str(odd), '--output', str(tmp_path / 'out'), '--progress', 'none']) == 0
+    assert f'{odd.name}:' in capsys.readouterr().out
 
 
 def test_the_same_bag_gives_the_same_files(bag, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -84,6 +85,8 @@ def test_the_advice_of_identify_bag_runs_as_it_stands(tmp_path, capsys, monkeypa
     assert program == 'plan_experiment'
     assert 'operating_point' in arguments
     assert main([*arguments, '--duration', '5']) == 0
+    said = capsys.readouterr().out  # as in the recording
+    assert re.match(r'planned for strokes of 1[.]5\d mm, sampled at 500 Hz\n', said)
     assert {path.name for path in (found / 'next').iterdir()} >= FILES
     inside = json.loads((found / 'report.json').read_text())['next_plan']
     assert inside.replace('parameters.yaml', 'X') in command.replace(f"'{found}/parameters.yaml'", 'X').replace(

@@ -69,7 +69,7 @@ CYLINDER = {
     'before': errors('pa'),
     'notes': [str],
 }
-RECORDING = {'name': str, 'displacement_samples': int, 'duration_s': NUMBER, 'notes': [str]}
+RECORDING = {'name': str, 'displacement_samples': int, 'duration_s': NUMBER, 'travel_m': [NUMBER], 'notes': [str]}
 SPLIT = {'part': (str, OR_NONE), 'validation_from_s': NUMBER, 'test_from_s': NUMBER, 'strokes': {EACH: int}}
 REPORT = {
     'schema': int,

@@ -181,6 +181,8 @@ class Effect:
         Among effects that change the same value the lower comes first.
     shown_by
         What to record to see it, for people.
+    shown_at
+        How often to sample to see it, at least [Hz].
     equations
         What it does to the model, lines of LaTeX; its parameters stand there by their names.
     seen_against
@@ -201,6 +203,7 @@ class Effect:
     seen_against: str = 'time'
     families: tuple[str, ...] = ()
     shown_by: str = ''
+    shown_at: float = 0.0
     states: int = 0
     follows: str = ''
     rests_at_pressure: bool = False
@@ -213,6 +216,11 @@ class Effect:
     constant: bool = False
     as_constant: Callable[[float], tuple[float, ...]] | None = field(default=None, repr=False)
     rank: int = 50
+
+    @property
+    def advice(self) -> str:
+        """What to record to see it, and how often to sample, for people."""
+        return f'{self.shown_by}, sampled at {self.shown_at:g} Hz or more' if self.shown_at else self.shown_by
 
     @property
     def null(self) -> tuple[float, ...]:

@@ -1,0 +1,26 @@
+"""Consoles that print words as they are: brackets and colons in a file's name are no markup."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from rich.console import Console
+
+_WIDTH = 120  # characters, where there is no terminal
+_NARROW = 110  # characters, as text
+_AS_IT_IS: dict[str, Any] = {'markup': False, 'highlight': False, 'emoji': False}
+
+
+def terminal() -> Console:
+    """Return the console of standard output."""
+    return Console(width=None if sys.stdout.isatty() else _WIDTH, **_AS_IT_IS)
+
+
+def printed(work: Callable[[Console], None]) -> str:
+    """Return as text what is printed on a console."""
+    stream = io.StringIO()
+    work(Console(file=stream, width=_NARROW, force_jupyter=False, color_system=None, **_AS_IT_IS))
+    return stream.getvalue().rstrip()
