@@ -7,6 +7,7 @@ import pytest
 from drawn import CHANNEL, experiments_of, model
 from measured import MAPPING, ROOT, needs_measured_data
 
+from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.fit.fit import fit, search
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.loop import close_loop
@@ -90,3 +91,12 @@ def test_gains_that_follow_the_pressure_suit_four_pressures_at_once():
     errors = min((nrmse_of_test_part(experiments, CHANNEL.simulated(experiments, one)) for one in fits), key=max)
     print('\n1, 3, 5, 7 bar together:', ', '.join(f'{error:.2f} %' for error in errors))
     assert max(errors) <= 5.0
+
+
+def test_effects_that_do_worse_on_the_validation_part_are_no_alternatives():
+    """Seal friction and Stribeck friction are far apart there, however much of the force each of them takes."""
+    recording = read_recording(ROOT / 'friction' / 'O-ring257_3bar.csv', mapping=read_mapping(MAPPING))
+    (force,) = identify([recording], Options(close_loop=True)).closed[1:]
+    assert force.findings.verdict == 'unexplained'
+    assert force.findings.effects == ('seal_friction',)
+    assert force.findings.alternatives == {'seal_friction': ()}

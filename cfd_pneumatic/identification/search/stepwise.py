@@ -39,7 +39,7 @@ _LEAST_BIC_UNSEEN = 20.0  # where there is no validation part to agree
 _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by each further one
 _LEAST_DROP_OF_MORE = 0.10  # where more than noise is left: little finds a name by chance
 _BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
-_COMPARABLE = 0.5  # of what an effect takes, with which a rival is named where more than noise is left
+_ALIKE = 1.05  # times an effect's error, at which a rival is named where more than noise is left
 _SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
 _MOST_EFFECTS = 3
 _MOST_EFFECTS_UNSEEN = 2  # where there is no validation part: a single step
@@ -281,7 +281,7 @@ class Search:
                 gains = {rival: own - self.criterion(one, coefficients) for rival, one in rivals.items()}
                 ties = [rival for rival in gains if gains[rival] > -TIE]
                 if more_is_left:
-                    ties += [rival for rival, one in rivals.items() if comparable(one.rss, model.rss, rest.rss)]
+                    ties += [rival for rival, one in rivals.items() if alike(one, model)]
                 ties = sorted(set(ties), key=lambda rival: -gains[rival])
                 alternatives[name] = tuple(ties[:_MOST_ALTERNATIVES])
                 if ties and gains[ties[0]] > (better[0] if better else _BETTER):
@@ -301,9 +301,11 @@ def small_enough(tests: Sequence[Test]) -> bool:
     return explained(tests) and size <= _SMALL_ENOUGH
 
 
-def comparable(rival: float, own: float, without: float) -> bool:
-    """Return whether a rival takes a good part of what an effect takes, from sums of squares: one model is as wrong."""
-    return without - rival > _COMPARABLE * (without - own)
+def alike(rival: Candidate, own: Candidate) -> bool:
+    """Return whether a rival is as good on data that it was not fitted to; without such data, nearly so on its own."""
+    if rival.validation_rmse is None or own.validation_rmse is None:
+        return rival.rss < _ALIKE**2 * own.rss
+    return rival.validation_rmse < _ALIKE * own.validation_rmse
 
 
 def objection(gain: float, drop: float, rank: int, validation: float | None, reference: float | None) -> str | None:
