@@ -11,6 +11,9 @@ from cfd_pneumatic.plant.table import FAILED, Row
 UNTOLD = (FAILED, 'insufficient_data')
 """Verdicts that say nothing of the device: the next ones are compared with what was known before."""
 
+FEWEST_DEVICES = 3
+"""That may have something in common."""
+
 
 @dataclass(frozen=True)
 class Change:
@@ -85,6 +88,14 @@ def devices(rows: Sequence[Row]) -> list[Device]:
 def effects_of(row: Row) -> list[str]:
     """Return the effects that a row names."""
     return list(filter(None, (row.get('effects') or '').split(';')))
+
+
+def named_on_all(plant: Sequence[Device]) -> list[str]:
+    """Return the effects that every device's last bags show: these are the set-up's rather than one device's."""
+    if len(plant) < FEWEST_DEVICES:
+        return []
+    shown = [{name for part in device.parts for name in effects_of(part.now)} for device in plant]
+    return sorted(set.intersection(*shown))
 
 
 def _device(name: str, rows: Sequence[Row]) -> Device:

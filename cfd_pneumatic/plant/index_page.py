@@ -16,7 +16,7 @@ from cfd_pneumatic.identification import wording
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.plant.chart import Curve, drift_chart
-from cfd_pneumatic.plant.history import Change, Device, Part, devices, effects_of
+from cfd_pneumatic.plant.history import Change, Device, Part, devices, effects_of, named_on_all
 from cfd_pneumatic.plant.table import CSV_FILE, PARQUET_FILE, Row, column_of
 from cfd_pneumatic.reporting.template import rendered
 
@@ -60,6 +60,7 @@ def index_page(rows: Sequence[Row]) -> str:
         changed=sum(bool(device.changes) for device in plant),
         failures=[row for device in plant for row in device.failures],
         tally=_tally(plant),
+        common=[wording.spoken(name) for name in named_on_all(plant)],
         files=(CSV_FILE, PARQUET_FILE),
     )
 
@@ -114,7 +115,8 @@ def said(row: Row) -> str:
     """Return a verdict in words, with the effects that it names."""
     effects = ' and '.join(map(wording.spoken, effects_of(row)))
     verdict = wording.verdict(row['verdict'])
-    return f'{verdict}: {effects}' if effects else verdict
+    doubt = f' (in doubt: {row["warnings"].replace(";", ", ")})' if row.get('warnings') else ''
+    return f'{verdict}: {effects}{doubt}' if effects else f'{verdict}{doubt}'
 
 
 def _change(change: Change) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.model import NAMES
+from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
 from cfd_pneumatic.plant.table import FAILED, FITTED, Row, column_of
 from cfd_pneumatic.recording import read_recording
@@ -149,6 +150,7 @@ def rows_of(report: Mapping[str, Any], time: int | None, page: str) -> list[Row]
         'time': time,
         'duration_s': recording['duration_s'],
         'notes': '; '.join(recording['notes']),
+        'warnings': ';'.join(dict.fromkeys(one['code'] for one in report['warnings'] if one['level'] == WARNING)),
         'report': page,
     }
     parts = dict(report['cylinders'])
@@ -170,6 +172,7 @@ def _findings(part: Mapping[str, Any]) -> Row:
     ratio = part['after_over_before']
     return {
         'verdict': part['verdict'],
+        'status': part['status'],
         'reason': part['why'],
         'effects': ';'.join(part['effects']),
         'alternatives': ';'.join(rivals),

@@ -89,6 +89,8 @@ COLUMNS = (
     Column('part', 'text', 'cylinder_a, cylinder_b or force; empty where the bag failed'),
     Column('verdict', 'text', f'of closing the loop; {FITTED} where it stayed open, {FAILED} where there is no result'),
     Column('reason', 'text', 'why that is the verdict'),
+    Column('status', 'text', 'confirmed, or hypothesis where the verdict may be wrong'),
+    Column('warnings', 'text', 'which mistakes the bag looks like, by semicolons'),
     Column('effects', 'text', 'effects that the model lacks, by semicolons'),
     Column('alternatives', 'text', 'effects that the recording cannot tell from those, by semicolons'),
     Column('judged_on', 'text', 'samples that the errors are those of: test, or all where there is no test part'),

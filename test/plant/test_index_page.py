@@ -9,7 +9,7 @@ import pytest
 from generated import BAGS, FIRST, SHIFT
 from identified import closed, with_force
 
-from cfd_pneumatic.plant.index_page import index_page
+from cfd_pneumatic.plant.index_page import index_page, said
 from cfd_pneumatic.plant.job import failure, rows_of
 from cfd_pneumatic.reporting import report_data
 
@@ -49,6 +49,16 @@ def text_of(page):
 
 def test_the_sums_come_first(page):
     assert re.search(r'devices 12 bags 72 device changed 1 bags failed 1', text_of(page))
+
+
+def test_what_every_device_shows_is_the_set_ups(page):
+    assert 'Every device shows droop and seal friction. What all have is likely the set-up’s' in text_of(page)
+    assert 'Every device shows' not in index_page(rows_for(2, 6))
+
+
+def test_a_bag_in_doubt_is_said_to_be(page):
+    (row, *_) = rows_for(1, 1)
+    assert said({**row, 'warnings': 'unit_suspect'}).endswith(' (in doubt: unit_suspect)')
 
 
 def test_a_changed_device_is_marked_in_words(page):
