@@ -46,7 +46,7 @@ check: lint  ## style, types and the tests that a change usually needs: 2 minute
 fuzz: $(VENV)/.ready  ## run the property tests on random examples, twice as many
 	$(PY) -m pytest -m hypothesis --hypothesis-profile=random $(ARGS)
 
-mistakes: $(VENV)/.ready  ## make each mistake that users make, write docs/mistakes.md; 4 minutes
+mistakes: $(VENV)/.ready  ## make each mistake that users make, write docs/mistakes.md; 15 minutes
 	$(PY) -m studies.mistakes $(ARGS)
 
 demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify the recording
