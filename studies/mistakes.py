@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import argparse
 import copy
+import io
+import json
 import multiprocessing
 import os
 import sys
@@ -16,7 +18,8 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,12 +29,12 @@ import yaml
 from numpy.typing import NDArray
 from rich.progress import track
 
+from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.notices import WARNING, SuspectError
-from cfd_pneumatic.recording import Recording, Signal, read_mapping, read_recording, recording_of
+from cfd_pneumatic.notices import WARNING
+from cfd_pneumatic.recording import Recording, Signal, recording_of
 from cfd_pneumatic.rig import Schedule, device_named, out_and_back, paper_step, record, surface_following
 from studies.documents import notes_in, table
 from studies.provenance import ROOT, machine
@@ -40,6 +43,8 @@ Array = NDArray[np.float64]
 Columns = dict[str, Array]
 Layout = dict[str, Any]
 Change = Callable[[Columns, Layout], None]
+
+SURE = ('effect_added', 'no_missing_effect')
 
 DATA = Path(os.environ.get('CFD_PNEUMATIC_DATA', ROOT.parent / 'shared' / 'data')) / 'pneumatic_actuator' / 'friction'
 MEASURED = 'O-ring257_3bar'
@@ -69,15 +74,15 @@ class Table:
     columns: Columns
     layout: Layout
 
-    def recording(self, folder: Path, change: Change, ambient_pressure: float = AMBIENT_PRESSURE) -> Recording:
-        """Return what is read of the table after a change, written and read as a user's [ambient pressure: Pa]."""
+    def written(self, folder: Path, change: Change) -> tuple[Path, Path]:
+        """Write the table and its mapping after a change; return where they are."""
         columns, layout = dict(self.columns), copy.deepcopy(self.layout)
         change(columns, layout)
         table, mapping = folder / f'{self.name}.csv', folder / f'{self.name}.yaml'
         head = ','.join(columns)
         np.savetxt(table, np.column_stack(list(columns.values())), fmt='%.9g', delimiter=',', header=head, comments='')
         mapping.write_text(yaml.safe_dump(layout), encoding='utf-8')
-        return read_recording(table, mapping=read_mapping(mapping), ambient_pressure=ambient_pressure)
+        return table, mapping
 
 
 def _held(signal: Signal, times: Array) -> Array:
@@ -224,8 +229,8 @@ class Mistake:
         What it does to table and layout.
     codes
         One of which has to be said, or of which the error has to be.
-    options
-        How it is identified.
+    arguments
+        Further ones of the program.
     twice
         Whether the same recording is given twice.
 
@@ -235,7 +240,7 @@ class Mistake:
     what: str
     change: Change
     codes: tuple[str, ...]
-    options: Options = field(default=Options(close_loop=True))
+    arguments: tuple[str, ...] = ()
     twice: bool = False
 
 
@@ -291,11 +296,11 @@ def _of_one() -> Iterator[Mistake]:
     yield Mistake('rig', 'one pressure gauge', entries(cylinder_a__pressure__reference='gauge'), REFERENCE)
     yield Mistake('rig', 'force the other way', entries(force__sign=-1), SIGN)
     yield Mistake('rig', 'N read as kN', entries(force__unit='kN'), UNIT)
-    known = Options(close_loop=True, area=1.14e-3)
+    known = ('--area', '1.14e-3')
     yield Mistake('rig', 'N read as lbf, area known', entries(force__unit='lbf'), ('area_suspect',), known)
-    half = Options(close_loop=True, area=0.5e-3)
+    half = ('--area', '0.5e-3')
     yield Mistake('rig', 'half the area', entries(), ('area_suspect',), half)
-    ambient = Options(close_loop=True, ambient_pressure=2e4)
+    ambient = ('--ambient-pressure', '2e4')
     yield Mistake('rig', 'ambient pressure of 20 kPa', entries(), (*REFERENCE, 'setpoint_suspect'), ambient)
 
 
@@ -319,6 +324,18 @@ def _of_measured() -> Iterator[Mistake]:
 MISTAKES = (*_of_both(), *_of_one(), *_of_measured())
 
 
+WORDS = {
+    'unit_suspect': 'unit',
+    'reference_suspect': 'reference',
+    'setpoint_suspect': 'set-point',
+    'sign_suspect': 'sign',
+    'cylinders_swapped': 'swapped',
+    'sampling_slow': 'sample',
+    'error': 'time runs backwards',
+}
+"""What an error says instead of a code."""
+
+
 @dataclass(frozen=True)
 class Answer:
     """
@@ -327,9 +344,9 @@ class Answer:
     Attributes
     ----------
     codes
-        Of what was said; `error` where it can't be used.
+        Of the warnings; `error` where nothing is identified.
     text
-        The first warning, or the error.
+        The warning that belongs to the mistake, or else the first; or the error.
     confident
         Channels whose verdict is none that may be wrong.
 
@@ -341,25 +358,30 @@ class Answer:
 
 
 def answer(mistake: Mistake) -> Answer:
-    """Return what is said of a mistake."""
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            ambient = mistake.options.ambient_pressure
-            recording = TABLES[mistake.on]().recording(Path(folder), mistake.change, ambient)
-            found = identify([recording] * (2 if mistake.twice else 1), mistake.options)
-        except InputError as error:
-            suspected = (error.notice.code,) if isinstance(error, SuspectError) else ()
-            return Answer(('error', *suspected), str(error).removeprefix(folder), ())
-    sure = [one for one in found.closed if one.findings.verdict in ('effect_added', 'no_missing_effect')]
-    confident = [one.name for one in sure if one.findings.status == 'confirmed']
-    warnings = [one for one in found.notices if one.level == WARNING]
-    first = next((one for one in warnings if one.code in mistake.codes), warnings[0] if warnings else '')
-    return Answer(tuple(dict.fromkeys(one.code for one in warnings)), str(first), tuple(confident))
+    """Return what the program says of a mistake."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        table, mapping = TABLES[mistake.on]().written(folder, mistake.change)
+        given = [str(table)] * (2 if mistake.twice else 1)
+        arguments = [*given, '--mapping', str(mapping), '--close-loop', '--output', str(folder / 'out')]
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()) as errors:
+            done = identify_bag([*arguments, *mistake.arguments])
+        if done:
+            return Answer(('error',), errors.getvalue().strip().replace(f'{folder}/', ''), ())
+        report = json.loads((folder / 'out' / 'report.json').read_text(encoding='utf-8'))
+    channels = {**report['cylinders'], **({'force': report['force']} if 'force' in report else {})}
+    confident = [one for one, own in channels.items() if own['verdict'] in SURE and own['status'] == 'confirmed']
+    warnings = [one for one in report['warnings'] if one['level'] == WARNING]
+    first = next((one for one in warnings if one['code'] in mistake.codes), warnings[0] if warnings else None)
+    text = f'{first["message"]}: {first["fix"]}' if first else ''
+    return Answer(tuple(dict.fromkeys(one['code'] for one in warnings)), text, tuple(confident))
 
 
 def is_told(mistake: Mistake, said: Answer) -> bool:
-    """Return whether a mistake is noticed, or at least nothing is claimed."""
-    return not said.confident and bool({*said.codes} & {*mistake.codes, 'error'})
+    """Return whether a mistake is noticed, and nothing is claimed."""
+    if 'error' in said.codes:
+        return any(WORDS[code] in said.text for code in mistake.codes)
+    return not said.confident and bool({*said.codes} & {*mistake.codes})
 
 
 def warnings_of_clean(seed: int) -> list[str]:

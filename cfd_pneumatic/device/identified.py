@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS, SUPPLY_PRESSURE
-from cfd_pneumatic.device.descriptors import Value
+from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification
 from cfd_pneumatic.model import SPECS
@@ -53,6 +53,7 @@ def identified_device(identification: Identification) -> Device:
             values[f'{CONTACT_FORCE}.seal_play'] = min(_SEAL_PLAY * noise, _LARGEST_SEAL_PLAY)
             notes[f'{CONTACT_FORCE}.seal_play'] = "three standard deviations of the displacement's noise"
         _add_effects(CONTACT_FORCE, effects, FORCE_EFFECTS, values)
+    _hold_within_ranges(values, notes)
     return Device(values, notes)
 
 
@@ -150,6 +151,15 @@ def _add_effects(
         values[f'{prefix}.{name}.enabled'] = True
         for parameter, value in zip(library[name].parameters, own):
             values[f'{prefix}.{name}.{parameter.name}'] = _within(value, parameter.lower, parameter.upper)
+
+
+def _hold_within_ranges(values: Values, notes: Notes) -> None:
+    """Hold at its bound what no device has, lest a report of data that were read wrongly come to nothing."""
+    for name, value in values.items():
+        if isinstance(value, float):
+            values[name] = _within(value, DESCRIPTORS[name].lower, DESCRIPTORS[name].upper)
+            if values[name] != value:
+                notes[name] = f'held here: {value:g} was found, which no device has; report.json has a warning'
 
 
 def _within(value: float, lower: float, upper: float) -> float:

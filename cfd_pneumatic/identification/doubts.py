@@ -18,9 +18,9 @@ from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.readings import is_doubtful, left_of_force, other_reading
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
-from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.recording import Recording, Signal
+from cfd_pneumatic.recording.inspection import LENGTHS, duplicates, in_other_units, shown_length
 from cfd_pneumatic.recording.inspection import doubts as doubts_of_recording
-from cfd_pneumatic.recording.inspection import duplicates
 from cfd_pneumatic.units import INCH
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ def doubts(
     cylinders = {name: one for name, one in results.items() if not isinstance(one.channel, Force)}
     forces = [one for one in results.values() if isinstance(one.channel, Force)]
     if not any_warning(found):
-        found += [notice for one in cylinders.values() for notice in _of_chamber(one)]
+        found += [notice for one in cylinders.values() for notice in _of_chamber(one, recordings[0].displacement)]
     if not any_warning(found) and is_doubtful({name: one.fit for name, one in cylinders.items()}):
         other = other_reading(recordings, options)
         found += [other] if other is not None else []
@@ -74,7 +74,7 @@ def of_recordings(recordings: Sequence[Recording], options: Options) -> tuple[No
     return (*dict.fromkeys(alone), *duplicates(recordings))
 
 
-def _of_chamber(result: ChannelResult) -> Iterator[Notice]:
+def _of_chamber(result: ChannelResult, displacement: Signal) -> Iterator[Notice]:
     """Ask whether the chamber has a size that a cylinder may have."""
     estimate = result.gains[0] if result.gains else result.fit.estimates[0]
     if estimate.value is None:
@@ -85,8 +85,9 @@ def _of_chamber(result: ChannelResult) -> Iterator[Notice]:
         yield warning(
             'unit_suspect',
             f'{result.name}: k_x of {estimate.value:.3g} Pa/m at {1e-3 * pressure:.4g} kPa is that of a chamber '
-            f'{1e3 * length:.3g} mm long',
-            'check the units of displacement and pressure',
+            f'{shown_length(length)} long',
+            'check the units of pressure and displacement'
+            + in_other_units(length, CHAMBER_LENGTHS, displacement.unit, LENGTHS, shown_length),
         )
 
 
@@ -109,10 +110,10 @@ def _of_late_displacement(ratio: float = 1.0) -> str:
     """Return what to look at where a displacement seems late, by the force's error with it moved over that without."""
     sensor, dynamics = "the filter and the clock of the displacement's sensor", 'dynamics that the model lacks'
     if ratio > 1.0 + _TOLD_BY_FORCE:
-        against = f'with the displacement moved by that the error of the force grows to {100.0 * ratio:.0f} %'
-        return f'the delay stands for {dynamics}, as {against}'
+        against = f'moving the displacement by it makes the error of the force grow to {100.0 * ratio:.0f} %'
+        return f'the delay stands for {dynamics}: {against}'
     if ratio < 1.0 - _TOLD_BY_FORCE:
-        return f'look at {sensor}, as moving it lowers the error of the force, too, to {100.0 * ratio:.0f} %'
+        return f'look at {sensor}: moving the displacement by it lowers the error of the force to {100.0 * ratio:.0f} %'
     return f'look at {sensor}; or the delay stands for {dynamics}'
 
 

@@ -136,12 +136,12 @@ def _notice_of(error: InputError) -> Notice:
 
 
 def _with_what_it_looks_like(error: InputError, recordings: Sequence[Recording], options: Options) -> InputError:
-    """Return the mistakes that recordings look like, and the error that they end in."""
+    """Return the mistakes that recordings look like, and the error that they end in if nothing is mended."""
     seen = [one for one in of_recordings(recordings, options) if one.level == WARNING]
     if not seen:
         return error
     first, *others = seen
-    return SuspectError(replace(first, fix='; '.join([first.fix, *map(str, others), str(error)])))
+    return SuspectError(replace(first, fix='; '.join([first.fix, *map(str, others), f'as it is read now, {error}'])))
 
 
 def _identified(channel: Channel, data: Prepared, options: Options) -> ChannelResult:

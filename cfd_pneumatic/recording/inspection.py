@@ -8,7 +8,7 @@ of them has most likely named a wrong unit, a wrong reference or a wrong column.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.notices import Notice, note, warning
 from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
 from cfd_pneumatic.recording.wording import counted
-from cfd_pneumatic.units import PSI
+from cfd_pneumatic.units import PSI, UNITS
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,9 @@ PERIODS = (4e-5, 0.5)
 
 GAUGE_PRESSURES = (1.5e4, 1e6)
 """At which a regulator holds a cylinder [Pa]."""
+
+LENGTHS = ('m', 'mm', 'um', 'inch')
+"""Units in which people record a displacement."""
 
 _BELOW_AMBIENT = -5e3  # gauge; no regulator holds a vacuum [Pa]
 _OFF_SETPOINT = 1e4  # by which a pressure at rest may miss its set-point [Pa]
@@ -97,14 +100,15 @@ def _of_motion(displacement: Signal) -> Iterator[Notice]:
     if stroke > STROKES[1] or 0.0 < stroke < STROKES[0]:
         yield warning(
             'unit_suspect',
-            f'the piston moves {_length(stroke)}',
-            f'check the unit of the displacement{_instead(stroke, STROKES, _LENGTHS)}',
+            f'the piston moves {shown_length(stroke)}',
+            'check the unit of the displacement'
+            + in_other_units(stroke, STROKES, displacement.unit, LENGTHS, shown_length),
         )
     if period and not PERIODS[0] <= period <= PERIODS[1]:
         yield warning(
             'unit_suspect',
             f'a sample every {period:.3g} s, {float(np.ptp(displacement.times)):.4g} s in all',
-            f'check the unit of the time{_instead(period, PERIODS, _TIMES)}',
+            'check the unit of the time' + _were_it(period, PERIODS, _SCALES, lambda value: f'{value:.3g} s'),
         )
     values = displacement.values[:_MOST_LOOKED_AT]
     spread = float(np.std(values))
@@ -128,12 +132,13 @@ def _of_pressure(
             f'{name}: the pressure moves in steps, and the set-point at every sample',
             'swap pressure and set-point',
         )
-    elif off is not None and abs(abs(off) - ambient) < _AN_ATMOSPHERE * ambient:
+    elif off is not None and abs(abs(off) - ambient) < _AN_ATMOSPHERE * ambient and gauge < GAUGE_PRESSURES[1]:
+        higher, lower = ('pressure', 'set-point') if off > 0.0 else ('set-point', 'pressure')
         yield warning(
             'reference_suspect',
             f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point, '
             'an atmosphere',
-            f'one of the two is {"gauge" if off > 0.0 else "absolute"} and said to be the other: check both references',
+            f'the {higher} is absolute and said to be gauge, or the {lower} gauge and said to be absolute',
         )
     elif gauge < _BELOW_AMBIENT:
         yield warning(
@@ -141,18 +146,33 @@ def _of_pressure(
             f'{name}: the pressure is mostly {gauge / 1e3:.4g} kPa gauge, below ambient, which no regulator holds',
             'check whether it was measured against ambient (`reference: gauge`), its unit, and the ambient pressure',
         )
-    elif not GAUGE_PRESSURES[0] <= gauge <= GAUGE_PRESSURES[1]:
-        yield warning(
+    elif unusual := _of_level(name, 'pressure', own.pressure, ambient):
+        yield from unusual
+        if own.setpoint is not None:
+            yield from _of_level(name, 'set-point', own.setpoint, ambient)
+    elif own.setpoint is not None and off is not None and abs(off) > max(_OFF_SETPOINT, _OFF_SHARE * gauge):
+        yield from _of_level(name, 'set-point', own.setpoint, ambient) or [
+            warning(
+                'setpoint_suspect',
+                f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point',
+                _whose(name, own, cylinders),
+            )
+        ]
+
+
+def _of_level(name: str, what: str, signal: Signal, ambient: float) -> list[Notice]:
+    """Ask whether a pressure or a set-point lies where a regulator holds a cylinder."""
+    gauge = float(np.median(_some(signal.values))) - ambient
+    if GAUGE_PRESSURES[0] <= gauge <= GAUGE_PRESSURES[1]:
+        return []
+    return [
+        warning(
             'unit_suspect',
-            f'{name}: the pressure is mostly {gauge / 1e3:.4g} kPa gauge ({gauge / PSI:.3g} psi)',
-            f'check the unit of the pressure{_instead(gauge, GAUGE_PRESSURES, _PRESSURES)}',
+            f'{name}: the {what} is mostly {gauge / 1e3:.4g} kPa gauge ({gauge / PSI:.3g} psi)',
+            f'check the unit of the {what}'
+            + in_other_units(gauge, GAUGE_PRESSURES, signal.unit, _PRESSURES, _pressure),
         )
-    elif off is not None and abs(off) > max(_OFF_SETPOINT, _OFF_SHARE * gauge):
-        yield warning(
-            'setpoint_suspect',
-            f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point',
-            _whose(name, own, cylinders),
-        )
+    ]
 
 
 def _whose(name: str, own: CylinderSignals, cylinders: Mapping[str, CylinderSignals]) -> str:
@@ -213,22 +233,39 @@ def _period(signal: Signal) -> float:
     return float(np.median(np.diff(signal.times[:_MOST_LOOKED_AT]))) if len(signal) > 1 else 0.0
 
 
-_LENGTHS = {'m': 1.0, 'mm': 1e-3, 'um': 1e-6, 'inch': 0.0254}
-_TIMES = {'s': 1.0, 'ms': 1e-3, 'us': 1e-6}
-_PRESSURES = {'Pa': 1.0, 'kPa': 1e3, 'psi': PSI, 'bar': 1e5, 'MPa': 1e6}
+_PRESSURES = ('Pa', 'kPa', 'psi', 'bar', 'MPa')
+_SCALES = {
+    'with a thousandth of it': 1e-3,
+    'with a millionth of it': 1e-6,
+    'with a thousand times it': 1e3,
+    'with a million times it': 1e6,
+}
 
 
-def _length(metres: float) -> str:
+def shown_length(metres: float) -> str:
+    """Return a length [m] in a unit that suits it."""
     return f'{metres:.3g} m' if metres >= 1.0 else f'{1e3 * metres:.3g} mm'
 
 
-def _instead(value: float, usual: tuple[float, float], units: Mapping[str, float]) -> str:
-    """Return which mistakes of the unit would explain a value best."""
+def _pressure(pascals: float) -> str:
+    return f'{1e-3 * pascals:.4g} kPa'
+
+
+def in_other_units(
+    value: float, usual: tuple[float, float], declared: str | None, names: Sequence[str], shown: Callable[[float], str]
+) -> str:
+    """Return what a value would be, were it recorded in another unit than is said, as far as that is usual."""
+    said = UNITS[declared].si if declared else 1.0
+    others = {f'if recorded in {name}': UNITS[name].si / said for name in names if name != declared}
+    return _were_it(value, usual, others, shown)
+
+
+def _were_it(
+    value: float, usual: tuple[float, float], factors: Mapping[str, float], shown: Callable[[float], str]
+) -> str:
+    """Return what a value would be with other factors, the likeliest first, as far as that is usual."""
     low, high = usual
-    fitting = {
-        f'{right} read as {wrong}': abs(math.log(value * right_si / wrong_si / math.sqrt(low * high)))
-        for wrong, wrong_si in units.items()
-        for right, right_si in units.items()
-        if right != wrong and low <= value * right_si / wrong_si <= high
-    }
-    return f' ({" or ".join(sorted(fitting, key=fitting.__getitem__)[:_MOST_GUESSES])}?)' if fitting else ''
+    fitting = {name: value * factor for name, factor in factors.items() if low <= value * factor <= high}
+    likely = sorted(fitting, key=lambda name: abs(math.log(fitting[name] / math.sqrt(low * high))))[:_MOST_GUESSES]
+    each = ' or '.join(f'{shown(fitting[name])} {name}' for name in likely)
+    return f' (it would be {each})' if each else ''

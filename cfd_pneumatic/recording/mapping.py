@@ -253,6 +253,7 @@ def _channel(entry: _Entry, role: str, cylinder: str | None, table: TableFormat 
         stamp_unit=entry.unit('time', 'stamp_unit') if 'stamp_unit' in entry else 1.0,
         gain=_scale(entry) * unit,
         bias=entry.number('offset', 0.0) * unit,
+        unit=entry.text('unit'),
         gauge=pressure and entry.choice('reference', ('gauge', 'absolute')) == 'gauge',
         time_offset=entry.number('time_offset', 0.0),
     )

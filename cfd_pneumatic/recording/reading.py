@@ -153,12 +153,15 @@ def _preferred(channels: Sequence[SignalSource]) -> list[SignalSource]:
 
 def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambient_pressure: float) -> Recording:
     """Make a recording of samples, at least of the displacement and of one pressure."""
+    units = {(one.channel.role, one.channel.cylinder): one.channel.unit for one in samples}
     cleaned = {(one.channel.role, one.channel.cylinder): _clean(one, ambient_pressure) for one in samples}
     epoch = min(int(one.times[0]) for one in cleaned.values())
 
     def signal(role: str, cylinder: str | None = None) -> Signal | None:
         found = cleaned.get((role, cylinder))
-        return None if found is None else Signal(_seconds_since(epoch, found.times), found.values)
+        return (
+            None if found is None else Signal(_seconds_since(epoch, found.times), found.values, units[role, cylinder])
+        )
 
     cylinders = {}
     for cylinder in CYLINDERS:

@@ -27,11 +27,14 @@ class Signal:
         Strictly increasing times [s] since the recording's epoch.
     values : (n,) array
         Finite values in SI units.
+    unit : str or None
+        Name of the unit in which it was recorded, as a mapping says; None for SI.
 
     """
 
     times: NDArray[np.float64]
     values: NDArray[np.float64]
+    unit: str | None = None
 
     def __len__(self) -> int:
         """Return the number of samples."""

@@ -37,6 +37,8 @@ class SignalSource:
         Unit of a stamp that is a plain number [s].
     gain, bias : float
         Conversion to SI units, with the sign.
+    unit : str or None
+        Name of the unit in which it is recorded; None for SI.
     gauge : bool
         Whether the number is a pressure above ambient.
     time_offset : float
@@ -52,6 +54,7 @@ class SignalSource:
     stamp_unit: float = 1.0
     gain: float = 1.0
     bias: float = 0.0
+    unit: str | None = None
     gauge: bool = False
     time_offset: float = 0.0
 

@@ -1,0 +1,104 @@
+"""What is said of each measured run of a real cylinder: make measured-runs writes docs/measured_runs.md."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.progress import track
+
+from cfd_pneumatic.files import write_text
+from cfd_pneumatic.identification import ChannelResult, Options, identify
+from cfd_pneumatic.notices import WARNING, Notice
+from cfd_pneumatic.recording import read_mapping, read_recording
+from studies.documents import notes_in, table
+from studies.provenance import ROOT, machine
+
+DATA = Path(os.environ.get('CFD_PNEUMATIC_DATA', ROOT.parent / 'shared' / 'data')) / 'pneumatic_actuator'
+DOCUMENT = ROOT / 'docs' / 'measured_runs.md'
+
+
+@dataclass(frozen=True)
+class Said:
+    """What is said of a run: a line for each channel, and the notices."""
+
+    run: str
+    lines: tuple[tuple[str, ...], ...]
+    notices: tuple[Notice, ...]
+
+
+def said_of(path: Path) -> Said:
+    """Identify a run and close the loop."""
+    recording = read_recording(path, mapping=read_mapping(ROOT / 'config' / 'pneumatic_actuator.yaml'))
+    found = identify([recording], Options(close_loop=True))
+    return Said(path.stem, tuple(_line(path.stem, one) for one in found.closed), found.notices)
+
+
+def _line(run: str, result: ChannelResult) -> tuple[str, ...]:
+    findings = result.findings
+    share = [100.0 * errors[result.judged_on].rmse / result.span for errors in (result.before, result.after)]
+    alternatives = sorted({one for some in findings.alternatives.values() for one in some})
+    return (
+        run,
+        result.name,
+        f'`{findings.verdict}`',
+        findings.status or '',
+        ', '.join(findings.effects),
+        ', '.join(alternatives),
+        f'{share[0]:.2f}',
+        f'{share[1]:.2f}',
+    )
+
+
+def document(said: Sequence[Said], notes: str) -> str:
+    """Return the table of runs, and what was noticed on them."""
+    header = ('run', 'channel', 'verdict', 'status', 'effects', 'or instead', 'before [%]', 'after [%]')
+    noticed = [(one.run, it) for one in said for it in one.notices]
+    runs = Counter((it.code, it.level) for _, it in noticed)
+    return '\n'.join(
+        [
+            '# Measured runs',
+            '',
+            'What `identify_bag --close-loop` says of each measured run of a regulated cylinder (a public data set, '
+            'CC0), one by one. Written by `make measured-runs`; what stands under "Notes" at the end is kept.',
+            '',
+            '- Errors are those of the test part, over the span of what was measured, without and with the effects.',
+            f'- Noticed: {", ".join(f"`{code}` ({level}) on {n}" for (code, level), n in sorted(runs.items()))} of '
+            f'{len(said)} runs.',
+            f'- Machine: {machine()}',
+            '',
+            table(header, [line for one in said for line in one.lines]),
+            '',
+            '## Warnings',
+            '',
+            table(
+                ('run', 'code', 'what is said', 'what to do'),
+                [(run, f'`{it.code}`', it.message, it.fix) for run, it in noticed if it.level == WARNING],
+            ),
+            '',
+            notes,
+        ]
+    )
+
+
+def main() -> int:
+    """Identify each run, write the document."""
+    runs = sorted([*(DATA / 'friction').glob('*.csv'), *(DATA / 'rerun').glob('*.csv')])
+    if not runs:
+        print(f'measured_runs: no runs in {DATA}: set CFD_PNEUMATIC_DATA to the folder that holds them')
+        return 2
+    os.environ['OMP_NUM_THREADS'] = '1'  # read by the new processes
+    with ProcessPoolExecutor(2, multiprocessing.get_context('spawn')) as pool:
+        said = list(track(pool.map(said_of, runs), description='measured runs', total=len(runs)))
+    write_text(DOCUMENT, document(said, notes_in(DOCUMENT)))
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
