@@ -122,17 +122,19 @@ def identify(
     for channel in channels:
         if channel.needed and channel.name in failed:
             other = other_reading(recordings, options)
-            raise SuspectError(other) if other else _with_what_it_looks_like(failed[channel.name], recordings, options)
+            reason = SuspectError(other) if other else failed[channel.name]
+            raise _with_what_it_looks_like(reason, recordings, options)
     results = {name: one for name, one in found.items() if isinstance(one, ChannelResult)}
     unidentified = {name: str(error) for name, error in failed.items()}
-    notices = (*doubts(recordings, results, options), *map(_notice_of, failed.values()))
+    notices = doubts(recordings, results, options)
+    notices += tuple(_notice_of(one, any_warning(notices)) for one in failed.values())
     results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}
     return Identification(data.recordings, data.splits, data.no_test, results, unidentified, options, notices)
 
 
-def _notice_of(error: InputError) -> Notice:
-    """Return why a channel could not be identified."""
-    return error.notice if isinstance(error, SuspectError) else note('not_identified', str(error))
+def _notice_of(error: InputError, doubted: bool) -> Notice:
+    """Return why a channel could not be identified; of doubted data that is no suspicion of its own."""
+    return error.notice if isinstance(error, SuspectError) and not doubted else note('not_identified', str(error))
 
 
 def _with_what_it_looks_like(error: InputError, recordings: Sequence[Recording], options: Options) -> InputError:
@@ -141,7 +143,8 @@ def _with_what_it_looks_like(error: InputError, recordings: Sequence[Recording],
     if not seen:
         return error
     first, *others = seen
-    return SuspectError(replace(first, fix='; '.join([first.fix, *map(str, others), f'as it is read now, {error}'])))
+    last = str(error) if isinstance(error, SuspectError) else f'as it is read now, {error}'
+    return SuspectError(replace(first, fix='; '.join([first.fix, *map(str, others), last])))
 
 
 def _identified(channel: Channel, data: Prepared, options: Options) -> ChannelResult:
