@@ -235,7 +235,9 @@ def _progress(style: str, *, remaining: bool = False) -> Iterator[Callable[[str,
         columns = [SpinnerColumn(), TextColumn('{task.description}', markup=False), BarColumn(), TimeElapsedColumn()]
         columns += [TimeRemainingColumn()] if remaining else []
         console = Console(stderr=True)
-        with Progress(*columns, console=console, transient=True, speed_estimate_period=_LONG) as bar:
+        with Progress(
+            *columns, console=console, transient=True, speed_estimate_period=_LONG, disable=not console.is_terminal
+        ) as bar:
             task = bar.add_task('reading', total=1.0)
             yield lambda what, share: bar.update(task, description=what, completed=share)
     elif style == 'lines':

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -14,6 +15,8 @@ from cfd_pneumatic.examples import example_of
 BAD_INPUT = 2
 INTERRUPTED = 130
 BROKEN_PIPE = 141
+
+_LONGEST_LINE = 2_000
 
 
 class _Formatter(argparse.HelpFormatter):
@@ -55,15 +58,28 @@ def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: S
     # The programs' threads are their own: those of NumPy's library beside them would only compete for the same cores,
     # which doubles the time on a busy machine. It asks once, when NumPy is loaded, and so programs import that late.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors='backslashreplace')  # a file's name may be no text
     try:
         program(arguments)
         sys.stdout.flush()
     except InputError as error:
-        print(f'{name}: error: {error}', file=sys.stderr)
-        return BAD_INPUT
+        return _refused(name, str(error))
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains again when it flushes
         return BROKEN_PIPE
+    except OSError as error:  # the disk is full, a name is too long
+        where = f'{error.filename}: ' if error.filename else ''
+        return _refused(name, f'{where}{error.strerror or error}')
     return 0
+
+
+def _refused(name: str, reason: str) -> int:
+    """Say why in a line, as long as one can read."""
+    line = ' '.join(reason.split())
+    shown = line if len(line) <= _LONGEST_LINE else f'{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 2 :]}'
+    print(f'{name}: error: {shown}', file=sys.stderr)
+    return BAD_INPUT

@@ -65,6 +65,11 @@ TABLE_KEYS = {
 """Keys of `table`."""
 
 
+_MOST_ROWS = 10**9
+_LARGEST_NUMBER = 1e30
+_LONGEST_OFFSET = 1e9  # thirty years [s]
+
+
 @dataclass(frozen=True)
 class ChannelMapping:
     """
@@ -145,7 +150,7 @@ class _Entry:
             raise self.error(f'{key} must be a text, not {value!r}')
         return value
 
-    def number(self, key: str, default: float) -> float:
+    def number(self, key: str, default: float, largest: float = _LARGEST_NUMBER) -> float:
         """Return a number, which may be written as a fraction."""
         value = self.content.get(key, default)
         try:
@@ -155,12 +160,14 @@ class _Entry:
             number = math.nan
         if isinstance(value, bool) or not math.isfinite(number):
             raise self.error(f'{key} must be a number, not {value!r}')
+        if abs(number) > largest:
+            raise self.error(f'{key} is {number:g}, and may be {largest:g} at most')
         return number
 
     def count(self, key: str) -> int:
         """Return a number of rows, 0 if not given."""
         value = self.content.get(key, 0)
-        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= _MOST_ROWS:
             raise self.error(f'{key} must be a number of rows, not {value!r}')
         return value
 
@@ -214,9 +221,16 @@ def _mapping(path: Path, root: _Entry) -> ChannelMapping:
         others = root.inner('others')
         channels += [_channel(others.inner(name), OTHER, name, table) for name in others.content]
     types = (path.parent / root.text('types')).absolute() if 'types' in root else None
-    if types is not None and not types.is_dir():
+    if types is not None and not _is_folder(types):
         raise root.error(f'types: {types} is not a folder')
     return ChannelMapping(path, tuple(channels), table, types)
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError:  # a name that is too long
+        return False
 
 
 def _table(entry: _Entry) -> TableFormat:
@@ -255,7 +269,7 @@ def _channel(entry: _Entry, role: str, cylinder: str | None, table: TableFormat 
         bias=entry.number('offset', 0.0) * unit,
         unit=entry.text('unit'),
         gauge=pressure and entry.choice('reference', ('gauge', 'absolute')) == 'gauge',
-        time_offset=entry.number('time_offset', 0.0),
+        time_offset=entry.number('time_offset', 0.0, _LONGEST_OFFSET),
     )
 
 

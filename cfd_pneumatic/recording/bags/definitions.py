@@ -18,6 +18,12 @@ from cfd_pneumatic.recording.wording import reason_of
 FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinitionFormat.IDL}
 """How message definitions are written, by what files call it."""
 
+MOST_FIELDS = 100_000
+"""Of a message, with all that is inside it; lists of numbers count once."""
+
+_LARGEST = 1024 * 1024
+"""Bytes of a definition."""
+
 _IDL_SEPARATOR = '=' * 80 + '\n'
 
 
@@ -60,7 +66,7 @@ def types_of(connections: Sequence[Connection], extra: Typestore | None) -> Type
     """
     types, *others = [_types_of(connection, extra) for connection in connections]
     msgtype = connections[0].msgtype
-    if any(_fields(other, msgtype) != _fields(types, msgtype) for other in others):
+    if any(_needed(other, msgtype) != _needed(types, msgtype) for other in others):
         raise InputError(
             f'topic {connections[0].topic} has messages of two definitions of {msgtype}: '
             'split the bag, or leave out what one of its publishers sent'
@@ -79,18 +85,29 @@ def _types_of(connection: Connection, extra: Typestore | None) -> Typestore:
             raise InputError(
                 f'the definition of {connection.msgtype} in the bag cannot be parsed: {reason_of(error)}'
             ) from error
-    missing = _undefined(types, connection.msgtype)
-    if missing is not None:
-        inside = '' if missing == connection.msgtype else f' (inside {connection.msgtype})'
-        raise InputError(
-            f'topic {connection.topic} has messages of type {missing}{inside}, which is unknown: '
-            'in a mapping file give `types:`, the folder with its .msg files'
-        )
+    try:
+        needed = _needed(types, connection.msgtype)
+        missing = next((name for name, fields in needed.items() if fields is None), None)
+        if missing is not None:
+            inside = '' if missing == connection.msgtype else f' (inside {connection.msgtype})'
+            raise InputError(
+                f'topic {connection.topic} has messages of type {missing}{inside}, which is unknown: '
+                'in a mapping file give `types:`, the folder with its .msg files'
+            )
+        if _unfolded(types, connection.msgtype, {}) > MOST_FIELDS:
+            raise InputError(
+                f'the definition of {connection.msgtype} holds more than {MOST_FIELDS:,} fields, or itself: '
+                'leave the topic out'
+            )
+    except RecursionError as error:
+        raise InputError(f'the definition of {connection.msgtype} is nested too deeply') from error
     return types
 
 
 def _parse(connection: Connection) -> Typesdict:
     text = connection.msgdef.data
+    if len(text) > _LARGEST:
+        raise InputError(f'the definition of {connection.msgtype} in the bag has more than {_LARGEST // 1024} KiB')
     if connection.msgdef.format == MessageDefinitionFormat.MSG:
         return get_types_from_msg(text, connection.msgtype)
     if not text.startswith(f'{_IDL_SEPARATOR}IDL: '):
@@ -101,24 +118,34 @@ def _parse(connection: Connection) -> Typesdict:
     return types
 
 
-def _fields(types: Typestore, msgtype: str) -> list[Any]:
-    """Return the names and types of a message's fields, and of the fields of messages inside it."""
-    return [
-        (name, desc, inside and _fields(types, inside))
-        for name, desc in types.fielddefs[msgtype][1]
-        for inside in [_message_in(desc)]
-    ]
+def _needed(types: Typestore, msgtype: str) -> dict[str, Any]:
+    """Return the fields of a message and of all inside it, by type; None of one that is not defined."""
+    needed: dict[str, Any] = {}
+    waiting = [msgtype]
+    while waiting:
+        name = waiting.pop()
+        if name not in needed:
+            needed[name] = types.fielddefs[name][1] if name in types.fielddefs else None
+            waiting += [inside for _, desc in needed[name] or () if (inside := _message_in(desc)) is not None]
+    return needed
 
 
-def _undefined(types: Typestore, msgtype: str) -> str | None:
-    """Return the first type that a message needs and that is not defined."""
-    if msgtype not in types.fielddefs:
-        return msgtype
-    for _, desc in types.fielddefs[msgtype][1]:
-        inside = _message_in(desc)
-        if inside is not None and (missing := _undefined(types, inside)) is not None:
-            return missing
-    return None
+def _unfolded(types: Typestore, msgtype: str, sizes: dict[str, int]) -> int:
+    """Return how many fields a message has, those of messages inside it counted each time that they are there."""
+    if msgtype not in sizes:
+        sizes[msgtype] = MOST_FIELDS + 1  # while it is counted: what holds itself has no end
+        count = 0
+        for _, desc in types.fielddefs[msgtype][1]:
+            inside = _message_in(desc)
+            length = desc[1][1] if desc[0] == Nodetype.ARRAY and not _is_list_of_numbers(desc) else 1
+            count += length * (1 if inside is None else _unfolded(types, inside, sizes))
+        sizes[msgtype] = min(count, MOST_FIELDS + 1)
+    return sizes[msgtype]
+
+
+def _is_list_of_numbers(desc: FieldDesc) -> bool:
+    element = desc[1][0]
+    return bool(element[0] == Nodetype.BASE and element[1][0] != 'string')
 
 
 def _message_in(desc: FieldDesc) -> str | None:

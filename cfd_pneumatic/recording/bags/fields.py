@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
@@ -40,6 +41,7 @@ NUMBERS = {
 """NumPy's names of the number types of messages, without the byte order."""
 
 _STEP = re.compile(r'(?P<name>[A-Za-z]\w*)(\[(?P<index>[^\[\]]+)\])?')
+_NUMBER = re.compile(r'[0-9]{1,9}')
 _MAX_LISTED = 30
 
 
@@ -82,7 +84,7 @@ def parse_path(text: str) -> FieldPath:
         if match is None:
             raise InputError(f'{text!r} is not a field path: write it like wrench.force.x or data[3]')
         index = match['index']
-        steps.append(Step(match['name'], int(index) if index is not None and index.isdigit() else index))
+        steps.append(Step(match['name'], int(index) if index is not None and _NUMBER.fullmatch(index) else index))
     return FieldPath(tuple(steps))
 
 
@@ -117,7 +119,7 @@ def check_number(types: Typestore, msgtype: str, path: FieldPath) -> None:
 
 def list_numbers(types: Typestore, msgtype: str) -> str:
     """Return the numbers of a message type, for a message."""
-    numbers = list(_numbers(types, msgtype))
+    numbers = list(islice(_numbers(types, msgtype), _MAX_LISTED + 1))
     listed = ', '.join(numbers[:_MAX_LISTED]) + (', ...' if len(numbers) > _MAX_LISTED else '')
     return f'its numbers are {listed}' if numbers else 'it has no numbers'
 

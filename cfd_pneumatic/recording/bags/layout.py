@@ -158,6 +158,8 @@ class Layout:
                 return
             for index in range(count):
                 self._walk_field(element, f'{path}[{index}]')
+                if self._position > self.size:
+                    raise LayoutError(f'ends after {self.size} bytes, inside a message')
 
     def _walk_numbers(self, kind: str, count: int, path: str) -> None:
         if kind not in NUMBERS:

@@ -13,12 +13,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO
 
+import lz4.frame
 import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex, Footer
-from mcap.stream_reader import get_chunk_data_stream
 
 MAGIC = b'\x89MCAP0\r\n'
 
@@ -45,6 +46,9 @@ _BEGINNING = 128
 
 _RESERVED = range(0x10, 0x80)
 """No records are these; from 0x80 on they are somebody's own."""
+
+_MOST_UNPACKED, _MOST_PACKED = 2**26, 32
+"""Bytes that any chunk may unpack to, and those for each of its own."""
 
 _RUN = 2**20
 """Bytes of records outside of chunks that are read together."""
@@ -101,10 +105,30 @@ class Piece:
             return stream.read(self.end - self.begin)
         stream.seek(HEAD.size, os.SEEK_CUR)
         chunk = Chunk.read(ReadDataStream(stream))
-        content, size = get_chunk_data_stream(chunk, validate_crc=True)
-        if size != chunk.uncompressed_size:
+        content = _unpacked(chunk)
+        if len(content) != chunk.uncompressed_size:
             raise ValueError('does not have the size that it should have')
-        return content.read(size)
+        if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+            raise ValueError('does not have the checksum that it should have')
+        return content
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """Return what a chunk holds, a byte more than it declares at most: a few bytes may unpack to gigabytes."""
+    packed, size = chunk.data, chunk.uncompressed_size
+    if size > _MOST_UNPACKED + _MOST_PACKED * len(packed):
+        raise ValueError('declares more than it can hold')
+    if chunk.compression == 'zstd':
+        known = zstandard.frame_content_size(packed)
+        if known not in (-1, size):
+            raise ValueError('does not have the size that it should have')
+        unpacked: bytes = zstandard.ZstdDecompressor().stream_reader(packed).read(size + 1)
+        return unpacked
+    if chunk.compression == 'lz4':
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1))
+    if chunk.compression:
+        raise ValueError(f'is compressed with {chunk.compression}, which is not known')
+    return packed
 
 
 def flaw(file: Path) -> str | None:

@@ -78,12 +78,17 @@ def _salvaged_sqlite(path: Path, stack: ExitStack) -> StorageFile:
     return OneByOne(salvaged, salvaged.start_time)
 
 
+def _are_counted(connections: Collection[Connection]) -> bool:
+    """Return whether a file says how many messages it holds; statistics may be left out of an mcap."""
+    return any(connection.msgcount for connection in connections)
+
+
 STORAGES: Mapping[StorageName, Storage] = {
     'mcap': Storage(
         '.mcap',
         'mcap recover may mend it',
         mcap_flaw,
-        lambda file: McapFile(Path(str(file.path)), file.connections),
+        lambda file: McapFile(Path(str(file.path)), file.connections if _are_counted(file.connections) else None),
         lambda path, _: McapFile(path),
         McapWriter,
     ),
