@@ -29,6 +29,7 @@ setup(
     install_requires=[
         'Jinja2>=3.0',
         'PyYAML>=5.4',
+        'lz4>=3.1',
         'matplotlib>=3.5',
         'mcap>=1.0',
         'numba>=0.55',
@@ -36,6 +37,7 @@ setup(
         'rich>=11.2',
         'rosbags>=0.11',
         'scipy>=1.8',
+        'zstandard>=0.17',
     ],
     extras_require={
         # ROS 2 without a system installation: Linux on x86_64 only.

@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[1]
 
 KEYS = {
     'jinja2': ('Jinja2', 'python3-jinja2'),
+    'lz4': ('lz4', 'python3-rosbags-pip'),
     'matplotlib': ('matplotlib', 'python3-matplotlib'),
     'mcap': ('mcap', 'mcap-ros2-support'),
     'numba': ('numba', 'python3-numba'),
@@ -29,6 +30,7 @@ KEYS = {
     'rosbags': ('rosbags', 'python3-rosbags-pip'),
     'scipy': ('scipy', 'python3-scipy'),
     'yaml': ('PyYAML', 'python3-yaml'),
+    'zstandard': ('zstandard', 'python3-rosbags-pip'),
 }
 """For each module that is not ROS's: its name on PyPI, and the rosdep key that brings it."""
 
