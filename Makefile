@@ -28,7 +28,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test check fuzz mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document effects-document tutorial-picture notebook kernel lint format colcon test-humble clean
+.PHONY: help setup test check fuzz crash mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document effects-document tutorial-picture notebook kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -48,6 +48,9 @@ fuzz: $(VENV)/.ready  ## run the property tests on random examples, twice as man
 
 measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measured_runs.md; a minute
 	$(PY) -m studies.measured_runs
+
+crash: $(VENV)/.ready  ## kill programs at each call that changes a name, and fill their disk; needs strace; 20 minutes
+	$(PY) -m studies.crashes $(ARGS)
 
 mistakes: $(VENV)/.ready  ## make each mistake that users make, write docs/mistakes.md; 15 minutes
 	$(PY) -m studies.mistakes $(ARGS)

@@ -32,6 +32,7 @@ def propose(arguments: Sequence[str] | None = None) -> None:
 
     """
     from cfd_pneumatic.device import Device
+    from cfd_pneumatic.device.file import check_run
     from cfd_pneumatic.files import make_folder
     from cfd_pneumatic.planning import Limits, Sensing, plan, read_report, usual_pressures
     from cfd_pneumatic.planning.report import print_plan, write_plan
@@ -39,6 +40,8 @@ def propose(arguments: Sequence[str] | None = None) -> None:
 
     options = make_parser().parse_args(arguments)
     device = Device.load(options.parameters)
+    if options.report is not None:
+        check_run(options.parameters, options.report)
     sensing, stroke = (Sensing(), Limits.stroke) if options.report is None else read_report(options.report)
     sensing = replace(sensing, **{name: value for name in _SENSING if (value := getattr(options, name)) is not None})
     pressures = usual_pressures(device) if options.pressures is None else tuple(options.pressures)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,12 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.yaml_files import read_yaml
 
+REPORT_FILE = 'report.json'
+"""What `identify_bag` writes beside it."""
+
 _INDENT = '  '
+_RUN = '# identify_bag, run '
+_LONGEST_LINE = 200
 _OWNERS = (*CYLINDERS, CONTACT_FORCE)
 
 
@@ -27,12 +34,51 @@ def read(path: Path) -> dict[str, Any]:
         If it can't be read, or something below a cylinder or the contact force is no parameter.
 
     """
+    check_run(path, path.with_name(REPORT_FILE))
     given = dict(_flat(_ros_parameters(read_yaml(path))))
     for name in given:
         if name not in DESCRIPTORS and name.partition('.')[0] in _OWNERS:
             near = get_close_matches(name, DESCRIPTORS, n=1)
             raise InputError(f'{path}: {name} is no parameter of a device' + (f': is {near[0]} meant?' if near else ''))
     return {name: value for name, value in given.items() if name in DESCRIPTORS}
+
+
+def run_line(run: str) -> str:
+    """Return the line that names the run of `identify_bag` which a file and its report come from."""
+    return f'{_RUN}{run}'
+
+
+def run_of(path: Path) -> str | None:
+    """Return the run that a file comes from; None where it names none."""
+    with suppress(OSError, UnicodeDecodeError), path.open(encoding='utf-8') as stream:
+        line = stream.readline(_LONGEST_LINE).strip()
+        if line.startswith(_RUN):
+            return line.removeprefix(_RUN)
+    return None
+
+
+def check_run(path: Path, report: Path) -> None:
+    """
+    Make sure that a file and a report, where there is one, come from the same run of `identify_bag`.
+
+    Raises
+    ------
+    InputError
+        If they name different ones: a run was ended while its results took their places, or files were mixed.
+
+    """
+    own, reported = run_of(path), _run_of_report(report)
+    if own and reported and own != reported:
+        raise InputError(f'{path} is of run {own} of identify_bag, and {report} of run {reported}: identify again')
+
+
+def _run_of_report(report: Path) -> str | None:
+    try:
+        content = json.loads(report.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None  # who needs a report says what is wrong with it
+    run = content.get('run') if isinstance(content, dict) else None
+    return run if isinstance(run, str) else None
 
 
 def write(path: Path, given: Mapping[str, Value], notes: Mapping[str, str]) -> None:

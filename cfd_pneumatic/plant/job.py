@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import write_text
+from cfd_pneumatic.files import made_aside, write_text
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.notices import WARNING
@@ -79,30 +75,13 @@ def do(job: Job) -> list[Row]:
     """
     if fingerprint(job.bag, job.settings) != job.fingerprint:
         raise InputError('it changed meanwhile, or this worker sees another one or has another version of the program')
-    with _alone, _replaced(job.folder) as folder:
+    job.folder.parent.mkdir(parents=True, exist_ok=True)
+    with _alone, made_aside(job.folder) as folder:
+        folder.mkdir()
         rows = _identified(job, folder)
         text = json.dumps({'fingerprint': job.fingerprint, 'rows': rows}, indent=1, allow_nan=False)
         write_text(folder / ROW_FILE, f'{text}\n')
     return rows
-
-
-@contextmanager
-def _replaced(folder: Path) -> Iterator[Path]:
-    """Yield an empty folder that takes the place of another at the end."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    prefix = f'.{folder.name}~'  # which is in no folder's name
-    for left in folder.parent.glob(f'{prefix}*'):  # by a worker that died
-        shutil.rmtree(left, ignore_errors=True)
-    aside = Path(tempfile.mkdtemp(dir=folder.parent, prefix=prefix))
-    try:
-        aside.chmod(0o755)
-        yield aside
-        if folder.exists():
-            os.replace(folder, aside / 'earlier')
-        os.replace(aside, folder)
-        shutil.rmtree(folder / 'earlier', ignore_errors=True)
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
 
 
 def _identified(job: Job, folder: Path) -> list[Row]:

@@ -22,9 +22,8 @@ import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.files import made_aside
 from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.identification.result import Comparison
 from cfd_pneumatic.recording import BagWriter, Recording
@@ -43,7 +42,9 @@ MOST = 2_000_000
 _REMARK = 'minima and maxima of {} samples each; identify_bag --full writes every sample'
 
 
-def write_comparison(path: Path, identification: Identification, index: int, *, full: bool = False) -> bool:
+def write_comparison(
+    path: Path, identification: Identification, index: int, run: str = '', *, full: bool = False
+) -> bool:
     """
     Write the comparison of one recording as a single MCAP file, aside and then to its place.
 
@@ -53,6 +54,8 @@ def write_comparison(path: Path, identification: Identification, index: int, *, 
         Of the file; an earlier one is replaced.
     identification, index
         What was found, and which recording it is.
+    run
+        Of the identification; the file carries it.
     full
         Whether every sample is written, however many there are.
 
@@ -71,16 +74,14 @@ def write_comparison(path: Path, identification: Identification, index: int, *, 
     complete = full or sum(sizes) <= MOST
     columns = max(sizes) if complete else MOST // (2 * len(sizes))
     streams = [_thinned(one, columns) for one in _streams(identification, index)]
-    try:
-        with TemporaryDirectory(dir=path.parent, prefix=f'.{path.name}.') as aside:
-            bag = Path(aside) / path.stem
-            with BagWriter(bag) as writer:
-                writer.write_streams(streams)
-                if not complete:
-                    writer.remark('holds', _REMARK.format(max(sizes) // columns))
-            os.replace(next(bag.glob('*.mcap')), path)
-    except OSError as error:
-        raise InputError(f'cannot write {path}: {error.strerror}; choose a folder that you may write to') from error
+    with made_aside(path) as made:
+        bag = made.with_name('bag')
+        with BagWriter(bag) as writer:
+            writer.write_streams(streams)
+            writer.remark('run', run)
+            if not complete:
+                writer.remark('holds', _REMARK.format(max(sizes) // columns))
+        os.replace(next(bag.glob('*.mcap')), made)
     return complete
 
 

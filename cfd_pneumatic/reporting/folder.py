@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from cfd_pneumatic.device.file import run_line
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.device.live_error import live_errors
-from cfd_pneumatic.files import make_folder, write_text
+from cfd_pneumatic.files import Aside, alone_in, checksum, make_folder, reported, write_through
 from cfd_pneumatic.identification import Identification, PartError
 from cfd_pneumatic.reporting.comparison import write_comparison
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.reporting.names import COMPARE_FILE, PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.reporting.page import report_page
+
+_RUN_LENGTH = 16
 
 
 class Written(NamedTuple):
@@ -31,7 +36,8 @@ def write_report(identification: Identification, folder: Path, *, full: bool = F
     Write the results into a folder, made if need be; earlier files stay until the new ones are whole.
 
     `report.json` and `parameters.yaml` always; `report.html` and `compare.mcap` where the loop was closed. Where it was
-    not, earlier ones of these are removed: they would tell of another identification.
+    not, earlier ones of these are removed: they would tell of another identification. All carry one run's name, and
+    `report.json`, the last to take its place, the checksums of the others.
 
     Parameters
     ----------
@@ -43,24 +49,60 @@ def write_report(identification: Identification, folder: Path, *, full: bool = F
     Raises
     ------
     InputError
-        If the folder can't be written.
+        If the folder can't be written, or somebody else writes results into it.
 
     """
     make_folder(folder)
+    with alone_in(folder), reported(folder):
+        shared = not all(is_result(path) for path in folder.iterdir())
+        aside = Aside(folder / 'results' if shared else folder)
+        try:
+            aside.made.mkdir()
+            written = _written(identification, aside.made, full)
+            if shared:  # what is somebody's own stays where it is
+                _move(written.files, folder)
+            else:
+                aside.take_place()
+        finally:
+            aside.close()
+    return written._replace(files=[folder / path.name for path in written.files])
+
+
+def _written(identification: Identification, folder: Path, full: bool) -> Written:
+    """Write the results into an empty folder, the report last."""
     device = identified_device(identification)
     live = live_errors(identification, device)
-    files = {
-        folder / REPORT_FILE: json.dumps(report_data(identification, live), indent=2, allow_nan=False) + '\n',
-        folder / PARAMETER_FILE: device.text,
-    }
+    data = report_data(identification, live)
+    run = hashlib.sha256((json.dumps(data) + device.text).encode()).hexdigest()[:_RUN_LENGTH]
+    parameters, page, report = folder / PARAMETER_FILE, folder / PAGE_FILE, folder / REPORT_FILE
+    parameters.write_text(f'{run_line(run)}\n{device.text}', encoding='utf-8')
+    files, complete = [parameters], []
     if identification.closed:
-        files[folder / PAGE_FILE] = report_page(identification, live)
-    for path, text in files.items():
-        write_text(path, text)
-    compared = compare_files(identification, folder) if identification.closed else []
-    complete = [write_comparison(path, identification, index, full=full) for index, path in enumerate(compared)]
-    _remove_outdated(folder, {*files, *compared})
-    return Written([*files, *compared], all(complete), live)
+        page.write_text(report_page(identification, live, run), encoding='utf-8')
+        compared = compare_files(identification, folder)
+        complete = [
+            write_comparison(path, identification, index, run, full=full) for index, path in enumerate(compared)
+        ]
+        files += [page, *compared]
+    data |= {'run': run, 'files': {path.name: checksum(path) for path in files}}
+    report.write_text(json.dumps(data, indent=2, allow_nan=False) + '\n', encoding='utf-8')
+    return Written([report, *files], all(complete), live)
+
+
+def _move(files: Sequence[Path], folder: Path) -> None:
+    """Move results into a folder that holds something else, too, the report last; take away earlier ones."""
+    report, *others = files
+    write_through(report.parent)
+    for path in folder.iterdir():
+        if path.is_file() and is_result(path) and path.name not in {one.name for one in files}:
+            path.unlink()
+    for path in (*others, report):
+        os.replace(path, folder / path.name)
+
+
+def is_result(path: Path) -> bool:
+    """Return whether a file has a name of ours."""
+    return path.name in (REPORT_FILE, PARAMETER_FILE, PAGE_FILE) or is_compare_file(path)
 
 
 def compare_files(identification: Identification, folder: Path) -> list[Path]:
@@ -76,10 +118,3 @@ def is_compare_file(path: Path) -> bool:
     """Return whether a file has the name of such a bag."""
     base = Path(COMPARE_FILE)
     return re.fullmatch(rf'{base.stem}(_\d+)?', path.stem) is not None and path.suffix == base.suffix
-
-
-def _remove_outdated(folder: Path, written: set[Path]) -> None:
-    """Remove earlier results of the kinds that not every identification writes."""
-    for path in folder.iterdir():
-        if (path.name == PAGE_FILE or is_compare_file(path)) and path not in written and path.is_file():
-            path.unlink()

@@ -1,6 +1,9 @@
 """Names of the files of results."""
 
-REPORT_FILE = 'report.json'
+from cfd_pneumatic.device.file import REPORT_FILE
+
+__all__ = ['COMPARE_FILE', 'PAGE_FILE', 'PARAMETER_FILE', 'REPORT_FILE']
+
 PARAMETER_FILE = 'parameters.yaml'
 PAGE_FILE = 'report.html'
 COMPARE_FILE = 'compare.mcap'

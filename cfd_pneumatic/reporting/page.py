@@ -46,12 +46,15 @@ class Row:
     paper_factor: float = 1.0
 
 
-def report_page(identification: Identification, live: Mapping[str, PartError] = MappingProxyType({})) -> str:
-    """Return the page on what closing the loop brought, with the errors of a live simulation."""
+def report_page(
+    identification: Identification, live: Mapping[str, PartError] = MappingProxyType({}), run: str = ''
+) -> str:
+    """Return the page on what closing the loop brought, with the errors of a live simulation and the run's name."""
     sections = [_section(result, live.get(result.name)) for result in identification.closed]
     return rendered(
         TEMPLATE,
         version=__version__,
+        run=run,
         recordings=identification.recordings,
         dates=[_date(recording) for recording in identification.recordings],
         warnings=[one for one in identification.notices if one.level == WARNING],

@@ -166,7 +166,7 @@ def test_bad_limits_are_one_line_and_earlier_plans_stay(tmp_path, capsys, argume
 def test_a_missing_parameter_file_and_a_folder_that_cannot_be_made(tmp_path, capsys):
     assert 'cannot read' in refusal(capsys, tmp_path / 'none.yaml', '--output', tmp_path / 'out')
     (tmp_path / 'file').write_text('')
-    assert 'cannot write to' in refusal(capsys, TABLE_1, '--output', tmp_path / 'file', *QUICK)
+    assert 'cannot write ' in refusal(capsys, TABLE_1, '--output', tmp_path / 'file', *QUICK)
 
 
 def test_help_says_units_and_defaults():

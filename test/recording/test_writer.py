@@ -99,7 +99,7 @@ def test_a_disk_that_is_full(tmp_path, monkeypatch):
     with pytest.raises(InputError) as caught:
         write_recording(tmp_path / 'bag', recording())
     assert str(caught.value) == (
-        f'cannot write {tmp_path}/bag: No space left on device; choose a folder that can be written'
+        f'cannot write {tmp_path}/bag: No space left on device; make room, or choose another folder'
     )
     assert os.listdir(tmp_path) == []
 

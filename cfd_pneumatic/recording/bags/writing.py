@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import sqlite3
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -19,6 +16,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.files import Aside, reported
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, join
 from cfd_pneumatic.recording.bags.form import Form
 from cfd_pneumatic.recording.bags.messages import standard_types
@@ -64,10 +62,8 @@ class BagWriter:
         self._check_free(overwrite)
         with self._reported():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._aside = Path(tempfile.mkdtemp(dir=self.path.parent, prefix=f'.{self.path.name}.'))
-            self._writer = Writer(
-                self._aside / self.path.name, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()]
-            )
+            self._aside = Aside(self.path)
+            self._writer = Writer(self._aside.made, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()])
             self._writer.STORAGE_PLUGINS = {StoragePlugin[storage.upper()]: STORAGES[storage].writer}
             self._writer.open()
 
@@ -134,14 +130,14 @@ class BagWriter:
         self.flush()
         with self._reported():
             self._writer.close()
-            self._take_place()
-            shutil.rmtree(self._aside, ignore_errors=True)
+            self._aside.take_place()
+        self._aside.close()
 
     def abort(self) -> None:
         """Drop what was written."""
         with suppress(Exception):
             self._writer.abort()
-        shutil.rmtree(self._aside, ignore_errors=True)
+        self._aside.close()
 
     def __enter__(self) -> Self:
         """Return the writer."""
@@ -163,6 +159,8 @@ class BagWriter:
     def _check_free(self, overwrite: bool) -> None:
         if self.path.parent.exists() and not self.path.parent.is_dir():
             raise InputError(f'cannot write {self.path}: {self.path.parent} is not a folder')
+        if self.path.is_symlink():
+            raise InputError(f'{self.path} is a symbolic link and is not written through: give what it leads to')
         if not self.path.exists():
             return
         if not overwrite:
@@ -170,26 +168,14 @@ class BagWriter:
         if not (self.path / METADATA).is_file():
             raise InputError(f'{self.path} is not a bag and is not overwritten: choose another name')
 
-    def _take_place(self) -> None:
-        """Move the bag to its place; where that fails an earlier bag is put back."""
-        earlier = self._aside / 'earlier'
-        if self.path.exists():
-            os.replace(self.path, earlier)
-        try:
-            os.replace(self._aside / self.path.name, self.path)
-        except OSError:
-            if earlier.exists():
-                os.replace(earlier, self.path)
-            raise
-
     @contextmanager
     def _reported(self) -> Iterator[None]:
         """Turn what a disk can do wrong into an error for the user."""
         try:
-            yield
-        except (OSError, sqlite3.Error) as error:
-            reason = getattr(error, 'strerror', None) or str(error)
-            raise InputError(f'cannot write {self.path}: {reason}; choose a folder that can be written') from error
+            with reported(self.path):
+                yield
+        except sqlite3.Error as error:
+            raise InputError(f'cannot write {self.path}: {error}; choose a folder that you may write to') from error
 
 
 @dataclass(frozen=True)
