@@ -35,7 +35,7 @@ def generate_launch_description():
                 'schedule',
                 default_value='surface_following',
                 description='what the rig plays over and over: paper_step, out_and_back, surface_following, or a '
-                "schedule.csv; '' for a piston that follows piston_command [m]",
+                'schedule.csv; none for a piston that follows piston_command [m]',
             ),
             DeclareLaunchArgument(
                 'parameters',

@@ -20,7 +20,7 @@ def generate_launch_description():
             *common_arguments(),
             DeclareLaunchArgument(
                 'bags',
-                default_value="''",
+                default_value='none',
                 description='paths of the bags to identify jointly, with commas in between; '
                 'they may be set later too, as the parameter of that name',
             ),
@@ -28,7 +28,7 @@ def generate_launch_description():
                 'output_dir', default_value='identified', description='folder for the reports and parameters.yaml'
             ),
             DeclareLaunchArgument(
-                'mapping', default_value='', description='mapping file of bags with topics other than ours'
+                'mapping', default_value='none', description='mapping file of bags with topics other than ours'
             ),
             DeclareLaunchArgument(
                 'close_loop', description='true: name the physical effects that the model lacks, and add them', **switch
@@ -37,7 +37,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'apply_to',
                 default_value=[CELL, '/sim/sim_node'],
-                description="node on which the result is set; '' for none",
+                description='node on which the result is set; none for no node',
             ),
             our_node(
                 'identifier_node',

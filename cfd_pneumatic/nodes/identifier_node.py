@@ -35,7 +35,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.wording import sentence, title
 from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS
-from cfd_pneumatic.nodes.parameters import number, switch, text, texts
+from cfd_pneumatic.nodes.parameters import number, switch, text, texts, value_of
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.reporting import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 
@@ -206,15 +206,19 @@ class IdentifierNode(Node):
                 'contact force over piston force, from the linkage; 0: not known, it counts as a part of the area',
             ),
         )
-        declare('apply_to', '', text('node whose parameters the result sets, e.g. /cfd/sim/sim_node; empty: none'))
+        declare(
+            'apply_to',
+            '',
+            text('node whose parameters the result sets, e.g. /cfd/sim/sim_node; none: no node'),
+        )
         declare('split', '60/20/20', text('percent of train, validation and test'))
 
     def _value(self, name: str) -> Any:
-        return self.get_parameter(name).value
+        return value_of(self.get_parameter(name).value)
 
     def _make_job(self) -> Job:
         """Return what the parameters ask for, or raise InputError where one is missing."""
-        bags = [bag for bag in self._value('bags') if bag]
+        bags = [bag for bag in self._value('bags') if value_of(bag)]
         output, target = self._value('output_dir'), self._value('apply_to')
         if not bags:
             raise InputError("parameter 'bags' is empty: name at least one bag")

@@ -18,6 +18,15 @@ _HINTS = {
 }
 
 
+NONE = 'none'
+"""Says that a text is not given: an empty one can't be typed in a shell."""
+
+
+def value_of(value: Any) -> Any:
+    """Return a parameter's value; nothing where it says `none`."""
+    return '' if value == NONE else value
+
+
 def number(unit: str, lower: float, upper: float, description: str, read_only: bool = False) -> ParameterDescriptor:
     """Return the descriptor of a number in a range [unit]."""
     return ParameterDescriptor(

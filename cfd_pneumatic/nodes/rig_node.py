@@ -22,7 +22,7 @@ from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, stamp_message
 from cfd_pneumatic.nodes.outputs import Outputs
-from cfd_pneumatic.nodes.parameters import number, switch, text
+from cfd_pneumatic.nodes.parameters import number, switch, text, value_of
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.topics import listen_to, publish_on
 from cfd_pneumatic.rig import (
@@ -169,14 +169,14 @@ class RigNode(Node):
     # parameters
 
     def _value(self, name: str) -> Any:
-        return self.get_parameter(name).value
+        return value_of(self.get_parameter(name).value)
 
     def _declare_parameters(self) -> None:
         self.declare_parameter(
             'faults',
             '',
             text(
-                "what goes wrong with the device, live: 'effects_a.leak_conductance=1e-10'; empty: nothing",
+                "what goes wrong with the device, live: 'effects_a.leak_conductance=1e-10'; none, or empty: nothing",
                 'words PART.FIELD=NUMBER: effects_a, effects_b or pickup, a field of rig/effects.py, SI units',
             ),
         )
@@ -194,8 +194,8 @@ class RigNode(Node):
             'schedule',
             '',
             text(
-                'what to play; empty: follow piston_command',
-                f'empty, {", ".join(SCHEDULES)}, or the schedule.csv of plan_experiment',
+                'what to play; none, or empty: follow piston_command',
+                f'none, {", ".join(SCHEDULES)}, or the schedule.csv of plan_experiment',
             ),
         )
         declare(
@@ -225,7 +225,7 @@ class RigNode(Node):
         for parameter in parameters:
             if parameter.name == 'faults':
                 try:
-                    self._play.change(with_faults(self._healthy, parameter.value))
+                    self._play.change(with_faults(self._healthy, value_of(parameter.value)))
                 except InputError as error:
                     return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

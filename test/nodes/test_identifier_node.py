@@ -154,7 +154,7 @@ def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, t
         assert graph.trigger(f'{node.name}/revert').success, 'what was taken back can be brought back'
         node.status(f'parameters set on {target}')
         assert graph.get(target, *changed) == applied
-        graph.set(node.name, apply_to='')
+        graph.set(node.name, apply_to='none')
         node.identify()  # it can be asked again
         node.status(f'done. See {output}/report.json')
 

@@ -189,7 +189,7 @@ def test_a_schedule_announces_its_set_points_with_the_sample_before_they_act(lis
 
 def test_without_a_schedule_it_does_as_it_is_told(listener: Listener) -> None:
     listener.listen(PISTON_STATE, pressure_topic('cylinder_a'), setpoint_applied_topic('cylinder_a'))
-    with rig(cylinder_a__initial_setpoint=5 * PSI) as process:
+    with rig(schedule='none', faults='none', cylinder_a__initial_setpoint=5 * PSI) as process:
         command, setpoint = (listener.publisher(topic) for topic in (PISTON_COMMAND, setpoint_topic('cylinder_a')))
         listener.until(lambda: len(listener.heard[PISTON_STATE]) > 20)
         assert listener.pressures(pressure_topic('cylinder_a'))[0] == pytest.approx(AMBIENT_PRESSURE + 5 * PSI, abs=300)
