@@ -323,17 +323,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Try all scenarios; return 1 where something is half, mixed or left."""
     parser = argparse.ArgumentParser(prog='crashes', description=__doc__.split('\n\n')[0])
     parser.add_argument('--sizes', type=int, default=20, help='of files at which the disk is full')
+    parser.add_argument('--only', metavar='WORDS', default='', help='scenarios whose name holds these words')
     options = parser.parse_args(arguments)
     if shutil.which('strace') is None:
         print('crashes: strace is not to be had here: install it')
         return 2
     os.environ['OMP_NUM_THREADS'] = '1'
     sizes = [int(2 ** (6 + 0.9 * rank)) for rank in range(options.sizes)]
-    outcomes = [tried(one, sizes=sizes) for one in SCENARIOS]
+    outcomes = []
+    for scenario in SCENARIOS:
+        if options.only in scenario.name:
+            outcomes.append(tried(scenario, sizes=sizes))
+            print('\n'.join([f'{scenario.name}: {outcomes[-1].states}', *outcomes[-1].faults]), flush=True)
     print(document(outcomes))
-    for one in outcomes:
-        for fault in one.faults:
-            print(f'{one.scenario}: {fault}')
     return 1 if any(one.faults for one in outcomes) else 0
 
 
