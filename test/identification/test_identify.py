@@ -171,7 +171,10 @@ def test_a_recording_may_begin_while_the_piston_moves():
 def test_the_report_is_strict_json_in_the_agreed_form(one, tmp_path):
     write_report(one, tmp_path)
     data = json.loads((tmp_path / 'report.json').read_text(), parse_constant=lambda name: pytest.fail(name))
+    written = {name: data.pop(name) for name in ('run', 'files')}
     assert data == report_data(one, live_errors(one, identified_device(one)))
+    assert set(written['files']) == {'parameters.yaml'}
+    assert f'run {written["run"]}' in (tmp_path / 'parameters.yaml').read_text()
     assert data['schema'] == 1
     cylinder = data['cylinders']['cylinder_a']
     assert set(cylinder) >= {'parameters', 'schedule', 'span_pa', 'noise_floor_pa', 'before'}
