@@ -27,6 +27,9 @@ PISTON_JOINT = 'piston'
 PREDICTED = 'predicted/'
 """What the monitor's model predicts is published below this name, under the names that it is measured by."""
 
+PREVIEW = 'preview/'
+"""Where pressures and force go while the piston is silent is published below this name."""
+
 AMBIENT_PRESSURE = 101_325.0
 """Default ambient pressure, absolute [Pa]."""
 
@@ -183,6 +186,8 @@ TOPICS = {
 }
 """What each topic carries, with its unit."""
 
+_BELOW = {PREDICTED: 'predicted: ', PREVIEW: 'while `piston_state` is silent, with the piston held: '}
+
 
 def meaning(topic: str) -> str:
     """
@@ -194,7 +199,8 @@ def meaning(topic: str) -> str:
         If it is no topic of ours.
 
     """
-    name = topic[len(PREDICTED) :] if topic.startswith(PREDICTED) else topic
+    below = next((below for below in _BELOW if topic.startswith(below)), '')
+    name = topic[len(below) :]
     for cylinder in CYLINDERS:
         name = name.replace(cylinder, EITHER)
-    return f'predicted: {TOPICS[name]}' if topic.startswith(PREDICTED) else TOPICS[name]
+    return _BELOW.get(below, '') + TOPICS[name]

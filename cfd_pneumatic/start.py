@@ -8,6 +8,8 @@ has to be imported for it.
 from __future__ import annotations
 
 import gc
+import os
+import signal
 import sys
 from collections.abc import Collection
 from functools import partial
@@ -18,6 +20,8 @@ from types import ModuleType
 from cfd_pneumatic import __version__
 
 HELP = Path(__file__).with_name('help')
+INTERRUPTED = 130
+_NODES = 'cfd_pneumatic.nodes.'
 
 
 def told(program: str, arguments: Collection[str]) -> bool:
@@ -32,11 +36,18 @@ def told(program: str, arguments: Collection[str]) -> bool:
 
 
 def _begin(module: str) -> int:
-    """Run the program that is a module, and return its exit code."""
+    """Run the program that is a module, and return its exit code; a signal ends its imports at once."""
     if told(module.rpartition('.')[2], sys.argv[1:]):
         return 0
+    is_node = module.startswith(_NODES)
+    signal.signal(signal.SIGINT, lambda *_: os._exit(0 if is_node else INTERRUPTED))
+    if is_node:
+        signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
     main = _imported(module).main
+    if not is_node:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     code: int = main()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done
     gc.freeze()  # the process ends: a last collection takes 0.15 s
     return code
 

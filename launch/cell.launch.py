@@ -1,30 +1,31 @@
 """A cell: the device, or the virtual rig in its place, with the simulator and the monitor beside it."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.parameter_descriptions import ParameterValue
 
+from cfd_pneumatic.convention import MONITOR_INPUTS, SIM_INPUTS
 from cfd_pneumatic.nodes.launching import (
-    CELL,
     DEVICE,
     PARAMETERS,
     TABLE_1,
-    USE_SIM_TIME,
+    beside_device,
     common_arguments,
     device_argument,
-    launch_file,
+    heard_arguments,
     our_node,
 )
 
 
 def generate_launch_description():
-    schedule = ParameterValue(LaunchConfiguration('schedule'), value_type=str)
+    schedule, joint = (ParameterValue(LaunchConfiguration(name), value_type=str) for name in ('schedule', 'joint'))
     return LaunchDescription(
         [
             *common_arguments(),
             *device_argument(),
+            *heard_arguments(dict.fromkeys((*SIM_INPUTS, *MONITOR_INPUTS))),
             DeclareLaunchArgument(
                 'rig',
                 default_value='true',
@@ -52,11 +53,12 @@ def generate_launch_description():
             our_node(
                 'rig_node',
                 namespace=DEVICE,
-                parameters=[{'schedule': schedule, 'start_subscribers': 1, 'repeat': True}],
+                parameters=[{'schedule': schedule, 'start_subscribers': 1, 'repeat': True, 'joint': joint}],
+                remappings=[(topic, LaunchConfiguration(topic)) for topic in MONITOR_INPUTS],
                 condition=IfCondition(LaunchConfiguration('rig')),
             ),
-            beside('sim', condition=None),
-            beside('monitor', condition=IfCondition(monitor_is_wanted())),
+            beside_device('sim_node', 'sim', SIM_INPUTS),
+            beside_device('monitor_node', 'monitor', MONITOR_INPUTS, condition=IfCondition(monitor_is_wanted())),
         ]
     )
 
@@ -67,16 +69,3 @@ def monitor_is_wanted():
     return PythonExpression(
         ["'", asked, "' == 'true' or '", asked, "' == 'auto' and r'", PARAMETERS, "' != r'", TABLE_1, "'"]
     )
-
-
-def beside(role, condition):
-    """Include the launch file of what is beside the device, in a scope of its own: each has its own namespace."""
-    arguments = {
-        'cell': CELL,
-        'device': DEVICE,
-        'namespace': [CELL, f'/{role}'],
-        'parameters': PARAMETERS,
-        'use_sim_time': USE_SIM_TIME,
-    }
-    included = IncludeLaunchDescription(launch_file(role), launch_arguments=arguments.items())
-    return GroupAction([included], condition=condition)

@@ -1,10 +1,9 @@
 """The simulator beside a device: it hears the device, and publishes in a namespace of its own."""
 
-from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 
 from cfd_pneumatic.convention import SIM_INPUTS
-from cfd_pneumatic.nodes.launching import TABLE_1, beside_device
+from cfd_pneumatic.nodes.launching import TABLE_1, alone_beside_device
 
 
 def generate_launch_description():
@@ -13,4 +12,4 @@ def generate_launch_description():
         default_value=TABLE_1,
         description="parameter file: the parameters.yaml of an identification; the paper's Table 1 where none is given",
     )
-    return LaunchDescription(beside_device('sim_node', 'sim', SIM_INPUTS, parameters))
+    return alone_beside_device('sim_node', 'sim', SIM_INPUTS, parameters)

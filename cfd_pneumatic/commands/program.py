@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from cfd_pneumatic import __version__
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.examples import example_of
+from cfd_pneumatic.start import INTERRUPTED
 
 BAD_INPUT = 2
-INTERRUPTED = 130
 BROKEN_PIPE = 141
 
 _LONGEST_LINE = 2_000

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import signal
+import subprocess
+import sys
 import threading
-from collections.abc import Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
 from importlib import import_module
-from multiprocessing import connection, get_context, parent_process
-from multiprocessing.connection import Connection
+from multiprocessing import connection
 from typing import TYPE_CHECKING
 
 from cfd_pneumatic.monitoring.finding import Finding, diagnose
@@ -27,12 +25,16 @@ class Worker:
     """The process; it starts at once, and waits."""
 
     def __init__(self) -> None:
-        context = get_context('spawn')  # a fork would take over the middleware's threads and locks, half of them
-        self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs,), name='diagnosis', daemon=True)
-        with _interrupts_kept_off():
-            self._process.start()
+        self._connection, theirs = connection.Pipe()
+        watched, self._lifeline = os.pipe()
+        # a session of its own: an interrupt at the terminal reaches the node, which ends it
+        self._process = subprocess.Popen(
+            [sys.executable, '-c', f'from {__name__} import serve; serve({theirs.fileno()}, {watched})'],
+            pass_fds=(theirs.fileno(), watched),
+            start_new_session=True,
+        )
         theirs.close()
+        os.close(watched)
         self._asking = threading.Lock()
 
     def diagnose(self, recording: Recording, options: Options) -> Future[Finding]:
@@ -52,31 +54,22 @@ class Worker:
         return answer
 
     @property
-    def pid(self) -> int | None:
+    def pid(self) -> int:
         """Number of the process."""
         return self._process.pid
 
     def end(self) -> None:
         """End the process at once, whatever it is doing."""
         self._process.kill()
-        self._process.join()
+        self._process.wait()
 
 
-@contextmanager
-def _interrupts_kept_off() -> Iterator[None]:
-    """Keep interrupts from a process started meanwhile: one at the terminal reaches the node, which ends it."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _serve(requests: Connection) -> None:
-    """Answer requests until there is nobody any more who could ask."""
+def serve(requests_from: int, lifeline: int) -> None:
+    """Answer requests that come through a file descriptor, until another one says that nobody is left to ask."""
     os.nice(_NICE)
     os.environ[LIMIT] = '1'
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
+    requests: connection.Connection = connection.Connection(requests_from)
     import_module('cfd_pneumatic.identification.procedure')  # before it is needed
     while True:
         try:
@@ -92,9 +85,7 @@ def _diagnose(recording: Recording, options: Options) -> Finding:
         return Finding({}, f'the diagnosis failed: {type(error).__name__}: {error}')
 
 
-def _end_with_parent() -> None:
+def _end_with(lifeline: int) -> None:
     """End the process when the one that started it has, even in the middle of something."""
-    parent = parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
-        os._exit(0)
+    os.read(lifeline, 1)
+    os._exit(0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -12,18 +13,51 @@ from rclpy.node import Node
 
 _THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
 
+_NUMBER = re.compile(r'\d[\d.]*(e[+-]?\d+)?|\b(nan|inf)\b')
 
-def diagnostics(node: Node, part: str, level: bytes, message: str, values: Mapping[str, str]) -> DiagnosticArray:
-    """Return a message for `/diagnostics` on one part of a node."""
+LOST = 'lost messages'
+MISMATCHED = 'QoS mismatches'
+
+_TROUBLES = (
+    'resets', 'ignored samples', 'ignored stamps', 'ignored set-points', 'ignored measurements', LOST, MISMATCHED
+)  # fmt: skip
+"""What makes `/diagnostics` warn where it has happened since the last report."""
+
+
+def diagnostics(
+    node: Node, part: str, level: bytes, message: str, values: Mapping[str, str], hardware_id: str = ''
+) -> DiagnosticArray:
+    """Return a message for `/diagnostics` on a part of a node, perhaps with the serial number of the device."""
     name = node.get_fully_qualified_name()
-    status = DiagnosticStatus(name=f'{name}: {part}', hardware_id=name, level=level, message=message)
+    status = DiagnosticStatus(name=f'{name}: {part}', hardware_id=hardware_id or name, level=level, message=message)
     status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
     array = DiagnosticArray(status=[status])
     array.header.stamp = node.get_clock().now().to_msg()
     return array
 
 
-class InputHealth:
+def joined(*parts: str | None) -> str:
+    """Return what there is of a message's parts."""
+    return '; '.join(part for part in parts if part)
+
+
+class Warnings:
+    """The warnings of a node; those that differ in their numbers alone are of one kind, repeated now and then."""
+
+    def __init__(self, node: Node) -> None:
+        """Warn in the log of a node."""
+        self._node = node
+        self._last: dict[str, float] = {}
+
+    def warn(self, message: str) -> None:
+        """Warn, unless there was a warning of this kind a moment ago."""
+        now, kind = time.monotonic(), _NUMBER.sub('#', message)
+        if now - self._last.get(kind, -math.inf) >= _THROTTLE:
+            self._last[kind] = now
+            self._node.get_logger().warning(message)
+
+
+class InputHealth(Warnings):
     """
     Whether an input comes, and is of use; by steady time, which a stopped `/clock` does not stop.
 
@@ -31,6 +65,8 @@ class InputHealth:
     ----------
     fault
         What is wrong with the input that came last, or None.
+    meanwhile
+        What came that is no input of ours since the last one that was, or None.
     counts
         How often what has happened.
 
@@ -38,39 +74,42 @@ class InputHealth:
 
     def __init__(self, node: Node, topic: str) -> None:
         """Watch over the input on a topic."""
-        self._node = node
+        super().__init__(node)
         self._topic = topic
-        self._last = time.monotonic()
-        self._warned: dict[str, float] = {}
+        self._last_good = time.monotonic()
         self.fault: str | None = f'no {topic} yet'
+        self.meanwhile: str | None = None
         self.counts: Counter[str] = Counter()
+        self._reported: Counter[str] = Counter()
 
     @property
     def silence(self) -> float:
         """Time since the last good input [s]."""
-        return time.monotonic() - self._last
+        return time.monotonic() - self._last_good
 
     def good(self) -> None:
         """Note an input that can be used."""
-        self._last = time.monotonic()
-        self.fault = None
+        self._last_good = time.monotonic()
+        self.fault = self.meanwhile = None
 
     def bad(self, fault: str) -> None:
         """Note an input that cannot."""
         self.fault = fault
-        self.warn('fault', f'ignored: {fault}')
+        self.warn(f'ignored: {fault}')
 
-    def warn(self, kind: str, message: str) -> None:
-        """Warn, unless there was a warning of this kind a moment ago."""
-        now = time.monotonic()
-        if now - self._warned.get(kind, -math.inf) >= _THROTTLE:
-            self._warned[kind] = now
-            self._node.get_logger().warning(message)
+    def troubles(self) -> str | None:
+        """Return in words what has gone wrong since this was asked last, though the last input was good; or None."""
+        grown = {trouble: self.counts[trouble] - self._reported[trouble] for trouble in _TROUBLES}
+        self._reported = self.counts.copy()
+        words = [f'{count} {trouble}' for trouble, count in grown.items() if count]
+        return f'since the last report: {", ".join(words)}' if words else None
 
     def verdict(self, timeout: float) -> tuple[bytes, str]:
         """Return level and message for `/diagnostics`; silence beyond a `timeout` [s] is an error."""
+        troubles = self.troubles()
         if self.silence > timeout:
-            return DiagnosticStatus.ERROR, self.fault or f'{self._topic} has been silent for {self.silence:.1f} s'
-        if self.fault is not None:
-            return DiagnosticStatus.WARN, self.fault
+            why = self.fault or f'{self._topic} has been silent for {self.silence:.1f} s'
+            return DiagnosticStatus.ERROR, joined(why, self.meanwhile, troubles)
+        if self.fault is not None or troubles is not None:
+            return DiagnosticStatus.WARN, joined(self.fault, troubles)
         return DiagnosticStatus.OK, f'following {self._topic}'

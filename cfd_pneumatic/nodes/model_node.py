@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
@@ -17,12 +20,14 @@ from cfd_pneumatic.compiling import announced
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import NAMES, DeviceModel, warm_up
-from cfd_pneumatic.nodes.health import InputHealth
-from cfd_pneumatic.nodes.messages import AXES
+from cfd_pneumatic.nodes.health import LOST, MISMATCHED, InputHealth, diagnostics
+from cfd_pneumatic.nodes.messages import AXES, COMMAND_QOS, OUTPUT_QOS
 from cfd_pneumatic.nodes.parameters import declare_device, device_of, number, text, wrong_type
 from cfd_pneumatic.nodes.samples import joint_reader
+from cfd_pneumatic.nodes.topics import listen_to
 
-_FARTHEST = 1e3  # no piston is [m]; a number beyond would take the model out of floating point's range
+_FARTHEST = 1e3  # what a stroke may end at [m]; a number beyond would take the model out of floating point's range
+_STROKE = 1.0  # no end effector's piston is farther from where it is counted from [m]
 _NAMES = reprlib.Repr()  # of the joints in a message, which may be any number of any length
 _NAMES.maxlist, _NAMES.maxstring = 20, 80
 
@@ -37,6 +42,11 @@ class ModelNode(Node):
     def __init__(self, name: str, **kwargs: Any) -> None:
         """Declare parameters and compile the model."""
         super().__init__(name, **kwargs)
+        self._health = InputHealth(self, convention.PISTON_STATE)
+        self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
+        axis = self._parameter_overrides.get('axis')
+        if axis is not None and axis.value is True:  # YAML takes a bare y for true, and `ros2 param dump` writes it so
+            self._parameter_overrides['axis'] = Parameter('axis', value='y')
         self._declare_parameters()
         self._described = self._make_device({})
         self._cylinders = tuple(self._device.cylinders)
@@ -47,8 +57,7 @@ class ModelNode(Node):
             refusal = self._refusal(self._setpoints[cylinder])
             if refusal is not None:
                 raise InputError(f'{cylinder}.initial_setpoint is {refusal}')
-        self._health = InputHealth(self, convention.PISTON_STATE)
-        self._piston = joint_reader(self, self._value('joint'))
+        self._adopt_piston({})
         instead = "the paper's Table 1 and the default area stand in for them"
         if self._defaults == wanted:
             self.get_logger().info(f'no gains and no area are given: {instead}')
@@ -73,7 +82,7 @@ class ModelNode(Node):
     def _declare_parameters(self) -> None:
         declare = self.declare_parameter
         declare('joint', convention.PISTON_JOINT, text('name of the piston joint in piston_state'))
-        declare('frame_id', 'cfd', text('frame of contact_force and of the pressures'))
+        declare('frame_id', 'cfd', text('frame of contact_force and of the pressures', 'not empty'))
         declare(
             'axis',
             'x',
@@ -82,6 +91,9 @@ class ModelNode(Node):
                 "x, 'y' (in quotes: YAML takes a bare y for true) or z",
             ),
         )
+        declare('stroke_lower', -_STROKE, number('m', -_FARTHEST, _FARTHEST, 'a displacement below is refused'))
+        declare('stroke_upper', _STROKE, number('m', -_FARTHEST, _FARTHEST, 'a displacement above is refused'))
+        declare('hardware_id', '', text('serial number of the device, for /diagnostics; empty: the name of the node'))
         declare('max_gap', 1.0, number('s', 1e-3, 1e3, 'a longer step between samples starts the model anew'))
         declare('timeout', 0.5, number('s', 1e-2, 1e3, 'silence of piston_state that /diagnostics calls an error'))
         declare_device(self)
@@ -89,6 +101,11 @@ class ModelNode(Node):
     def _make_device(self, changes: Mapping[str, Any]) -> Device:
         if self._value('axis', changes) not in AXES:
             raise InputError(f'axis {self._value("axis", changes)!r} is not one of {", ".join(AXES)}')
+        if not self._value('frame_id', changes):
+            raise InputError("frame_id is empty: name the frame of the contact force, 'cfd'")
+        lower, upper = (self._value(f'stroke_{end}', changes) for end in ('lower', 'upper'))
+        if not lower < upper:
+            raise InputError(f'stroke_lower {lower:g} m does not lie below stroke_upper {upper:g} m')
         return device_of(self, changes)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
@@ -105,10 +122,16 @@ class ModelNode(Node):
             self._described = self._make_device(changes)
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        self._piston = joint_reader(self, self._value('joint', changes))
+        self._adopt_piston(changes)
         self._defaults = [name for name in self._defaults if name not in changes]
         self._adopt(changes)
         return SetParametersResult(successful=True)
+
+    def _adopt_piston(self, changes: Mapping[str, Any]) -> None:
+        """Read the piston as the parameters say from now on."""
+        self._joint = self._value('joint', changes)
+        self._stroke = self._value('stroke_lower', changes), self._value('stroke_upper', changes)
+        self._piston = joint_reader(self, self._joint)
 
     def _told_defaults(self) -> str:
         """Return which of the gains and the area nobody gave."""
@@ -127,16 +150,52 @@ class ModelNode(Node):
         """Use `_device` from now on, and what else has changed."""
         raise NotImplementedError
 
+    def _say(self, part: str, verdict: tuple[bytes, str], values: Mapping[str, str]) -> None:
+        """Publish on `/diagnostics` how a part of the node does: level and words, and values beside them."""
+        self._diagnostics_out.publish(diagnostics(self, part, *verdict, values, self._value('hardware_id')))
+
     def _on_compiling(self, folder: str | None) -> None:
         kept = f'once: it is kept in {folder}'
         if folder is None:
             kept = 'for this run only: no cache can be written, name a folder for it in NUMBA_CACHE_DIR'
         self.get_logger().info(f'compiling the model, {kept}')
+        self._say('start', (DiagnosticStatus.WARN, 'not ready yet: compiling the model'), {})
 
     def _on_waiting(self) -> None:
         self.get_logger().info('another process compiles the model: waiting for it')
+        self._say('start', (DiagnosticStatus.WARN, 'not ready yet: another process compiles the model'), {})
 
     # topics
+
+    def _listen_to(
+        self, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile, raw: bool = False
+    ) -> None:
+        """Subscribe, and count what the middleware loses and who offers too little."""
+        listen_to(
+            self,
+            message_type,
+            topic,
+            callback,
+            qos,
+            raw,
+            partial(self._on_lost, topic),
+            partial(self._on_mismatch, topic),
+        )
+
+    def _listen_to_setpoints(self) -> None:
+        for name in self._cylinders:
+            self._listen_to(Float64, convention.setpoint_topic(name), partial(self._on_setpoint, name), COMMAND_QOS)
+
+    def _on_lost(self, topic: str, lost: int) -> None:
+        self._health.counts[LOST] += lost
+        self._health.warn(f'{lost} messages on {topic} were lost: they come faster than they are taken')
+
+    def _on_mismatch(self, topic: str, publishers: int, policy: str) -> None:
+        self._health.counts[MISMATCHED] += publishers
+        self._health.warn(
+            f'{topic} is published with another {policy} than is asked for, and so not heard: '
+            "set the publisher's, or qos_overrides here"
+        )
 
     def _on_setpoint(self, cylinder: str, message: Float64) -> None:
         refusal = self._refusal(message.data)
@@ -155,17 +214,27 @@ class ModelNode(Node):
             return f'{setpoint:.0f} Pa, above the supply pressure {self._value("supply_pressure"):.0f} Pa'
         return None
 
-    def _ignore_setpoint(self, what: str) -> None:
+    def _ignore_setpoint(self, why: str) -> None:
         self._health.counts['ignored set-points'] += 1
-        self._health.warn('set-point', f'ignored: {what}')
+        self._health.warn(f'ignored: {why}')
+
+    def _refused_position(self, position: float) -> str | None:
+        """Return why the piston cannot be at a position [m], or None."""
+        lower, upper = self._stroke
+        if lower <= position <= upper:
+            return None
+        return f'is at {position:g} m, outside stroke_lower {lower:g} to stroke_upper {upper:g} m'
 
     def _on_piston(self, message: bytes) -> None:
         told = self._piston.read(message)
-        if told is None or not abs(told[1]) <= _FARTHEST:  # neither is NaN
+        if told is None and self._joint not in self._piston.names:  # several publishers may share the topic
+            self._health.counts['messages without the joint'] += 1
+            self._health.meanwhile = f'no joint {self._joint!r}, but {_NAMES.repr(self._piston.names)}'
+            return
+        refusal = 'has no position' if told is None else self._refused_position(told[1])
+        if told is None or refusal is not None:
             self._health.counts['ignored samples'] += 1
-            joint = self._value('joint')
-            named = _NAMES.repr(self._piston.names)[1:-1] or 'none'
-            self._health.bad(f'{convention.PISTON_STATE} has no usable position of joint {joint!r} (joints: {named})')
+            self._health.bad(f'joint {self._joint!r} in {convention.PISTON_STATE} {refusal}')
             return
         stamp = self._stamp(told[0], convention.PISTON_STATE)
         if stamp is None:
@@ -198,7 +267,6 @@ class ModelNode(Node):
         for name, cylinder in self._device.cylinders.items():
             if not cylinder.parameters.covers(self._setpoints[name]):
                 self._health.warn(
-                    f'operating points of {name}',
                     f'{name}: set-point {self._setpoints[name]:.0f} Pa lies outside the operating '
                     f'points {cylinder.parameters.setpoints[0]:.0f} to {cylinder.parameters.setpoints[-1]:.0f} Pa: '
                     'the nearest gains are held',

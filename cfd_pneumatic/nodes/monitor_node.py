@@ -8,30 +8,34 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.identification import Options
 from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
-from cfd_pneumatic.nodes.health import diagnostics
-from cfd_pneumatic.nodes.messages import COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
+from cfd_pneumatic.nodes.messages import OUTPUT_QOS, SAMPLE_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode, no_time
 from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs
 from cfd_pneumatic.nodes.parameters import number
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.samples import force_reader, pressure_reader
-from cfd_pneumatic.nodes.topics import listen_to
 
 _LOOK_PERIOD = 0.1  # how often diagnoses and silence are looked after [s]
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _DAY = 86_400.0  # [s]
 _LARGEST = 1e12  # no pressure is [Pa], no force [N]; beyond, the charts would leave floating point's range
-_SHOWN = {'frame_id', 'axis', 'joint'}  # parameters that nothing that was learned depends on
+_SHOWN = {
+    'frame_id',
+    'axis',
+    'joint',
+    'hardware_id',
+    'stroke_lower',
+    'stroke_upper',
+}  # parameters that nothing that was learned depends on
 
 
 class MonitorNode(ModelNode):
@@ -119,12 +123,9 @@ class MonitorNode(ModelNode):
         self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS, convention.PREDICTED)
         self._residuals = ResidualOutputs(self, self._cylinders, OUTPUT_QOS)
         self._orient({})
-        self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
-        for name in self._cylinders:
-            on_setpoint = partial(self._on_setpoint, name)
-            listen_to(self, Float64, convention.setpoint_topic(name), on_setpoint, COMMAND_QOS)
-        listen_to(self, JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, raw=True)
+        self._listen_to_setpoints()
+        self._listen_to(JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, raw=True)
         for name in self._cylinders:
             self._listen_to_measured(FluidPressure, name, convention.pressure_topic(name))
         self._listen_to_measured(WrenchStamped, convention.CONTACT_FORCE, convention.MEASURED_FORCE)
@@ -134,7 +135,7 @@ class MonitorNode(ModelNode):
         self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
 
     def _listen_to_measured(self, message_type: type, channel: str, topic: str) -> None:
-        listen_to(self, message_type, topic, partial(self._on_measured, channel, topic), SAMPLE_QOS, raw=True)
+        self._listen_to(message_type, topic, partial(self._on_measured, channel, topic), SAMPLE_QOS, raw=True)
 
     def _commit(self, stamp: int, position: float) -> None:
         now = time.monotonic()
@@ -153,11 +154,11 @@ class MonitorNode(ModelNode):
         told = self._readers[channel].read(message)
         if told is None or not abs(told[1]) <= _LARGEST:  # neither is NaN
             self._health.counts['ignored measurements'] += 1
-            self._health.warn(topic, f'ignored: {topic} {told and told[1]}, not a number that can be measured')
+            self._health.warn(f'ignored: {topic} {told and told[1]}, not a number that can be measured')
             return
         stamp = self._stamp(told[0], topic)
         if stamp is None:
-            self._health.warn(topic, f'ignored: {no_time(topic)}')
+            self._health.warn(f'ignored: {no_time(topic)}')
             return
         now = time.monotonic()
         self._watch.measured(channel, stamp, told[1], now)
@@ -196,17 +197,19 @@ class MonitorNode(ModelNode):
                 values['largest sum over its threshold [-]'] = f'{channel.nearness:.3f}'
             self._say(name, self._verdict_on(name), values)
 
-    def _say(self, part: str, verdict: tuple[bytes, str], values: Mapping[str, str]) -> None:
-        self._diagnostics_out.publish(diagnostics(self, part, *verdict, values))
-
     def _verdict_on_feed(self) -> tuple[bytes, str]:
         """Return level and words on the topics."""
         faults = self._watch.faults(time.monotonic())
         missing = self._watch.missing()
         words = [fault.why for fault in faults]
         words += [f'no {topic} yet' for topic in missing]
+        if self._health.meanwhile is not None and (faults or missing):
+            words.append(self._health.meanwhile)
         if self._health.fault is not None and convention.PISTON_STATE not in missing:
             words.append(self._health.fault)
+        troubles = self._health.troubles()
+        if not words and troubles is not None:
+            return DiagnosticStatus.WARN, troubles
         if not words:
             return DiagnosticStatus.OK, f'following {convention.PISTON_STATE}'
         passing = not missing and all(fault.kind == 'clock' for fault in faults)

@@ -15,19 +15,17 @@ from cfd_pneumatic.nodes.samples import force_writer, pressure_writer
 from cfd_pneumatic.nodes.topics import publish_on
 
 
-class Outputs:
-    """The topics on which every sample is answered."""
+class Answers:
+    """The topics on which pressures and the force are published."""
 
     def __init__(
         self, node: Node, cylinders: Sequence[str], force_topic: str, qos: QoSProfile, below: str = ''
     ) -> None:
         """Open topics for some cylinders and for the force, below a name where there is one. Then `orient`."""
         self._node = node
-        self._pressures_out, self._applied_out = (
-            [publish_on(node, FluidPressure, below + topic(name), qos) for name in cylinders]
-            for topic in (convention.pressure_topic, convention.setpoint_applied_topic)
-        )
-        self._present = [convention.CYLINDERS.index(name) for name in cylinders]
+        self._pressures_out = [
+            publish_on(node, FluidPressure, below + convention.pressure_topic(name), qos) for name in cylinders
+        ]
         self._force_out = publish_on(node, WrenchStamped, below + force_topic, qos)
 
     def orient(self, frame_id: str, axis: str) -> None:
@@ -40,13 +38,27 @@ class Outputs:
         self._publish(self._pressures_out, stamp, pressures)
         self._force_out.publish(self._force.filled(stamp, force))
 
-    def publish_applied(self, stamp: int, setpoints: Sequence[float]) -> None:
-        """Publish those of the absolute set-points (A, B) [Pa] that acted up to a sample at a stamp [ns]."""
-        self._publish(self._applied_out, stamp, (setpoints[index] for index in self._present))
-
     def _publish(self, publishers: Sequence[Publisher], stamp: int, pressures: Iterable[float]) -> None:
         for publisher, pressure in zip(publishers, pressures):
             publisher.publish(self._pressure.filled(stamp, pressure))
+
+
+class Outputs(Answers):
+    """The topics on which every sample is answered, also with the set-points that acted."""
+
+    def __init__(
+        self, node: Node, cylinders: Sequence[str], force_topic: str, qos: QoSProfile, below: str = ''
+    ) -> None:
+        """Open topics for some cylinders and for the force, below a name where there is one. Then `orient`."""
+        super().__init__(node, cylinders, force_topic, qos, below)
+        self._applied_out = [
+            publish_on(node, FluidPressure, below + convention.setpoint_applied_topic(name), qos) for name in cylinders
+        ]
+        self._present = [convention.CYLINDERS.index(name) for name in cylinders]
+
+    def publish_applied(self, stamp: int, setpoints: Sequence[float]) -> None:
+        """Publish those of the absolute set-points (A, B) [Pa] that acted up to a sample at a stamp [ns]."""
+        self._publish(self._applied_out, stamp, (setpoints[index] for index in self._present))
 
 
 class ResidualOutputs:

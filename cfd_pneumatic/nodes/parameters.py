@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, ParameterType
@@ -75,6 +76,15 @@ def wrong_type(node: Node, parameters: Sequence[Parameter]) -> str | None:
             if given != declared:
                 return f'{parameter.name} is {given} where {declared} belongs{_HINTS.get((given, declared), "")}'
     return None
+
+
+def warn_of_undeclared(node: Node) -> None:
+    """Warn of parameters that were given to a node and that it does not have; rclpy is silent on them."""
+    for name in node._parameter_overrides:
+        if not node.has_parameter(name):
+            near = get_close_matches(name, node._parameters, n=1)
+            hint = f': did you mean {near[0]}?' if near else ''
+            node.get_logger().warning(f'parameter {name} is none of this node, and has no effect{hint}')
 
 
 def declare_device(node: Node) -> None:

@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from threading import Event
+from threading import Event, Thread
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
     NameValidationException,
-    NotInitializedException,
     ParameterUninitializedException,
 )
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, get_logger, get_logger_level, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
 from rclpy.time_source import TimeSource
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.messages import is_time
+from cfd_pneumatic.nodes.parameters import warn_of_undeclared
 from cfd_pneumatic.start import told
 
 try:
@@ -33,8 +37,8 @@ try:
 except ImportError:  # before Jazzy
     EventsExecutor = None  # type: ignore[assignment]
 
-_SPIN_FOR = 0.5  # EventsExecutor's own spin() does not return on a signal; spin_once with a limit does [s]
-_SHUTDOWN = 1.0  # how long callbacks may take to end [s]
+_SPIN_FOR = 0.2  # EventsExecutor's own spin() does not return on a signal; spin_once with a limit does [s]
+_SHUTDOWN = 1.0  # how long callbacks, or the start, may take to end [s]
 _BAD_INPUT = 2
 _THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
 
@@ -80,14 +84,14 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     """
     if told(name, sys.argv[1:] if args is None else args):
         return 0
-    made = Event()
-    _interrupt_until(made)
+    ending = _Ending()
     try:
         _start(args)
-        node = make_node()
-        made.set()
+        node = _made(make_node)
+        warn_of_undeclared(node)
+        ending.made.set()
         try:
-            _spin(node)
+            _spin(node, ending)
         finally:
             node.destroy_node()
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -95,36 +99,64 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     except _MISTAKES as error:
         print(f'{name}: error: {_one_line(str(error))}', file=sys.stderr)
         return _BAD_INPUT
-    except (RuntimeError, NotInitializedException):
-        if rclpy.ok():
+    except Exception:
+        if not ending.asked:
             raise
-        # else a signal has ended ROS in the middle of something that needs it
+        # else it comes of the interrupt, as where a compiler is left in the middle
     finally:
-        with suppress(RuntimeError):  # a signal may have shut ROS down between rclpy's question and its answer
-            rclpy.try_shutdown()
+        rclpy.try_shutdown()
     return 0
 
 
-def _interrupt_until(made: Event) -> None:
-    """
-    Let an interrupt raise `KeyboardInterrupt` until the node is made, and never afterwards.
+def _made(make_node: Callable[[], Node]) -> Node:
+    """Return the node; what ROS has against it is the user's to mend, as a missing enclave."""
+    try:
+        with catch_warnings():
+            simplefilter('ignore')  # rcl has another complaint about a node that it could not make
+            return make_node()
+    except RCLError as error:
+        raise InputError(f'ROS cannot make the node: {error}') from error
 
-    Then rclpy ends the spinning, and nothing stops what has to be finished, such as a bag or the executor's own start.
-    A second SIGTERM still ends the program.
+
+class _Ending:
+    """
+    What SIGINT and SIGTERM do, at any moment.
+
+    Until the node is made they end the program, which has nothing to finish yet. Then they ask the spinning to end, and
+    nothing stops what has to be finished, such as a bag. rclpy's own handlers would take the context away from
+    callbacks that are running.
     """
 
-    def interrupt(*_: object) -> None:
-        if not made.is_set():
+    def __init__(self) -> None:
+        self.asked = False
+        self.made = Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._ask)
+        heard, told = os.pipe()
+        os.set_blocking(told, False)
+        signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+        Thread(target=self._end_by_force, args=(heard,), daemon=True).start()
+
+    def _ask(self, *_: object) -> None:
+        self.asked = True
+        if not self.made.is_set():
+            sys.unraisablehook = lambda _: None  # for one that is raised where nothing can be
             raise KeyboardInterrupt
 
-    signal.signal(signal.SIGINT, interrupt)
+    def _end_by_force(self, heard: int) -> None:
+        """End the program where the main thread is in machine code, as the compiler's, and does not hear a signal."""
+        os.read(heard, 1)
+        if not self.made.is_set():
+            time.sleep(_SHUTDOWN)
+            os._exit(0)
 
 
 def _start(args: Sequence[str] | None) -> None:
     """Initialise ROS; a parameter file that it cannot read is the user's to mend."""
     set_logger_level('rcl', LoggingSeverity.FATAL)  # it would say the same in a line of its own
     try:
-        rclpy.init(args=None if args is None else list(args))
+        options = SignalHandlerOptions.NO
+        rclpy.init(args=None if args is None else list(args), signal_handler_options=options)
     except RuntimeError as error:
         raise InputError(f'ROS cannot start: {error}') from error
     if get_logger_level('rcl') == LoggingSeverity.FATAL:
@@ -138,11 +170,11 @@ def _one_line(message: str) -> str:
     return line if hint is None else f'{line} ({hint})'
 
 
-def _spin(node: Node) -> None:
+def _spin(node: Node, ending: _Ending) -> None:
     executor = _make_executor()
     try:
         executor.add_node(node)
-        while rclpy.ok():
+        while rclpy.ok() and not ending.asked:
             executor.spin_once(timeout_sec=_SPIN_FOR)
     finally:
         executor.shutdown(timeout_sec=_SHUTDOWN)

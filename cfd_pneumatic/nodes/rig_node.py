@@ -20,6 +20,7 @@ from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.nodes.health import Warnings
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, stamp_message
 from cfd_pneumatic.nodes.outputs import Outputs
 from cfd_pneumatic.nodes.parameters import number, switch, text, value_of
@@ -47,7 +48,6 @@ _KNOTS = 10  # of the commanded piston's motion in a sample
 _BURST = 20  # samples at most that one tick catches up on, so that callbacks and signals get their turn
 _OUTPUT_QOS = QoSProfile(depth=10 * _BURST)  # reliable, some bursts deep
 _WAITING_PERIOD = 0.05  # [s]
-_THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
 _DELIVERY = 4.0  # how long the last messages may take to arrive before the node ends; DDS asks every 3 s [s]
 
 
@@ -141,8 +141,11 @@ class RigNode(Node):
         """Declare parameters, compile the physics, and begin."""
         super().__init__('rig_node', **kwargs)
         self._declare_parameters()
+        self._warnings = Warnings(self)
         self._period = 1.0 / self._value('sample_rate')
         self._joint, self._frame = self._value('joint'), self._value('frame_id')
+        if not self._frame:
+            raise InputError("frame_id is empty: name the frame of measured_force, 'cfd'")
         self._healthy = device_named(self._value('device')) if parameters is None else parameters
         self._sensors = sensors
         self._device = with_faults(self._healthy, self._value('faults'))
@@ -187,7 +190,7 @@ class RigNode(Node):
 
         declare('device', 'real', text('which device: with gains as in nature, or constant ones', ' or '.join(DEVICES)))
         declare('joint', convention.PISTON_JOINT, text('name of the piston joint in piston_state'))
-        declare('frame_id', 'cfd', text('frame of measured_force and of the pressures'))
+        declare('frame_id', 'cfd', text('frame of measured_force and of the pressures', 'not empty'))
         declare('sample_rate', 500.0, number('Hz', 1.0, 2000.0, 'samples in a second'))
         declare('seed', 0, _whole(0, 2**31 - 1, "picks the sensors' noise, and the surface that is followed"))
         declare(
@@ -259,9 +262,7 @@ class RigNode(Node):
             if math.isfinite(message.data):
                 piston.command(message.data)
             else:
-                self.get_logger().warning(
-                    f'ignored: piston_command {message.data:g} m', throttle_duration_sec=_THROTTLE
-                )
+                self._warnings.warn(f'ignored: piston_command {message.data:g} m')
 
         listen_to(self, Float64, convention.PISTON_COMMAND, on_piston_command, COMMAND_QOS)
         for index, name in enumerate(convention.CYLINDERS):
@@ -273,10 +274,9 @@ class RigNode(Node):
         """Set a regulator, to act from the next sample on."""
         setpoint, air = message.data, self._device.air
         if not 0.0 < setpoint + air.ambient_pressure < air.supply_pressure:
-            self.get_logger().warning(
+            self._warnings.warn(
                 f'ignored: {convention.setpoint_topic(convention.CYLINDERS[index])} {setpoint:g} Pa, which does not '
-                'lie between vacuum and the supply',
-                throttle_duration_sec=_THROTTLE,
+                'lie between vacuum and the supply'
             )
             return
         first, second = commanded.setpoints
@@ -299,7 +299,7 @@ class RigNode(Node):
         self._position = position
         self._published += 1
         if stamp > LATEST:
-            self.get_logger().warning('not published: no stamp is left for it', throttle_duration_sec=_THROTTLE)
+            self._warnings.warn('not published: no stamp is left for it')
             return
         piston = JointState(name=[self._joint], position=[position], velocity=[speed])
         piston.header.stamp = stamp_message(stamp)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -15,18 +13,18 @@ from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.model import Arrival, DeviceState, LiveDevice
-from cfd_pneumatic.nodes.health import diagnostics
+from cfd_pneumatic.nodes.health import LOST, MISMATCHED
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, OUTPUT_QOS, SAMPLE_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode
-from cfd_pneumatic.nodes.outputs import Outputs
+from cfd_pneumatic.nodes.outputs import Answers, Outputs
 from cfd_pneumatic.nodes.parameters import number
 from cfd_pneumatic.nodes.program import run
-from cfd_pneumatic.nodes.topics import listen_to
 from cfd_pneumatic.units import PSI
 
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _COUNTED = (
-    'samples', 'repeated stamps', 'resets', 'ignored samples', 'ignored stamps', 'ignored set-points', 'zero stamps'
+    'samples', 'repeated stamps', 'resets', 'ignored samples', 'ignored stamps', 'ignored set-points', 'zero stamps',
+    'messages without the joint', LOST, MISMATCHED
 )  # fmt: skip
 
 
@@ -35,7 +33,8 @@ class SimNode(ModelNode):
     Pressures and contact force of the model, answered sample by sample.
 
     Subscribes `piston_state`, `cylinder_*/setpoint`, `force_setpoint`; publishes `cylinder_*/pressure`,
-    `cylinder_*/setpoint_applied`, `contact_force` and `/diagnostics`; serves `~/reset`. The pressure is what the
+    `cylinder_*/setpoint_applied`, `contact_force` and `/diagnostics`, and below `preview/` where pressures and force go
+    while `piston_state` is silent; serves `~/reset`. The pressure is what the
     cylinder's sensor reads; the contact force follows from the pressure in the chamber, which is another one where an
     effect on the sensor is on. Effects on the force, as friction, change it alone. Every parameter is described, with
     its unit, in its descriptor.
@@ -65,20 +64,22 @@ class SimNode(ModelNode):
     def _adopt(self, changes: Mapping[str, Any]) -> None:
         self._live.device = self._device
         self._live.max_gap = self._value('max_gap', changes)
-        self._outputs.orient(self._value('frame_id', changes), self._value('axis', changes))
+        self._orient(changes)
+
+    def _orient(self, changes: Mapping[str, Any]) -> None:
+        for out in (self._outputs, self._previews):
+            out.orient(self._value('frame_id', changes), self._value('axis', changes))
 
     # topics
 
     def _open_topics(self) -> None:
         self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS)
-        self._outputs.orient(self._value('frame_id'), self._value('axis'))
-        self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
+        self._previews = Answers(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS, convention.PREVIEW)
+        self._orient({})
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
-        for name in self._cylinders:
-            topic = convention.setpoint_topic(name)
-            listen_to(self, Float64, topic, partial(self._on_setpoint, name), COMMAND_QOS)
-        listen_to(self, Float64, convention.FORCE_SETPOINT, self._on_force_setpoint, COMMAND_QOS)
-        listen_to(self, JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, raw=True)
+        self._listen_to_setpoints()
+        self._listen_to(Float64, convention.FORCE_SETPOINT, self._on_force_setpoint, COMMAND_QOS)
+        self._listen_to(JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, raw=True)
         self.create_service(Trigger, '~/reset', self._on_reset)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # a stopped /clock must not stop the watchdog
         self.create_timer(self._value('preview_period'), self._preview, clock=steady)
@@ -108,7 +109,7 @@ class SimNode(ModelNode):
             self._warn_of_reset(arrival, (stamp - last.stamp) * 1e-9)
         committed = self._live.committed
         assert committed is not None
-        self._publish(stamp, committed.state)
+        self._publish(self._outputs, stamp, committed.state)
         self._outputs.publish_applied(stamp, setpoints)
 
     def _warn_of_reset(self, arrival: Arrival, moved: float) -> None:
@@ -121,11 +122,14 @@ class SimNode(ModelNode):
                 f'the stamp of {convention.PISTON_STATE} moved by {moved:.6f} s '
                 f'(allowed: forward, at most max_gap {self._live.max_gap:g} s)'
             )
-        self._health.warn('reset', f'started anew at rest: {reason}')
+            publishers = self.count_publishers(self.resolve_topic_name(convention.PISTON_STATE))
+            if publishers > 1:
+                reason += f'; {publishers} publish it'
+        self._health.warn(f'started anew at rest: {reason}')
 
-    def _publish(self, stamp: int, state: DeviceState) -> None:
+    def _publish(self, out: Answers, stamp: int, state: DeviceState) -> None:
         pressures = [cylinder.reading for cylinder in (state.a, state.b) if cylinder is not None]
-        self._outputs.publish(stamp, pressures, self._live.device.contact_force(state))
+        out.publish(stamp, pressures, self._live.device.contact_force(state))
 
     def _preview(self) -> None:
         """
@@ -142,7 +146,7 @@ class SimNode(ModelNode):
         if self._value('preview_period') <= silence <= self._live.max_gap and stamp <= LATEST:
             state = self._live.preview(silence, self._absolute_setpoints())
             if state is not None:
-                self._publish(stamp, state)
+                self._publish(self._previews, stamp, state)
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Start the model anew, at rest, with the next sample."""
@@ -164,8 +168,7 @@ class SimNode(ModelNode):
             for name, state in zip(convention.CYLINDERS, (committed.state.a, committed.state.b)):
                 if state is not None:
                     values[f'{name} pressure, absolute [Pa]'] = f'{state.reading:.1f}'
-        verdict = self._health.verdict(self._value('timeout'))
-        self._diagnostics_out.publish(diagnostics(self, 'input', *verdict, values))
+        self._say('input', self._health.verdict(self._value('timeout')), values)
 
 
 def main(args: Sequence[str] | None = None) -> None:
