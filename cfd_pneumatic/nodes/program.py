@@ -13,7 +13,6 @@ from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import rclpy
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import (
     InvalidParameterTypeException,
     InvalidParameterValueException,
@@ -114,7 +113,9 @@ def _made(make_node: Callable[[], Node]) -> Node:
         with catch_warnings():
             simplefilter('ignore')  # rcl has another complaint about a node that it could not make
             return make_node()
-    except RCLError as error:
+    except RuntimeError as error:
+        if type(error).__name__ != 'RCLError':  # which rclpy does not export
+            raise
         raise InputError(f'ROS cannot make the node: {error}') from error
 
 

@@ -19,7 +19,7 @@ from cfd_pneumatic.errors import InputError
 try:
     from rclpy.event_handler import SubscriptionEventCallbacks
 except ImportError:  # before Jazzy
-    from rclpy.qos_event import SubscriptionEventCallbacks  # type: ignore[no-redef, import-not-found]
+    from rclpy.qos_event import SubscriptionEventCallbacks
 
 
 def publish_on(node: Node, message_type: type, topic: str, qos: QoSProfile) -> Publisher:

@@ -36,6 +36,7 @@ from cfd_pneumatic.convention import (
     CYLINDERS,
     FORCE_SETPOINT,
     PISTON_STATE,
+    PREVIEW,
     pressure_topic,
     setpoint_applied_topic,
     setpoint_topic,
@@ -273,6 +274,13 @@ class SimClient:
                 (CONTACT_FORCE, WrenchStamped),
             )
         }
+        self.previews = {
+            topic: graph.listen(message_type, f'{namespace}/{PREVIEW}{topic}')
+            for topic, message_type in (
+                *((pressure_topic(name), FluidPressure) for name in cylinders),
+                (CONTACT_FORCE, WrenchStamped),
+            )
+        }
         self.stamp = 1_000_000_000_000
         self.sent = 0
 
@@ -288,7 +296,7 @@ class SimClient:
     def restart(self) -> SimClient:
         """Reset the node and forget what was heard."""
         assert self.graph.trigger(f'{self.node}/reset').success
-        for messages in self.heard.values():
+        for messages in (*self.heard.values(), *self.previews.values()):
             messages.clear()
         self.sent = 0
         return self
@@ -324,14 +332,14 @@ class SimClient:
             for topic, message in found.items()
         }
 
-    def series(self, topic: str) -> list[tuple[int, float]]:
-        """Return stamps and values heard on a topic."""
+    def series(self, topic: str, previews: bool = False) -> list[tuple[int, float]]:
+        """Return stamps and values heard on a topic, or on that of its previews."""
         return [
             (
                 nanoseconds(message.header.stamp),
                 message.wrench.force.x if topic == CONTACT_FORCE else message.fluid_pressure,
             )
-            for message in self.heard[topic]
+            for message in (self.previews if previews else self.heard)[topic]
         ]
 
     def count(self, key: str) -> int:

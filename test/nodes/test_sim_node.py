@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,11 @@ from graph import MILLISECOND, PATIENCE, Graph, SimClient, refusals, ros_argumen
 from measured import MAPPING, ROOT, needs_measured_data
 from rcl_interfaces.srv import DescribeParameters, ListParameters
 from rclpy.parameter import Parameter
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Header
 
 import cfd_pneumatic
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
@@ -167,8 +169,8 @@ def test_every_one_of_thousands_of_samples_at_1_khz_is_answered_with_the_set_poi
     sim.graph.until(lambda: all(len(messages) >= len(stamps) for messages in sim.heard.values()))
     sim.graph.until(lambda: sim.answer(stamps[-1]))
     assert sim.series(APPLIED_A) == applied
-    for topic in (PRESSURE_A, PRESSURE_B, CONTACT_FORCE):  # and previews, where this process was held up
-        assert set(stamps) <= {stamp for stamp, _ in sim.series(topic)}
+    for topic in (PRESSURE_A, PRESSURE_B, CONTACT_FORCE):
+        assert [stamp for stamp, _ in sim.series(topic)] == stamps
 
 
 def test_a_force_is_a_pair_about_the_bias_and_the_last_writer_wins(sim: SimClient) -> None:
@@ -343,14 +345,13 @@ def test_previews_fill_a_silence_and_leave_no_trace(sim: SimClient) -> None:
         position = 1e-3 * (stamp - START) / MILLISECOND
         answer = sim.sample(stamp, position)
         expected(live, stamp, position, (REST, REST))
-    last = len(sim.heard[PRESSURE_A])
-    sim.graph.until(lambda: len(sim.heard[PRESSURE_A]) >= last + 3 and len(sim.heard[CONTACT_FORCE]) >= last + 3)
-    for stamp, pressure in sim.series(PRESSURE_A)[last:]:
+    sim.graph.until(lambda: all(len(messages) >= 3 for messages in sim.previews.values()))
+    for stamp, pressure in sim.series(PRESSURE_A, previews=True):
         elapsed = (stamp - START - 2 * MILLISECOND) * 1e-9
         assert elapsed >= 0.1
         assert pressure == pytest.approx(live.preview(elapsed, (REST, REST)).a.p, abs=1e-3)
         assert abs(pressure - REST) < abs(answer[PRESSURE_A] - REST)
-    assert len(sim.heard[APPLIED_A]) == 2, 'a preview is no sample'
+    assert all(len(messages) == 2 for messages in sim.heard.values()), 'a preview is no answer'
     stamp = START + 500 * MILLISECOND
     assert sim.sample(stamp, 3e-3)[PRESSURE_A] == expected(live, stamp, 3e-3, (REST, REST))[0]
 
@@ -362,11 +363,11 @@ USELESS = (
     JointState(name=['piston'], position=[math.nan]),
     JointState(name=['piston'], position=[math.inf]),
     JointState(name=['piston'], position=[1e300]),
+    JointState(name=['piston'], position=[1.1]),
     JointState(name=['piston'], position=[]),
-    JointState(name=['elbow'], position=[0.0]),
     JointState(name=['elbow', 'piston'], position=[0.0]),
-    JointState(),
 )
+NOT_OURS = (JointState(name=['elbow'], position=[0.0]), JointState())
 
 
 def test_a_sample_of_no_use_is_ignored(sim: SimClient) -> None:
@@ -379,13 +380,91 @@ def test_a_sample_of_no_use_is_ignored(sim: SimClient) -> None:
         sim.piston_out.publish(message)
     sim.graph.until(lambda: sim.count('ignored samples') == ignored + len(USELESS))
     status = sim.graph.next_diagnostics(sim.node, lambda status: status.level == status.ERROR)
-    assert "no usable position of joint 'piston'" in status.message
+    assert "joint 'piston' in piston_state has no position" in status.message
     live = model()
     for stamp, position in sent:
         expected(live, stamp, position, (REST, REST))
     stamp = START + 500 * MILLISECOND
     assert sim.sample(stamp, 2e-3)[PRESSURE_A] == expected(live, stamp, 2e-3, (REST, REST))[0]
-    assert [stamp for stamp, _ in sim.series(PRESSURE_A)] == [START, START + 2 * MILLISECOND, stamp], 'and no previews'
+    assert [stamp for stamp, _ in sim.series(PRESSURE_A)] == [START, START + 2 * MILLISECOND, stamp]
+
+
+def test_a_message_of_other_joints_is_none_of_ours(sim: SimClient) -> None:
+    ignored = sim.count('ignored samples')
+    sent = [START + 2 * index * MILLISECOND for index in range(50)]
+    live = model()
+    for index, stamp in enumerate(sent):
+        for message in NOT_OURS:
+            message.header.stamp = stamp_message(stamp + MILLISECOND)
+            sim.piston_out.publish(message)
+        answer = sim.sample(stamp, 1e-4 * index)
+        assert answer[PRESSURE_A] == expected(live, stamp, 1e-4 * index, (REST, REST))[0]
+    status = sim.graph.next_diagnostics(sim.node, lambda _: True, doing=lambda: sim.send(sim.stamp + MILLISECOND, 0.0))
+    assert (status.level, status.message) == (status.OK, 'following piston_state')
+    status = sim.graph.next_diagnostics(
+        sim.node,
+        lambda status: status.level == status.ERROR,
+        doing=lambda: sim.piston_out.publish(NOT_OURS[0]),
+    )
+    assert 'piston_state has been silent' in status.message
+    assert "no joint 'piston', but ['elbow']" in status.message
+    assert sim.count('ignored samples') == ignored
+    assert sim.count('messages without the joint') >= 2 * len(sent)
+
+
+def test_what_has_gone_wrong_since_the_last_report_is_a_warning(graph: Graph, sim: SimClient) -> None:
+    other = graph.publisher(JointState, f'{sim.node.rpartition("/")[0]}/{PISTON_STATE}')
+    graph.until(other.get_subscription_count)
+    stamps = iter(range(START, START + 100_000 * MILLISECOND, MILLISECOND))
+
+    def publish(late: int = 0) -> None:
+        for stamp in islice(stamps, 10):
+            sim.send(stamp, 0.0)
+            if late:
+                other.publish(
+                    JointState(header=Header(stamp=stamp_message(stamp - late)), name=['piston'], position=[0.0])
+                )
+
+    def report(word: str, **options: int) -> str:
+        return sim.graph.next_diagnostics(
+            sim.node,
+            lambda status: status.level == status.WARN and word in status.message,
+            doing=lambda: publish(**options),
+        ).message
+
+    assert 'since the last report' in report('resets', late=5 * MILLISECOND)
+    sim.setpoint(0, math.nan)
+    report('1 ignored set-points')
+    sim.graph.next_diagnostics(sim.node, lambda status: status.level == status.OK, doing=publish)
+
+
+def test_messages_that_were_lost_are_counted(graph: Graph) -> None:
+    """A queue that overflows raises no event."""
+    namespace = unique_namespace()
+    topic = f'{namespace}/{PISTON_STATE}'
+    shallow = {f'qos_overrides.{topic}.subscription.depth': 5}
+    with graph.run('sim_node', ros_arguments(namespace, shallow)) as process:
+        sim = SimClient(graph, namespace).meet()
+        sent = 0
+
+        def burst() -> None:
+            nonlocal sent
+            for _ in range(500):
+                sent += 1
+                sim.send(START + sent * MILLISECOND, 0.0)
+
+        before = sim.count('samples')
+        sim.graph.next_diagnostics(sim.node, lambda status: 'lost messages' in status.message, doing=burst)
+        graph.until(lambda: sim.count('lost messages') + sim.count('samples') - before == sent)
+        assert 'messages on piston_state were lost' in process.stderr
+
+
+def test_a_publisher_that_offers_less_than_is_asked_for_is_told(graph: Graph, sim: SimClient) -> None:
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    topic = f'{sim.node.rpartition("/")[0]}/{setpoint_topic("cylinder_a")}'
+    publisher = graph.node.create_publisher(Float64, topic, best_effort)
+    graph.until(lambda: sim.count('QoS mismatches'))
+    graph.node.destroy_publisher(publisher)
 
 
 def test_a_set_point_of_no_use_is_ignored(sim: SimClient) -> None:
@@ -446,9 +525,9 @@ def test_the_watchdog_outlives_a_clock_that_stops(graph: Graph) -> None:
         )  # a zero stamp takes the simulated time
         status = graph.next_diagnostics(sim.node, lambda status: status.level == status.ERROR)
         assert 'silent' in status.message
-        previews = len(sim.heard[PRESSURE_A])
+        previews = len(sim.previews[PRESSURE_A])
         sim.sample(START, 0.0)
-        graph.until(lambda: len(sim.heard[PRESSURE_A]) > previews + 3)
+        graph.until(lambda: len(sim.previews[PRESSURE_A]) > previews + 3)
 
 
 # parameters

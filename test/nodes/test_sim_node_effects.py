@@ -210,14 +210,16 @@ def test_previews_read_the_sensor_too(sim: SimClient) -> None:
     put(sim, {**settings('cylinder_a', effects), **settings(CONTACT_FORCE, FORCE_PLAY)})
     live = LiveDevice(make_device(effects, force=FORCE_PLAY), max_gap=1.0)
     assert_follows(sim, live, [(START, 0.0), *stroke(START, 0.0, 5)])
-    heard = sim.heard[PRESSURE_A]
-    samples = len(heard)
-    sim.graph.until(lambda: len(heard) > samples + 1)
     last = live.committed.stamp
-    for stamp, pressure in sim.series(PRESSURE_A)[samples:]:
+
+    def after_last() -> bool:
+        return all(messages and nanoseconds(messages[-1].header.stamp) > last for messages in sim.previews.values())
+
+    sim.graph.until(after_last)
+    for stamp, pressure in [one for one in sim.series(PRESSURE_A, previews=True) if one[0] > last]:
         expected = live.preview((stamp - last) * 1e-9, (REST, REST)).a.reading
         assert pressure == pytest.approx(expected, abs=1e-3)
-    ahead_of_last = [one for one in sim.heard[CONTACT_FORCE] if nanoseconds(one.header.stamp) > last]
+    ahead_of_last = [one for one in sim.previews[CONTACT_FORCE] if nanoseconds(one.header.stamp) > last]
     assert ahead_of_last
     for message in ahead_of_last:
         ahead = live.preview((nanoseconds(message.header.stamp) - last) * 1e-9, (REST, REST))

@@ -13,7 +13,12 @@ import pytest
 import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
 from recording_cases import EPOCH, SECOND, messages, plain_messages
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import CompressionFormat, CompressionMode
+from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys import Stores, get_typestore
 
+from cfd_pneumatic.convention import FLUID_PRESSURE, JOINT_STATE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import read_mapping, read_recording
 from cfd_pneumatic.recording.bags.mcap_pieces import CHUNK, HEAD
@@ -263,3 +268,36 @@ def test_a_file_whose_name_is_no_text_is_identified_or_refused_in_a_line(tmp_pat
     )
     assert done.returncode in (0, 2)
     assert b'Traceback' not in done.stderr
+
+
+# bags that are compressed as a whole, or message by message
+
+
+BOMB = bytes(100 * 2**20)
+"""Packed it is a few kilobytes."""
+
+
+def write_packed(writer, types, content):
+    """Write two messages, of the topics that a recording needs."""
+    with writer:
+        for topic, msgtype in (('piston_state', JOINT_STATE), ('cylinder_a/pressure', FLUID_PRESSURE)):
+            connection = writer.add_connection(f'/cfd/device/{topic}', msgtype, typestore=types)
+            writer.write(connection, EPOCH, content)
+
+
+@pytest.mark.parametrize('mode', [CompressionMode.FILE, CompressionMode.MESSAGE])
+@pytest.mark.parametrize('content', [b'', BOMB], ids=['small', 'bomb'])
+def test_no_more_is_unpacked_than_can_be_meant(tmp_path, mode, content):
+    writer = Ros2Writer(tmp_path / 'bag', version=9)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    write_packed(writer, messages.standard_types(), b'\0\1\0\0' + content)
+    told = refused(read_recording, tmp_path / 'bag')
+    assert ('unpacks to more than can be meant' in told) == bool(content)
+
+
+@pytest.mark.parametrize('compression', [Ros1Writer.CompressionFormat.BZ2, Ros1Writer.CompressionFormat.LZ4])
+def test_no_more_of_a_chunk_of_ros_1_is_unpacked_than_can_be_meant(tmp_path, compression):
+    writer = Ros1Writer(tmp_path / 'bomb.bag')
+    writer.set_compression(compression)
+    write_packed(writer, get_typestore(Stores.ROS1_NOETIC), BOMB)
+    assert 'unpacks to more than can be meant' in refused(read_recording, tmp_path / 'bomb.bag')

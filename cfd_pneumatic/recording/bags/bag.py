@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Ros1Reader
+from rosbags.rosbag1.reader import decompressors
 from rosbags.rosbag2 import Reader as Ros2Reader
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, OneByOne, Span
+from cfd_pneumatic.recording.bags.compression import check_file, unpacked, unpacker
 from cfd_pneumatic.recording.bags.layout import Serialization
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.bags.storages import (
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 _MAX_LISTED = 5
+_COMPRESSIONS = {function: name for name, function in decompressors.items()}
 
 
 @dataclass(frozen=True)
@@ -177,6 +180,8 @@ class Bag:
         files = sorted(file for file in self.path.iterdir() if file.suffix in SUFFIXES)
         if (self.path / METADATA).exists():
             try:
+                for packed in self.path.glob('*.zstd'):  # rosbags would unpack them whole
+                    check_file(packed)
                 if not any(_storage(file).flaw(file) for file in files):
                     storages = self._enter(Ros2Reader(self.path))
                     for file in files:
@@ -214,6 +219,10 @@ class Bag:
                 connection._replace(msgcount=max(connection.msgcount, told[connection.id]))
                 for connection in reader.connections
             ]
+            reader.chunks = {
+                place: chunk._replace(decompressor=unpacker(_COMPRESSIONS[chunk.decompressor]))
+                for place, chunk in reader.chunks.items()
+            }
             return OneByOne(reader, reader.start_time)
         except Exception as error:  # rosbags raises whatever damage makes it stumble over
             raise InputError(f'cannot be read: {reason_of(error)}; {remedy_of(self.path)}') from error
@@ -246,7 +255,8 @@ class Bag:
         reader.open()
         self._stack.callback(reader.close)
         if reader.compression_mode == 'message':
-            return [OneByOne(reader, reader.start_time)]
+            reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)  # they are unpacked here
+            return [OneByOne(_Packed(reader), reader.start_time)]
         files = getattr(reader.storage, 'storages', [reader.storage])
         for file in files:
             stray = file.metadata.message_count - sum(connection.msgcount for connection in file.connections)
@@ -271,6 +281,21 @@ class Bag:
             notes = f' ({"; ".join(self.notes)})' if self.notes else ''
             raise InputError(f'holds no messages{notes}: was anything published while it was recorded?')
         return topics
+
+
+@dataclass(frozen=True)
+class _Packed:
+    """Messages each of which is compressed."""
+
+    source: Ros2Reader
+
+    @property
+    def connections(self) -> list[Connection]:
+        return self.source.connections
+
+    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        for connection, time, packed in self.source.messages(connections):
+            yield connection, time, unpacked(packed, 'zstd')
 
 
 def _storage(file: Path) -> Storage:

@@ -13,13 +13,14 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO
 
-import lz4.frame
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex, Footer
+
+from cfd_pneumatic.recording.bags.compression import most_unpacked, unpacked
 
 MAGIC = b'\x89MCAP0\r\n'
 
@@ -47,7 +48,6 @@ _BEGINNING = 128
 _RESERVED = range(0x10, 0x80)
 """No records are these; from 0x80 on they are somebody's own."""
 
-_MOST_UNPACKED, _MOST_PACKED = 2**26, 32
 """Bytes that any chunk may unpack to, and those for each of its own."""
 
 _RUN = 2**20
@@ -114,21 +114,13 @@ class Piece:
 
 
 def _unpacked(chunk: Chunk) -> bytes:
-    """Return what a chunk holds, a byte more than it declares at most: a few bytes may unpack to gigabytes."""
+    """Return what a chunk holds, a byte more than it declares at most."""
     packed, size = chunk.data, chunk.uncompressed_size
-    if size > _MOST_UNPACKED + _MOST_PACKED * len(packed):
+    if size > most_unpacked(len(packed)):
         raise ValueError('declares more than it can hold')
-    if chunk.compression == 'zstd':
-        known = zstandard.frame_content_size(packed)
-        if known not in (-1, size):
-            raise ValueError('does not have the size that it should have')
-        unpacked: bytes = zstandard.ZstdDecompressor().stream_reader(packed).read(size + 1)
-        return unpacked
-    if chunk.compression == 'lz4':
-        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1))
-    if chunk.compression:
-        raise ValueError(f'is compressed with {chunk.compression}, which is not known')
-    return packed
+    if chunk.compression == 'zstd' and zstandard.frame_content_size(packed) not in (-1, size):
+        raise ValueError('does not have the size that it should have')
+    return unpacked(packed, chunk.compression, size + 1)
 
 
 def flaw(file: Path) -> str | None:
