@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from cfd_pneumatic import __version__
-from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.examples import example_of
 from cfd_pneumatic.start import INTERRUPTED
 
@@ -79,7 +79,7 @@ def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: S
 
 def _refused(name: str, reason: str) -> int:
     """Say why in a line, as long as one can read."""
-    line = ' '.join(reason.split())
+    line = printable(reason)
     shown = line if len(line) <= _LONGEST_LINE else f'{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 2 :]}'
     print(f'{name}: error: {shown}', file=sys.stderr)
     return BAD_INPUT

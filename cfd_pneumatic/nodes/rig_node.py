@@ -28,6 +28,7 @@ from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.topics import listen_to, publish_on
 from cfd_pneumatic.rig import (
     DEVICES,
+    LONGEST,
     SCHEDULES,
     Bench,
     CommandedPiston,
@@ -207,7 +208,7 @@ class RigNode(Node):
             number('Pa', 0.0, 5e5, 'gauge set-point of cylinder A in the schedule; 0: its own'),
         )
         declare('schedule_amplitude', 0.0, number('m', -5e-3, 5e-3, 'displacement in the schedule; 0: its own'))
-        declare('schedule_duration', 0.0, number('s', 0.0, 3600.0, 'length of surface_following; 0: its own'))
+        declare('schedule_duration', 0.0, number('s', 0.0, LONGEST, 'length of surface_following; 0: its own'))
         declare('start_subscribers', 0, _whole(0, 100, 'subscribers to piston_state that a schedule waits for'))
         declare(
             'start_delay', 0.5, number('s', 0.0, 60.0, 'pause before a schedule begins, once its subscribers are there')

@@ -33,6 +33,9 @@ Row = dict[str, Any]
 
 Kind = Literal['text', 'number', 'time']
 
+_FORMULA = ('=', '+', '-', '@', '\t', '\r')
+"""What a spreadsheet takes for the beginning of a formula; a text that begins so gets a quote before it."""
+
 _SUFFIXES = {'Pa/m': 'pa_per_m', '1/s': 'per_s', 's': 's', 'Pa': 'pa', 'N': 'n', 'm^2': 'm2', '%': 'percent'}
 _TYPES = {'text': pyarrow.string(), 'number': pyarrow.float64(), 'time': pyarrow.timestamp('ms', tz='UTC')}
 
@@ -109,7 +112,7 @@ COLUMNS = (
 
 def write_table(rows: Sequence[Row], folder: Path) -> list[Path]:
     """
-    Write the table in both forms and return the files.
+    Write the table in both forms and return the files; no text in the CSV file is a formula to a spreadsheet.
 
     Raises
     ------
@@ -140,7 +143,8 @@ def _as_csv(rows: Sequence[Row]) -> str:
 def _as_text(value: Any, kind: Kind) -> str:
     if value is None:
         return ''
-    return iso_time(value) if kind == 'time' else str(value)
+    text = iso_time(value) if kind == 'time' else str(value)
+    return f"'{text}" if kind == 'text' and text.startswith(_FORMULA) else text
 
 
 def _as_parquet(rows: Sequence[Row]) -> bytes:

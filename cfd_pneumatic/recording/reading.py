@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT, ROLES
-from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.recording.bags.bag import Bag
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
@@ -179,7 +179,9 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
         for (role, other), found in cleaned.items()
         if role == OTHER or (role in ROLES and not ROLES[role].of_cylinder and role not in own)
     }
-    return Recording(name, epoch, displacement, cylinders, signal('force'), tuple(health), others)
+    return Recording(
+        printable(name), epoch, displacement, cylinders, signal('force'), tuple(map(printable, health)), others
+    )
 
 
 def _seconds_since(epoch: int, times: NDArray[np.int64]) -> NDArray[np.float64]:

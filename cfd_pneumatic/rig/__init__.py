@@ -19,13 +19,22 @@ from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.naming import SCHEDULES, schedule_named
 from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
 from cfd_pneumatic.rig.piston import CommandedPiston
-from cfd_pneumatic.rig.schedule import Schedule, SetPoints, lay_out, out_and_back, paper_step, surface_following
+from cfd_pneumatic.rig.schedule import (
+    LONGEST,
+    Schedule,
+    SetPoints,
+    lay_out,
+    out_and_back,
+    paper_step,
+    surface_following,
+)
 from cfd_pneumatic.rig.sensors import Sensors
 from cfd_pneumatic.rig.stroke import Stroke
 from cfd_pneumatic.rig.written import written_schedule
 
 __all__ = [
     'DEVICES',
+    'LONGEST',
     'SCHEDULES',
     'Air',
     'Bench',

@@ -25,6 +25,9 @@ MIL = 1e-3 * INCH
 SAMPLING_PERIOD = 2e-3
 """The paper's sampling period [s]."""
 
+LONGEST = 1200.0
+"""Longest schedule [s]: playing it at once takes 0.8 GB."""
+
 LONGEST_KNOT = 2e-4
 """Longest time between knots of a motion [s]: a stop within a millisecond takes some."""
 
@@ -110,6 +113,9 @@ def lay_out(name: str, motion: Motion, setpoints: list[SetPoints], samples: int,
         raise InputError(f'sampling period {sampling_period:g} s: give a positive number')
     if samples < 2:
         raise InputError(f'schedule {name!r} would hold {samples} samples: make it longer')
+    duration = (samples - 1) * sampling_period
+    if duration > LONGEST + sampling_period:
+        raise InputError(f'schedule {name!r} takes {duration:g} s: give one of {LONGEST:g} s at most, and repeat it')
     knots = math.ceil(sampling_period / LONGEST_KNOT * (1.0 - 1e-9))
     times = np.maximum(np.arange(1 - knots, (samples - 1) * knots + 1) * (sampling_period / knots), 0.0)
     positions, velocities = motion(times)
@@ -240,8 +246,8 @@ def surface_following(
         Time between samples [s].
 
     """
-    if not 2.0 <= duration <= 3600.0:
-        raise InputError(f'duration {duration:g} s: a surface takes 2 s to an hour')
+    if not 2.0 <= duration <= LONGEST:
+        raise InputError(f'duration {duration:g} s: a surface takes 2 to {LONGEST:g} s')
     rng = np.random.default_rng(seed)
     surface = _random_surface(amplitude, bandwidth, duration, rng)
     setpoints = [SetPoints(0.0, setpoint, setpoint_b)]

@@ -50,7 +50,8 @@ def test_both_forms_keep_every_value(folder, rows):
         elif one.kind == 'number':
             assert [None if text is None else float(text) for text in in_text] == in_parquet == given_values
         else:
-            assert in_text == in_parquet == given_values
+            assert in_parquet == given_values
+            assert in_text == [value and ("'" + value if value[0] in '=+-@' else value) for value in given_values]
 
 
 def test_times_are_iso_8601_in_utc():

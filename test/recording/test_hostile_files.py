@@ -18,6 +18,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode
 from rosbags.rosbag2 import Writer as Ros2Writer
 from rosbags.typesys import Stores, get_typestore
 
+from cfd_pneumatic.commands.identify_bag import main as identify_bag
+from cfd_pneumatic.commands.record_rig import main as record_rig
 from cfd_pneumatic.convention import FLUID_PRESSURE, JOINT_STATE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import read_mapping, read_recording
@@ -301,3 +303,19 @@ def test_no_more_of_a_chunk_of_ros_1_is_unpacked_than_can_be_meant(tmp_path, com
     writer.set_compression(compression)
     write_packed(writer, get_typestore(Stores.ROS1_NOETIC), BOMB)
     assert 'unpacks to more than can be meant' in refused(read_recording, tmp_path / 'bomb.bag')
+
+
+# names
+
+
+def test_no_name_is_more_than_a_line_or_moves_the_cursor(tmp_path, capsys):
+    """A topic, a field and a folder may have any name."""
+    folder = tmp_path / 'one\ntwo\x1b[31m[red]'
+    assert record_rig(['paper_step', '--output', str(folder)]) == 0
+    capsys.readouterr()
+    assert identify_bag([str(folder), '--close-loop', '--output', str(tmp_path / 'out')]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith(r'one two\x1b[31m[red]:' + '\n')
+    assert '\x1b' not in shown
+    assert identify_bag([str(tmp_path / 'none\n\x1b[31m'), '--output', str(tmp_path / 'out')]) == 2
+    assert capsys.readouterr().err.endswith(r'none \x1b[31m: does not exist: give the path of a recording' + '\n')
