@@ -28,7 +28,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test check fuzz crash mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document effects-document tutorial-picture notebook kernel lint format colcon test-humble clean
+.PHONY: help setup test check fuzz crash mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -76,6 +76,9 @@ monitor-figures: $(VENV)/.with-benchmark  ## false alarms and delays of the watc
 
 planning-document: $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
 	$(PY) -m studies.planning_document $(ARGS)
+
+security-policies: $(VENV)/.ready  ## write config/cell.policy.xml, what SROS 2 lets each node do; after a change of topics
+	$(PY) -m studies.security_policies
 
 interface-document: $(VENV)/.ready  ## write docs/interface.md, docs/mapping.md, and the pages of --help
 	$(PY) -m studies.interface_document $(ARGS)

@@ -230,6 +230,8 @@ class ModelNode(Node):
         if told is None and self._joint not in self._piston.names:  # several publishers may share the topic
             self._health.counts['messages without the joint'] += 1
             self._health.meanwhile = f'no joint {self._joint!r}, but {_NAMES.repr(self._piston.names)}'
+            if self._health.silence > self._value('timeout'):
+                self._health.warn(f'{convention.PISTON_STATE} has {self._health.meanwhile}')
             return
         refusal = 'has no position' if told is None else self._refused_position(told[1])
         if told is None or refusal is not None:

@@ -19,7 +19,7 @@ from cfd_pneumatic.identification import Options
 from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS, SAMPLE_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode, no_time
-from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs
+from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs, writers
 from cfd_pneumatic.nodes.parameters import number
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.samples import force_reader, pressure_reader
@@ -112,8 +112,9 @@ class MonitorNode(ModelNode):
 
     def _orient(self, changes: Mapping[str, Any]) -> None:
         frame_id, axis = self._value('frame_id', changes), self._value('axis', changes)
+        made = writers(self, frame_id, axis)
         for out in (self._outputs, self._residuals):
-            out.orient(frame_id, axis)
+            out.orient(made)
         self._readers = {name: pressure_reader(self) for name in self._cylinders}
         self._readers[convention.CONTACT_FORCE] = force_reader(self, axis)
 

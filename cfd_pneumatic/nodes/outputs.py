@@ -11,8 +11,16 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import FluidPressure
 
 from cfd_pneumatic import convention
-from cfd_pneumatic.nodes.samples import force_writer, pressure_writer
+from cfd_pneumatic.nodes.samples import SampleWriter, force_writer, pressure_writer
 from cfd_pneumatic.nodes.topics import publish_on
+
+Writers = tuple[SampleWriter, SampleWriter]
+"""What makes the messages of pressures, and of forces."""
+
+
+def writers(node: Node, frame_id: str, axis: str) -> Writers:
+    """Return what makes the messages of a frame in which the force points along an axis."""
+    return pressure_writer(node, frame_id), force_writer(node, frame_id, axis)
 
 
 class Answers:
@@ -22,16 +30,14 @@ class Answers:
         self, node: Node, cylinders: Sequence[str], force_topic: str, qos: QoSProfile, below: str = ''
     ) -> None:
         """Open topics for some cylinders and for the force, below a name where there is one. Then `orient`."""
-        self._node = node
         self._pressures_out = [
             publish_on(node, FluidPressure, below + convention.pressure_topic(name), qos) for name in cylinders
         ]
         self._force_out = publish_on(node, WrenchStamped, below + force_topic, qos)
 
-    def orient(self, frame_id: str, axis: str) -> None:
-        """Let the force point along an axis of a frame from now on."""
-        self._pressure = pressure_writer(self._node, frame_id)
-        self._force = force_writer(self._node, frame_id, axis)
+    def orient(self, writers: Writers) -> None:
+        """Write messages as these do from now on."""
+        self._pressure, self._force = writers
 
     def publish(self, stamp: int, pressures: Iterable[float], force: float) -> None:
         """Publish absolute pressures [Pa] and the contact force [N] at a stamp [ns]."""
@@ -66,15 +72,14 @@ class ResidualOutputs:
 
     def __init__(self, node: Node, cylinders: Sequence[str], qos: QoSProfile) -> None:
         """Open topics for some cylinders and for the contact force. Then `orient`."""
-        self._node = node
         self._out = {name: publish_on(node, FluidPressure, convention.residual_topic(name), qos) for name in cylinders}
         force = convention.CONTACT_FORCE
         self._out[force] = publish_on(node, WrenchStamped, convention.residual_topic(force), qos)
 
-    def orient(self, frame_id: str, axis: str) -> None:
-        """Let the force point along an axis of a frame from now on."""
-        self._writers = dict.fromkeys(self._out, pressure_writer(self._node, frame_id))
-        self._writers[convention.CONTACT_FORCE] = force_writer(self._node, frame_id, axis)
+    def orient(self, writers: Writers) -> None:
+        """Write messages as these do from now on."""
+        pressure, force = writers
+        self._writers = {**dict.fromkeys(self._out, pressure), convention.CONTACT_FORCE: force}
 
     def publish(self, name: str, stamp: int, residual: float) -> None:
         """Publish the residual [Pa or N] of a cylinder or of the contact force, at a stamp [ns]."""

@@ -22,7 +22,7 @@ from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.health import Warnings
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, stamp_message
-from cfd_pneumatic.nodes.outputs import Outputs
+from cfd_pneumatic.nodes.outputs import Outputs, writers
 from cfd_pneumatic.nodes.parameters import number, switch, text, value_of
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.topics import listen_to, publish_on
@@ -291,7 +291,7 @@ class RigNode(Node):
     def _open_outputs(self) -> None:
         self._piston_out = self._publisher(JointState, convention.PISTON_STATE)
         self._outputs = Outputs(self, convention.CYLINDERS, convention.MEASURED_FORCE, _OUTPUT_QOS)
-        self._outputs.orient(self._frame, 'x')
+        self._outputs.orient(writers(self, self._frame, 'x'))
 
     def _publish(self, sample: RigRecord) -> None:
         stamp = self._epoch + round(float(sample.times[0]) * 1e9)

@@ -16,7 +16,7 @@ from cfd_pneumatic.model import Arrival, DeviceState, LiveDevice
 from cfd_pneumatic.nodes.health import LOST, MISMATCHED
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, OUTPUT_QOS, SAMPLE_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode
-from cfd_pneumatic.nodes.outputs import Answers, Outputs
+from cfd_pneumatic.nodes.outputs import Answers, Outputs, writers
 from cfd_pneumatic.nodes.parameters import number
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.units import PSI
@@ -67,8 +67,9 @@ class SimNode(ModelNode):
         self._orient(changes)
 
     def _orient(self, changes: Mapping[str, Any]) -> None:
+        made = writers(self, self._value('frame_id', changes), self._value('axis', changes))
         for out in (self._outputs, self._previews):
-            out.orient(self._value('frame_id', changes), self._value('axis', changes))
+            out.orient(made)
 
     # topics
 

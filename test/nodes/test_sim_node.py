@@ -485,11 +485,14 @@ def test_warnings_are_throttled_and_say_what_is_wrong(graph: Graph) -> None:
     with graph.run('sim_node', ros_arguments(namespace, {'joint': 'slider'})) as process:
         sim = SimClient(graph, namespace)
         graph.until(
-            lambda: sim.sent >= 10 and 'ignored' in process.stderr, doing=lambda: sim.send(START, 0.0, joint='piston')
+            lambda: sim.sent >= 10 and 'has no joint' in process.stderr,
+            doing=lambda: sim.send(START, 0.0, joint='piston'),
         )
         status = graph.next_diagnostics(sim.node, lambda status: status.level == status.ERROR)
-        assert "no usable position of joint 'slider' (joints: 'piston')" in status.message
-        assert process.stderr.count('no usable position') <= 2
+        assert "no piston_state yet; no joint 'slider', but ['piston']" in status.message
+        assert process.stderr.count('has no joint') <= 2
+        graph.until(lambda: 'is at 5 m' in process.stderr, doing=lambda: sim.send(START, 5.0, joint='slider'))
+        assert 'outside stroke_lower -1 to stroke_upper 1 m' in process.stderr
         graph.until(lambda: 'above the supply pressure' in process.stderr, doing=lambda: sim.setpoint(0, 1e6))
         graph.until(
             lambda: 'outside the operating points' in process.stderr,
@@ -660,7 +663,8 @@ BAD_FILES = (
     ('    cylinder_a:\n      enabled: false\n    cylinder_b:\n      enabled: false\n',
      'cylinder_a.enabled and cylinder_b.enabled are both false: leave one of them true'),
     ('    axis: w\n', "axis 'w' is not one of x, y, z"),
-    ('    axis: y\n', 'expecting type \'STRING\': axis (quote it'),
+    ("    frame_id: ''\n", 'frame_id is empty'),
+    ('    stroke_lower: 2.0\n', 'stroke_lower 2 m does not lie below stroke_upper 1 m'),
     ('    max_gap: 1\n', "'max_gap' to '1' of type 'INTEGER', expecting type 'DOUBLE': max_gap (write 1.0 for 1)"),
     ('    qos_overrides:\n      /piston_state:\n        subscription:\n          reliability: perhaps\n',
      'piston_state: Unexpected QoS override'),
@@ -677,6 +681,16 @@ def test_a_bad_parameter_file_is_one_line_and_exit_code_2(tmp_path: Path) -> Non
     lines = refusals('sim_node', [['--ros-args', '--params-file', str(file)] for file in files])
     for line, message in zip(lines, messages):
         assert message in line
+
+
+def test_what_ros2_param_dump_writes_is_read_again(graph: Graph, tmp_path: Path) -> None:
+    """It writes a bare y, which YAML takes for true."""
+    namespace = unique_namespace()
+    (tmp_path / 'dumped.yaml').write_text('/**:\n  ros__parameters:\n    axis: y\n    hardware_id: CFD2100-7\n')
+    with graph.run('sim_node', [*ros_arguments(namespace), '--params-file', str(tmp_path / 'dumped.yaml')]):
+        assert graph.get(f'{namespace}/sim_node', 'axis') == ['y']
+        status = graph.next_diagnostics(f'{namespace}/sim_node', lambda _: True)
+        assert status.hardware_id == 'CFD2100-7'
 
 
 def test_a_table_runs_as_a_parameter_file(graph: Graph, request: pytest.FixtureRequest) -> None:
