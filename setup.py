@@ -51,7 +51,7 @@ setup(
             'ros-jazzy-std-srvs',
         ],
         # For identify_bag --each.
-        'plant': ['dask>=2023.1', 'distributed>=2023.1', 'pyarrow>=12'],
+        'plant': ['cryptography>=3.4', 'dask>=2023.1', 'distributed>=2023.1', 'pyarrow>=12'],
         # colcon runs pytest because it stands here.
         'test': ['catkin_pkg', 'hypothesis', 'ipykernel', 'mpmath', 'nbclient', 'pytest', 'pytest-xdist'],
         'benchmark': ['casadi', 'lmfit', 'mcap-ros2-support', 'pytest-benchmark'],
@@ -64,6 +64,7 @@ setup(
         'console_scripts': [
             'compile_kernels = cfd_pneumatic.start:compile_kernels',
             'csv_to_bag = cfd_pneumatic.start:csv_to_bag',
+            'dask_certificate = cfd_pneumatic.start:dask_certificate',
             'identifier_node = cfd_pneumatic.start:identifier_node',
             'identify_bag = cfd_pneumatic.start:identify_bag',
             'plan_experiment = cfd_pneumatic.start:plan_experiment',

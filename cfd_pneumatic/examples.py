@@ -37,6 +37,9 @@ cylinder_a: {pressure: {column: p_psi, unit: psi, reference: gauge}}
 END
 csv_to_bag press.csv --mapping press.yaml --output press_bag
 """,
+    'dask_certificate': """\
+dask_certificate certificate
+""",
     'rig_node': """\
 rig_node --ros-args -r __ns:=/cfd/device -p schedule:=surface_following -p repeat:=true
 """,

@@ -64,6 +64,7 @@ def _imported(module: str) -> ModuleType:
 
 compile_kernels = partial(_begin, 'cfd_pneumatic.commands.compile_kernels')
 csv_to_bag = partial(_begin, 'cfd_pneumatic.commands.csv_to_bag')
+dask_certificate = partial(_begin, 'cfd_pneumatic.commands.dask_certificate')
 identify_bag = partial(_begin, 'cfd_pneumatic.commands.identify_bag')
 plan_experiment = partial(_begin, 'cfd_pneumatic.commands.plan_experiment')
 record_rig = partial(_begin, 'cfd_pneumatic.commands.record_rig')

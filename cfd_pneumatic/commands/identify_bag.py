@@ -107,9 +107,15 @@ def make_parser() -> argparse.ArgumentParser:
     plant.add_argument(
         '--scheduler',
         metavar='ADDRESS',
-        help='work on the Dask cluster of this scheduler, e.g. tcp://host:8786, instead of this computer; all workers '
+        help='work on the Dask cluster of this scheduler, e.g. tls://host:8786, instead of this computer; all workers '
         '(dask worker ADDRESS --nworkers=-1 --nthreads=1) must have this program and see the same files at the same '
         'paths',
+    )
+    plant.add_argument(
+        '--certificate',
+        type=Path,
+        metavar='FOLDER',
+        help='certificate by which the scheduler knows its clients: `dask_certificate` makes it',
     )
     parser.add_argument(
         '--progress',
@@ -154,6 +160,8 @@ def _identify(args: Sequence[str] | None) -> None:
         _identify_each(arguments, options, mapping)
     elif arguments.jobs is not None or arguments.scheduler is not None:
         raise InputError('--jobs and --scheduler are for many bags: give --each, too')
+    elif arguments.certificate is not None:
+        raise InputError('--certificate is for --scheduler: give that, too')
     else:
         _identify_together(arguments, options, mapping)
 
@@ -212,7 +220,13 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
     if arguments.scheduler is None:
         cluster = plant.local_cluster(min(jobs, len(bags)))
     else:
-        cluster = plant.existing_cluster(arguments.scheduler)
+        cluster = plant.existing_cluster(arguments.scheduler, arguments.certificate)
+        if plant.is_open(arguments.scheduler):
+            print(
+                f'warning: whoever reaches {arguments.scheduler} can run programs on its workers: use tls:// and '
+                '--certificate (README, A plant)',
+                file=sys.stderr,
+            )
     settings = plant.Settings(options, mapping, arguments.namespace)
     try:
         with plant.claimed(arguments.output), _progress(arguments.progress, remaining=True) as report:

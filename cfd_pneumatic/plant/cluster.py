@@ -7,6 +7,7 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
@@ -14,6 +15,7 @@ import dask
 from distributed import Client, Future, KilledWorker, LocalCluster
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.plant.certificate import security_of
 
 Work = TypeVar('Work')
 Result = TypeVar('Result')
@@ -27,6 +29,7 @@ _LASTING = {'distributed.deploy.lost-worker-timeout': '1h'}
 """So long a worker may take to begin anew; by default it is given up after 15 s, which a busy machine needs."""
 
 _PATIENCE = '10s'
+_LOCAL = ('127.', 'localhost', '[::1]')
 _BATCH = 500  # jobs that are sent at once
 _LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
 
@@ -66,25 +69,40 @@ def _without_interrupts() -> Iterator[None]:
 
 
 @contextmanager
-def existing_cluster(address: str) -> Iterator[Client]:
+def existing_cluster(address: str, certificate: Path | None = None) -> Iterator[Client]:
     """
     Yield a client of a cluster that runs.
+
+    Parameters
+    ----------
+    address
+        Of its scheduler.
+    certificate
+        Folder of the certificate by which it knows its clients; by default that of Dask's own configuration, if any.
 
     Raises
     ------
     InputError
-        If no scheduler answers at the address.
+        If no scheduler answers at the address, or the certificate is none.
 
     """
     _silence()
+    security = None if certificate is None else security_of(certificate)
     try:
-        client = Client(address, timeout=_PATIENCE)
-    except (OSError, ValueError) as error:
+        client = Client(address, timeout=_PATIENCE, security=security)
+    except (OSError, ValueError, TypeError, RuntimeError) as error:  # Dask's, for want of one of its own
         raise InputError(
-            f'no Dask scheduler answers at {address}: start one with `dask scheduler` and give the address it prints'
+            f'no Dask scheduler answers at {address}: start one with `dask scheduler` and give the address it prints, '
+            'and its certificate where it wants one'
         ) from error
     with client:
         yield client
+
+
+def is_open(address: str) -> bool:
+    """Return whether others than this computer may reach a scheduler, and need no certificate."""
+    protocol, _, place = address.rpartition('://')
+    return protocol != 'tls' and not place.startswith(_LOCAL)
 
 
 def results(

@@ -1,0 +1,48 @@
+"""`dask_certificate`: lets only those into a Dask cluster who have it; for `identify_bag --each` on many computers."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cfd_pneumatic.commands import program
+from cfd_pneumatic.errors import InputError
+
+NAME = 'dask_certificate'
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the program and return its exit code."""
+    return program.run(NAME, make, arguments)
+
+
+def make(arguments: Sequence[str] | None = None) -> None:
+    """Write the certificate, and say how it is used."""
+    folder = make_parser().parse_args(arguments).folder
+    try:
+        from cfd_pneumatic.plant.certificate import CERTIFICATE, DAYS, KEY, make_certificate
+    except ModuleNotFoundError as error:
+        raise InputError(f"it needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
+    make_certificate(folder)
+    files = f'--tls-ca-file {folder / CERTIFICATE} --tls-cert {folder / CERTIFICATE} --tls-key {folder / KEY}'
+    print(f'{folder}: valid for {DAYS} days. Copy it to every computer of the cluster, then:')
+    print(f'  dask scheduler --protocol tls {files}')
+    print(f'  dask worker tls://SCHEDULER:8786 --nworkers=-1 --nthreads=1 {files}')
+    print(f'  identify_bag ... --each --scheduler tls://SCHEDULER:8786 --certificate {folder}')
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the program's arguments."""
+    parser = program.parser_of(
+        NAME,
+        'Make a certificate for a Dask cluster: scheduler, workers and clients that have it let nobody else in. Needs '
+        'the extra plant.',
+    )
+    parser.add_argument('folder', type=Path, help='folder for the certificate and its key; who has them is let in')
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())
