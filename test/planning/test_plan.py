@@ -231,4 +231,6 @@ def test_a_device_is_read_as_the_simulator_reads_it():
     assert set(read.model.cylinders) == {'cylinder_a', 'cylinder_b'}
     assert home_gains(at_home(read, (0.0, 1e6)), 'cylinder_a') == pytest.approx(TABLE_1.table[0, 1:], rel=1e-5)
     assert usual_pressures(read) == pytest.approx((34473.79, 137895.15))
-    assert read.assumed == ('area',)
+    assert read.assumed == ()
+    without_area = {name: value for name, value in read.given.items() if name != 'area'}
+    assert replace(read, given=without_area).assumed == ('area',)
