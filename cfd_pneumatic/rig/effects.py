@@ -68,6 +68,9 @@ class Effects(NamedTuple):
     heat_transfer: float = 0.0
     """Heat flow from wall to air [W/K]; 0 for the polytropic change of state of a healthy device."""
 
+    stirring: float = 0.0
+    """By how much more heat flows for each metre per second of the piston [s/m]."""
+
     drift: float = 0.0
     """Drift of the set pressure [Pa/s]."""
 

@@ -80,6 +80,15 @@ class Cylinder(NamedTuple):
     relief_critical_ratio: float = 0.5
     """Critical pressure ratio b of the relief valve."""
 
+    supply_subsonic_index: float = 0.5
+    """Subsonic index m of the supply valve."""
+
+    relief_subsonic_index: float = 0.5
+    """Subsonic index m of the relief valve."""
+
+    silencer_conductance: float = 0.0
+    """Sonic conductance of a silencer behind the relief valve [m^3/(s Pa)]; 0: none."""
+
     control_volume: float = 5e-7
     """Volume of the regulator's control chamber, under the diaphragm [m^3]."""
 
@@ -88,6 +97,9 @@ class Cylinder(NamedTuple):
 
     aspirator_length: float = 2.25e-2
     """Length of the aspirator tube [m]."""
+
+    entrance_loss: float = 0.0
+    """Pressure difference at which the tube's entrance halves its laminar flow [Pa]; 0: it never does."""
 
     reference_pressure: float = AMBIENT_PRESSURE + 10 * PSI
     """Absolute pressure at which `pressure_dependence` = 0 freezes the coefficients [Pa]."""
@@ -197,6 +209,8 @@ MAY_BE_ZERO = frozenset(
         'pressure_dependence',
         'position_dependence',
         'mass',
+        'silencer_conductance',
+        'entrance_loss',
         'coulomb',
         'coulomb_per_pressure',
         'viscous',
@@ -211,6 +225,7 @@ MAY_BE_ZERO = frozenset(
         'poppet_frequency',
         'droop',
         'heat_transfer',
+        'stirring',
         'pulsation',
         'resonance_frequency',
         'sensor_lag',

@@ -55,6 +55,9 @@ STATES = PLAY + 1
 ADIABATIC_EXPONENT = 1.4
 """Ratio of the specific heats of air."""
 
+SPECIFIC_HEAT = 717.6
+"""Specific heat of air at constant volume [J/(kg K)]."""
+
 GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""
 
@@ -63,6 +66,9 @@ SEATING_SPEED = 5e-3
 
 LEAK_CRITICAL_RATIO = 0.4
 """Critical pressure ratio of a hole with rough edges."""
+
+ELLIPSE = 0.5
+"""Subsonic index that makes an orifice's flow an ellipse [-]."""
 
 REFERENCE_DENSITY = 1.185
 """Density of air at ISO 6358's reference conditions, 100 kPa, 293.15 K and 65 % humidity [kg/m^3]."""
@@ -75,20 +81,22 @@ LAMINAR_RATIO = 0.999
 
 
 @compiled
-def flow_function(ratio: float, critical_ratio: float) -> float:
-    """Return an orifice's flow over its choked flow for a ratio of absolute pressures (ISO 6358-1:2013)."""
+def flow_function(ratio: float, critical_ratio: float, index: float) -> float:
+    """
+    Return an orifice's flow over its choked flow for a ratio of absolute pressures (ISO 6358-1:2013).
+
+    `index` is the subsonic index: 0.5 makes the flow an ellipse.
+    """
     if ratio <= critical_ratio:
         return 1.0
-    if ratio > LAMINAR_RATIO:
-        edge = (LAMINAR_RATIO - critical_ratio) / (1.0 - critical_ratio)
-        return math.sqrt(1.0 - edge * edge) * (1.0 - ratio) / (1.0 - LAMINAR_RATIO)
-    beyond = (ratio - critical_ratio) / (1.0 - critical_ratio)
-    return math.sqrt(1.0 - beyond * beyond)
+    beyond = (min(ratio, LAMINAR_RATIO) - critical_ratio) / (1.0 - critical_ratio)
+    subsonic = (1.0 - beyond * beyond) ** index
+    return subsonic * (1.0 - ratio) / (1.0 - LAMINAR_RATIO) if ratio > LAMINAR_RATIO else subsonic
 
 
 @compiled
 def orifice_flow(
-    conductance: float, upstream: float, downstream: float, critical_ratio: float, temperature: float
+    conductance: float, upstream: float, downstream: float, critical_ratio: float, index: float, temperature: float
 ) -> float:
     """
     Return the mass flow [kg/s] through an orifice of some sonic conductance [m^3/(s Pa)], after ISO 6358-1:2013.
@@ -98,21 +106,31 @@ def orifice_flow(
     high = max(upstream, downstream)
     low = min(upstream, downstream)
     choked = conductance * high * REFERENCE_DENSITY * math.sqrt(REFERENCE_TEMPERATURE / temperature)
-    flow = choked * flow_function(low / high, critical_ratio)
+    flow = choked * flow_function(low / high, critical_ratio, index)
     return flow if upstream >= downstream else -flow
 
 
 @compiled
 def tube_flow(
-    diameter: float, length: float, upstream: float, downstream: float, mean_pressure: float, air: Air
+    diameter: float,
+    length: float,
+    upstream: float,
+    downstream: float,
+    mean_pressure: float,
+    entrance_loss: float,
+    air: Air,
 ) -> float:
     """
-    Return the laminar mass flow [kg/s] through a round tube (Hagen and Poiseuille).
+    Return the mass flow [kg/s] through a round tube (Hagen and Poiseuille), laminar unless its entrance counts.
 
-    Diameter and length in m; pressures absolute [Pa], the mean one gives the density.
+    Diameter and length in m; pressures absolute [Pa], the mean one gives the density. At a difference of `entrance_loss`
+    [Pa] the entrance takes as much again; 0: none.
     """
     density = mean_pressure / (air.gas_constant * air.temperature)
-    return density * math.pi * diameter**4 / (128.0 * air.viscosity * length) * (upstream - downstream)
+    laminar = density * math.pi * diameter**4 / (128.0 * air.viscosity * length) * (upstream - downstream)
+    if entrance_loss == 0.0:
+        return laminar
+    return 2.0 * laminar / (1.0 + math.sqrt(1.0 + 8.0 * abs(upstream - downstream) / entrance_loss))
 
 
 @compiled
@@ -156,8 +174,15 @@ def supply_opening(error: float, setpoint: float, cylinder: Cylinder, air: Air) 
 
 @compiled
 def relief_opening(error: float, cylinder: Cylinder) -> float:
-    """Return the relief valve's sonic conductance [m^3/(s Pa)]: proportional to the excess, up to the stop."""
-    return min(max(cylinder.relief_gain * -error, 0.0), cylinder.relief_conductance)
+    """
+    Return the relief valve's sonic conductance [m^3/(s Pa)]: proportional to the excess, up to the stop.
+
+    A silencer behind it is a second orifice: of two in a row the inverse cubes of the conductances add up.
+    """
+    opened = min(max(cylinder.relief_gain * -error, 0.0), cylinder.relief_conductance)
+    if cylinder.silencer_conductance == 0.0:
+        return opened
+    return opened / (1.0 + (opened / cylinder.silencer_conductance) ** 3) ** (1.0 / 3.0)
 
 
 @compiled
@@ -175,7 +200,7 @@ def leak_flow(outlet: float, position: float, velocity: float, effects: Effects,
     flow = effects.leak_admittance * (outlet - air.ambient_pressure)
     if effects.leak_conductance > 0.0:
         flow += orifice_flow(
-            effects.leak_conductance, outlet, air.ambient_pressure, LEAK_CRITICAL_RATIO, air.temperature
+            effects.leak_conductance, outlet, air.ambient_pressure, LEAK_CRITICAL_RATIO, ELLIPSE, air.temperature
         )
     if effects.lift_admittance > 0.0:
         lifted = seal_lift(position, velocity, effects)
@@ -212,6 +237,7 @@ def cylinder_rates(
         air.supply_pressure,
         pressure,
         cylinder.supply_critical_ratio,
+        cylinder.supply_subsonic_index,
         air.temperature,
     )
     relief = orifice_flow(
@@ -219,10 +245,19 @@ def cylinder_rates(
         pressure,
         air.ambient_pressure,
         cylinder.relief_critical_ratio,
+        cylinder.relief_subsonic_index,
         air.temperature,
     )
     mean_pressure = 0.5 * (pressure + felt(state.sensed, cylinder))
-    aspirated = tube_flow(cylinder.aspirator_diameter, cylinder.aspirator_length, fed, state.sensed, mean_pressure, air)
+    aspirated = tube_flow(
+        cylinder.aspirator_diameter,
+        cylinder.aspirator_length,
+        fed,
+        state.sensed,
+        mean_pressure,
+        cylinder.entrance_loss,
+        air,
+    )
     leaked = leak_flow(state.outlet, position, velocity, effects, air)
 
     exponent = cylinder.polytropic_exponent
@@ -240,7 +275,7 @@ def cylinder_rates(
     if effects.heat_transfer > 0.0:
         # the air itself is not frozen: its mass and temperature follow the pressure that it has
         outlet_rate, temperature_rate = heated_rates(
-            state.outlet, state.temperature, gained, volume, work, effects.heat_transfer, air
+            state.outlet, state.temperature, gained, volume, work, stirred(velocity, effects), air
         )
     else:
         outlet_rate = exponent / volume * (heat * gained - work)
@@ -258,6 +293,12 @@ def cylinder_rates(
     return CylinderState(
         outlet_rate, sensed_rate, regulator_rate, temperature_rate, droop_rate, state.poppet_rate, poppet_acceleration
     )
+
+
+@compiled
+def stirred(velocity: float, effects: Effects) -> float:
+    """Return the wall's conductance [W/K]: air that is stirred by the piston takes up the heat the sooner."""
+    return effects.heat_transfer * (1.0 + effects.stirring * abs(velocity))
 
 
 @compiled

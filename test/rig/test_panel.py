@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,9 @@ from cfd_pneumatic.rig.panel import (
     EFFECTS,
     FOREIGN,
     LIBRARY,
+    MAKES,
     ON_FORCE,
+    OWN_WAYS,
     Draw,
     baseline_rmse,
     describe,
@@ -23,6 +27,7 @@ from cfd_pneumatic.rig.panel import (
     oracle_rmse,
     strengths,
 )
+from cfd_pneumatic.rig.panel.drawing import motion_of
 from cfd_pneumatic.rig.panel.specimen import Clock, Specimen
 from cfd_pneumatic.rig.panel.strengths import Situation
 
@@ -161,6 +166,34 @@ def test_a_healthy_device_follows_the_papers_model(seed: int) -> None:
     assert text.truth.gains == truth.gains
     assert text.truth.samples.pressures[:, 0] == pytest.approx(truth.samples.pressures[:, 0], abs=10.0)
     assert np.ptp(truth.samples.pressures[:, 0]) > 3000.0
+
+
+@pytest.mark.parametrize('make', MAKES)
+def test_a_make_is_a_device_of_all_physics_whatever_is_wrong_with_it(make: str) -> None:
+    healthy, leaking = (draw(effect, 'out_and_back', 3, make=make) for effect in (None, 'leakage'))
+    assert oracle_rmse(healthy) < 1.3 * FLOOR
+    assert healthy.truth.gains == leaking.truth.gains
+    assert healthy.truth.device == leaking.truth.healthy
+    linear = Specimen(
+        leaking.truth.healthy.rig._replace(
+            cylinder_a=leaking.truth.healthy.rig.cylinder_a._replace(pressure_dependence=0.0, position_dependence=0.0)
+        ),
+        approach=leaking.truth.healthy.approach,
+    )
+    frozen, whole = (
+        one.put_through(motion_of(healthy.truth.schedule))[0].pressures for one in (linear, healthy.truth.device)
+    )
+    assert np.max(np.abs(frozen - whole)) > 10.0 * FLOOR
+
+
+def test_makes_differ_and_more_than_a_third_go_ways_of_their_own() -> None:
+    recorded = {make: draw(None, 'out_and_back', 3, make=make).truth.samples.pressures[:, 0] for make in MAKES}
+    for one, other in itertools.combinations(recorded, 2):
+        assert np.max(np.abs(recorded[one] - recorded[other])) > 0.1 * FLOOR, (one, other)
+    assert set(OWN_WAYS) < set(MAKES)
+    assert len(OWN_WAYS) > len(MAKES) / 3
+    with pytest.raises(InputError, match='make'):
+        draw(None, 'out_and_back', 3, make='nobody')
 
 
 @pytest.mark.parametrize('schedule', SCHEDULES)

@@ -69,22 +69,22 @@ def test_stiffness_is_that_of_an_enclosed_gas() -> None:
 def test_choked_flow_does_not_feel_the_downstream_pressure(upstream: float, share: float, critical: float) -> None:
     downstream = share * critical * upstream
     expected = 1e-8 * upstream * physics.REFERENCE_DENSITY
-    assert physics.orifice_flow(1e-8, upstream, downstream, critical, 293.15) == pytest.approx(expected)
+    assert physics.orifice_flow(1e-8, upstream, downstream, critical, 0.5, 293.15) == pytest.approx(expected)
 
 
 @given(PRESSURES, PRESSURES, st.floats(0.1, 0.6))
 def test_an_orifice_is_the_same_both_ways_and_never_above_choked(one: float, other: float, critical: float) -> None:
-    there = physics.orifice_flow(1e-8, one, other, critical, 293.15)
-    back = physics.orifice_flow(1e-8, other, one, critical, 293.15)
+    there = physics.orifice_flow(1e-8, one, other, critical, 0.5, 293.15)
+    back = physics.orifice_flow(1e-8, other, one, critical, 0.5, 293.15)
     assert there == -back
     assert (there > 0) == (one > other)
     assert abs(there) <= 1e-8 * max(one, other) * physics.REFERENCE_DENSITY * (1 + 1e-12)
 
 
-@given(st.floats(0.1, 0.6))
-def test_flow_function_is_continuous_and_falls(critical: float) -> None:
+@given(st.floats(0.1, 0.6), st.floats(0.35, 0.7))
+def test_flow_function_is_continuous_and_falls(critical: float, index: float) -> None:
     ratios = np.linspace(0.0, 1.0, 20_001)
-    flows = np.array([physics.flow_function(ratio, critical) for ratio in ratios])
+    flows = np.array([physics.flow_function(ratio, critical, index) for ratio in ratios])
     assert flows[0] == 1.0
     assert flows[-1] == 0.0
     assert np.all(np.diff(flows) <= 0.0)
@@ -96,7 +96,7 @@ def test_choked_supply_flow_is_that_of_equation_1() -> None:
     conductance = Cylinder().supply_conductance
     supply = AIR.supply_pressure
     area = conductance * physics.REFERENCE_DENSITY * math.sqrt(293.15) / 0.0404
-    flow = physics.orifice_flow(conductance, supply, AMBIENT_PRESSURE + 5 * PSI, 0.5, 293.15)
+    flow = physics.orifice_flow(conductance, supply, AMBIENT_PRESSURE + 5 * PSI, 0.5, 0.5, 293.15)
     assert flow == pytest.approx(0.0404 * supply * area / math.sqrt(293.15))
     assert flow == pytest.approx(40 * 4.719e-4 * 1.2, rel=0.05), 'the regulator passes 40 scfm'
 
@@ -106,7 +106,31 @@ def test_tube_flow_is_poiseuille(one: float, other: float) -> None:
     mean = 0.5 * (one + other)
     density = mean / (AIR.gas_constant * AIR.temperature)
     expected = density * (2.5e-4) ** 2 / (32 * AIR.viscosity) * (math.pi / 4 * (2.5e-4) ** 2) / 0.02 * (one - other)
-    assert physics.tube_flow(2.5e-4, 0.02, one, other, mean, AIR) == pytest.approx(expected, abs=1e-15)
+    assert physics.tube_flow(2.5e-4, 0.02, one, other, mean, 0.0, AIR) == pytest.approx(expected, abs=1e-15)
+
+
+@given(PRESSURES, PRESSURES, st.floats(1e3, 1e5))
+def test_an_entrance_takes_what_the_square_of_the_flow_says(one: float, other: float, loss: float) -> None:
+    def flow(higher: float, lower: float, entrance: float) -> float:
+        return physics.tube_flow(2.5e-4, 0.02, higher, lower, 2e5, entrance, AIR)
+
+    assert flow(loss + 1e5, 1e5, loss) == pytest.approx(0.5 * flow(loss + 1e5, 1e5, 0.0))
+    slowed, laminar = flow(one, other, loss), flow(one, other, 0.0)
+    assert abs(slowed) <= abs(laminar)
+    # of two losses one grows with the flow, the other with its square
+    per_flow = loss / flow(loss + 1e5, 1e5, 0.0)
+    assert per_flow * abs(slowed) + 2.0 * per_flow**2 * slowed**2 / loss == pytest.approx(abs(one - other))
+
+
+@given(st.floats(0.0, 1e5))
+def test_a_silencer_passes_as_much_as_two_orifices_in_a_row(error: float) -> None:
+    """Inverse cubes of conductances add up, the usual approximation for orifices in series."""
+    silenced = Cylinder(silencer_conductance=2e-9)
+    opened = physics.relief_opening(-error, Cylinder())
+    behind = physics.relief_opening(-error, silenced)
+    assert behind <= min(opened, 2e-9)
+    if behind > 1e-15:
+        assert behind**-3 == pytest.approx(opened**-3 + 2e-9**-3)
 
 
 @given(st.floats(1.2e5, 3e5), st.floats(-3e4, 3e4))

@@ -23,6 +23,7 @@ from cfd_pneumatic.rig.panel.floors import (
     oracle_residual,
     oracle_rmse,
 )
+from cfd_pneumatic.rig.panel.makes import MAKES, OWN_WAYS
 from cfd_pneumatic.rig.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_FORCE, describe
 from cfd_pneumatic.rig.panel.textbook import Gains
 
@@ -30,8 +31,10 @@ __all__ = [
     'EFFECTS',
     'FOREIGN',
     'LIBRARY',
+    'MAKES',
     'NOISES',
     'ON_FORCE',
+    'OWN_WAYS',
     'Draw',
     'Gains',
     'PanelRecording',

@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.device import Truth
+from cfd_pneumatic.rig.panel.makes import draw_make
 from cfd_pneumatic.rig.panel.specimen import Clock, Motion, Specimen, draw_specimen
 from cfd_pneumatic.rig.panel.strengths import Situation, install
 from cfd_pneumatic.rig.panel.textbook import Gains, draw_gains, pressure_along
@@ -149,6 +150,7 @@ def draw(
     seed: int,
     noise: str = 'white',
     given: Mapping[str, float] = MappingProxyType({}),
+    make: str | None = None,
 ) -> Draw:
     """
     Return a recording of a device with one effect, several or none.
@@ -165,6 +167,8 @@ def draw(
         A name from `NOISES`.
     given
         Strengths of effects that are not to be drawn.
+    make
+        A name from `MAKES`, a device with all of its physics; else one of the paper's law.
 
     Raises
     ------
@@ -174,7 +178,7 @@ def draw(
     """
     names = (effect,) if isinstance(effect, str) else effect or ()
     for_device, for_schedule, for_noise = _generators(seed)
-    healthy, gains = draw_specimen(for_device)
+    healthy, gains = draw_make(make, for_device) if make else draw_specimen(for_device)
     planned = draw_schedule(schedule, for_schedule) if isinstance(schedule, str) else schedule
     strengths: dict[str, float] = {}
     changes: dict[str, float] = {}

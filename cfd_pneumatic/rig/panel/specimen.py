@@ -114,18 +114,29 @@ def cylinder_with(gains: Gains, polytropic_exponent: float, air: Air) -> Cylinde
     rest = plain.reference_pressure
     sized = plain._replace(rest_volume=plain.polytropic_exponent * rest * plain.area / gains.k_x)
 
+    own = gains_of(sized, air)
+    return sized._replace(
+        supply_gain=sized.supply_gain * gains.k_sv / own.k_sv,
+        relief_gain=sized.relief_gain * gains.k_v / own.k_v,
+        aspirator_diameter=sized.aspirator_diameter / (gains.tau / own.tau) ** 0.25,
+    )
+
+
+def gains_of(cylinder: Cylinder, air: Air) -> Gains:
+    """Return what a cylinder does when little happens about its reference pressure, as the paper's gains."""
+    rest = cylinder.reference_pressure
+
     def rate(outlet: float, sensed: float) -> physics.CylinderState:
         state = physics.CylinderState(outlet, sensed, outlet, air.temperature, 0.0, 0.0, 0.0)
-        return physics.cylinder_rates(state, 0.0, rest, 0.0, 0.0, sized, Effects(), air)
+        return physics.cylinder_rates(state, 0.0, rest, 0.0, 0.0, cylinder, Effects(), air)
 
     sensing = rate(rest + 1.0, rest).sensed
-    aspirated = sized.control_volume / sized.rest_volume * sensing
-    charging = rate(rest, rest - 1.0).outlet + aspirated
-    discharging = aspirated - rate(rest, rest + 1.0).outlet
-    return sized._replace(
-        supply_gain=sized.supply_gain * gains.k_sv / charging,
-        relief_gain=sized.relief_gain * gains.k_v / discharging,
-        aspirator_diameter=sized.aspirator_diameter / (gains.tau * sensing) ** 0.25,
+    aspirated = cylinder.control_volume / cylinder.rest_volume * sensing
+    return Gains(
+        k_x=cylinder.polytropic_exponent * rest * cylinder.area / cylinder.rest_volume,
+        k_sv=rate(rest, rest - 1.0).outlet + aspirated,
+        k_v=aspirated - rate(rest, rest + 1.0).outlet,
+        tau=1.0 / sensing,
     )
 
 

@@ -16,11 +16,8 @@ import numpy as np
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.panel.specimen import Specimen
 from cfd_pneumatic.rig.panel.textbook import Gains
-from cfd_pneumatic.rig.physics import ADIABATIC_EXPONENT, LEAK_CRITICAL_RATIO, orifice_flow
+from cfd_pneumatic.rig.physics import ADIABATIC_EXPONENT, ELLIPSE, LEAK_CRITICAL_RATIO, SPECIFIC_HEAT, orifice_flow
 from cfd_pneumatic.rig.schedule import Schedule
-
-SPECIFIC_HEAT = 717.6
-"""Specific heat of air at constant volume [J/(kg K)]."""
 
 
 class Situation(NamedTuple):
@@ -76,7 +73,7 @@ def leakage(share: float, situation: Situation) -> Changes:
         return {'effects_a.leak_admittance': flow / gauge}
     probe = 1e-12
     leaked = orifice_flow(
-        probe, gauge + air.ambient_pressure, air.ambient_pressure, LEAK_CRITICAL_RATIO, air.temperature
+        probe, gauge + air.ambient_pressure, air.ambient_pressure, LEAK_CRITICAL_RATIO, ELLIPSE, air.temperature
     )
     return {'effects_a.leak_conductance': probe * flow / leaked}
 
