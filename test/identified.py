@@ -103,6 +103,7 @@ def with_force(identification: Identification) -> Identification:
     conclusion = Conclusion(
         verdict='effect_added',
         why='the force lacks seal_friction; with it the error falls to 50 %, and what is left is noise',
+        core='linear',
         effects=('seal_friction',),
         alternatives={},
         tried=(Trial('seal_friction', 1234.5, 0.75, errors[1], True, 'lowers the criterion most'),),

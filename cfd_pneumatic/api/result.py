@@ -15,6 +15,7 @@ from cfd_pneumatic.device.live_error import live_errors
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Identification, Options, PartError
 from cfd_pneumatic.identification import identify as identified
+from cfd_pneumatic.identification.data.options import AUTO
 from cfd_pneumatic.identification.data.split import FRACTIONS
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import print_report, report_data, write_report
@@ -36,6 +37,7 @@ def identify(
     per_setpoint: bool = False,
     ambient_pressure: float = AMBIENT_PRESSURE,
     fractions: tuple[float, float, float] = FRACTIONS,
+    core: str = AUTO,
 ) -> Result:
     """
     Identify a device from its recordings, jointly.
@@ -56,6 +58,9 @@ def identify(
         What gauge pressures are counted from, as the recordings were read [Pa].
     fractions
         Shares of train, validation and test.
+    core
+        `linear`: the paper's equations; `physical`: those before they were linearised; `auto`: what closing the loop
+        finds the recordings to need.
 
     Raises
     ------
@@ -63,7 +68,7 @@ def identify(
         If a recording is none, holds no motion or too few samples, or a cylinder tells no parameter.
 
     """
-    options = Options(per_setpoint, fractions, ambient_pressure, close_loop, area, geometric_factor)
+    options = Options(per_setpoint, fractions, ambient_pressure, close_loop, area, geometric_factor, core)
     given: list[Any] = [recordings] if isinstance(recordings, (Recording, str, Path)) else list(recordings)
     for one in given:
         if not isinstance(one, Recording):

@@ -28,6 +28,7 @@ _LONG = 3600.0
 
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
+    from cfd_pneumatic.identification.data.options import AUTO, CORES
     from cfd_pneumatic.identification.data.split import FRACTIONS
     from cfd_pneumatic.model import SPECS
 
@@ -61,6 +62,13 @@ def make_parser() -> argparse.ArgumentParser:
         action='store_true',
         help='trace what is left of the measured pressure to physical effects that the model lacks, add them, and '
         'report the error before and after',
+    )
+    parser.add_argument(
+        '--core',
+        choices=CORES,
+        default=AUTO,
+        help="equations that effects are sought beside: the paper's linear ones, those before they were linearised, or "
+        'what --close-loop finds the recordings to need (default: %(default)s)',
     )
     parser.add_argument(
         '--full',
@@ -154,6 +162,7 @@ def _identify(args: Sequence[str] | None) -> None:
         close_loop=arguments.close_loop,
         area=arguments.area,
         geometric_factor=arguments.geometric_factor,
+        core=arguments.core,
     )
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     if arguments.each:

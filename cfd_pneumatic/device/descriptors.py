@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import SPECS, TABLE_1
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.units import PSI
 
 Value = bool | float | tuple[float, ...] | tuple[str, ...]
@@ -173,15 +173,16 @@ def _cylinder(name: str) -> Iterator[Descriptor]:
     yield Descriptor(
         f'{name}.not_identifiable', NO_NAMES, 'gains that the recordings did not tell: they are as the fit used them'
     )
-    yield from _effects(name, PRESSURE_EFFECTS)
+    yield from _effects(name, PRESSURE_PARTS)
 
 
 def _effects(prefix: str, library: Mapping[str, Effect]) -> Iterator[Descriptor]:
-    """Yield what switches effects; parameters are null by default: an effect that is given none changes nothing."""
+    """Yield what switches cores and effects; by default effects are null: one that is given nothing changes nothing."""
     for effect in library.values():
-        yield Descriptor(
-            f'{prefix}.{effect.name}.enabled', False, f'{effect.description}; its parameters by default change nothing'
+        default = (
+            'its gains hold at a pressure and a position' if effect.core else 'its parameters by default change nothing'
         )
+        yield Descriptor(f'{prefix}.{effect.name}.enabled', False, f'{effect.description}; {default}')
         for one in effect.parameters:
             yield Descriptor(
                 f'{prefix}.{effect.name}.{one.name}',

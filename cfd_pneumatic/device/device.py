@@ -12,7 +12,7 @@ from cfd_pneumatic.device import file
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import NAMES, TABLE_1, Cylinder, DeviceModel, ForceGeometry, OperatingPoints
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.recording import Recording
 
 
@@ -201,7 +201,7 @@ class Device:
             points = OperatingPoints.from_rows({row: self.value(f'{name}.{row}') for row in ('setpoints', *NAMES)})
         except ValueError as error:
             raise InputError(f'{name}.{error}') from error
-        effects = self._effects(name, PRESSURE_EFFECTS)
+        effects = self._effects(name, PRESSURE_PARTS)
         return Cylinder(points, ambient, effects, self.number(f'{name}.setpoint_offset'))
 
     def _effects(self, prefix: str, library: Mapping[str, Effect]) -> dict[str, tuple[float, ...]]:

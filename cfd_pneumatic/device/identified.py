@@ -11,7 +11,7 @@ from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification
 from cfd_pneumatic.model import SPECS
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS, Effect
 
 _SEAL_PLAY = 3.0  # standard deviations of the displacement's noise
 _LARGEST_SEAL_PLAY = 1e-3  # [m]
@@ -80,7 +80,7 @@ def _add_geometry(identification: Identification, values: Values, notes: Notes) 
 
 
 def _add_cylinder(identification: Identification, result: ChannelResult, values: Values, notes: Notes) -> None:
-    effects = result.found.model.effects
+    effects = result.found.model.parts
     setpoints, rows = _beside_effects(result) if effects else _scheduled(result)
     offset = _offset(identification, result)
     values[f'{result.name}.initial_setpoint'] = setpoints[0] - offset
@@ -94,7 +94,7 @@ def _add_cylinder(identification: Identification, result: ChannelResult, values:
     doubtful = tuple(spec.name for spec in SPECS if rows[spec.name][1])
     if doubtful:
         values[f'{result.name}.not_identifiable'] = doubtful
-    _add_effects(result.name, effects, PRESSURE_EFFECTS, values)
+    _add_effects(result.name, effects, PRESSURE_PARTS, values)
 
 
 def _offset(identification: Identification, result: ChannelResult) -> float:

@@ -70,7 +70,7 @@ def _pressure(name: str, cylinder: Cylinder, recording: Recording, motion: Motio
     if cylinder.effects and cylinder.parameters.setpoints.size == 1:
         start = first - level - cylinder.setpoint_offset
         own = np.array([[cylinder.setpoint_offset, start]])
-        model = Model(cylinder.parameters.table[0, 1:], cylinder.effects, own)
+        model = Model.of_parts(cylinder.parameters.table[0, 1:], cylinder.effects, own)
         values = _simulated(channel, model, recording, motion, times, inputs, samples)
     else:
         state = CylinderState.at_rest(first) if not cylinder.effects else None

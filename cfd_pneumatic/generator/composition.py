@@ -11,7 +11,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from cfd_pneumatic.model import flow_function, lanes, lanewise
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, FUNCTIONS, MODULES, PRESSURE_EFFECTS
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, FUNCTIONS, MODULES, PRESSURE_PARTS
 from cfd_pneumatic.model.places import (
     FORCE_PLACES,
     FORCE_STATES,
@@ -27,7 +27,7 @@ _TEMPLATES = Path(__file__).parent
 
 def composed() -> str:
     """Return the kernel's text."""
-    effects = [_described(name, PLACES[name], 'y{}') for name in PRESSURE_EFFECTS]
+    effects = [_described(name, PLACES[name], 'y{}') for name in PRESSURE_PARTS]
     force_effects = [_described(name, FORCE_PLACES[name], 'state[{}]') for name in FORCE_EFFECTS]
     templates = Environment(loader=FileSystemLoader(_TEMPLATES), undefined=StrictUndefined, keep_trailing_newline=True)
 

@@ -1,9 +1,9 @@
 """
 Closing the loop: what a channel's model lacks, added to it, and the error before and after.
 
-Ask whether the residual of the model without effects is noise; if not, search for effects; fit what was found to train
-and validation together and compare before and after once, on the test part; say what was found, or that it is not
-known.
+Ask whether the residual of the model without effects is noise; if not, ask which core the recordings need and search
+for effects beside it; fit what was found to train and validation together and compare before and after once, on the
+test part; say what was found, or that it is not known.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.data.options import AUTO, LINEAR, PHYSICAL
 from cfd_pneumatic.identification.fit.fit import Fit, search, summary
 from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.identification.search.complement import Complement
-from cfd_pneumatic.identification.search.stepwise import Search, Trial
+from cfd_pneumatic.identification.search.cores import searched
+from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.search.visibility import invisible
 from cfd_pneumatic.identification.verdict import (
     Conclusion,
@@ -34,14 +36,16 @@ _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in v
 _MOST_EVALUATIONS = 60
 
 
-def close_loop(before: Fit) -> tuple[Fit, Conclusion]:
+def close_loop(before: Fit, core: str = AUTO) -> tuple[Fit, Conclusion]:
     """
-    Return the fit with the effects that were found, and what it comes to.
+    Return the fit with the core and the effects that were found, and what it comes to.
 
     Parameters
     ----------
     before
-        Fit of a channel's model without effects to train and validation.
+        Fit of a channel's linear model without effects to train and validation.
+    core
+        One of `Options.core`.
 
     """
     likelihood = before.likelihood
@@ -53,9 +57,9 @@ def close_loop(before: Fit) -> tuple[Fit, Conclusion]:
     alternatives: dict[str, tuple[str, ...]] = {}
     tried: tuple[Trial, ...] = ()
     if shortage is None and not explained(tests):
-        found = Search(Candidates(likelihood, before.model)).run()
+        found = searched(Candidates(likelihood, before.model), core)
         alternatives, tried = dict(found.alternatives), found.tried
-        if found.model.effects:
+        if found.model.model.parts:
             after = _fitted(before, found.model.model)
             alternatives |= _confounded(after)
     ratio, interval = None, None
@@ -63,7 +67,7 @@ def close_loop(before: Fit) -> tuple[Fit, Conclusion]:
     if after is not before:
         ratio, interval = compared(experiments, before.simulated, after.simulated)
         if ratio >= 1.0:
-            clause, tried = not_added(list(after.model.effects), ratio, interval, tried)
+            clause, tried = not_added(list(after.model.parts), ratio, interval, tried)
             against.append(clause)
             after, alternatives, ratio, interval = before, {}, None, None
     if after is not before:
@@ -73,10 +77,12 @@ def close_loop(before: Fit) -> tuple[Fit, Conclusion]:
     left = [one.measured - values for one, values in zip(experiments, after.simulated)]
     against += contradiction(experiments, left, noise.std)
     effects = tuple(after.model.effects)
-    verdict, why = verdict_of(effects, alternatives, tests, shortage, ratio, interval, against)
+    used = PHYSICAL if after.model.core else LINEAR
+    verdict, why = verdict_of(used, effects, alternatives, tests, shortage, ratio, interval, against)
     conclusion = Conclusion(
         verdict=verdict,
         why=why,
+        core=used,
         effects=effects,
         alternatives=alternatives,
         tried=tried,
@@ -89,6 +95,15 @@ def close_loop(before: Fit) -> tuple[Fit, Conclusion]:
         next_experiment=next_experiment(hidden, channel.library, shortage),
     )
     return after, conclusion
+
+
+def with_core(before: Fit) -> Fit:
+    """Return the fit of a channel's model with the physical core, where it has one, from that of the linear one."""
+    names = list(before.likelihood.channel.cores)
+    if not names:
+        return before
+    candidates = Candidates(before.likelihood, before.model)
+    return _fitted(before, candidates.with_core(candidates.baseline, names[0]).model)
 
 
 def _fitted(before: Fit, rough: Model) -> Fit:

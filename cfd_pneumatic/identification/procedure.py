@@ -12,11 +12,11 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels import Channel, channels_of
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import Motion, observed_motion
-from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.identification.data.options import PHYSICAL, Options
 from cfd_pneumatic.identification.data.split import FRACTIONS, Split, split_recordings
 from cfd_pneumatic.identification.doubts import doubts, of_recordings
 from cfd_pneumatic.identification.fit.fit import Fit, fit
-from cfd_pneumatic.identification.loop import close_loop
+from cfd_pneumatic.identification.loop import close_loop, with_core
 from cfd_pneumatic.identification.readings import other_reading
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
 from cfd_pneumatic.identification.verdict import part_errors
@@ -151,7 +151,11 @@ def _identified(channel: Channel, data: Prepared, options: Options) -> ChannelRe
     held, experiments = data.holding(channel), data.experiments(channel)
     joint = fit(channel, experiments)
     schedule, simulated, notes = _schedule(joint, options)
-    found, conclusion = close_loop(joint) if options.close_loop else (joint, None)
+    found, conclusion = joint, None
+    if options.close_loop:
+        found, conclusion = close_loop(joint, options.core)
+    elif options.core == PHYSICAL:
+        found = with_core(joint)
     return ChannelResult(
         channel=channel,
         fit=joint,

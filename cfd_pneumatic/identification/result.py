@@ -162,12 +162,17 @@ class ChannelResult:
         return part == PARTS.index('test') if self.judged_on == 'test' else np.ones(part.size, np.bool_)
 
     @property
+    def added(self) -> tuple[str, ...]:
+        """What the reported model has beside the paper's linear one: a core, effects."""
+        return tuple(self.found.model.parts)
+
+    @property
     def gains(self) -> tuple[Estimate, ...]:
         """Parameters of the model itself, fitted with the effects."""
         return tuple(estimate for estimate in self.found.estimates if '.' not in estimate.name)
 
     def parameters(self, effect: str) -> dict[str, Estimate]:
-        """Return an effect's parameters by their names."""
+        """Return the parameters of a core or an effect by their names."""
         names = {estimate.name: estimate for estimate in self.found.estimates}
         own = [one.name for one in self.channel.effects[effect].parameters]
         return {name: names[f'{effect}.{name}'] for name in own if f'{effect}.{name}' in names}

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.options import PHYSICAL
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.tests import Test
@@ -34,6 +35,8 @@ _FAILINGS = {
     'ljung_box': 'has a longer memory than the noise',
     'noise_floor': 'is larger than the noise',
 }
+_WHOLE = 'flows, stiffness and sensing follow pressure and position, as the physical core has it'
+_UNKNOWN = 'the model lacks something that is none of the effects known here'
 _FEWEST_SAMPLES = 100  # of the train part: below, a dozen unknowns and a noise floor are not to be told apart
 _BLOCKS = 20
 _RESAMPLINGS = 2000
@@ -51,6 +54,8 @@ class Conclusion:
         One of `VERDICTS`.
     why
         The verdict in a sentence, for people.
+    core
+        `linear` or `physical`: what the effects are beside.
     effects
         Names of the effects that were found, in the order in which they were added.
     alternatives
@@ -59,7 +64,7 @@ class Conclusion:
         Every effect that was tried.
     ratio, ratio_interval
         Error after over before on the test part (on all samples where there is none), and the 95 % interval by a block
-        bootstrap; None without an effect.
+        bootstrap; None where nothing was added.
     tests_before, tests_after
         Of the residuals, on train and validation.
     noise
@@ -75,6 +80,7 @@ class Conclusion:
 
     verdict: str
     why: str
+    core: str
     effects: tuple[str, ...]
     alternatives: Mapping[str, tuple[str, ...]]
     tried: tuple[Trial, ...]
@@ -150,6 +156,7 @@ def shortage_of(experiments: Sequence[Experiment]) -> str | None:
 
 
 def verdict_of(
+    core: str,
     effects: Sequence[str],
     alternatives: Mapping[str, Sequence[str]],
     tests: Sequence[Test],
@@ -166,16 +173,17 @@ def verdict_of(
         for name in effects
     )
     falls = '' if ratio is None or interval is None else f'; with it the error {_change(ratio, interval)}'
+    whole = f'{_WHOLE}{falls}, and ' if core == PHYSICAL else ''
     failed = ', '.join(_FAILINGS.get(test.name, test.what) for test in tests if test.decisive and not test.passed)
     if effects:
-        why = f'the model lacks {named}{falls}'
+        why = f'{_WHOLE}, and the model lacks {named}{falls}' if whole else f'the model lacks {named}{falls}'
         left = ', and what is left is noise'
         if failed:
             left = f', and something that is not known here: what is left {failed}'
     elif failed:
-        why, left = 'the model lacks something that is none of the effects known here', f': what is left {failed}'
+        why, left = f'{whole}{_UNKNOWN}', f': what is left {failed}'
     else:
-        why, left = 'what the model leaves is noise', ': nothing is missing that these recordings could show'
+        why, left = f'{whole}what the model leaves is noise', ': nothing is missing that these recordings could show'
     if failed or against:
         return 'unexplained', '; '.join([why + left, *against]) if failed else f'{why}, but {"; ".join(against)}'
     return 'effect_added' if effects else 'no_missing_effect', why + left

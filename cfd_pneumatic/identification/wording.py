@@ -8,7 +8,7 @@ import re
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.identification.whereabouts import dependences
-from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.model.effects import CORES, EFFECTS
 
 TITLES = {'cylinder_a': 'Cylinder A', 'cylinder_b': 'Cylinder B', 'force': 'Contact force'}
 """Of what was identified."""
@@ -77,7 +77,7 @@ def title_of_test(name: str) -> str:
 
 def sentence(text: str) -> str:
     """Return a clause as a sentence: effects in words, a capital and a full stop."""
-    for name in sorted(EFFECTS, key=len, reverse=True):
+    for name in sorted((*EFFECTS, *CORES), key=len, reverse=True):
         text = re.sub(rf'\b{name}\b', spoken(name), text)
     text = re.sub(r'(\d) %', '\\1\u00a0%', text.strip())
     return text[:1].upper() + text[1:] + ('' if text.endswith(('.', '!', '?')) or not text else '.')

@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint 2afd8d3351ddeb5c; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint 4ed5783dbb2552f9; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from cfd_pneumatic.model.effects import (
     moving_mass,
     nonlinear_valve,
     operating_point,
+    physical_core,
     positional_leakage,
     seal_friction,
     sensor_lag,
@@ -50,95 +51,108 @@ Y6 = 6 * COUNT
 Y7 = 7 * COUNT
 Y8 = 8 * COUNT
 Y9 = 9 * COUNT
+Y10 = 10 * COUNT
 # displacements that the chamber followed last and that was measured last [m]
-FOLLOWED = 10 * COUNT
-MEASURED = 11 * COUNT
+FOLLOWED = 11 * COUNT
+MEASURED = 12 * COUNT
 # parameters: gains, then the effects' own
-A0 = 12 * COUNT
-A1 = 13 * COUNT
-A2 = 14 * COUNT
-A3 = 15 * COUNT
-A4 = 16 * COUNT
-A5 = 17 * COUNT
-A6 = 18 * COUNT
-A7 = 19 * COUNT
-A8 = 20 * COUNT
-A9 = 21 * COUNT
-A10 = 22 * COUNT
-A11 = 23 * COUNT
-A12 = 24 * COUNT
-A13 = 25 * COUNT
-A14 = 26 * COUNT
-A15 = 27 * COUNT
-A16 = 28 * COUNT
-A17 = 29 * COUNT
-A18 = 30 * COUNT
-A19 = 31 * COUNT
-A20 = 32 * COUNT
-A21 = 33 * COUNT
-A22 = 34 * COUNT
-A23 = 35 * COUNT
-A24 = 36 * COUNT
-A25 = 37 * COUNT
-A26 = 38 * COUNT
-A27 = 39 * COUNT
-A28 = 40 * COUNT
-A29 = 41 * COUNT
-A30 = 42 * COUNT
-A31 = 43 * COUNT
-A32 = 44 * COUNT
-A33 = 45 * COUNT
-A34 = 46 * COUNT
-A35 = 47 * COUNT
+A0 = 13 * COUNT
+A1 = 14 * COUNT
+A2 = 15 * COUNT
+A3 = 16 * COUNT
+A4 = 17 * COUNT
+A5 = 18 * COUNT
+A6 = 19 * COUNT
+A7 = 20 * COUNT
+A8 = 21 * COUNT
+A9 = 22 * COUNT
+A10 = 23 * COUNT
+A11 = 24 * COUNT
+A12 = 25 * COUNT
+A13 = 26 * COUNT
+A14 = 27 * COUNT
+A15 = 28 * COUNT
+A16 = 29 * COUNT
+A17 = 30 * COUNT
+A18 = 31 * COUNT
+A19 = 32 * COUNT
+A20 = 33 * COUNT
+A21 = 34 * COUNT
+A22 = 35 * COUNT
+A23 = 36 * COUNT
+A24 = 37 * COUNT
+A25 = 38 * COUNT
+A26 = 39 * COUNT
+A27 = 40 * COUNT
+A28 = 41 * COUNT
+A29 = 42 * COUNT
+A30 = 43 * COUNT
+A31 = 44 * COUNT
+A32 = 45 * COUNT
+A33 = 46 * COUNT
+A34 = 47 * COUNT
+A35 = 48 * COUNT
+A36 = 49 * COUNT
+A37 = 50 * COUNT
+A38 = 51 * COUNT
+A39 = 52 * COUNT
+A40 = 53 * COUNT
+A41 = 54 * COUNT
+A42 = 55 * COUNT
+A43 = 56 * COUNT
+A44 = 57 * COUNT
 # what each lane's set-point lies above the common one [Pa]
-OFFSET = 48 * COUNT
+OFFSET = 58 * COUNT
 # states and rates of a stage of Runge and Kutta, and the rates' weighted sum
-S0 = 49 * COUNT
-S1 = 50 * COUNT
-S2 = 51 * COUNT
-S3 = 52 * COUNT
-S4 = 53 * COUNT
-S5 = 54 * COUNT
-S6 = 55 * COUNT
-S7 = 56 * COUNT
-S8 = 57 * COUNT
-S9 = 58 * COUNT
-K0 = 59 * COUNT
-K1 = 60 * COUNT
-K2 = 61 * COUNT
-K3 = 62 * COUNT
-K4 = 63 * COUNT
-K5 = 64 * COUNT
-K6 = 65 * COUNT
-K7 = 66 * COUNT
-K8 = 67 * COUNT
-K9 = 68 * COUNT
-SUM0 = 69 * COUNT
-SUM1 = 70 * COUNT
-SUM2 = 71 * COUNT
-SUM3 = 72 * COUNT
-SUM4 = 73 * COUNT
-SUM5 = 74 * COUNT
-SUM6 = 75 * COUNT
-SUM7 = 76 * COUNT
-SUM8 = 77 * COUNT
-SUM9 = 78 * COUNT
+S0 = 59 * COUNT
+S1 = 60 * COUNT
+S2 = 61 * COUNT
+S3 = 62 * COUNT
+S4 = 63 * COUNT
+S5 = 64 * COUNT
+S6 = 65 * COUNT
+S7 = 66 * COUNT
+S8 = 67 * COUNT
+S9 = 68 * COUNT
+S10 = 69 * COUNT
+K0 = 70 * COUNT
+K1 = 71 * COUNT
+K2 = 72 * COUNT
+K3 = 73 * COUNT
+K4 = 74 * COUNT
+K5 = 75 * COUNT
+K6 = 76 * COUNT
+K7 = 77 * COUNT
+K8 = 78 * COUNT
+K9 = 79 * COUNT
+K10 = 80 * COUNT
+SUM0 = 81 * COUNT
+SUM1 = 82 * COUNT
+SUM2 = 83 * COUNT
+SUM3 = 84 * COUNT
+SUM4 = 85 * COUNT
+SUM5 = 86 * COUNT
+SUM6 = 87 * COUNT
+SUM7 = 88 * COUNT
+SUM8 = 89 * COUNT
+SUM9 = 90 * COUNT
+SUM10 = 91 * COUNT
 # the piston's displacement [m] and speed [m/s], the set-point [Pa], and what the pressure sensor reads [Pa]
-X = 79 * COUNT
-RATE = 80 * COUNT
-SETPOINT = 81 * COUNT
-SIGNAL = 82 * COUNT
+X = 92 * COUNT
+RATE = 93 * COUNT
+SETPOINT = 94 * COUNT
+SIGNAL = 95 * COUNT
 
-SIZE = 83 * COUNT
+SIZE = 96 * COUNT
 """Length of the array of rows."""
 
-STATE_ROWS = slice(0, 12)
+STATE_ROWS = slice(0, 13)
 """Rows of the states: pressures p and p_f, those of the effects, displacements followed and measured last."""
 
-PARAMETER_ROWS = slice(12, 48)
+PARAMETER_ROWS = slice(13, 58)
 """Rows of the parameters: the gains, then those of the effects."""
 
-OFFSET_ROW = 48
+OFFSET_ROW = 58
 """Row of what each lane's set-point lies above the common one [Pa]."""
 
 SIGNAL_ROW = SIGNAL // COUNT
@@ -152,85 +166,169 @@ SLID = 2
 
 
 @inner
+def moment_of(time, x, rate, p, p_f, swept, sensing, ambient, w):
+    """Return where the cylinder is, as effects see it."""
+    return Moment(time, x, rate, p, load(w, SETPOINT), ambient, swept, load(w, A0), p_f, sensing)
+
+
+@inner
 def valve_error(moment, w, on):
     """Return the valves' error, from the set-point that acts [Pa]."""
     target = moment.setpoint
-    if on[2]:
-        target = set_point_drift.setpoint(target, moment, load(w, A8))
-    if on[4]:
-        target = supply_variation.setpoint(target, moment, load(w, A10), load(w, A11), load(w, A12))
-    if on[6]:
-        target = droop.setpoint(target, moment, load(w, S3), load(w, A14), load(w, A15))
+    if on[3]:
+        target = set_point_drift.setpoint(target, moment, load(w, A17))
+    if on[5]:
+        target = supply_variation.setpoint(target, moment, load(w, A19), load(w, A20), load(w, A21))
+    if on[7]:
+        target = droop.setpoint(target, moment, load(w, S4), load(w, A23), load(w, A24))
     return target - load(w, S1)
 
 
 @inner
 def slopes(time, ambient, w, on):
     """Compute the rates of all states."""
-    x, rate, p, setpoint = load(w, X), load(w, RATE), load(w, S0), load(w, SETPOINT)
-    moment = Moment(time, x, rate, p, setpoint, ambient, 0.0 * rate)
+    x, rate, p = load(w, X), load(w, RATE), load(w, S0)
+    still = 0.0 * rate
+    moment = moment_of(time, x, rate, p, load(w, S1), still, still, ambient, w)
     gain = load(w, A0)
     if on[0]:
-        gain = volume_variation.velocity_gain(gain, moment, load(w, A4))
+        gain = physical_core.velocity_gain(
+            gain,
+            moment,
+            load(w, S2),
+            load(w, A4),
+            load(w, A5),
+            load(w, A6),
+            load(w, A7),
+            load(w, A8),
+            load(w, A9),
+            load(w, A10),
+            load(w, A11),
+            load(w, A12),
+        )
     if on[1]:
-        gain = operating_point.velocity_gain(gain, moment, load(w, A5), load(w, A6), load(w, A7))
+        gain = volume_variation.velocity_gain(gain, moment, load(w, A13))
+    if on[2]:
+        gain = operating_point.velocity_gain(gain, moment, load(w, A14), load(w, A15), load(w, A16))
     swept = gain * rate
-    moment = Moment(time, x, rate, p, setpoint, ambient, swept)
+    moment = moment_of(time, x, rate, p, load(w, S1), swept, still, ambient, w)
     error = valve_error(moment, w, on)
-    if on[5]:
-        error = valve_hysteresis.error(error, moment, load(w, S2), load(w, A13))
-    if on[13]:
-        error = valve_dead_band.error(error, moment, load(w, A29))
-    if on[15]:
-        error = nonlinear_valve.error(error, moment, load(w, A32))
+    if on[6]:
+        error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A22))
+    if on[14]:
+        error = valve_dead_band.error(error, moment, load(w, A38))
+    if on[16]:
+        error = nonlinear_valve.error(error, moment, load(w, A41))
     flow = where(error > 0.0, load(w, A1), load(w, A2)) * error
     if on[0]:
-        flow = volume_variation.flow(flow, moment, load(w, A4))
-    if on[1]:
-        flow = operating_point.flow(flow, moment, load(w, A5), load(w, A6), load(w, A7))
-    if on[10]:
-        flow = flow_saturation.flow(flow, moment, load(w, A25), load(w, A26))
-    if on[16]:
-        (rate8,) = line_restriction.evolve(moment, flow, load(w, S8), load(w, A33), load(w, A34))
-        store(w, K8, rate8)
-        flow = line_restriction.flow(flow, moment, load(w, S8), load(w, A33), load(w, A34))
-    if on[17]:
-        flow = heat_transfer.flow(flow, moment, load(w, S9), load(w, A35))
-    if on[6]:
-        (rate3,) = droop.evolve(moment, flow, load(w, S3), load(w, A14), load(w, A15))
-        store(w, K3, rate3)
-    chamber = flow - swept
-    if on[7]:
-        chamber = leakage.chamber(chamber, moment, load(w, A16), load(w, A17))
-    if on[8]:
-        chamber = positional_leakage.chamber(
-            chamber, moment, load(w, A18), load(w, A19), load(w, A20), load(w, A21), load(w, A22), load(w, A23)
+        flow = physical_core.flow(
+            flow,
+            moment,
+            load(w, S2),
+            load(w, A4),
+            load(w, A5),
+            load(w, A6),
+            load(w, A7),
+            load(w, A8),
+            load(w, A9),
+            load(w, A10),
+            load(w, A11),
+            load(w, A12),
         )
-    if on[17]:
-        (rate9,) = heat_transfer.evolve(moment, chamber, load(w, S9), load(w, A35))
-        store(w, K9, rate9)
-        chamber = heat_transfer.chamber(chamber, moment, load(w, S9), load(w, A35))
-    outlet = p
-    if on[16]:
-        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S8), load(w, A33), load(w, A34))
-    tau = load(w, A3)
     if on[1]:
-        tau = operating_point.time_constant(tau, moment, load(w, A5), load(w, A6), load(w, A7))
+        flow = volume_variation.flow(flow, moment, load(w, A13))
+    if on[2]:
+        flow = operating_point.flow(flow, moment, load(w, A14), load(w, A15), load(w, A16))
+    if on[11]:
+        flow = flow_saturation.flow(flow, moment, load(w, A34), load(w, A35))
+    if on[17]:
+        (rate9,) = line_restriction.evolve(moment, flow, load(w, S9), load(w, A42), load(w, A43))
+        store(w, K9, rate9)
+        flow = line_restriction.flow(flow, moment, load(w, S9), load(w, A42), load(w, A43))
+    if on[18]:
+        flow = heat_transfer.flow(flow, moment, load(w, S10), load(w, A44))
+    if on[7]:
+        (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A23), load(w, A24))
+        store(w, K4, rate4)
+    outlet = p
+    if on[17]:
+        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), load(w, A42), load(w, A43))
+    tau = load(w, A3)
+    if on[0]:
+        tau = physical_core.time_constant(
+            tau,
+            moment,
+            load(w, S2),
+            load(w, A4),
+            load(w, A5),
+            load(w, A6),
+            load(w, A7),
+            load(w, A8),
+            load(w, A9),
+            load(w, A10),
+            load(w, A11),
+            load(w, A12),
+        )
+    if on[2]:
+        tau = operating_point.time_constant(tau, moment, load(w, A14), load(w, A15), load(w, A16))
+    sensing = (outlet - load(w, S1)) / tau
+    moment = moment_of(time, x, rate, p, load(w, S1), swept, sensing, ambient, w)
+    chamber = flow - swept
+    if on[0]:
+        (rate2,) = physical_core.evolve(
+            moment,
+            chamber,
+            load(w, S2),
+            load(w, A4),
+            load(w, A5),
+            load(w, A6),
+            load(w, A7),
+            load(w, A8),
+            load(w, A9),
+            load(w, A10),
+            load(w, A11),
+            load(w, A12),
+        )
+        store(w, K2, rate2)
+        chamber = physical_core.chamber(
+            chamber,
+            moment,
+            load(w, S2),
+            load(w, A4),
+            load(w, A5),
+            load(w, A6),
+            load(w, A7),
+            load(w, A8),
+            load(w, A9),
+            load(w, A10),
+            load(w, A11),
+            load(w, A12),
+        )
+    if on[8]:
+        chamber = leakage.chamber(chamber, moment, load(w, A25), load(w, A26))
+    if on[9]:
+        chamber = positional_leakage.chamber(
+            chamber, moment, load(w, A27), load(w, A28), load(w, A29), load(w, A30), load(w, A31), load(w, A32)
+        )
+    if on[18]:
+        (rate10,) = heat_transfer.evolve(moment, chamber, load(w, S10), load(w, A44))
+        store(w, K10, rate10)
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S10), load(w, A44))
     signal = p
-    if on[12]:
-        (rate5,) = sensor_lag.evolve(moment, signal, load(w, S5), load(w, A28))
-        store(w, K5, rate5)
-        signal = sensor_lag.signal(signal, moment, load(w, S5), load(w, A28))
-    if on[14]:
-        (
-            rate6,
-            rate7,
-        ) = line_resonance.evolve(moment, signal, load(w, S6), load(w, S7), load(w, A30), load(w, A31))
+    if on[13]:
+        (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A37))
         store(w, K6, rate6)
+        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A37))
+    if on[15]:
+        (
+            rate7,
+            rate8,
+        ) = line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), load(w, A39), load(w, A40))
         store(w, K7, rate7)
-        signal = line_resonance.signal(signal, moment, load(w, S6), load(w, S7), load(w, A30), load(w, A31))
+        store(w, K8, rate8)
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A39), load(w, A40))
     store(w, K0, chamber)
-    store(w, K1, (outlet - load(w, S1)) / tau)
+    store(w, K1, sensing)
 
 
 @inner
@@ -240,23 +338,26 @@ def begin_stages(w, on):
     store(w, SUM0, 0.0)
     store(w, S1, load(w, Y1))
     store(w, SUM1, 0.0)
-    if on[6]:
-        store(w, S3, load(w, Y3))
-        store(w, SUM3, 0.0)
-    if on[12]:
-        store(w, S5, load(w, Y5))
-        store(w, SUM5, 0.0)
-    if on[14]:
+    if on[0]:
+        store(w, S2, load(w, Y2))
+        store(w, SUM2, 0.0)
+    if on[7]:
+        store(w, S4, load(w, Y4))
+        store(w, SUM4, 0.0)
+    if on[13]:
         store(w, S6, load(w, Y6))
         store(w, SUM6, 0.0)
+    if on[15]:
         store(w, S7, load(w, Y7))
         store(w, SUM7, 0.0)
-    if on[16]:
         store(w, S8, load(w, Y8))
         store(w, SUM8, 0.0)
     if on[17]:
         store(w, S9, load(w, Y9))
         store(w, SUM9, 0.0)
+    if on[18]:
+        store(w, S10, load(w, Y10))
+        store(w, SUM10, 0.0)
 
 
 @inner
@@ -266,23 +367,26 @@ def next_stage(weight, ahead, w, on):
     store(w, S0, load(w, Y0) + ahead * load(w, K0))
     store(w, SUM1, load(w, SUM1) + weight * load(w, K1))
     store(w, S1, load(w, Y1) + ahead * load(w, K1))
-    if on[6]:
-        store(w, SUM3, load(w, SUM3) + weight * load(w, K3))
-        store(w, S3, load(w, Y3) + ahead * load(w, K3))
-    if on[12]:
-        store(w, SUM5, load(w, SUM5) + weight * load(w, K5))
-        store(w, S5, load(w, Y5) + ahead * load(w, K5))
-    if on[14]:
+    if on[0]:
+        store(w, SUM2, load(w, SUM2) + weight * load(w, K2))
+        store(w, S2, load(w, Y2) + ahead * load(w, K2))
+    if on[7]:
+        store(w, SUM4, load(w, SUM4) + weight * load(w, K4))
+        store(w, S4, load(w, Y4) + ahead * load(w, K4))
+    if on[13]:
         store(w, SUM6, load(w, SUM6) + weight * load(w, K6))
         store(w, S6, load(w, Y6) + ahead * load(w, K6))
+    if on[15]:
         store(w, SUM7, load(w, SUM7) + weight * load(w, K7))
         store(w, S7, load(w, Y7) + ahead * load(w, K7))
-    if on[16]:
         store(w, SUM8, load(w, SUM8) + weight * load(w, K8))
         store(w, S8, load(w, Y8) + ahead * load(w, K8))
     if on[17]:
         store(w, SUM9, load(w, SUM9) + weight * load(w, K9))
         store(w, S9, load(w, Y9) + ahead * load(w, K9))
+    if on[18]:
+        store(w, SUM10, load(w, SUM10) + weight * load(w, K10))
+        store(w, S10, load(w, Y10) + ahead * load(w, K10))
 
 
 @inner
@@ -292,23 +396,26 @@ def end_stages(sixth, w, on):
     store(w, S0, load(w, Y0))
     store(w, Y1, load(w, Y1) + sixth * (load(w, SUM1) + load(w, K1)))
     store(w, S1, load(w, Y1))
-    if on[6]:
-        store(w, Y3, load(w, Y3) + sixth * (load(w, SUM3) + load(w, K3)))
-        store(w, S3, load(w, Y3))
-    if on[12]:
-        store(w, Y5, load(w, Y5) + sixth * (load(w, SUM5) + load(w, K5)))
-        store(w, S5, load(w, Y5))
-    if on[14]:
+    if on[0]:
+        store(w, Y2, load(w, Y2) + sixth * (load(w, SUM2) + load(w, K2)))
+        store(w, S2, load(w, Y2))
+    if on[7]:
+        store(w, Y4, load(w, Y4) + sixth * (load(w, SUM4) + load(w, K4)))
+        store(w, S4, load(w, Y4))
+    if on[13]:
         store(w, Y6, load(w, Y6) + sixth * (load(w, SUM6) + load(w, K6)))
         store(w, S6, load(w, Y6))
+    if on[15]:
         store(w, Y7, load(w, Y7) + sixth * (load(w, SUM7) + load(w, K7)))
         store(w, S7, load(w, Y7))
-    if on[16]:
         store(w, Y8, load(w, Y8) + sixth * (load(w, SUM8) + load(w, K8)))
         store(w, S8, load(w, Y8))
     if on[17]:
         store(w, Y9, load(w, Y9) + sixth * (load(w, SUM9) + load(w, K9)))
         store(w, S9, load(w, Y9))
+    if on[18]:
+        store(w, Y10, load(w, Y10) + sixth * (load(w, SUM10) + load(w, K10)))
+        store(w, S10, load(w, Y10))
 
 
 @inner
@@ -335,7 +442,7 @@ def advance(time, h, steps, ambient, w, on):
         slopes(time + h, ambient, w, on)
         end_stages(h / 6.0, w, on)
         time += h
-        if on[5]:
+        if on[6]:
             leave_behind_valve_hysteresis(time, ambient, w, on)
 
 
@@ -343,11 +450,12 @@ def advance(time, h, steps, ambient, w, on):
 def leave_behind_valve_hysteresis(time, ambient, w, on):
     """Compute the error at which this play stands."""
     rate = load(w, RATE)
-    moment = Moment(time, load(w, X), rate, load(w, S0), load(w, SETPOINT), ambient, 0.0 * rate)
+    still = 0.0 * rate
+    moment = moment_of(time, load(w, X), rate, load(w, S0), load(w, S1), still, still, ambient, w)
     error = valve_error(moment, w, on)
-    error = valve_hysteresis.error(error, moment, load(w, S2), load(w, A13))
-    store(w, Y2, error)
-    store(w, S2, error)
+    error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A22))
+    store(w, Y3, error)
+    store(w, S3, error)
 
 
 @kernel
@@ -358,12 +466,13 @@ def follow(time, x, h, ambient, w, on):
     store(w, MEASURED, x)
     store(w, X, x)
     x_followed = load(w, X)
-    moment = Moment(time, x_followed, rate, load(w, Y0), load(w, SETPOINT), ambient, 0.0 * rate)
-    if on[3]:
-        x_followed = displacement_lag.displacement(x_followed, moment, load(w, A9))
-    if on[11]:
-        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y4), load(w, A27))
-        store(w, Y4, x_followed)
+    still = 0.0 * rate
+    moment = moment_of(time, x_followed, rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
+    if on[4]:
+        x_followed = displacement_lag.displacement(x_followed, moment, load(w, A18))
+    if on[12]:
+        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), load(w, A36))
+        store(w, Y5, x_followed)
     store(w, RATE, (x_followed - last) / h)
     store(w, X, last)
     store(w, FOLLOWED, x_followed)
@@ -373,12 +482,13 @@ def follow(time, x, h, ambient, w, on):
 def read(time, ambient, w, on):
     """Compute what the pressure sensor reads [Pa]."""
     rate = load(w, RATE)
-    moment = Moment(time, load(w, X), rate, load(w, Y0), load(w, SETPOINT), ambient, 0.0 * rate)
+    still = 0.0 * rate
+    moment = moment_of(time, load(w, X), rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
     signal = load(w, Y0)
-    if on[12]:
-        signal = sensor_lag.signal(signal, moment, load(w, S5), load(w, A28))
-    if on[14]:
-        signal = line_resonance.signal(signal, moment, load(w, S6), load(w, S7), load(w, A30), load(w, A31))
+    if on[13]:
+        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A37))
+    if on[15]:
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A39), load(w, A40))
     store(w, SIGNAL, signal)
 
 
@@ -394,18 +504,20 @@ def rest(x, setpoint, w):
     store(w, S2, 0.0)
     store(w, Y3, 0.0)
     store(w, S3, 0.0)
-    store(w, Y4, x)
-    store(w, S4, x)
-    store(w, Y5, pressure)
-    store(w, S5, pressure)
+    store(w, Y4, 0.0)
+    store(w, S4, 0.0)
+    store(w, Y5, x)
+    store(w, S5, x)
     store(w, Y6, pressure)
     store(w, S6, pressure)
-    store(w, Y7, 0.0)
-    store(w, S7, 0.0)
+    store(w, Y7, pressure)
+    store(w, S7, pressure)
     store(w, Y8, 0.0)
     store(w, S8, 0.0)
     store(w, Y9, 0.0)
     store(w, S9, 0.0)
+    store(w, Y10, 0.0)
+    store(w, S10, 0.0)
     store(w, FOLLOWED, x)
     store(w, MEASURED, x)
     store(w, X, x)

@@ -24,7 +24,7 @@ from cfd_pneumatic.model.composed import (
     settle,
     step,
 )
-from cfd_pneumatic.model.effects import MODULES, PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.model.effects import MODULES, PRESSURE_PARTS, Effect
 from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.model.places import FOLLOWED, MEASURED, PLACES, STATES, all_parameters, switches
 
@@ -40,7 +40,7 @@ _LONGEST_SETTLING = 2.0  # [s]
 SLOWEST_CUT = 1.5
 """A step is at most this many of the fastest time constants long [-]."""
 
-MOVING = frozenset(name for name in PRESSURE_EFFECTS if hasattr(MODULES[name], 'displacement'))
+MOVING = frozenset(name for name in PRESSURE_PARTS if hasattr(MODULES[name], 'displacement'))
 """Effects that make the chamber follow another displacement than the measured one."""
 
 
@@ -144,11 +144,11 @@ class ExtendedCylinder:
         """Return the inverse of the fastest time constant [1/s] at extremes of pressure [Pa] and displacement [m]."""
         fastest = quickest(self.gains)
         for name, own in self.effects.items():
-            quickens = PRESSURE_EFFECTS[name].quickens
+            quickens = PRESSURE_PARTS[name].quickens
             if quickens is not None:
                 fastest *= max(1.0, *(quickens(p, x, *own) for p in pressures for x in displacements))
         for name, own in self.effects.items():
-            rate = PRESSURE_EFFECTS[name].fastest
+            rate = PRESSURE_PARTS[name].fastest
             if rate is not None:
                 fastest = max(fastest, rate(*own))
         return fastest / SLOWEST_CUT

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_EFFECTS, Effect
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.model.parameters import SPECS
 
 Array = NDArray[np.float64]
@@ -49,10 +49,10 @@ def _places(effects: Mapping[str, Effect], parameter: int, state: int) -> dict[s
     return places
 
 
-PLACES = _places(PRESSURE_EFFECTS, GAINS, PRESSURES)
+PLACES = _places(PRESSURE_PARTS, GAINS, PRESSURES)
 """Place of each effect on the pressure, by name."""
 
-STATES = PRESSURES + sum(effect.states for effect in PRESSURE_EFFECTS.values())
+STATES = PRESSURES + sum(effect.states for effect in PRESSURE_PARTS.values())
 """Number of states of the pressure."""
 
 FOLLOWED = STATES
@@ -61,7 +61,7 @@ FOLLOWED = STATES
 MEASURED = STATES + 1
 """Where the displacement stands that was measured last [m]."""
 
-PARAMETERS = GAINS + sum(len(effect.parameters) for effect in PRESSURE_EFFECTS.values())
+PARAMETERS = GAINS + sum(len(effect.parameters) for effect in PRESSURE_PARTS.values())
 """Number of parameters: the gains, and those of the effects on the pressure."""
 
 FORCE_PLACES = _places(FORCE_EFFECTS, 0, 0)
@@ -71,7 +71,7 @@ FORCE_STATES = sum(effect.states for effect in FORCE_EFFECTS.values())
 """Number of states of the force."""
 
 
-_NULL = np.concatenate([np.zeros(GAINS), *(effect.null for effect in PRESSURE_EFFECTS.values())])
+_NULL = np.concatenate([np.zeros(GAINS), *(effect.null for effect in PRESSURE_PARTS.values())])
 _FORCE_NULL = np.concatenate([np.empty(0), *(effect.null for effect in FORCE_EFFECTS.values())])
 
 
@@ -90,7 +90,7 @@ def all_parameters(gains: Sequence[float] | Array, effects: Mapping[str, Sequenc
 
 def switches(effects: Mapping[str, Sequence[float]]) -> NDArray[np.bool_]:
     """Return which effects on the pressure are on, shape (effects,)."""
-    return np.array([name in effects for name in PRESSURE_EFFECTS])
+    return np.array([name in effects for name in PRESSURE_PARTS])
 
 
 def all_force_parameters(effects: Mapping[str, Sequence[float]]) -> Array:

@@ -32,6 +32,7 @@ from cfd_pneumatic.commands.identify_bag import PROGRESS_KEY
 from cfd_pneumatic.commands.program import BAD_INPUT
 from cfd_pneumatic.device import DESCRIPTORS, NO_NAMES, Device, Value
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.data.options import AUTO, CORES
 from cfd_pneumatic.identification.wording import sentence, title
 from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS
@@ -182,6 +183,11 @@ class IdentifierNode(Node):
             switch('trace what the model leaves of the pressure to physical effects that it lacks, and add them to it'),
         )
         declare(
+            'core',
+            AUTO,
+            text(f'equations that effects are sought beside: {", ".join(CORES)}; auto: what the recordings need'),
+        )
+        declare(
             'ambient_pressure',
             convention.AMBIENT_PRESSURE,
             number('Pa', 1e4, 2e5, 'absolute pressure that gauge pressures are counted from'),
@@ -239,6 +245,7 @@ class IdentifierNode(Node):
         arguments = [
             f'--output={output}',
             f'--split={self._value("split")}',
+            f'--core={self._value("core")}',
             f'--ambient-pressure={self._value("ambient_pressure")!r}',
         ]
         given = ('mapping', 'namespace', 'area', 'geometric_factor')

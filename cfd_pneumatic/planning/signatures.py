@@ -124,7 +124,7 @@ def planned(proposal: Proposal, device: Device, sensing: Sensing) -> list[Planne
         levels[name] = proposal.setpoints[:, CYLINDERS.index(name)] + ambient_pressure
         inputs = {'displacement': DIRECTIONS[name] * proposal.displacement, 'setpoint': levels[name]}
         channel = Pressure(name, ambient_pressure)
-        model = Model(home_gains(device, name), cylinder.effects, np.zeros((1, 2)))
+        model = Model.of_parts(home_gains(device, name), cylinder.effects, np.zeros((1, 2)))
         found.append(_planned(proposal, channel, model, inputs, sensing, sensing.pressure_noise))
         pressures[name] = found[-1].experiment.measured
     inputs = {
@@ -189,7 +189,7 @@ def _signatures(one: Planned) -> Signatures:
     strength = STRENGTH * one.noise
     known = channel.data([one.experiment], model, [one.experiment.measured])
     data = {**known, 'residual': strength, 'mean': strength, 'lag': 0.0}
-    missing = [effect for effect in channel.effects if effect not in model.effects]
+    missing = channel.candidates(model)
     hidden = tuple(effect for effect in missing if channel.unidentifiable([one.experiment], effect) is not None)
     visible = {effect: channel.effects[effect] for effect in missing if effect not in hidden}
     forms, columns = _formed(visible, data, one.noise, complement)

@@ -55,7 +55,7 @@ def _print_findings(result: ChannelResult, console: Console) -> None:
     console.print(Text.assemble((headline, style), ' ', sentence(findings.why)))
     if findings.verdict == 'unexplained':
         console.print(remainder(result))
-    if findings.effects:
+    if result.added:
         console.print(_effect_table(result))
     if findings.tried:
         console.print(_trial_table(result))
@@ -65,10 +65,10 @@ def _print_findings(result: ChannelResult, console: Console) -> None:
 
 def _effect_table(result: ChannelResult) -> Table:
     """Return the parameters of the effects that were found, and the error before and after."""
-    table = Table(title=f'{result.name}: effects', title_justify='left')
-    for heading in ('effect', 'parameter', 'value', '95 % interval', 'unit'):
+    table = Table(title=f'{result.name}: what was added', title_justify='left')
+    for heading in ('what', 'parameter', 'value', '95 % interval', 'unit'):
         table.add_column(heading, justify='right' if heading in ('value', '95 % interval') else 'left')
-    for effect in result.findings.effects:
+    for effect in result.added:
         for rank, (name, estimate) in enumerate(result.parameters(effect).items()):
             value = 'not identifiable' if estimate.value is None else f'{estimate.value:.4g}'
             interval = (
@@ -127,8 +127,10 @@ def _merged(notes: Sequence[str]) -> list[str]:
 
 def _reported_gains(cylinder: str, result: ChannelResult) -> list[tuple[str, Sequence[Estimate]]]:
     """Return the gains of the model that is reported, which `parameters.yaml` holds, each set with its title."""
-    if result.found.model.effects:
-        title = f'{cylinder} at every set-point, beside {", ".join(result.found.model.effects)}'
+    if result.added:
+        (pressure,) = [own[0] for own in result.found.model.core.values()] or [None]
+        where = 'every set-point' if pressure is None else f'{pressure / 1e3:.1f} kPa absolute'
+        title = f'{cylinder} at {where}, beside {", ".join(result.added)}'
         return [(title, result.found.estimates[: len(SPECS)])]
     return [
         (f'{cylinder} at {point.setpoint / 1e3:.1f} kPa ({point.setpoint / PSI:.2f} psi) gauge', point.fit.estimates)
@@ -161,7 +163,7 @@ def _parameter_table(title: str, estimates: Sequence[Estimate]) -> Table:
 
 
 def _error_table(cylinder: str, result: ChannelResult) -> Table:
-    without = ', without effects' if result.found.model.effects else ''
+    without = ', without what was added' if result.added else ''
     table = Table(title=f'{cylinder}: simulated against measured pressure{without}', title_justify='left')
     for heading in ('part', 'samples', 'RMSE, Pa', 'RMSE, psi', 'NRMSE, % of span'):
         table.add_column(heading, justify='left' if heading == 'part' else 'right')

@@ -130,6 +130,8 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
     return {
         'verdict': findings.verdict,
         'why': findings.why,
+        'core': findings.core,
+        'core_parameters': {name: _estimate_data(result.parameters(name)) for name in result.found.model.core},
         'effects': list(findings.effects),
         'status': findings.status,
         'effect_parameters': {effect: _estimate_data(result.parameters(effect)) for effect in findings.effects},

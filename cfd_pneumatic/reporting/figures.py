@@ -124,7 +124,7 @@ def zoom_picture(result: ChannelResult) -> Picture:
 def _alt(result: ChannelResult, where: str) -> str:
     small = result.quantity.small.unit
     models = f'without effects (error {result.rms(0):.3g} {small} RMS)'
-    if result.findings.effects:
+    if result.added:
         models += f' and with them ({result.rms(1):.3g} {small} RMS)'
     return (
         f'Three strips over time, {where}: displacement of the piston; measured {result.quantity.name} and the one '
@@ -141,7 +141,7 @@ _REASONS = {
 
 def _telling(result: ChannelResult) -> str:
     """Return what of a residual tells most: what effects take of it, what they leave, or all of it."""
-    if not result.findings.effects:
+    if not result.added:
         return 'residual'
     return 'left' if result.findings.verdict == 'unexplained' else 'taken'
 
@@ -190,7 +190,7 @@ def _strip_figure(
         return Curve(*thinned(times, values[shown], width), colour, line)
 
     motion = curve(comparison.inputs['displacement'] * 1e3, MUTED, 1.2)
-    series = [(comparison.before, BEFORE)] + ([(comparison.after, AFTER)] if result.findings.effects else [])
+    series = [(comparison.before, BEFORE)] + ([(comparison.after, AFTER)] if result.added else [])
     simulated = [curve(values / large.si, colour, 1.3 if few else 0.9) for values, colour in series]
     measured = comparison.experiment.measured / large.si
     if few:
@@ -304,7 +304,7 @@ def crosscorrelation(
 
 def _sides(result: ChannelResult) -> dict[int, str]:
     """Return which residuals there are to show, and their colours."""
-    return {0: BEFORE, 1: AFTER} if result.findings.effects else {0: BEFORE}
+    return {0: BEFORE, 1: AFTER} if result.added else {0: BEFORE}
 
 
 def _correlation_figure(text: str, curves: Mapping[str, tuple[NDArray[np.intp], Array, float]]) -> str:

@@ -35,9 +35,8 @@ def overview(identification: Identification, recording: int) -> list[Axes]:
 def _draw(values: Axes, residuals: Axes, result: ChannelResult, comparison: Comparison) -> None:
     large, small = result.quantity.large, result.quantity.small
     series = {f'simulated, {result.quantity.model}': (0, 'tab:orange', comparison.before)}
-    effects = result.found.model.effects
-    if effects:
-        series[f'simulated, with {" and ".join(map(spoken, effects))}'] = (1, 'tab:blue', comparison.after)
+    if result.added:
+        series[f'simulated, with {" and ".join(map(spoken, result.added))}'] = (1, 'tab:blue', comparison.after)
     times = comparison.times
     measured = thinned(times, comparison.experiment.measured / large.si, _COLUMNS)
     values.plot(*measured, color='0.3', linewidth=1.6, label='measured')

@@ -77,7 +77,7 @@ def _date(recording: Recording) -> str:
 
 def _has_schedule(result: ChannelResult) -> bool:
     """Return whether the model that is reported has other gains than the one fit to all set-points."""
-    return not result.found.model.effects and any(point.fit is not result.fit for point in result.schedule)
+    return not result.added and any(point.fit is not result.fit for point in result.schedule)
 
 
 def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
         'rounds': [_round(trials) for trials in findings.rounds],
         'tests': _tests(findings.tests_before, findings.tests_after),
         'parameters': list(_gain_rows(result)),
-        'effect_parameters': {effect: list(_effect_rows(result, effect)) for effect in findings.effects},
+        'effect_parameters': {effect: list(_effect_rows(result, effect)) for effect in result.added},
         'rivals': {effect: rivals for effect, rivals in findings.alternatives.items() if rivals},
     }
 
@@ -106,12 +106,12 @@ def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
 def _bars(result: ChannelResult) -> Iterator[dict[str, Any]]:
     """Yield the error before and after and the noise, as lengths in percent of the longest."""
     values = {'before': result.rmse(0)}
-    if result.findings.effects:
+    if result.added:
         values['after'] = result.rmse(1)
     values['noise'] = result.noise.std
     names = {
         'before': result.quantity.model,
-        'after': f'with {" and ".join(wording.spoken(effect) for effect in result.findings.effects)}',
+        'after': f'with {" and ".join(wording.spoken(effect) for effect in result.added)}',
         'noise': 'sensor noise alone',
     }
     longest = max(values.values()) or 1.0
@@ -123,7 +123,7 @@ def _errors(result: ChannelResult) -> Iterator[tuple[str, PartError, PartError |
     """Yield each part with its errors before and, where there are effects, after."""
     for part in PARTS:
         if part in result.before:
-            yield part, result.before[part], result.after.get(part) if result.findings.effects else None
+            yield part, result.before[part], result.after.get(part) if result.added else None
 
 
 def _round(trials: Sequence[Trial]) -> dict[str, Any]:
@@ -146,7 +146,7 @@ def _gain_rows(result: ChannelResult) -> Iterator[Row]:
     for name in dict.fromkeys([*before, *after]):
         unit = (before.get(name) or after[name]).unit
         spec = specs.get(name)
-        with_effects = after.get(name) if result.findings.effects else None
+        with_effects = after.get(name) if result.added else None
         if spec is None:
             yield Row(name, _FORCE_PARAMETERS.get(name, ''), unit, before.get(name), after.get(name))
         else:
@@ -157,6 +157,6 @@ def _gain_rows(result: ChannelResult) -> Iterator[Row]:
 
 def _effect_rows(result: ChannelResult, effect: str) -> Iterator[Row]:
     """Yield an effect's parameters."""
-    known = {parameter.name: parameter for parameter in EFFECTS[effect].parameters}
+    known = {parameter.name: parameter for parameter in result.channel.effects[effect].parameters}
     for name, estimate in result.parameters(effect).items():
         yield Row(name, known[name].description, estimate.unit, None, estimate, known[name].choice)

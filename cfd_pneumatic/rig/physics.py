@@ -90,7 +90,7 @@ def flow_function(ratio: float, critical_ratio: float, index: float) -> float:
     if ratio <= critical_ratio:
         return 1.0
     beyond = (min(ratio, LAMINAR_RATIO) - critical_ratio) / (1.0 - critical_ratio)
-    subsonic = (1.0 - beyond * beyond) ** index
+    subsonic: float = (1.0 - beyond * beyond) ** index
     return subsonic * (1.0 - ratio) / (1.0 - LAMINAR_RATIO) if ratio > LAMINAR_RATIO else subsonic
 
 
@@ -123,8 +123,8 @@ def tube_flow(
     """
     Return the mass flow [kg/s] through a round tube (Hagen and Poiseuille), laminar unless its entrance counts.
 
-    Diameter and length in m; pressures absolute [Pa], the mean one gives the density. At a difference of `entrance_loss`
-    [Pa] the entrance takes as much again; 0: none.
+    Diameter and length in m; pressures absolute [Pa], the mean one gives the density. At a difference of
+    `entrance_loss` [Pa] the entrance halves the flow; 0: it never does.
     """
     density = mean_pressure / (air.gas_constant * air.temperature)
     laminar = density * math.pi * diameter**4 / (128.0 * air.viscosity * length) * (upstream - downstream)
@@ -182,7 +182,8 @@ def relief_opening(error: float, cylinder: Cylinder) -> float:
     opened = min(max(cylinder.relief_gain * -error, 0.0), cylinder.relief_conductance)
     if cylinder.silencer_conductance == 0.0:
         return opened
-    return opened / (1.0 + (opened / cylinder.silencer_conductance) ** 3) ** (1.0 / 3.0)
+    throttled: float = (1.0 + (opened / cylinder.silencer_conductance) ** 3) ** (1.0 / 3.0)
+    return opened / throttled
 
 
 @compiled

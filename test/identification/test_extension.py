@@ -62,7 +62,7 @@ KNOWN = [
 """Effects with parameters by which these strokes show them."""
 
 
-AWAY = {'frequency': 1.03, 'exponent': 1.15}
+AWAY = {'frequency': 1.03, 'exponent': 1.15, 'supply': 1.2}
 """From how far a search begins where it is not from two fifths: closer, or another optimum is nearer."""
 
 

@@ -226,7 +226,7 @@ def test_the_verdict_is_put_into_words():
         (None, ('force_offset',), 0.25, (0.2, 0.3), 'effect_added', 'error falls to 25 %, and what is left is noise'),
         (None, ('force_offset',), 0.95, (0.8, 1.1), 'effect_added', 'falls to 95 %, which may be chance (80 to 110 %)'),
     ):
-        found = verdict_of(effects, {}, (), shortage, ratio, interval)
+        found = verdict_of('linear', effects, {}, (), shortage, ratio, interval)
         assert found[0] == verdict
         assert found[0] in VERDICTS
         assert words in found[1]
@@ -243,7 +243,7 @@ def test_what_withdraws_a_verdict_stands_beside_what_was_found():
             'the model lacks force_offset; with it the error falls to 25 %, but from',
         ),
     ):
-        verdict, why = verdict_of(effects, {}, (), None, ratio, interval, against)
+        verdict, why = verdict_of('linear', effects, {}, (), None, ratio, interval, against)
         assert verdict == 'unexplained'
         assert why.startswith(words)
 

@@ -6,7 +6,7 @@ import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 
@@ -20,7 +20,7 @@ from cfd_pneumatic.identification.data.split import Split
 from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, sample_noise
 from cfd_pneumatic.identification.residual.regressors import Regressors
 from cfd_pneumatic.identification.residual.rests import runs_at_rest
-from cfd_pneumatic.model.effects import Data, Effect
+from cfd_pneumatic.model.effects import CORES, Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
@@ -142,6 +142,8 @@ class Model:
         What each recording has for itself, in the channel's order, shape (recordings, own) [SI].
     unknowns
         How many of them were searched.
+    core
+        What stands in the linear core's place, by its name with its parameters; empty where nothing does.
 
     """
 
@@ -149,6 +151,19 @@ class Model:
     effects: Effects
     own: Array
     unknowns: int = 0
+    core: Effects = field(default_factory=dict)
+
+    @classmethod
+    def of_parts(cls, parameters: Array, parts: Effects, own: Array, unknowns: int = 0) -> Model:
+        """Return a model with a core and effects that are given together."""
+        core = {name: values for name, values in parts.items() if name in CORES}
+        effects = {name: values for name, values in parts.items() if name not in CORES}
+        return cls(parameters, effects, own, unknowns, core)
+
+    @property
+    def parts(self) -> Effects:
+        """The core and the effects: all that is simulated beside the linear model."""
+        return {**self.core, **self.effects}
 
 
 class Channel(ABC):
@@ -168,9 +183,11 @@ class Channel(ABC):
     msgtype
         Type of their messages.
     effects
-        Every effect that the model knows, in the order in which their parameters stand in a row.
+        Every core and effect that the model knows, in the order in which their parameters stand in a row.
+    cores
+        What may stand in the linear core's place.
     library
-        Those that a search chooses from.
+        Effects that a search chooses from.
     parameters
         Units of the parameters without effects, by their names.
     hints
@@ -197,6 +214,7 @@ class Channel(ABC):
     topics: tuple[str, str]
     msgtype: str
     effects: Mapping[str, Effect]
+    cores: Mapping[str, Effect] = MappingProxyType({})
     library: Mapping[str, Effect]
     parameters: Mapping[str, str]
     hints: Mapping[str, str] = MappingProxyType({})
@@ -249,7 +267,7 @@ class Channel(ABC):
         experiment
             What drives them.
         effects
-            Those that are on.
+            Core and effects that are on.
         rows
             Numbers of each model: parameters, every effect's parameters, the experiment's own, shape (models, slots).
         count
@@ -396,23 +414,28 @@ class Channel(ABC):
 
     def row(self, model: Model) -> Array:
         """Return all numbers of a model: its parameters, every effect's (null where it is off), each experiment's."""
-        own = [model.effects.get(name, effect.null) for name, effect in self.effects.items()]
+        parts = model.parts
+        own = [parts.get(name, effect.null) for name, effect in self.effects.items()]
         return np.concatenate([model.parameters, *own, model.own.ravel()])
 
-    def model(self, row: Array, effects: Sequence[str], unknowns: int = 0) -> Model:
-        """Return the model that a row stands for."""
-        own = {name: tuple(row[list(self.slots_of(name))].tolist()) for name in effects}
-        return Model(
-            row[: len(self.parameters)].copy(), own, row[self.shared :].reshape(-1, len(self.own)).copy(), unknowns
-        )
+    def model(self, row: Array, parts: Sequence[str], unknowns: int = 0) -> Model:
+        """Return the model that a row stands for, with a core and effects."""
+        values = {name: tuple(row[list(self.slots_of(name))].tolist()) for name in parts}
+        own = row[self.shared :].reshape(-1, len(self.own)).copy()
+        return Model.of_parts(row[: len(self.parameters)].copy(), values, own, unknowns)
+
+    def candidates(self, model: Model) -> list[str]:
+        """Return the effects that may be missing beside a model's core and effects."""
+        covered = {name for core in model.core for name in self.effects[core].covers}
+        return [name for name in self.library if name not in covered and name not in model.effects]
 
     def simulate(self, experiments: Sequence[Experiment], models: Sequence[Model]) -> list[Array]:
-        """Return what models with the same effects make of each experiment, shape (m, models) [SI]."""
+        """Return what models with the same core and effects make of each experiment, shape (m, models) [SI]."""
         rows = np.array([self.row(one) for one in models])
         found = []
         for one in experiments:
             found.append(np.empty((one.part.size, len(models))))
-            for samples, values in self.follow(one, tuple(models[0].effects), self.of_one(rows, one), one.part.size):
+            for samples, values in self.follow(one, tuple(models[0].parts), self.of_one(rows, one), one.part.size):
                 found[-1][samples] = values
         return found
 
@@ -425,11 +448,11 @@ class Channel(ABC):
         return rows[:, [*range(self.shared), *self.own_slots(experiment.index)]]
 
     def unknowns(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
-        """Return everything that is searched of a model with its effects."""
+        """Return everything that is searched of a model with its core and effects."""
         period = shortest_period(experiments)
         duration = max(float(np.ptp(one.sample_times)) for one in experiments)
         found, held = self.searched(experiments, model), self.held(experiments, model)
-        for name, values in model.effects.items():
+        for name, values in model.parts.items():
             for slot, parameter, value in zip(self.slots_of(name), self.effects[name].parameters, values):
                 full = f'{name}.{parameter.name}'
                 if parameter.choice or full in held:

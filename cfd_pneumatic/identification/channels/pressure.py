@@ -40,7 +40,7 @@ from cfd_pneumatic.model.baseline import (
     starting_gains,
     told_gains,
 )
-from cfd_pneumatic.model.effects import PRESSURE_EFFECTS, Data
+from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
@@ -54,6 +54,7 @@ _LEAST_FLOW = 10.0  # that a limit may be drawn from [Pa/s]
 _LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone stays below
 _MOST_STEPS = 100.0  # in a sample: what is quicker runs away in them, and no search goes there
 _SHORTEST_GAP = 1e-9  # [s]
+_APART = 1.05  # times the lowest set-point: where they are nearer, no dependence on the pressure is told
 _OFFSET, _START = range(2)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
 
@@ -68,7 +69,8 @@ class Pressure(Channel):
 
     quantity = Quantity('pressure', 'pa', 'paper’s model', Scale('Pa', 1.0), Scale('psi', PSI), Scale('kPa', 1e3))
     msgtype = FLUID_PRESSURE
-    effects = PRESSURE_EFFECTS
+    effects = PRESSURE_PARTS
+    cores = CORES
     library = PRESSURE_EFFECTS
     parameters = MappingProxyType({spec.name: spec.unit for spec in SPECS})
     hints = HINTS
@@ -158,7 +160,7 @@ class Pressure(Channel):
 
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
         """Return the gains, every offset, and the starts where the piston does not begin at rest."""
-        bounds = told_gains(shortest_period(experiments) if model.effects else 0.0)
+        bounds = told_gains(shortest_period(experiments) if model.parts else 0.0)
         found = [
             Unknown(
                 spec.name,
@@ -174,13 +176,26 @@ class Pressure(Channel):
         scale = (
             max(float(np.ptp(one.measured[one.fitted])) if np.any(one.fitted) else 0.0 for one in experiments) or 1.0
         )
-        anywhere = any(self.effects[name].rests_anywhere for name in model.effects)
+        anywhere = any(self.effects[name].rests_anywhere for name in model.parts)
         for index in sorted({one.index for one in experiments}):
             offset, start = self.own_slots(index)
             found.append(Unknown('', 'Pa', offset, -np.inf, np.inf, scale))
             if any(one.index == index and one.whole and (anywhere or not one.starts_at_rest) for one in experiments):
                 found.append(Unknown('', 'Pa', start, -np.inf, np.inf, scale))
         return found
+
+    def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
+        """Return what a core takes from data sheets, as recordings at one pressure don't tell it."""
+        levels = np.concatenate([one.inputs['setpoint'] + model.own[one.index, _OFFSET] for one in experiments])
+        if float(np.max(levels)) >= _APART * float(np.min(levels)):
+            return {}
+        reason = 'recordings at one set-point do not tell it: it stands as a data sheet has it'
+        return {
+            f'{core}.{one.name}': reason
+            for core in model.core
+            for one in self.effects[core].parameters
+            if one.of_pressure
+        }
 
     def check(
         self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model, estimates: Sequence[Estimate]
@@ -366,6 +381,7 @@ class Pressure(Channel):
             'residual': float(np.sqrt(np.mean(left**2))),
             'mean': float(np.mean(left)),
             'gauge': max(float(np.median(pressures)) - self.ambient_pressure, 1e3),
+            'level': float(np.mean(pressures)),
             'highest_pressure': float(np.max(pressures)),
             'x_low': float(np.min(displacement)),
             'x_high': float(np.max(displacement)),

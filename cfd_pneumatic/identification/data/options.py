@@ -8,6 +8,9 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.split import FRACTIONS
 
+AUTO, LINEAR, PHYSICAL = CORES = ('auto', 'linear', 'physical')
+"""Which core a model of a cylinder has; `auto`: closing the loop asks which one the recordings need."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -28,6 +31,8 @@ class Options:
         About how large either piston is [m^2]; None if nobody knows.
     geometric_factor
         Contact force over piston force, from the linkage [-]; None if nobody knows: then it is in the area.
+    core
+        One of `CORES`: the paper's linear equations, those before they were linearised, or what the loop finds needed.
 
     Raises
     ------
@@ -42,6 +47,7 @@ class Options:
     close_loop: bool = False
     area: float | None = None
     geometric_factor: float | None = None
+    core: str = AUTO
 
     def __post_init__(self) -> None:
         """Refuse what no device has."""
@@ -52,5 +58,7 @@ class Options:
             raise InputError(f'area {area:g} m^2 is outside {AREAS[0]:g} to {AREAS[1]:g} m^2')
         if factor is not None and not (FACTORS[0] <= factor <= FACTORS[1] and factor != 0.0):
             raise InputError(f'geometric_factor {factor:g} is 0 or outside {FACTORS[0]:g} to {FACTORS[1]:g}')
+        if self.core not in CORES:
+            raise InputError(f'core {self.core!r} is none: use one of {", ".join(CORES)}')
         if len(self.fractions) != 3 or min(self.fractions) <= 0.0:
             raise InputError(f'fractions {self.fractions}: give three shares above 0, as (0.6, 0.2, 0.2)')

@@ -42,7 +42,7 @@ class Fit:
     model
         Its values.
     estimates
-        Parameters, then those of effects (`EFFECT.PARAMETER`), with standard errors or why they have none.
+        Parameters, then those of core and effects (`EFFECT.PARAMETER`), with standard errors or why they have none.
     stds
         Standard errors of what each experiment has for itself, shape (experiments, own); 0 where it was held [SI].
     simulated
@@ -226,9 +226,9 @@ def _standard_errors(
 
 
 def _reported(channel: Channel, model: Model) -> Iterator[tuple[int, str, str]]:
-    """Yield slot, name and unit of the model's parameters and of its effects'."""
+    """Yield slot, name and unit of the model's parameters, and of its core's and effects'."""
     for slot, (name, unit) in enumerate(channel.parameters.items()):
         yield slot, name, unit
-    for effect in model.effects:
+    for effect in model.parts:
         for slot, parameter in zip(channel.slots_of(effect), channel.effects[effect].parameters):
             yield slot, f'{effect}.{parameter.name}', parameter.unit

@@ -50,13 +50,13 @@ class Unknowns:
 
     def __init__(self, channel: Channel, experiments: Sequence[Experiment], model: Model) -> None:
         self.table: list[Unknown] = channel.unknowns(experiments, model)
-        self.effects = tuple(model.effects)
+        self.parts = tuple(model.parts)
         self.slots = np.array([one.slot for one in self.table], dtype=np.intp)
         self._channel = channel
         self._row = channel.row(model)
         for name in channel.held(experiments, model):
             effect, _, parameter = name.partition('.')
-            if parameter:
+            if effect in model.effects and parameter:
                 names = [one.name for one in channel.effects[effect].parameters]
                 rank = names.index(parameter)
                 self._row[channel.slots_of(effect)[rank]] = channel.effects[effect].null[rank]
@@ -100,7 +100,7 @@ class Unknowns:
 
     def model(self, point: Array) -> Model:
         """Return the model at a point."""
-        return self._channel.model(self.row(point), self.effects, len(self.table))
+        return self._channel.model(self.row(point), self.parts, len(self.table))
 
 
 @dataclass(frozen=True)
@@ -259,7 +259,7 @@ class Likelihood:
             own, slots = unknowns.of(experiment)
             numbers = self.channel.of_one(row[None], experiment)[0]
             last = int(np.max(np.flatnonzero(counts), initial=-1)) + 1
-            walk = self.channel.linearised(experiment, unknowns.effects, numbers, slots, steps[own], last)
+            walk = self.channel.linearised(experiment, unknowns.parts, numbers, slots, steps[own], last)
             for samples, simulated, jacobian in walk:
                 here = slice(samples.start, samples.stop)
                 yield (

@@ -102,12 +102,21 @@ class Candidates:
         self._known_tests: dict[Candidate, list[Test]] = {}
         self.baseline = self._finished(search(self.train, begin, *_FINE).model, begin)
 
+    def with_core(self, candidate: Candidate, name: str) -> Candidate:
+        """Return a candidate with another core, fitted from each of its starts, without effects that are in it."""
+        core = self.channel.cores[name]
+        effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}
+        starts = core.starts(self._data(candidate))
+        begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
+        rough = min(each(lambda one: search(self._excerpt, one, *_ROUGH), begins), key=lambda one: one.cost)
+        return self._finished(self._fine(rough.model).model, candidate.model)
+
     def names(self, candidate: Candidate) -> list[str]:
         """Return the effects that these recordings may tell beside a candidate's."""
         return [
             name
-            for name in self.channel.library
-            if name not in candidate.effects and self.channel.may_tell(self.train.experiments, name, candidate.model)
+            for name in self.channel.candidates(candidate.model)
+            if self.channel.may_tell(self.train.experiments, name, candidate.model)
         ]
 
     def beside(self, candidate: Candidate, names: Sequence[str]) -> dict[str, Candidate]:
@@ -169,6 +178,8 @@ class Candidates:
         """Return a fit with what it leaves; one that ran away is as if its effects were not there."""
         simulated = self.learn.simulate(model)
         if not all(np.all(np.isfinite(values)) for values in simulated):
+            if model.core != begin.core:
+                return self.baseline
             absent = {name: begin.effects.get(name, self.channel.effects[name].null) for name in model.effects}
             model = replace(begin, effects=absent, unknowns=model.unknowns)
             simulated = self.learn.simulate(model)
@@ -198,12 +209,16 @@ class Candidates:
         left = self._excerpt.residuals(self._excerpt.simulate(candidate.model))
         return sum(float(run @ run) for run in left)
 
-    def _starts(self, candidate: Candidate, names: Sequence[str]) -> dict[str, Sequence[Start]]:
+    def _data(self, candidate: Candidate) -> Data:
+        """Return what effects draw their starting values from."""
         if candidate not in self._known_data:
             train = self.train.experiments
             simulated = [values[: one.part.size] for one, values in zip(train, candidate.simulated)]
             self._known_data[candidate] = self.channel.data(train, candidate.model, simulated)
-        return {name: self.channel.library[name].starts(self._known_data[candidate]) for name in names}
+        return self._known_data[candidate]
+
+    def _starts(self, candidate: Candidate, names: Sequence[str]) -> dict[str, Sequence[Start]]:
+        return {name: self.channel.library[name].starts(self._data(candidate)) for name in names}
 
     def _shares(self, candidate: Candidate, names: Sequence[str]) -> dict[str, float]:
         """Return what share of a candidate's residual each effect may take; nothing is simulated twice."""

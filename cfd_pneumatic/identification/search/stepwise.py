@@ -146,11 +146,14 @@ class Search:
     ----------
     candidates
         Fits models with effects.
+    begin
+        The model without any.
 
     """
 
-    def __init__(self, candidates: Candidates) -> None:
+    def __init__(self, candidates: Candidates, begin: Candidate) -> None:
         self.candidates = candidates
+        self.begin = begin
         self._likelihood = candidates.train
         self._accepted: dict[tuple[str, ...], Candidate] = {}
         self._tried: dict[tuple[str, ...], Candidate] = {}
@@ -173,7 +176,7 @@ class Search:
         The first effect leads all others. Where it depends on whether the residual is whitened which one is best, each
         is followed to the end.
         """
-        model = self.candidates.baseline
+        model = self.begin
         self._accepted[tuple(model.effects)] = model
         first = self.step(model)
         found = [self._followed(first, lead) for lead in first.leads]

@@ -59,7 +59,7 @@ def invisible(likelihood: Likelihood, model: Model, noise: Noise) -> tuple[str, 
             return True
         return _shows(whole, name, starts, shown)
 
-    names = [name for name in channel.library if name not in model.effects]
+    names = channel.candidates(model)
     for one in (excerpt, whole) if has_excerpt else (whole,):
         one.left(one.simulated)  # made once, before threads ask for it
     return tuple(name for name, visible in zip(names, each(shows, names)) if not visible)

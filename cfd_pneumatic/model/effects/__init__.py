@@ -21,7 +21,10 @@ def _modules() -> dict[str, ModuleType]:
 MODULES = _modules()
 """Module of each effect, by name."""
 
-EFFECTS = {name: module.EFFECT for name, module in MODULES.items()}
+CORES = {name: module.EFFECT for name, module in MODULES.items() if module.EFFECT.core}
+"""What stands in the linear core's place, by name."""
+
+EFFECTS = {name: module.EFFECT for name, module in MODULES.items() if name not in CORES}
 """Each effect, by name, in the order in which they enter the model."""
 
 FORCE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if hasattr(MODULES[name], 'force')}
@@ -30,6 +33,9 @@ FORCE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if hasattr(MOD
 PRESSURE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if name not in FORCE_EFFECTS}
 """Those on a cylinder's pressure, in that order."""
 
+PRESSURE_PARTS = {name: module.EFFECT for name, module in MODULES.items() if name not in FORCE_EFFECTS}
+"""Those and the cores, in that order: what can be switched on in a cylinder."""
+
 FAMILIES = {
     family: tuple(name for name, effect in EFFECTS.items() if family in effect.families)
     for family in dict.fromkeys(family for effect in EFFECTS.values() for family in effect.families)
@@ -37,12 +43,14 @@ FAMILIES = {
 """Effects that a recording may not tell from each other, by the name of what they have in common."""
 
 __all__ = [
+    'CORES',
     'EFFECTS',
     'FAMILIES',
     'FORCE_EFFECTS',
     'FUNCTIONS',
     'MODULES',
     'PRESSURE_EFFECTS',
+    'PRESSURE_PARTS',
     'Data',
     'Effect',
     'EffectParameter',

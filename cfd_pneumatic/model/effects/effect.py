@@ -77,6 +77,15 @@ class Moment(NamedTuple):
     swept: float = 0.0
     """Pressure rate that the piston's motion takes, K_x times its speed [Pa/s]; not for what changes either of them."""
 
+    k_x: float = 0.0
+    """K_x as the model has it, before any effect [Pa/m]."""
+
+    p_f: float = 0.0
+    """Sensed pressure, absolute [Pa]."""
+
+    sensing: float = 0.0
+    """Rate of the sensed pressure, equation (8) [Pa/s]; for what changes the chamber's alone."""
+
 
 class ForceMoment(NamedTuple):
     """Where the piston is: what the function of an effect on the force may look at."""
@@ -177,6 +186,10 @@ class Effect:
         Whether it does the same all the time, as a wrong scale does at one pressure.
     as_constant
         Returns the parameters of its weakest form that may make a given constant, where it has one.
+    core
+        Whether it is a core: what a search begins with, and not what it looks for.
+    covers
+        Of a core, effects that are in it.
     rank
         Among effects that change the same value the lower comes first.
     shown_by
@@ -215,6 +228,8 @@ class Effect:
     of_time: bool = False
     constant: bool = False
     as_constant: Callable[[float], tuple[float, ...]] | None = field(default=None, repr=False)
+    core: bool = False
+    covers: tuple[str, ...] = ()
     rank: int = 50
 
     @property

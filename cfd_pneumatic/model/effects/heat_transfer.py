@@ -9,9 +9,6 @@ from cfd_pneumatic.model.lanes import where
 ADIABATIC = 1.4
 """Ratio of the specific heats of air [-]."""
 
-SHARE = 1.0 - 1.0 / ADIABATIC
-"""Part of an adiabatic change of pressure that goes as the temperature evens out [-]."""
-
 
 @kernel
 def flow(value, moment, heat, loss):
@@ -35,8 +32,14 @@ def chamber(rate, moment, heat, loss):
 @kernel
 def evolve(moment, rate, heat, loss):
     """Return the rate at which pressure due to temperature, p (1 - T_wall / T), builds up and goes [Pa/s]."""
+    return (warming(moment, rate, heat, loss, ADIABATIC),)
+
+
+@kernel
+def warming(moment, rate, heat, loss, exponent):
+    """Return that rate [Pa/s] where a fast change has some exponent: 1.4 for air without walls."""
     thinned = min(rate, -moment.swept)  # air that comes in is as warm as the wall: it brings no heat
-    return (SHARE * rate + heat / (ADIABATIC * moment.p) * thinned - cooling(moment, heat, loss),)
+    return (1.0 - 1.0 / exponent) * rate + heat / (exponent * moment.p) * thinned - cooling(moment, heat, loss)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:

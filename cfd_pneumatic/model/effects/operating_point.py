@@ -24,17 +24,16 @@ def velocity_gain(k_x, moment, strength, supply, exponent):
 @kernel
 def flow(value, moment, strength, supply, exponent):
     """Return the pressure rate that the flow makes [Pa/s]."""
-    reference = passed(REFERENCE / supply)
-    charging = max(passed(moment.p / supply), SMALLEST) / max(reference, SMALLEST)
-    exhausts = value < 0.0
-    relative = where(exhausts, moment.p / REFERENCE, charging)
-    return value * power(relative, where(exhausts, strength * exponent, strength))
+    charging = max(passed(moment.p / supply), SMALLEST) / max(passed(REFERENCE / supply), SMALLEST)
+    escaping = max(passed(moment.ambient / moment.p), SMALLEST) / passed(moment.ambient / REFERENCE)
+    exhausting = escaping * power(moment.p / REFERENCE, exponent)
+    return value * power(where(value < 0.0, exhausting, charging), strength)
 
 
 @kernel
 def time_constant(tau, moment, strength, supply, exponent):
-    """Return tau [s], inverse to absolute pressure."""
-    return tau * power(REFERENCE / moment.p, strength)
+    """Return tau [s], inverse to the density in the aspirator tube, equation (4)."""
+    return tau * power(2.0 * REFERENCE / (moment.p + moment.p_f), strength)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
@@ -51,16 +50,17 @@ def quickens(pressure: float, x: float, strength: float, supply: float, exponent
 
 EFFECT = Effect(
     name='operating_point',
-    description='gains follow absolute pressure: K_x in proportion, K_sv by the choked flow function, K_v by a power',
+    description='gains follow absolute pressure: K_x in proportion, K_sv and K_v by the flow function, K_v by a power',
     parameters=(
         EffectParameter('strength', '-', 0.0, 1.0, 0.0, '0: not at all, 1: as physics has it', choice=True),
         EffectParameter('supply', 'Pa', 1e5, 5e6, 1e6, 'absolute supply pressure', logarithmic=True),
-        EffectParameter('exponent', '-', -1.0, 4.0, 1.0, 'of absolute pressure in K_v'),
+        EffectParameter('exponent', '-', -1.0, 4.0, 1.0, 'of absolute pressure in K_v, beside the flow function'),
     ),
     equations=(
-        r"K_x' = K_x\,(p / p_R)^{strength}, \qquad \tau' = \tau\,(p_R / p)^{strength}, \qquad p_R = 200\,\mathrm{kPa}",
+        r"K_x' = K_x\,(p / p_R)^{strength}, \qquad \tau' = \tau\,\left(\frac{2\,p_R}{p + p_f}\right)^{strength}",
         r"q' = q\,\left(\frac{\psi(p / supply)}{\psi(p_R / supply)}\right)^{strength} \quad \text{where } q \ge 0",
-        r"q' = q\,(p / p_R)^{strength\;\cdot\;exponent} \quad \text{where } q < 0",
+        r"q' = q\,\left(\frac{\psi(p_0 / p)}{\psi(p_0 / p_R)}\,(p / p_R)^{exponent}\right)^{strength} \text{ else}",
+        r'p_R = 200\,\mathrm{kPa}',
     ),
     starts=starts,
     shown_by='strokes at two set-points well apart',

@@ -1,0 +1,156 @@
+"""
+The physical core: equations (1) to (11) of the paper before they were linearised.
+
+The gains hold at a reference pressure and position. From there flows follow the pressures on both sides of a valve (ISO
+6358), stiffness and flows the chamber's volume, sensing the density; air warms up as it is compressed, and its walls
+take that up. It is no effect that a device lacks: a search begins beside it or without it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cfd_pneumatic.model.effects import heat_transfer
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.lanes import where
+from cfd_pneumatic.model.lanewise import power
+
+SMALLEST_FLOW = 0.05
+"""Share of the choked flow that always passes: an orifice's slope is infinite where the pressures are equal [-]."""
+
+SMALLEST_VOLUME = 0.05
+"""Share of the volume at the reference that is always left [-]."""
+
+SLOWEST_LOSS = 0.01
+"""Walls that take longer are none: then the change of state is polytropic, as the paper has it [1/s]."""
+
+STARTING_LOSSES = (0.3, 5.0, 30.0)
+"""Walls that a search starts from [1/s]."""
+
+
+@kernel
+def passed(ratio, critical):
+    """Return the flow at a pressure ratio against the choked flow, equation (1) as ISO 6358 has it [-]."""
+    share = min(max((ratio - critical) / (1.0 - critical), 0.0), 1.0)
+    return max(math.sqrt(1.0 - share * share), SMALLEST_FLOW)
+
+
+@kernel
+def volume(moment, pressure, position, exponent):
+    """Return the chamber's volume against that at the reference, of K_x = n p A / V there, equation (12) [-]."""
+    return max(1.0 + moment.k_x / (exponent * pressure) * (moment.x - position), SMALLEST_VOLUME)
+
+
+@kernel
+def velocity_gain(k_x, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control):
+    """Return K_x [Pa/m] at a pressure and in a volume, equation (11)."""
+    return k_x * (moment.p / pressure) / volume(moment, pressure, position, exponent)
+
+
+@kernel
+def flow(value, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control):
+    """Return the pressure rate that the flow makes [Pa/s], equations (1), (3) and (11)."""
+    exhausts = value < 0.0
+    charged = passed(moment.p / supply, critical) / passed(pressure / supply, critical)
+    exhausted = moment.p * passed(moment.ambient / moment.p, critical)
+    exhausted /= pressure * passed(moment.ambient / pressure, critical)
+    grown = power(moment.setpoint / pressure, where(exhausts, vents, opens))
+    warm = where(exhausts, heat * loss / (loss + SLOWEST_LOSS), 0.0)
+    room = volume(moment, pressure, position, exponent) * (1.0 - warm / moment.p)
+    return value * where(exhausts, exhausted, charged) * grown / room
+
+
+@kernel
+def time_constant(tau, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control):
+    """Return tau [s], inverse to the density in the aspirator tube, equation (4)."""
+    return tau * 2.0 * pressure / (moment.p + moment.p_f)
+
+
+@kernel
+def chamber(rate, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control):
+    """Return the outlet pressure's rate [Pa/s]: the control chamber draws on it, the walls cool it."""
+    space = volume(moment, pressure, position, exponent)
+    return rate - control * moment.sensing / space - heat_transfer.cooling(moment, heat, loss / space)
+
+
+@kernel
+def evolve(moment, rate, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control):
+    """Return the rate at which pressure due to temperature builds up and goes [Pa/s]."""
+    space = volume(moment, pressure, position, exponent)
+    return (heat_transfer.warming(moment, rate, heat, loss / space, exponent),)
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return the middle of what was recorded as the reference, beside walls of several kinds."""
+    position, pressure = 0.5 * (data['x_low'] + data['x_high']), data['level']
+    supply = 2.0 * data['highest_pressure']
+    return [(pressure, position, supply, *EFFECT.null[3:7], loss, 0.01) for loss in STARTING_LOSSES]
+
+
+def quickens(pressure: float, x: float, *own: float) -> float:
+    """Return by how much the gains are larger at a pressure [Pa], in half of the volume."""
+    reference, _, supply, critical, opens, vents, *_ = own
+    relative = pressure / reference
+    charged = 1.0 / float(passed(reference / supply, critical))
+    return 2.0 * max(charged * relative**opens, relative ** (1.0 + vents), relative, 1.0)
+
+
+def fastest(*own: float) -> float:
+    """Return the inverse of the walls' time constant [1/s]."""
+    return own[7]
+
+
+EFFECT = Effect(
+    name='physical_core',
+    description="the paper's equations (1) to (11) before they were linearised",
+    core=True,
+    covers=('operating_point', 'volume_variation', 'heat_transfer'),
+    parameters=(
+        EffectParameter('pressure', 'Pa', 1e4, 1e7, 2e5, 'absolute pressure at which the gains hold', choice=True),
+        EffectParameter(
+            'position',
+            'm',
+            -10.0,
+            10.0,
+            0.0,
+            'displacement that grows the chamber at which the gains hold',
+            choice=True,
+        ),
+        EffectParameter('supply', 'Pa', 1e5, 5e6, 8e5, 'absolute supply pressure', logarithmic=True, of_pressure=True),
+        EffectParameter(
+            'critical_ratio', '-', 0.1, 0.6, 0.4, 'pressure ratio at which the valves choke', of_pressure=True
+        ),
+        EffectParameter(
+            'supply_growth',
+            '-',
+            -2.0,
+            4.0,
+            0.0,
+            "exponent of the set-point in the supply valve's gain",
+            of_pressure=True,
+        ),
+        EffectParameter(
+            'relief_growth',
+            '-',
+            -2.0,
+            4.0,
+            0.0,
+            "exponent of the set-point in the relief valve's gain",
+            of_pressure=True,
+        ),
+        EffectParameter('exponent', '-', 1.0, 1.4, 1.3, 'polytropic exponent of a fast change'),
+        EffectParameter(
+            'wall_loss', '1/s', 0.0, 1e3, 0.0, 'inverse of the time constant m c_v / (h A), at ambient pressure'
+        ),
+        EffectParameter(
+            'control_volume', '-', 0.0, 0.3, 0.0, "the regulator's control chamber against the cylinder's volume"
+        ),
+    ),
+    starts=starts,
+    quickens=quickens,
+    fastest=fastest,
+    states=1,
+    follows='chamber',
+    rank=10,
+)

@@ -1,0 +1,102 @@
+"""Which core recordings need: devices of full physics are healthy, and those of the paper's law keep their effects."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from drawn import recording_of
+
+from cfd_pneumatic.device import Device
+from cfd_pneumatic.device.identified import identified_device
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.rig.panel import draw, oracle_rmse
+
+
+@cache
+def closed(effect, make, schedule='out_and_back', seed=11, core='auto'):
+    drawn = draw(effect, schedule, seed, make=make)
+    return drawn, identify([recording_of(drawn)], Options(close_loop=True, core=core))
+
+
+def rms(result):
+    return float(np.sqrt(np.mean(np.concatenate([one.residual(1) for one in result.comparisons]) ** 2)))
+
+
+@pytest.mark.parametrize(
+    ('make', 'schedule'), [('orifices', 'surface_following'), ('walls', 'out_and_back'), ('subsonic', 'out_and_back')]
+)
+def test_full_physics_is_no_missing_effect(make, schedule):
+    drawn, found = closed(None, make, schedule)
+    result = found.cylinders['cylinder_a']
+    assert (result.findings.verdict, result.findings.core, result.findings.effects) == (
+        'no_missing_effect',
+        'physical',
+        (),
+    )
+    assert rms(result) <= 1.02 * oracle_rmse(drawn)
+    assert result.findings.ratio < 0.6
+    assert 'physical core' in result.findings.why.replace('_', ' ')
+
+
+def test_its_numbers_are_the_devices():
+    drawn, found = closed(None, 'walls')
+    told = found.cylinders['cylinder_a'].parameters('physical_core')
+    rig = drawn.truth.device.rig
+    chamber = rig.cylinder_a
+    low, high = told['control_volume'].interval
+    assert low < chamber.control_volume / chamber.rest_volume < 1.5 * high
+    assert told['exponent'].value == pytest.approx(1.4, abs=0.03)  # air that exchanges heat is adiabatic at first
+    length = 1.4 * told['pressure'].value / found.cylinders['cylinder_a'].found.model.parameters[0]
+    assert length == pytest.approx(chamber.rest_volume / chamber.area + told['position'].value, rel=0.03)
+
+
+@pytest.mark.parametrize('effect', ['positional_leakage', 'sensor_lag'])
+def test_what_is_wrong_with_a_device_of_full_physics_is_named(effect):
+    drawn, found = closed(effect, 'orifices')
+    findings = found.cylinders['cylinder_a'].findings
+    assert findings.core == 'physical'
+    assert findings.effects == (effect,)
+    assert findings.verdict == 'effect_added'
+    assert rms(found.cylinders['cylinder_a']) <= 1.05 * oracle_rmse(drawn)
+
+
+@pytest.mark.parametrize('effect', ['volume_variation', 'operating_point', 'heat_transfer'])
+def test_a_device_of_the_papers_law_keeps_its_effects(effect):
+    _, found = closed(effect, None, seed=2)
+    findings = found.cylinders['cylinder_a'].findings
+    assert findings.core == 'linear'
+    assert findings.effects == (effect,)
+
+
+def test_a_healthy_device_of_the_papers_law_needs_no_other_core():
+    findings = closed(None, None)[1].cylinders['cylinder_a'].findings
+    assert (findings.verdict, findings.core) == ('no_missing_effect', 'linear')
+
+
+def test_a_core_can_be_asked_for():
+    drawn, linear = closed(None, 'walls', core='linear')
+    assert linear.cylinders['cylinder_a'].found.model.core == {}
+    fitted = identify([recording_of(drawn)], Options(core='physical')).cylinders['cylinder_a']
+    assert fitted.conclusion is None
+    assert fitted.after['test'].rmse < 0.25 * fitted.before['test'].rmse
+    with pytest.raises(InputError, match='core'):
+        Options(core='quadratic')
+
+
+def test_at_one_set_point_data_sheets_stand_in():
+    drawn = draw(None, 'paper_step', 11, make='orifices')
+    result = identify([recording_of(drawn)], Options(core='physical')).cylinders['cylinder_a']
+    told = result.parameters('physical_core')
+    for name in ('supply', 'critical_ratio', 'supply_growth', 'relief_growth'):
+        assert 'data sheet' in told[name].reason
+
+
+def test_what_was_identified_is_what_its_file_simulates(tmp_path):
+    drawn, found = closed(None, 'walls')
+    identified_device(found).save(tmp_path / 'parameters.yaml')
+    device = Device.load(tmp_path / 'parameters.yaml')
+    assert list(device.model.cylinders['cylinder_a'].effects) == ['physical_core']
+    simulated = device.simulate(recording_of(drawn)).cylinders['cylinder_a'].pressure
+    result = found.cylinders['cylinder_a']
+    np.testing.assert_allclose(simulated.values, result.comparisons[0].after, atol=1e-4 * result.span)
