@@ -128,8 +128,8 @@ def _merged(notes: Sequence[str]) -> list[str]:
 def _reported_gains(cylinder: str, result: ChannelResult) -> list[tuple[str, Sequence[Estimate]]]:
     """Return the gains of the model that is reported, which `parameters.yaml` holds, each set with its title."""
     if result.added:
-        (pressure,) = [own[0] for own in result.found.model.core.values()] or [None]
-        where = 'every set-point' if pressure is None else f'{pressure / 1e3:.1f} kPa absolute'
+        reference = [f'{own[0] / 1e3:.1f} kPa absolute' for own in result.found.model.core.values()]
+        where = reference[0] if reference else 'every set-point'
         title = f'{cylinder} at {where}, beside {", ".join(result.added)}'
         return [(title, result.found.estimates[: len(SPECS)])]
     return [
@@ -163,7 +163,9 @@ def _parameter_table(title: str, estimates: Sequence[Estimate]) -> Table:
 
 
 def _error_table(cylinder: str, result: ChannelResult) -> Table:
-    without = ', without what was added' if result.added else ''
+    without = ', without effects' if result.found.model.effects else ''
+    if result.found.model.core:
+        without += ', with the linear core'
     table = Table(title=f'{cylinder}: simulated against measured pressure{without}', title_justify='left')
     for heading in ('part', 'samples', 'RMSE, Pa', 'RMSE, psi', 'NRMSE, % of span'):
         table.add_column(heading, justify='left' if heading == 'part' else 'right')
