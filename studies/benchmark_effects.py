@@ -19,7 +19,7 @@ from cfd_pneumatic.files import write_text
 from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, NOISES, ON_FORCE
 from studies.documents import notes_in
 from studies.panel_document import document, picture_of
-from studies.panel_rows import FIRST_SEED, KINDS, SCHEDULES, jobs_of, read_rows, run
+from studies.panel_rows import FIRST_SEED, FIRST_WHOLE_SEED, KINDS, SCHEDULES, WHOLE_KINDS, jobs_of, read_rows, run
 from studies.panel_scores import goals
 from studies.provenance import ROOT, code_version, machine
 
@@ -31,6 +31,8 @@ SEEDS = {
     'pairs': ((100, 100, 50), (10, 10, 1)),
     'force': ((10, 10, 10), (2, 2, 2)),
     'clean_force': ((40, 40, 20), (5, 5, 2)),
+    'whole': ((7, 14, 14), (0, 1, 1)),
+    'healthy_whole': ((70, 70, 70), (7, 7, 7)),
 }
 """How many by kind and schedule, and how many where it is to be quick: for each effect or noise, or of pairs."""
 
@@ -41,7 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def seeds(kind: str, schedule: str) -> range:
         count = SEEDS[kind][options.quick][SCHEDULES.index(schedule)]
-        return options.seeds or range(FIRST_SEED, FIRST_SEED + count)
+        first = FIRST_WHOLE_SEED if kind in WHOLE_KINDS else FIRST_SEED
+        return options.seeds or range(first, first + count)
 
     code = code_version()
     jobs = jobs_of(options.kinds, options.schedules, seeds, options.effects)

@@ -13,19 +13,23 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, NOISES, ON_FORCE
+from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, MAKES, NOISES, ON_FORCE, OWN_WAYS
 from studies.documents import NOTES, table
-from studies.panel_rows import FIRST_SEED, KINDS, SCHEDULES, VISIBLE, Row
+from studies.panel_rows import FIRST_SEED, KINDS, ON_WHOLE, SCHEDULES, VISIBLE, Row, make_of
 from studies.panel_scores import (
     GROUPS,
     RIGHT,
+    WHOLE_TOLERANCE,
     answer,
     found_both,
     found_exactly,
     goals,
+    is_among_names,
     is_named,
     is_near_the_floor,
+    is_silent,
     is_unexplained,
+    is_whole,
     listed,
     share,
 )
@@ -239,6 +243,29 @@ def _force(clean: Sequence[Row]) -> str:
     )
 
 
+WHOLE = (
+    'By make; *own*: more than two orifices, a laminar tube and a polytropic chamber with walls. *Visible*: the core, '
+    f'refitted, leaves more than {VISIBLE} of the oracle floor. *Whole*: the right name and no other, what is left is '
+    f'noise, and the test error at most {WHOLE_TOLERANCE:.2f} of the floor.'
+)
+
+
+def _whole(rows: Sequence[Row], make: str) -> Line:
+    own = [row for row in rows if make_of(row.kind, row.seed) == make]
+    seen = [row for row in own if row.kind == 'whole' and row.visible]
+    healthy = [row for row in own if row.kind == 'healthy_whole']
+    return {
+        'make': f'`{make}`{", own" if make in OWN_WAYS else ""}',
+        'visible': len(seen),
+        'right among the names': share(seen, is_among_names),
+        'whole': share(seen, is_whole),
+        'after': _quantiles(row.after_test for row in seen),
+        'healthy': len(healthy),
+        'nothing missing': share(healthy, is_silent),
+        'a part blamed': share(healthy, is_named),
+    }
+
+
 ERRORS = (
     '*Before* and *after* over the oracle floor, median / 90th percentile of visible draws, of all where nothing '
     'is missing. A single step has no test part. The noise floor as quantiles 5 %, 50 %, 95 %; the time of an '
@@ -295,6 +322,10 @@ def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, str, Sequence[Line]]]:
     yield 'Pairs of which not both were found', text, [_missed(row) for row in missed]
     lines = _lines(of('force'), by_effect, product(SCHEDULES, ON_FORCE), _by_answer)
     yield 'The contact force', _force(of('clean_force')), lines
+    of_makes = [*of('whole'), *of('healthy_whole')]
+    yield 'Devices with all of their physics', WHOLE, [_whole(of_makes, make) for make in MAKES if of_makes]
+    lines = _lines(of('whole'), by_effect, product([*SCHEDULES, ALL], [*ON_WHOLE, ALL]), _by_answer)
+    yield 'Devices with all of their physics: effect by answer', BY_ANSWER, lines
     finite = [row for row in rows if math.isfinite(row.after)]
     lines = _lines(finite, ['kind', 'schedule'], product(KINDS, SCHEDULES), _errors)
     yield 'Errors, noise floor, time', ERRORS, lines

@@ -25,12 +25,14 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Fit, Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import search
-from cfd_pneumatic.identification.loop import close_loop
+from cfd_pneumatic.identification.loop import close_loop, with_core
+from cfd_pneumatic.model.effects import CORES
 from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig import Cylinder
 from cfd_pneumatic.rig.panel import (
     FOREIGN,
     LIBRARY,
+    MAKES,
     NOISES,
     ON_FORCE,
     Draw,
@@ -44,12 +46,21 @@ from studies.provenance import commit
 CYLINDER = 'cylinder_a'
 
 ON_FORCE_KINDS = ('force', 'clean_force')
-KINDS = ('effects', 'foreign', 'leave_one_out', 'clean', 'pairs', *ON_FORCE_KINDS)
+WHOLE_KINDS = ('whole', 'healthy_whole')
+"""Of devices with all of their physics, with one effect and without."""
+
+KINDS = ('effects', 'foreign', 'leave_one_out', 'clean', 'pairs', *ON_FORCE_KINDS, *WHOLE_KINDS)
+
+ON_WHOLE = tuple(name for name in LIBRARY if not any(name in core.covers for core in CORES.values()))
+"""Effects that a device with all of its physics may have: the others are its physics."""
 
 SCHEDULES = ('paper_step', 'out_and_back', 'surface_following')
 
 FIRST_SEED = 1000
 """Of the report; 0 to 99 were used while developing."""
+
+FIRST_WHOLE_SEED = 5000
+"""Of the report on devices with all of their physics; 0 to 199 were used while developing."""
 
 VISIBLE = 1.15
 """Residual over the oracle's from which on somebody could see that something is wrong."""
@@ -83,7 +94,7 @@ class Row:
     named, alternatives
         The loop's.
     before, after
-        Errors on the whole recording.
+        Errors on the whole recording; before, of a device with all of its physics, with the physical core.
     before_test, after_test
         Errors on the test part, on the whole recording where there is none.
     tested
@@ -138,7 +149,7 @@ class Row:
         return not any(error <= VISIBLE for error in self.beside.values())
 
 
-_DRAWN: Mapping[str, Iterable[str]] = {'foreign': FOREIGN, 'clean': NOISES, 'force': ON_FORCE}
+_DRAWN: Mapping[str, Iterable[str]] = {'foreign': FOREIGN, 'clean': NOISES, 'force': ON_FORCE, 'whole': ON_WHOLE}
 
 
 def jobs_of(
@@ -155,7 +166,7 @@ def jobs_of(
                 subjects: list[tuple[str, ...]] = [PAIRS[seed % len(PAIRS)]]
             else:
                 names = _DRAWN.get(kind, LIBRARY)
-                subjects = [()] if kind == 'clean_force' else [(name,) for name in names]
+                subjects = [()] if kind in ('clean_force', 'healthy_whole') else [(name,) for name in names]
             jobs += [Job(kind, subject, schedule, seed) for subject in subjects]
     if effects is not None:
         jobs = [job for job in jobs if set(job.effects) <= set(effects)]
@@ -168,13 +179,18 @@ def measure(job: Job) -> Row:
         if job.kind == 'clean':
             drawn = draw_textbook(job.schedule, job.seed, job.effects[0])
         else:
-            drawn = draw(job.effects, job.schedule, job.seed)
+            drawn = draw(job.effects, job.schedule, job.seed, make=make_of(job.kind, job.seed))
     except InputError as error:
         return Row(*job, verdict='not_drawn', why=str(error))
     try:
         return _identified(job, drawn)
     except Exception as error:  # counted as a failure: one recording must not end the run
         return Row(*job, verdict='refused', why=f'{type(error).__name__}: {error}')
+
+
+def make_of(kind: str, seed: int) -> str | None:
+    """Return the make that a device with all of its physics is of, None for one of the paper's law."""
+    return list(MAKES)[seed % len(MAKES)] if kind in WHOLE_KINDS else None
 
 
 def cylinder_a_of(drawn: Draw) -> Recording:
@@ -201,7 +217,8 @@ def _identified(job: Job, drawn: Draw) -> Row:
         found, conclusion = close_loop(result.fit)
     seconds = time.perf_counter() - began
     (experiment,) = result.experiments
-    before, after = (experiment.measured - one.simulated[0] for one in (result.fit, found))
+    healthy = with_core(result.fit) if job.kind in WHOLE_KINDS else result.fit
+    before, after = (experiment.measured - one.simulated[0] for one in (healthy, found))
     of_oracle = identification.splits[0].part_of(recording.displacement.times)
     test, oracles_test = experiment.part == PARTS.index('test'), of_oracle == PARTS.index('test')
     tested = bool(np.any(test))

@@ -11,10 +11,13 @@ import numpy as np
 from scipy.stats import binomtest
 
 from cfd_pneumatic.model.effects import FAMILIES
-from cfd_pneumatic.rig.panel import NOISES
-from studies.panel_rows import SCHEDULES, Row
+from cfd_pneumatic.rig.panel import NOISES, OWN_WAYS
+from studies.panel_rows import SCHEDULES, Row, make_of
 
 FLOOR_TOLERANCE = 0.05
+
+WHOLE_TOLERANCE = 1.10
+"""Error over the true device's up to which an answer is a whole one."""
 
 GROUPS = tuple(FAMILIES.items())
 """Effects that data may not separate, by their physics: a tie among these is a right answer."""
@@ -70,6 +73,22 @@ def is_unexplained(row: Row) -> bool:
     return row.verdict == 'unexplained'
 
 
+def is_among_names(row: Row) -> bool:
+    """Return whether the one effect is named, or listed beside a name that data may not separate from it."""
+    (true,) = row.effects
+    return any(name == true or (listed(name, true) and true in row.alternatives.get(name, ())) for name in row.named)
+
+
+def is_whole(row: Row) -> bool:
+    """Return whether all of an answer is right: one name, noise left, an error like that of the true device."""
+    right = is_among_names(row) and len(row.named) == 1 and row.verdict == 'effect_added'
+    return right and row.after_test <= WHOLE_TOLERANCE
+
+
+def is_silent(row: Row) -> bool:
+    return row.verdict == 'no_missing_effect'
+
+
 def is_near_the_floor(row: Row) -> bool:
     return abs(row.noise - 1.0) <= FLOOR_TOLERANCE
 
@@ -110,6 +129,12 @@ class Goal(NamedTuple):
     met: bool
 
 
+def _by_make(rows: Sequence[Row]) -> list[tuple[list[Row], str]]:
+    """Return rows of all makes, and of those that go ways of their own."""
+    own = [row for row in rows if make_of(row.kind, row.seed) in OWN_WAYS]
+    return [(list(rows), 'all makes'), (own, 'makes that the core is not')]
+
+
 def goals(rows: Sequence[Row]) -> list[Goal]:
     """Return the goals that these rows can tell of."""
     found = []
@@ -148,6 +173,14 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
     aim(unknown, visible('foreign'), is_unexplained, least=0.90)
     aim('leave-one-out: `unexplained`; visible draws', visible('leave_one_out'), is_unexplained, least=0.80)
     aim(f'contact force: {first_name}', visible('force'), is_right, least=0.90)
+    for some, which in _by_make(visible('whole')):
+        aim(
+            f'full physics, one effect, {which}: right among the names; visible draws', some, is_among_names, least=0.97
+        )
+        aim(f'full physics, one effect, {which}: the whole answer; the same draws', some, is_whole, least=0.85)
+    for some, which in _by_make([row for row in rows if row.kind == 'healthy_whole']):
+        aim(f'full physics, healthy, {which}: a part blamed', some, is_named, most=0.0)
+        aim(f'full physics, healthy, {which}: nothing missing', some, is_silent, least=0.90)
     pairs = [row for row in rows if row.kind == 'pairs' and row.both_visible]
     aim('two effects: both found; pairs that show beside each other', pairs, found_both, least=0.85)
     aim('two effects: exactly the two; the same pairs', pairs, found_exactly, least=0.75)

@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from cfd_pneumatic.rig.panel import LIBRARY, ON_FORCE
+from cfd_pneumatic.rig.panel import LIBRARY, MAKES, ON_FORCE
 from studies import benchmark_effects, panel_document, panel_rows, panel_scores, provenance
 from studies.panel_rows import Job, Row
 from studies.panel_scores import RIGHT, Share
@@ -234,6 +234,49 @@ def test_the_contact_force_is_measured(effects):
     assert row.visible is bool(effects)
     assert row.after_test == pytest.approx(1.0, abs=0.05)
     assert row.noise == pytest.approx(1.0, abs=0.1)
+
+
+def test_every_make_has_its_turn_with_what_is_not_its_physics():
+    jobs = panel_rows.jobs_of(['whole', 'healthy_whole'], ['out_and_back'], lambda kind, schedule: range(5000, 5007))
+    assert {panel_rows.make_of(job.kind, job.seed) for job in jobs} == set(MAKES)
+    effects = {job.effects for job in jobs}
+    assert () in effects
+    assert {('operating_point',), ('volume_variation',), ('heat_transfer',)}.isdisjoint(effects)
+    assert len(jobs) == 7 * (len(LIBRARY) - 3 + 1)
+    assert panel_rows.make_of('effects', 5000) is None
+
+
+@pytest.mark.parametrize(
+    ('row', 'is_among', 'is_whole'),
+    [
+        (LEAK, True, True),
+        (replace(LEAK, named=('droop', 'leakage')), True, False),
+        (replace(LEAK, verdict='unexplained'), True, False),
+        (replace(LEAK, after_test=1.2), True, False),
+        (replace(LEAK, named=('droop',), alternatives={'droop': ('leakage',)}), True, True),
+        (replace(LEAK, named=('sensor_lag',), alternatives={'sensor_lag': ('leakage',)}), False, False),
+        (replace(LEAK, named=(), verdict='no_missing_effect'), False, False),
+    ],
+)
+def test_a_whole_answer_is_one_name_noise_and_the_floor(row, is_among, is_whole):
+    assert panel_scores.is_among_names(row) is is_among
+    assert panel_scores.is_whole(row) is is_whole
+
+
+def test_devices_with_all_of_their_physics_have_goals_of_their_own():
+    rows = [replace(LEAK, kind='whole', seed=5000 + index) for index in range(7)]
+    rows += [replace(LEAK, kind='healthy_whole', effects=(), named=(), verdict='no_missing_effect')]
+    assert all(goal.met for goal in panel_scores.goals(rows))
+    blamed = [*rows, replace(rows[-1], named=('leakage',), verdict='effect_added')]
+    assert not all(goal.met for goal in panel_scores.goals(blamed))
+    text = panel_document.document(rows, {'command': 'c', 'machine': 'm'}, None, '## Notes')
+    assert '`silencer`, own' in text
+
+
+def test_the_core_alone_is_what_a_whole_device_is_seen_beside():
+    row = panel_rows.measure(Job('healthy_whole', (), 'out_and_back', 7))
+    assert (row.verdict, row.named) == ('no_missing_effect', ())
+    assert row.before_test == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_changed_module_makes_a_version(tmp_path, monkeypatch):

@@ -21,20 +21,23 @@ def searched(candidates: Candidates, core: str) -> SearchResult:
     names = list(candidates.channel.cores)
     if core == LINEAR or not names:
         return linear.run()
-    other = candidates.with_core(candidates.baseline, names[0])
+    alone = candidates.with_core(candidates.baseline, names[0])
     if core == PHYSICAL:
-        return Search(candidates, other).run()
-    if _leaves_noise(candidates, other):
-        single = linear.step(candidates.baseline).candidates.values()
-        if all(_preferred(candidates, other, one) for one in single):
-            return SearchResult(other, {}, ())
+        return Search(candidates, alone).run()
+    if _leaves_noise(candidates, alone):
+        singles = linear.step(candidates.baseline).candidates.values()
+        if all(_preferred(candidates, alone, one) for one in singles):
+            return SearchResult(alone, {}, ())
     found = linear.run()
-    if _leaves_noise(candidates, found.model) and not _preferred(candidates, other, found.model):
+    begins = [alone, candidates.with_core(found.model, names[0])] if found.model.effects else [alone]
+    if _leaves_noise(candidates, found.model) and not any(_preferred(candidates, one, found.model) for one in begins):
         return found  # what the linear core explains is not looked for elsewhere
-    begins = [other, candidates.with_core(found.model, names[0])] if found.model.effects else [other]
-    best = min(begins, key=lambda one: one.rss)
-    beside = Search(candidates, best).run()
-    return beside if _preferred(candidates, beside.model, found.model) else found
+    begin = min(begins, key=lambda one: one.rss)
+    beside = SearchResult(begin, {}, ()) if _leaves_noise(candidates, begin) else Search(candidates, begin).run()
+    if not _preferred(candidates, beside.model, found.model):
+        return found
+    known = {name: others for name, others in found.alternatives.items() if name in begin.effects}
+    return SearchResult(beside.model, {**known, **beside.alternatives}, found.tried + beside.tried)
 
 
 def _leaves_noise(candidates: Candidates, one: Candidate) -> bool:
@@ -45,14 +48,20 @@ def _preferred(candidates: Candidates, one: Candidate, other: Candidate) -> bool
     """
     Return whether a model with another core is preferred to one with the linear core.
 
-    It is where the criterion and the validation part say so; beside effects that the core holds anyway, a tie will do.
+    It is where the criterion and the validation part say so. Where the other one has more effects, and the core holds
+    all of these anyway, a tie will do, and the core is not charged for its own numbers, which data sheets have.
     """
-    train, covers = candidates.train, candidates.channel.effects[next(iter(one.model.core))].covers
+    train = candidates.train
+    (core,) = (candidates.channel.effects[name] for name in one.model.core)
     coefficients = autoregression(min((one, other), key=lambda model: model.rss).residuals)
-    gain = train.criterion(other.residuals, other.unknowns, coefficients) - train.criterion(
-        one.residuals, one.unknowns, coefficients
-    )
-    if other.effects and set(other.effects) <= set(covers):
-        return gain > -TIE and alike(one, other)
+    more = set(other.effects) - set(one.effects)
+    is_covered = bool(more) and more <= set(core.covers)
+    charged = one.unknowns - (len(core.parameters) if is_covered else 0)
+    criteria = [
+        train.criterion(model.residuals, unknowns, coefficients)
+        for model, unknowns in ((one, charged), (other, other.unknowns))
+    ]
+    if is_covered:
+        return criteria[0] < criteria[1] + TIE and alike(one, other)
     errors = one.validation_rmse, other.validation_rmse
-    return gain > 0.0 and (errors[0] is None or errors[1] is None or errors[0] < errors[1])
+    return criteria[0] < criteria[1] and (errors[0] is None or errors[1] is None or errors[0] < errors[1])

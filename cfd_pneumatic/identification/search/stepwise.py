@@ -178,6 +178,8 @@ class Search:
         """
         model = self.begin
         self._accepted[tuple(model.effects)] = model
+        if len(model.effects) >= self._most(model):
+            return SearchResult(model, {}, ())
         first = self.step(model)
         found = [self._followed(first, lead) for lead in first.leads]
         if not found:
@@ -192,8 +194,7 @@ class Search:
         """Return what is found after a first effect."""
         trials, ranking = step.trials(lead), {lead: step.rivals(lead)}
         model = self._accepted[lead,] = step.candidates[lead]
-        most = _MOST_EFFECTS if model.validation_rmse is not None else _MOST_EFFECTS_UNSEEN
-        while len(model.effects) < most and not small_enough(self.candidates.residual_tests(model)):
+        while len(model.effects) < self._most(model) and not small_enough(self.candidates.residual_tests(model)):
             step = self.step(model)
             if not step.leads:
                 trials += step.trials()
@@ -205,6 +206,10 @@ class Search:
             self._accepted[tuple(model.effects)] = model
         model, alternatives = self.challenged(model, ranking)
         return SearchResult(model, alternatives, trials)
+
+    def _most(self, model: Candidate) -> int:
+        """Return how many effects a model may have."""
+        return _MOST_EFFECTS if model.validation_rmse is not None else _MOST_EFFECTS_UNSEEN
 
     def step(self, model: Candidate) -> Step:
         """Try every effect beside a model."""
