@@ -8,7 +8,7 @@ import sqlite3
 import struct
 
 import pytest
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from recording_cases import (
     EPOCH,
     SECOND,
@@ -18,12 +18,14 @@ from recording_cases import (
     pressure,
     recording,
     write_bag,
+    write_mcap_bag,
     write_ros1_bag,
 )
 from rosbags.rosbag2 import CompressionMode
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import read_recording, write_recording
+from cfd_pneumatic.recording.bags.mcap_pieces import CHUNK, HEAD
 
 SUFFIX = {'mcap': '.mcap', 'sqlite3': '.db3'}
 
@@ -137,6 +139,25 @@ def test_a_chunk_with_a_flipped_bit_is_left_out(long_bags, tmp_path, part):
         assert len(values) > 4000
         assert values.items() <= truth[signal].items()
         assert whole.epoch + 70 * SECOND not in values
+
+
+def test_messages_of_a_chunk_whose_head_is_gone_are_not_trusted(tmp_path):
+    """Nothing else covers them: the summary is damaged, too."""
+    bag = write_mcap_bag(tmp_path / 'bag.mcap', plain_messages(200), compression=CompressionType.NONE, chunk_size=4000)
+    truth = by_time(read_recording(bag))
+    content = bytearray(bag.read_bytes())
+    number = content.index(struct.pack('<d', 2e5 + 100))
+    place, chunk = 8, 0
+    while place < number:
+        chunk, place = place, place + HEAD.size + HEAD.unpack_from(content, place)[1]
+    HEAD.pack_into(content, chunk, 0x41, CHUNK.size + 8)  # of no known kind; its messages stand behind it
+    content[number] ^= 1
+    content[-9] ^= 1  # the summary's checksum
+    bag.write_bytes(content)
+    read = read_recording(bag)
+    assert len(read.displacement) > 100
+    for signal, values in by_time(read).items():
+        assert values.items() <= truth[signal].items()
 
 
 def test_two_definitions_of_one_type(tmp_path):

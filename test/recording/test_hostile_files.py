@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
+import sqlite3
 import struct
 import subprocess
 import sys
+from contextlib import closing
 
 import lz4.frame
 import numpy as np
 import pytest
 import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
-from recording_cases import EPOCH, SECOND, messages, plain_messages
+from recording_cases import EPOCH, SECOND, messages, plain_messages, setpoint, write_bag
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 from rosbags.rosbag2 import Writer as Ros2Writer
@@ -74,6 +77,8 @@ YAML = {
     'a date that is none': ('x: 2001-99-99', 'holds a value that can not be read'),
     'a number without digits': ('x: 0b_', 'holds a value that can not be read'),
     'a number of thousands of digits': (f'x: {"1" * 5000}', 'holds a value that can not be read'),
+    'the same in hexadecimal digits': (f'x: 0x{"f" * 5000}', 'line 1: a number is too large'),
+    'a number longer than a processor has': (f'y:\n  x: {2**63}', 'line 2: a number is too large'),
     'a time that is none': ('x: 2001-01-01 99:99:99', 'holds a value that can not be read'),
     'too large': (f'x: {"y" * LARGEST}', 'has more than 256 KiB'),
     'a key twice': ('x: 1\ny: 2\nx: 3', "line 3: the key 'x' stands in line 1 already"),
@@ -167,6 +172,8 @@ DEFINITIONS = {
     'what is deep': inside(5_000, width=1),
     'itself': f'a/Self one\n{"=" * 80}\nMSG: a/Self\na/Self again\nfloat64 x',
     'what is unknown': 'a/Unknown one',
+    'a default that is no number': 'float64 fluid_pressure 1e999',
+    'a default of thousands of digits': f'int64 x 0x{"f" * 5000}',
     'no definition': 'float64 float64 float64 [',
     'megabytes': '\n'.join(f'float64 x{index}' for index in range(150_000)),
 }
@@ -238,12 +245,12 @@ def test_a_chunk_that_packs_well_is_read(tmp_path):
 
 
 @pytest.mark.parametrize('statistics', [True, False])
+@pytest.mark.parametrize('left_out', [{}, {'repeat_schemas': False}, {'repeat_channels': False}], ids=str)
 @pytest.mark.parametrize('index', [IndexType.ALL, IndexType.NONE, IndexType.CHUNK, IndexType.MESSAGE])
 @pytest.mark.parametrize('chunks', [True, False])
-def test_what_a_file_may_leave_out_is_done_without(tmp_path, statistics, index, chunks):
-    bag = write_mcap(
-        tmp_path / 'made.mcap', plain_messages(500), use_statistics=statistics, index_types=index, use_chunking=chunks
-    )
+def test_what_a_file_may_leave_out_is_done_without(tmp_path, statistics, left_out, index, chunks):
+    options = {'use_statistics': statistics, 'index_types': index, 'use_chunking': chunks, **left_out}
+    bag = write_mcap(tmp_path / 'made.mcap', plain_messages(500), **options)
     read = read_recording(bag)
     assert read.health == ()
     assert read.displacement.values == pytest.approx(1e-4 * np.arange(500))
@@ -254,6 +261,30 @@ def test_a_summary_without_statistics_does_not_hide_a_topic(tmp_path):
     later = plain_messages(20, EPOCH + SECOND)
     bag = write_mcap(tmp_path / 'made.mcap', [*plain_messages(20), *later], use_statistics=False, chunk_size=100)
     assert len(read_recording(bag).displacement) == 40
+
+
+@pytest.mark.parametrize('count', ['0', '-1', '1000000000000', '1' * 400, 'x', 'null', '0.0'])
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_what_metadata_says_of_messages_is_not_believed(tmp_path, storage, count):
+    bag = write_bag(tmp_path / 'bag', plain_messages(20), storage=storage, compression=CompressionMode.MESSAGE)
+    metadata = bag / 'metadata.yaml'
+    before = metadata.read_text()
+    metadata.write_text(re.sub(r'(topic_metadata:(?:.*\n)+?.*message_count:) 20', rf'\1 {count}', before))
+    assert metadata.read_text() != before
+    assert len(read_recording(bag).displacement) == 20
+
+
+@pytest.mark.parametrize('column', ['name', 'type'])
+def test_a_topic_whose_name_or_type_is_no_text_is_refused_or_left_out(tmp_path, column):
+    contents = [*plain_messages(20), setpoint(1e4, EPOCH)]
+    file = write_bag(tmp_path / 'bag', contents, storage='sqlite3') / 'bag.db3'
+    change = f"UPDATE topics SET {column} = x'2f61' WHERE topics.name LIKE ?"
+    with closing(sqlite3.connect(file)) as database, database:
+        database.execute(change, ['%/setpoint'])
+    assert len(read_recording(file).displacement) == 20
+    with closing(sqlite3.connect(file)) as database, database:
+        database.execute(change, ['%piston_state'])
+    assert 'piston_state' in refused(read_recording, file)
 
 
 # Names and tables

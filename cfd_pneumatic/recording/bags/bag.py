@@ -254,15 +254,15 @@ class Bag:
     def _enter(self, reader: Ros2Reader) -> list[StorageFile]:
         reader.open()
         self._stack.callback(reader.close)
-        if reader.compression_mode == 'message':
-            reader.storage.metadata = reader.storage.metadata._replace(compression_mode=None)  # they are unpacked here
-            return [OneByOne(_Packed(reader), reader.start_time)]
-        files = getattr(reader.storage, 'storages', [reader.storage])
-        for file in files:
-            stray = file.metadata.message_count - sum(connection.msgcount for connection in file.connections)
+        storages: list[StorageFile] = []
+        for file in getattr(reader.storage, 'storages', [reader.storage]):
+            _check_names(file.connections)
+            opened = _storage(Path(str(file.path))).opened(file)
+            stray = file.metadata.message_count - sum(connection.msgcount for connection in opened.connections)
             if stray > 0:
                 self.notes.append(f'{file.path.name} is damaged: {counted(stray, "message")} of no topic left out')
-        return [_storage(Path(str(file.path))).opened(file) for file in files]
+            storages.append(_Packed(opened) if reader.compression_mode == 'message' else opened)
+        return storages
 
     def _list_topics(self) -> dict[str, Topic]:
         topics: dict[str, Topic] = {}
@@ -285,17 +285,33 @@ class Bag:
 
 @dataclass(frozen=True)
 class _Packed:
-    """Messages each of which is compressed."""
+    """A file whose messages are compressed one by one."""
 
-    source: Ros2Reader
+    source: StorageFile
 
     @property
     def connections(self) -> list[Connection]:
         return self.source.connections
 
-    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        for connection, time, packed in self.source.messages(connections):
-            yield connection, time, unpacked(packed, 'zstd')
+    @property
+    def start_time(self) -> int:
+        return self.source.start_time
+
+    @property
+    def left_out(self) -> list[Span]:
+        return self.source.left_out
+
+    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
+        for connection, block in self.source.blocks(connections):
+            payloads = [unpacked(block.payload(index), 'zstd') for index in range(len(block))]
+            yield connection, MessageBlock.of(block.times, payloads)
+
+
+def _check_names(connections: Iterable[Connection]) -> None:
+    """Refuse topics that have no name or type, as they have none where a table of SQLite is damaged."""
+    for connection in connections:
+        if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
+            raise ValueError('a topic has no name or no type')
 
 
 def _storage(file: Path) -> Storage:

@@ -8,7 +8,7 @@ from typing import Any
 
 from rosbags.interfaces import Connection, MessageDefinitionFormat, Nodetype
 from rosbags.interfaces.typing import FieldDesc, Typesdict
-from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
@@ -49,7 +49,7 @@ def read_types(folder: Path) -> Typestore:
         package = file.parent.parent if file.parent.name == 'msg' else file.parent
         try:
             types.register(get_types_from_msg(file.read_text(encoding='utf-8'), f'{package.name}/msg/{file.stem}'))
-        except (TypesysError, UnicodeDecodeError) as error:
+        except Exception as error:  # rosbags raises whatever a text makes it stumble over
             raise InputError(f'{file} is not a message definition: {reason_of(error)}') from error
     return types
 
@@ -81,7 +81,7 @@ def _types_of(connection: Connection, extra: Typestore | None) -> Typestore:
         types = get_typestore(Stores.EMPTY)
         try:
             types.register(_parse(connection))
-        except TypesysError as error:
+        except Exception as error:  # rosbags raises whatever a text makes it stumble over
             raise InputError(
                 f'the definition of {connection.msgtype} in the bag cannot be parsed: {reason_of(error)}'
             ) from error

@@ -267,8 +267,16 @@ class _Walk:
             self._add(Piece(begin, end, self.pieces[-1].stop if self.pieces else 0, damaged=True))
 
     def _check(self, end: int) -> None:
-        """Trust nothing without a checksum of its own where that of all data, if there is one, is wrong."""
+        """
+        Trust nothing without a checksum of its own where that of all data, if there is one, is wrong.
+
+        Nor messages outside of chunks where chunks have checksums and something is damaged: they may be out of a chunk
+        the head of which is gone.
+        """
         unchecked = [piece for piece in self.pieces if not piece.checked]
+        if len(unchecked) < len(self.pieces) and any(piece.damaged for piece in unchecked):
+            for piece in unchecked:
+                piece.damaged |= not piece.chunk and piece.stop > 0
         self._stream.seek(max(0, end))
         record = self._stream.read(_DATA_END.size)
         if not unchecked or len(record) < _DATA_END.size:

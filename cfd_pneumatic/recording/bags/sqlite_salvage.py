@@ -86,7 +86,7 @@ class SalvagedSqlite:
                 owner=self,
             )
             for topic, name, msgtype, encoding in self._rows('SELECT id, name, type, serialization_format FROM topics')
-            if topic in counts
+            if topic in counts and isinstance(name, str) and isinstance(msgtype, str)
         ]
 
     def _rows(self, query: str) -> Iterator[tuple]:  # type: ignore[type-arg]

@@ -19,6 +19,9 @@ from cfd_pneumatic.recording.bags.sqlite_salvage import SalvagedSqlite
 from cfd_pneumatic.recording.bags.sqlite_salvage import flaw as sqlite_flaw
 from cfd_pneumatic.recording.bags.sqlite_writing import SqliteWriter
 
+_SCHEMALESS = '__schemaless__'
+"""What rosbags calls the type of a channel whose schema it does not find."""
+
 StorageName = Literal['mcap', 'sqlite3']
 StorageWriter = McapWriter | SqliteWriter
 
@@ -78,9 +81,12 @@ def _salvaged_sqlite(path: Path, stack: ExitStack) -> StorageFile:
     return OneByOne(salvaged, salvaged.start_time)
 
 
-def _are_counted(connections: Collection[Connection]) -> bool:
-    """Return whether a file says how many messages it holds; statistics may be left out of an mcap."""
-    return any(connection.msgcount for connection in connections)
+def _opened_mcap(file: Any) -> McapFile:
+    """Return a file whose summary may leave out statistics, channels or schemas, which are looked for then."""
+    count = sum(connection.msgcount for connection in file.connections)
+    named = any(connection.msgtype != _SCHEMALESS for connection in file.connections)
+    told = named and 0 < count == file.metadata.message_count
+    return McapFile(Path(str(file.path)), file.connections if told else None)
 
 
 STORAGES: Mapping[StorageName, Storage] = {
@@ -88,7 +94,7 @@ STORAGES: Mapping[StorageName, Storage] = {
         '.mcap',
         'mcap recover may mend it',
         mcap_flaw,
-        lambda file: McapFile(Path(str(file.path)), file.connections if _are_counted(file.connections) else None),
+        _opened_mcap,
         lambda path, _: McapFile(path),
         McapWriter,
     ),
