@@ -49,8 +49,21 @@ def read_yaml(path: Path) -> Any:
         raise InputError(f'{path}: holds a value that can not be read: {error}') from error
 
 
+class _Loader(yaml.SafeLoader):
+    """Makes plain values only, and no number that is longer than a processor's."""
+
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        value: int = super().construct_yaml_int(node)
+        if not -(2**63) <= value < 2**63:
+            raise InputError(f'line {node.start_mark.line + 1}: a number is too large')
+        return value
+
+
+_Loader.add_constructor('tag:yaml.org,2002:int', _Loader.construct_yaml_int)
+
+
 def _loaded(text: str) -> Any:
-    loader = yaml.SafeLoader(text)
+    loader = _Loader(text)
     try:
         node = loader.get_single_node()
         if node is None:

@@ -78,7 +78,7 @@ def read_report(path: Path) -> tuple[Sensing, float]:
         farthest = max((float(end) for one in report['recordings'] for end in one['travel_m']), key=abs)
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}; give the report.json of identify_bag') from error
-    except (ValueError, LookupError, TypeError, AttributeError, ZeroDivisionError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
         raise InputError(f'{path} is no report of identify_bag: give its report.json') from error
     # the floor is that of the residual: what the displacement's noise adds to it is in there
     return Sensing(pressure_noise=noise, displacement_noise=0.0, sample_rate=float(round(min(rates)))), farthest

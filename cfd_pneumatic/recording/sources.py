@@ -64,8 +64,9 @@ class SignalSource:
         return ' '.join(word for word in (self.cylinder, self.role) if word not in (None, OTHER))
 
     def si(self, raw: NDArray[np.float64], ambient_pressure: float) -> NDArray[np.float64]:
-        """Return raw numbers in SI units; pressures come out absolute."""
-        return self.gain * raw + (self.bias + (ambient_pressure if self.gauge else 0.0))
+        """Return raw numbers in SI units; pressures come out absolute, and what is too large infinite."""
+        with np.errstate(over='ignore', invalid='ignore'):
+            return self.gain * raw + (self.bias + (ambient_pressure if self.gauge else 0.0))
 
 
 @dataclass(frozen=True)

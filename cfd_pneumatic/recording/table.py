@@ -78,7 +78,8 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
     if not timed.all():
         notes.append(f'time: dropped {counted(int(np.sum(~timed)), "row")} not finite')
         rows = rows[timed]
-    nanoseconds = np.rint(rows[:, 0] * (layout.time_unit * NANOSECONDS))
+    with np.errstate(over='ignore'):
+        nanoseconds = np.rint(rows[:, 0] * (layout.time_unit * NANOSECONDS))
     if np.abs(nanoseconds).max() > _MAX_TIME:
         raise InputError(f'the times in column {layout.time} are far too large: check their unit')
     offsets = [round(channel.time_offset * NANOSECONDS) for channel in channels]

@@ -35,8 +35,11 @@ def written_schedule(path: Path, *, sampling_period: float = SAMPLING_PERIOD) ->
 
     """
     times, positions, velocities, level_a, level_b = _columns(path)
-    course = CubicHermiteSpline(times, positions, velocities)
-    speed = course.derivative()
+    with np.errstate(over='ignore', invalid='ignore', divide='ignore'):  # what comes of it is looked at
+        course = CubicHermiteSpline(times, positions, velocities)
+        speed = course.derivative()
+    if not (np.isfinite(course.c).all() and np.isfinite(speed.c).all()):
+        raise InputError(f'{path}: a schedule is to have displacements and times that a piston can follow')
 
     def motion(at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         within = np.minimum(at, times[-1])

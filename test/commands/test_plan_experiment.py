@@ -163,6 +163,14 @@ def test_bad_limits_are_one_line_and_earlier_plans_stay(tmp_path, capsys, argume
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {'schedule.csv': 'earlier'}
 
 
+@pytest.mark.parametrize('samples', ['1' * 400, '1e999', '[' * 100_000], ids=['long', 'infinite', 'deep'])
+def test_a_report_with_a_number_that_cannot_be_is_refused(tmp_path, capsys, samples):
+    text = f'{{"cylinders": {{"a": {{"noise_floor_pa": 1}}}}, "recordings": [{{"displacement_samples": {samples}, '
+    (tmp_path / 'report.json').write_text(text + '"duration_s": 1, "travel_m": [0, 1]}]}')
+    arguments = (TABLE_1, '--report', tmp_path / 'report.json', '--output', tmp_path / 'out')
+    assert 'is no report of identify_bag' in refusal(capsys, *arguments)
+
+
 def test_a_missing_parameter_file_and_a_folder_that_cannot_be_made(tmp_path, capsys):
     assert 'cannot read' in refusal(capsys, tmp_path / 'none.yaml', '--output', tmp_path / 'out')
     (tmp_path / 'file').write_text('')

@@ -71,6 +71,13 @@ def test_rows_that_are_not_finite_are_dropped(tmp_path):
     assert found.health == ('time: dropped 1 row not finite', 'displacement: dropped 1 sample not finite')
 
 
+@pytest.mark.filterwarnings('error')
+def test_a_number_too_large_for_its_unit_is_dropped(tmp_path):
+    found = read(tmp_path, ROWS + '30 1 1e308\n')
+    assert len(found.displacement) == 4
+    assert found.health == ('cylinder_a pressure: dropped 1 sample not finite',)
+
+
 LAYOUTS = {
     'empty fields at the end': ('comma', 't,x,note,p,\n0,1,,2\n10,1,,3,\n20,1,,4,,\n'),
     'empty fields between tabs': ('tab', 't\tx\tnote\tp\tmore\n0\t1\t\t2\t\n10\t1\t\t3\t\n20\t1\t\t4\t\n'),
@@ -124,6 +131,11 @@ BAD = {
         BY_NUMBER.replace('column: 3', 'column: d'),
         "has no column 'd': for columns by name set header_rows in the mapping",
     ),
+    'later than any number': (
+        '1e308 1 1\n',
+        BY_NUMBER,
+        'the times in column 1 are far too large: check their unit',
+    ),
     'far too late': (
         '1e10 1 1\n',
         BY_NUMBER.replace('unit: ms', 'unit: s'),
@@ -132,6 +144,7 @@ BAD = {
 }
 
 
+@pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize(('rows', 'mapping', 'message'), BAD.values(), ids=BAD.keys())
 def test_a_table_that_cannot_be_read(tmp_path, rows, mapping, message):
     with pytest.raises(InputError) as caught:
