@@ -28,7 +28,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test check fuzz crash mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format colcon test-humble clean
+.PHONY: help setup test check properties fuzz crash mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -43,8 +43,11 @@ test: $(VENV)/.ready  ## run all tests; ARGS='-k name' goes to pytest
 check: lint  ## style, types and the tests that a change usually needs: 2 minutes
 	$(PY) -m pytest --numprocesses 2 --dist loadfile $(QUICK) $(ARGS)
 
-fuzz: $(VENV)/.ready  ## run the property tests on random examples, twice as many
+properties: $(VENV)/.ready  ## run the property tests on random examples, twice as many
 	$(PY) -m pytest -m hypothesis --hypothesis-profile=random $(ARGS)
+
+fuzz: $(VENV)/.with-fuzz  ## change valid inputs at random, and see what readers and nodes make of them; 2 minutes
+	$(PY) -m studies.fuzz $(ARGS)
 
 measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measured_runs.md; a minute
 	$(PY) -m studies.measured_runs

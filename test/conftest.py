@@ -28,7 +28,8 @@ isolate()
 # Where a script starts the tests in the background, an interrupt is ignored, and what they start inherits that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# How property tests are run: `make test` says the same every time, `make fuzz` looks for examples that nobody has seen.
+# How property tests are run: `make test` says the same every time, `make properties` looks for examples that nobody
+# has seen.
 # Without deadlines, for a busy machine takes its time. A test that is slow asks for a share of `max_examples`.
 ANY_SPEED = {'deadline': None, 'suppress_health_check': [HealthCheck.too_slow]}
 settings.register_profile('repeatable', derandomize=True, **ANY_SPEED)
