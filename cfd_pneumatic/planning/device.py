@@ -75,10 +75,11 @@ def read_report(path: Path) -> tuple[Sensing, float]:
         cylinders = report['cylinders'].values()
         noise = max(float(one['noise_floor_pa']) for one in cylinders)
         rates = [(int(one['displacement_samples']) - 1) / float(one['duration_s']) for one in report['recordings']]
+        rate = float(round(min(rates)))
         farthest = max((float(end) for one in report['recordings'] for end in one['travel_m']), key=abs)
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}; give the report.json of identify_bag') from error
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
         raise InputError(f'{path} is no report of identify_bag: give its report.json') from error
     # the floor is that of the residual: what the displacement's noise adds to it is in there
-    return Sensing(pressure_noise=noise, displacement_noise=0.0, sample_rate=float(round(min(rates)))), farthest
+    return Sensing(pressure_noise=noise, displacement_noise=0.0, sample_rate=rate), farthest

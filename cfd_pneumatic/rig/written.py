@@ -13,6 +13,8 @@ from cfd_pneumatic.convention import SCHEDULE_COLUMNS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.schedule import SAMPLING_PERIOD, Schedule, SetPoints, lay_out
 
+_FAR = 1e12  # longer than any schedule may be, and no more than can be counted in samples [s]
+
 SUFFIX = '.csv'
 """What the name of such a file ends with."""
 
@@ -49,7 +51,7 @@ def written_schedule(path: Path, *, sampling_period: float = SAMPLING_PERIOD) ->
     setpoints = [
         SetPoints(float(times[row]), float(level_a[row]), float(level_b[row])) for row in (0, *changes.tolist())
     ]
-    samples = math.floor(times[-1] / sampling_period + 1e-6) + 1
+    samples = math.floor(min(float(times[-1]), _FAR) / sampling_period + 1e-6) + 1
     return lay_out(path.stem, motion, setpoints, samples, sampling_period)
 
 

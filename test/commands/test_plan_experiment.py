@@ -163,10 +163,14 @@ def test_bad_limits_are_one_line_and_earlier_plans_stay(tmp_path, capsys, argume
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {'schedule.csv': 'earlier'}
 
 
-@pytest.mark.parametrize('samples', ['1' * 400, '1e999', '[' * 100_000], ids=['long', 'infinite', 'deep'])
-def test_a_report_with_a_number_that_cannot_be_is_refused(tmp_path, capsys, samples):
+@pytest.mark.parametrize(
+    ('samples', 'duration'),
+    [('1' * 400, 1), ('1e999', 1), ('[' * 100_000, 1), (5, 'NaN'), (5, '1e-320')],
+    ids=['long', 'infinite', 'deep', 'no number', 'no time'],
+)
+def test_a_report_with_a_number_that_cannot_be_is_refused(tmp_path, capsys, samples, duration):
     text = f'{{"cylinders": {{"a": {{"noise_floor_pa": 1}}}}, "recordings": [{{"displacement_samples": {samples}, '
-    (tmp_path / 'report.json').write_text(text + '"duration_s": 1, "travel_m": [0, 1]}]}')
+    (tmp_path / 'report.json').write_text(f'{text}"duration_s": {duration}, "travel_m": [0, 1]}}]}}')
     arguments = (TABLE_1, '--report', tmp_path / 'report.json', '--output', tmp_path / 'out')
     assert 'is no report of identify_bag' in refusal(capsys, *arguments)
 

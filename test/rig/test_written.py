@@ -68,6 +68,7 @@ def test_it_is_known_by_its_file_name_and_takes_no_other_option(smooth: Path) ->
         ([], 'two rows or more'),
         (['0,0,0,3e4,3e4', '100000,0,0,3e4,3e4'], 'takes 100000 s: give one of 1200 s at most'),
         (['0,0,0,3e4,3e4', '1e9,0,0,3e4,3e4'], 'takes 1e+09 s: give one of 1200 s at most'),
+        (['0,0,0,3e4,3e4', '1e308,0,0,3e4,3e4'], 'give one of 1200 s at most'),
         (['0,0,0,3e4,3e4', '1e-9,0,0,3e4,3e4'], 'would hold 1 samples: make it longer'),
         (['0,0,0,3e4,3e4', '1,1e300,1e300,3e4,3e4'], 'out of reach'),
         (['0,0,0,3e4,3e4', '1e-320,1,0,3e4,3e4', '1,0,0,3e4,3e4'], 'that a piston can follow'),
