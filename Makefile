@@ -3,6 +3,7 @@
 #
 #   make PYTHON=python3.12 ...   another Python for .venv (after make clean)
 #   make EXTRAS=test test        without ROS 2 and Dask: what needs them is left out, and said so
+#   CI=true make setup           exactly what requirements/ci.txt has locked, all of it, whatever EXTRAS says
 
 PYTHON ?= python3
 PYTHON310 ?= python3.10
@@ -10,7 +11,13 @@ EXTRAS ?= jazzy,plant,test
 VENV ?= .venv
 HUMBLE ?= .venv-humble
 PY := $(VENV)/bin/python
+LOCK := requirements/ci.txt
+LOCKED := jazzy,plant,test,lint,colcon
 PACKAGING := setup.py setup.cfg pyproject.toml package.xml resource $(wildcard config launch config/* launch/*)
+
+ifeq ($(CI),true)
+PACKAGING += $(LOCK)
+endif
 
 # colcon's --symlink-install copies with setuptools 80; below 70.1 setuptools needs the package wheel.
 SETUPTOOLS := 'setuptools>=70.1,<80'
@@ -28,7 +35,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test check properties fuzz crash mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format colcon test-humble clean
+.PHONY: help setup test check properties fuzz crash mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -112,6 +119,16 @@ format: $(VENV)/.with-lint  ## put the code into the common style
 	$(PY) -m ruff check --fix .
 	$(PY) -m ruff format .
 
+lock: $(VENV)/.ready  ## write requirements/ci.txt, what CI installs, by version and hash; with Python 3.11
+	$(PY) -m studies.lock $(SETUPTOOLS) --editable '.[$(LOCKED)]' >$(LOCK).new && mv $(LOCK).new $(LOCK)
+
+licences: $(VENV)/.with-lint $(VENV)/.with-colcon  ## write docs/licences.md, of the packages that are locked
+	$(PY) -m studies.licences
+
+sbom: $(VENV)/.with-sbom  ## write build/sbom.json, a bill of materials of .venv (CycloneDX)
+	@mkdir -p build
+	$(VENV)/bin/cyclonedx-py environment --output-file build/sbom.json $(VENV)
+
 colcon: $(VENV)/.with-colcon  ## build and test as a ROS 2 workspace does
 	@sh scripts/colcon.sh $(abspath $(VENV)) $(ARGS)
 
@@ -132,11 +149,18 @@ install = $(1)/bin/python -m pip install -qq --disable-pip-version-check --no-bu
 	{ echo 'pip could not install the packages (see above): is PyPI within reach? Then run make again.' >&2; exit 1; }
 
 $(VENV)/.ready: $(PACKAGING)
-	@$(call require,PYTHON,$(if $(findstring jazzy,$(EXTRAS)),wheels))
+	@$(call require,PYTHON,$(if $(findstring jazzy,$(EXTRAS)),wheels) $(if $(filter true,$(CI)),locked))
 	@echo 'Setting up $(VENV): about a minute and 800 MB, once'
 	@$(VENV)/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+ifeq ($(CI),true)
+	@grep '^setuptools==' $(LOCK) >$(VENV)/setuptools.txt
+	@$(call install,$(VENV),--require-hashes --requirement $(VENV)/setuptools.txt)
+	@$(call install,$(VENV),--require-hashes --requirement $(LOCK))
+	@$(call install,$(VENV),--no-index --editable '.[$(LOCKED)]')
+else
 	@$(call install,$(VENV),$(SETUPTOOLS))
 	@$(call install,$(VENV),--editable '.[$(EXTRAS)]')
+endif
 	@$(VENV)/bin/compile_kernels
 	@touch $@
 

@@ -25,17 +25,18 @@ setup(
         (f'share/{PACKAGE}/launch', glob('launch/*.*')),
     ],
     python_requires='>=3.10',
-    # The lower bounds are Ubuntu 22.04's (ROS 2 Humble); `make test-humble` tests with them.
+    # The lower bounds are Ubuntu 22.04's (ROS 2 Humble); `make test-humble` tests with them. Upper ones stand where the
+    # next major release (of 0.x: any) may break what is not tested here; what CI installs is requirements/ci.txt.
     install_requires=[
         'Jinja2>=3.0',
-        'PyYAML>=5.4',
+        'PyYAML>=5.4,<7',  # files are bounded by the nodes of its loader
         'lz4>=3.1',
         'matplotlib>=3.5',
-        'mcap>=1.0',
-        'numba>=0.55',
-        'numpy>=1.21',
+        'mcap>=1.0,<2',  # its records are read and written one by one
+        'numba>=0.55,<1',  # lanes are a type inside of its compiler
+        'numpy>=1.21,<3',  # how types are promoted, which changes results
         'rich>=11.2',
-        'rosbags>=0.11',
+        'rosbags>=0.11,<0.12',  # its interfaces change from 0.x to 0.x
         'scipy>=1.8',
         'zstandard>=0.17',
     ],
@@ -60,6 +61,7 @@ setup(
         # Of ament's linters PyPI lacks copyright; xmllint wants the web, and pep257 takes attributes for sections.
         'lint': ['flake8', 'mypy', 'ros-jazzy-ament-flake8', 'ruff', 'types-PyYAML'],
         'colcon': ['colcon-common-extensions'],
+        'sbom': ['cyclonedx-bom'],
     },
     zip_safe=False,
     entry_points={

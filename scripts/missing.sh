@@ -1,6 +1,7 @@
 #!/bin/sh
 # Print in one line what this machine lacks for `make setup`, and what to do next; nothing where all is there.
-# usage: missing.sh VARIABLE PYTHON [wheels]    (VARIABLE of make names PYTHON; wheels: ROS 2 is wanted from PyPI)
+# usage: missing.sh VARIABLE PYTHON [wheels] [locked]
+# VARIABLE of make names PYTHON; wheels: ROS 2 is wanted from PyPI; locked: all is wanted as requirements/ci.txt has it.
 
 variable=$1
 python=$2
@@ -27,6 +28,9 @@ def missing():
     except ImportError:
         return ('%s cannot make virtual environments: install its venv module '
                 '(Debian, Ubuntu: apt install python%s-venv), then run make again' % (program, here))
+    if 'locked' in sys.argv[3:] and here != '3.11':
+        return ('%s is Python %s, and CI=true installs what is locked for 3.11: make %s=/path/to/python3.11, or unset CI'
+                % (program, here, variable))
     if not wheels:
         return ''
     elsewhere = 'build in a ROS 2 workspace with colcon (see README), or, for what needs no ROS, make EXTRAS=test'

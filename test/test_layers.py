@@ -119,6 +119,11 @@ def test_only_the_nodes_import_ros():
     assert {path for path in users if not path.startswith('nodes/')} == set()
 
 
+def test_yaml_comes_in_by_one_door():
+    users = {path.name for path in MODULES if outside(path) & {'yaml', 'ruamel'}}
+    assert users == {'yaml_files.py'}
+
+
 @pytest.mark.parametrize('path', in_layer('model'), ids=lambda path: path.name)
 def test_the_model_is_numpy_and_numba_without_input_or_output(path):
     assert outside(path) & INPUT_OUTPUT == set()

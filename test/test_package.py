@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import cfd_pneumatic
 from studies.package_facts import programs, setup_arguments
@@ -106,6 +108,19 @@ def test_an_extra_brings_what_its_layer_alone_imports(extra):
     assert OPTIONAL[extra] <= imported(f'cfd_pneumatic/{extra}')
     others = {path.name for path in (ROOT / 'cfd_pneumatic').iterdir() if path.is_dir()} - {extra}
     assert [name for name in others if imported(f'cfd_pneumatic/{name}') & OPTIONAL[extra]] == []
+
+
+def test_what_ci_installs_is_locked_and_its_licences_are_listed():
+    heading, *lines = (ROOT / 'requirements' / 'ci.txt').read_text(encoding='utf-8').splitlines()
+    assert 'Python 3.11 on Linux' in heading
+    parts = [re.fullmatch(r'([\w.-]+)==([\w.]+) --hash=sha256:[0-9a-f]{64}', line) for line in lines]
+    locked = {canonicalize_name(part[1]): part[2] for part in parts}  # whatever else stands in a line has no part
+    for extra in ('jazzy', 'plant', 'test', 'lint', 'colcon'):
+        for wanted in map(Requirement, SETUP['install_requires'] + SETUP['extras_require'][extra]):
+            assert locked[canonicalize_name(wanted.name)] in wanted.specifier, f'{wanted}: make lock'
+    page = (ROOT / 'docs' / 'licences.md').read_text(encoding='utf-8')
+    listed = re.findall(r'^\| .* \| (.*) \|$', page, re.MULTILINE)
+    assert set(locked) <= {name for line in listed for name in line.split(', ')}, 'make licences'
 
 
 def test_what_launch_files_import_is_required():
