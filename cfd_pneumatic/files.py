@@ -61,9 +61,13 @@ class Aside:
     ----------
     path
         Of a file or folder, which may be there already.
+    alone
+        Whether nobody else may be making the same.
 
     Attributes
     ----------
+    path : Path
+        The place that it will take.
     made : Path
         What is to take the path's place; not there yet.
 
@@ -71,28 +75,32 @@ class Aside:
     ------
     OSError
         If nothing can be written there.
+    InputError
+        If somebody else is making the same, who should be alone.
 
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        _remove_left(path)
+    def __init__(self, path: Path, *, alone: bool = False) -> None:
+        self.path = path
         self._folder, self._lock = _locked_folder(path)
         self.made = self._folder / path.name
+        if _others(path, self._folder) and alone:
+            self.close()
+            raise InputError(f'{path} is being written by another run: wait for it, or choose another name')
 
     def take_place(self) -> None:
         """Let what was made take its place: where the system can, there is no moment without the one or the other."""
         write_through(self.made)
-        if not (self._path.is_dir() and _exchanged(self.made, self._path)):
-            if self._path.is_dir():
-                os.replace(self._path, self._folder / 'earlier')
+        if not (self.path.is_dir() and _exchanged(self.made, self.path)):
+            if self.path.is_dir():
+                os.replace(self.path, self._folder / 'earlier')
             try:
-                os.replace(self.made, self._path)
+                os.replace(self.made, self.path)
             except OSError:
                 if (self._folder / 'earlier').exists():
-                    os.replace(self._folder / 'earlier', self._path)
+                    os.replace(self._folder / 'earlier', self.path)
                 raise
-        _fsync(self._path.parent)
+        _fsync(self.path.parent)
 
     def close(self) -> None:
         """Take away what is left, what was there before in it."""
@@ -172,16 +180,22 @@ def _prefix(path: Path) -> str:
     return f'.{path.name}~'  # which is in no name of ours
 
 
-def _remove_left(path: Path) -> None:
-    """Take away what was left aside by who doesn't run any more."""
+def _others(path: Path, own: Path) -> bool:
+    """Take away what was left aside by who doesn't run any more; return whether somebody does."""
+    somebody = False
     for left in path.parent.glob(f'{_escaped(_prefix(path))}*'):
+        if left.name == own.name:
+            continue
         with suppress(OSError):
             lock = os.open(left, os.O_RDONLY | os.O_NOFOLLOW)
             try:
                 if _locked(lock):
                     shutil.rmtree(left)
+                else:
+                    somebody = True
             finally:
                 os.close(lock)
+    return somebody
 
 
 def _escaped(text: str) -> str:

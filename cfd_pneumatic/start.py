@@ -20,6 +20,7 @@ from types import ModuleType
 from cfd_pneumatic import __version__
 
 HELP = Path(__file__).with_name('help')
+BAD_INPUT = 2
 INTERRUPTED = 130
 _NODES = 'cfd_pneumatic.nodes.'
 
@@ -37,8 +38,13 @@ def told(program: str, arguments: Collection[str]) -> bool:
 
 def _begin(module: str) -> int:
     """Run the program that is a module, and return its exit code; a signal ends its imports at once."""
-    if told(module.rpartition('.')[2], sys.argv[1:]):
+    _open_streams()
+    name = module.rpartition('.')[2]
+    if told(name, sys.argv[1:]):
         return 0
+    if reason := _obstacle():
+        print(f'{name}: error: {reason}', file=sys.stderr)
+        return BAD_INPUT
     is_node = module.startswith(_NODES)
     signal.signal(signal.SIGINT, lambda *_: os._exit(0 if is_node else INTERRUPTED))
     if is_node:
@@ -50,6 +56,25 @@ def _begin(module: str) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done
     gc.freeze()  # the process ends: a last collection takes 0.15 s
     return code
+
+
+def _open_streams() -> None:
+    """Open to nowhere what the program was started without; else a file would get its number, and be printed into."""
+    for name in ('stdin', 'stdout', 'stderr'):
+        if getattr(sys, name) is None:
+            stream = open(os.devnull, 'r' if name == 'stdin' else 'w', encoding='utf-8')  # noqa: SIM115  # it stays open
+            setattr(sys, name, stream)
+
+
+def _obstacle() -> str:
+    """Return why nothing can run here, or nothing."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return 'the folder in which it was started is gone: change to another'
+    if os.environ.get('NUMBA_DISABLE_JIT', '0') != '0':
+        return 'NUMBA_DISABLE_JIT is set, and the model runs compiled only: unset it'
+    return ''
 
 
 def _imported(module: str) -> ModuleType:

@@ -164,7 +164,7 @@ def _plant(folder: Path) -> None:
 
 
 def _state_of_plant(folder: Path) -> str:
-    results = folder / 'out' / 'one'
+    results = folder / 'out' / 'plant' / 'one'  # the device is the folder of the bag
     if not results.exists():
         return 'none'
     if not (results / 'row.json').is_file():

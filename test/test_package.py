@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import os
 import re
 import subprocess
 import sys
@@ -155,3 +156,14 @@ def test_help_and_version_import_nothing_from_elsewhere(name, asked):
     page = (ROOT / 'cfd_pneumatic' / 'help' / f'{name}.txt').read_text(encoding='utf-8')
     assert ran.stdout == (f'{name} {cfd_pneumatic.__version__}\n' if asked == '--version' else page)
     assert ran.stderr.split() == ['0', 'cfd_pneumatic']
+
+
+@pytest.mark.parametrize('name', ['record_rig', 'sim_node'])
+def test_where_nothing_can_run_is_one_line(tmp_path, name):
+    command = [sys.executable, '-c', f'import sys; from cfd_pneumatic.start import {name}; sys.exit({name}())']
+    gone = ['sh', '-c', 'mkdir gone && cd gone && rmdir ../gone && exec "$@"', 'sh', *command]
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    for given, more, word in ((gone, {}, 'is gone'), (command, {'NUMBA_DISABLE_JIT': '1'}, 'NUMBA_DISABLE_JIT is set')):
+        ran = subprocess.run(given, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment | more)
+        assert (ran.returncode, ran.stderr.count('\n')) == (2, 1)
+        assert word in ran.stderr

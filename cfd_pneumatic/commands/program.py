@@ -6,14 +6,14 @@ import argparse
 import io
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 
 from cfd_pneumatic import __version__
 from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.examples import example_of
-from cfd_pneumatic.start import INTERRUPTED
+from cfd_pneumatic.start import BAD_INPUT, INTERRUPTED
 
-BAD_INPUT = 2
 BROKEN_PIPE = 141
 
 _LONGEST_LINE = 2_000
@@ -62,7 +62,9 @@ def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: S
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors='backslashreplace')  # a file's name may be no text
     try:
-        program(arguments)
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', RuntimeWarning)  # NumPy's of overflow: what comes of it is said
+            program(arguments)
         sys.stdout.flush()
     except InputError as error:
         return _refused(name, str(error))

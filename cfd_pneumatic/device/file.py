@@ -21,6 +21,7 @@ REPORT_FILE = 'report.json'
 _INDENT = '  '
 _RUN = '# identify_bag, run '
 _LONGEST_LINE = 200
+_LARGEST_REPORT = 2**26  # bytes; with hundreds of recordings it has a tenth of that
 _OWNERS = (*CYLINDERS, CONTACT_FORCE)
 
 
@@ -72,10 +73,30 @@ def check_run(path: Path, report: Path) -> None:
         raise InputError(f'{path} is of run {own} of identify_bag, and {report} of run {reported}: identify again')
 
 
+def report_in(path: Path) -> Any:
+    """
+    Return what a report.json holds.
+
+    Raises
+    ------
+    OSError
+        If it can't be read.
+    ValueError
+        If it is none.
+
+    """
+    with path.open('rb') as file:
+        content = file.read(_LARGEST_REPORT)
+    try:
+        return json.loads(content)
+    except RecursionError as error:
+        raise ValueError('is nested too deeply') from error
+
+
 def _run_of_report(report: Path) -> str | None:
     try:
-        content = json.loads(report.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        content = report_in(report)
+    except (OSError, ValueError):
         return None  # who needs a report says what is wrong with it
     run = content.get('run') if isinstance(content, dict) else None
     return run if isinstance(run, str) else None

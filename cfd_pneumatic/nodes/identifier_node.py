@@ -29,7 +29,6 @@ from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.commands.identify_bag import PROGRESS_KEY
-from cfd_pneumatic.commands.program import BAD_INPUT
 from cfd_pneumatic.device import DESCRIPTORS, NO_NAMES, Device, Value
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.options import AUTO, CORES
@@ -39,6 +38,7 @@ from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.parameters import number, switch, text, texts, value_of
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.reporting import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
+from cfd_pneumatic.start import BAD_INPUT
 
 _PERIOD = 0.1  # how often the fit's process is looked after [s]
 _POLL = 0.01  # [s]

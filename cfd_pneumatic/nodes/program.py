@@ -121,7 +121,7 @@ def _made(make_node: Callable[[], Node]) -> Node:
 
 class _Ending:
     """
-    What SIGINT and SIGTERM do, at any moment.
+    What SIGINT, SIGTERM, and SIGHUP of a terminal that is closed, do at any moment.
 
     Until the node is made they end the program, which has nothing to finish yet. Then they ask the spinning to end, and
     nothing stops what has to be finished, such as a bag. rclpy's own handlers would take the context away from
@@ -131,8 +131,9 @@ class _Ending:
     def __init__(self) -> None:
         self.asked = False
         self.made = Event()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._ask)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
+                signal.signal(number, self._ask)
         heard, told = os.pipe()
         os.set_blocking(told, False)
         signal.set_wakeup_fd(told, warn_on_full_buffer=False)
@@ -154,6 +155,8 @@ class _Ending:
 
 def _start(args: Sequence[str] | None) -> None:
     """Initialise ROS; a parameter file that it cannot read is the user's to mend."""
+    if not any(map(os.environ.get, ('HOME', 'ROS_HOME', 'ROS_LOG_DIR'))):  # rcutils would say more, and less clearly
+        raise InputError('ROS cannot start: it writes its log below HOME, which is not set: set it, or ROS_LOG_DIR')
     set_logger_level('rcl', LoggingSeverity.FATAL)  # it would say the same in a line of its own
     try:
         options = SignalHandlerOptions.NO

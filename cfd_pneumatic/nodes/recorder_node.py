@@ -46,6 +46,7 @@ class RecorderNode(Node):
         if not self._wanted:
             raise InputError("parameter 'topics' is empty: name the topics, -p topics:=[/cfd/device/piston_state]")
         self._written = 0
+        self._failure: InputError | None = None
         self.create_timer(_LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._bag = BagWriter(output, storage=storage, overwrite=overwrite)
 
@@ -81,14 +82,26 @@ class RecorderNode(Node):
         self.get_logger().info(f'recording {topic}')
 
     def _write(self, topic: str, payload: Any) -> None:
-        self._bag.write(topic, MessageBlock.of([self.get_clock().now().nanoseconds], [payload]))
-        self._written += 1
+        if self._failure is not None:
+            return
+        try:
+            self._bag.write(topic, MessageBlock.of([self.get_clock().now().nanoseconds], [payload]))
+            self._written += 1
+        except InputError as error:
+            self._failure = error
+            self.context.try_shutdown()
 
     def destroy_node(self) -> None:
-        """Complete the bag."""
+        """Complete the bag; where the disk is full, leave what is written."""
         if self._wanted:
             self.get_logger().warning(f'never seen, so not in the bag: {", ".join(sorted(self._wanted))}')
-        self._bag.close()
+        try:
+            if self._failure is not None:
+                raise self._failure
+            self._bag.close()
+        except InputError as error:
+            self._bag.leave()
+            raise InputError(f'{error}; what was recorded before is in {self._bag.path}') from error
         self.get_logger().info(f'{self._written} messages in {self._bag.path}')
         super().destroy_node()
 

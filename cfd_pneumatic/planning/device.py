@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.device import Device
+from cfd_pneumatic.device.file import report_in
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.planning.limits import Sensing
 from cfd_pneumatic.units import PSI
@@ -71,15 +71,17 @@ def read_report(path: Path) -> tuple[Sensing, float]:
 
     """
     try:
-        report = json.loads(path.read_text(encoding='utf-8'))
+        report = report_in(path)
         cylinders = report['cylinders'].values()
         noise = max(float(one['noise_floor_pa']) for one in cylinders)
         rates = [(int(one['displacement_samples']) - 1) / float(one['duration_s']) for one in report['recordings']]
         rate = float(round(min(rates)))
         farthest = max((float(end) for one in report['recordings'] for end in one['travel_m']), key=abs)
+        if not np.isfinite([noise, *rates, farthest]).all():
+            raise ValueError('is not finite')
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}; give the report.json of identify_bag') from error
-    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise InputError(f'{path} is no report of identify_bag: give its report.json') from error
     # the floor is that of the residual: what the displacement's noise adds to it is in there
     return Sensing(pressure_noise=noise, displacement_noise=0.0, sample_rate=rate), farthest

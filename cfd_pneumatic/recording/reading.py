@@ -117,6 +117,8 @@ def read_recording(
     if force_axis not in FORCE_AXES:
         raise InputError(f'the force has no axis {force_axis!r}: choose one of {", ".join(FORCE_AXES)}')
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise InputError('is a pipe or a device, and recordings are read twice: give a file')
         if mapping is not None and mapping.table is not None:
             samples, notes = read_table(path, mapping.table, mapping.channels)
         else:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from cfd_pneumatic.recording.wording import counted, reason_of
 
 _MAX_TIME = 2**62
 """Nanoseconds beyond which a time is a mistake."""
+
+_LONGEST_LINE = 2**24
+"""Characters of a line beyond which a file is no table."""
 
 _CHECK = 'check delimiter and header_rows in the mapping; numbers must have decimal points, not commas'
 
@@ -101,7 +105,7 @@ def _rows(path: Path, layout: TableFormat, names: Sequence[str], notes: list[str
     delimiter = layout.delimiter
     width, known = len(names), f'the header has {len(names)} names'
     with path.open(encoding='utf-8') as stream:
-        for number, line in enumerate(islice(stream, layout.header_rows, None), layout.header_rows + 1):
+        for number, line in enumerate(islice(_lines(stream), layout.header_rows, None), layout.header_rows + 1):
             row = line.partition('#')[0].rstrip('\n')
             if not row.strip():
                 continue
@@ -124,7 +128,7 @@ def _resolve(path: Path, layout: TableFormat, columns: Sequence[str | int]) -> t
     """Return the positions of columns, from 0 on, and the names of all columns where the header has them."""
     try:
         with path.open(encoding='utf-8', newline='') as stream:
-            head = list(islice(stream, layout.header_rows + 1))
+            head = list(islice(_lines(stream), layout.header_rows + 1))
     except UnicodeDecodeError as error:
         raise InputError('is not a text file, and the mapping is for tables') from error
     except OSError as error:
@@ -140,6 +144,13 @@ def _resolve(path: Path, layout: TableFormat, columns: Sequence[str | int]) -> t
     if by_number and (layout.delimiter is None or len(names) == 1):
         names = []  # perhaps a line of text
     return positions, names
+
+
+def _lines(stream: TextIO) -> Iterator[str]:
+    while line := stream.readline(_LONGEST_LINE):
+        if len(line) == _LONGEST_LINE:
+            raise InputError(f'has a line of more than {_LONGEST_LINE:,} characters: is it a table?')
+        yield line
 
 
 def _split(line: str, delimiter: str | None) -> list[str]:

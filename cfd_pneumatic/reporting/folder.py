@@ -54,8 +54,9 @@ def write_report(identification: Identification, folder: Path, *, full: bool = F
     """
     make_folder(folder)
     with alone_in(folder), reported(folder):
-        shared = not all(is_result(path) for path in folder.iterdir())
-        aside = Aside(folder / 'results' if shared else folder)
+        place = folder.resolve()  # a link stays one
+        shared = place == Path.cwd() or not all(is_result(path) for path in folder.iterdir())
+        aside = Aside(place / 'results' if shared else place)
         try:
             aside.made.mkdir()
             written = _written(identification, aside.made, full)

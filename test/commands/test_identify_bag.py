@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -337,6 +338,17 @@ def test_a_folder_that_cannot_be_made(bag, capsys, tmp_path):
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert 'choose a folder' in lines[0]
+
+
+@pytest.mark.parametrize('linked', [True, False])
+def test_results_go_where_a_link_leads_and_into_the_folder_where_one_is(bag, tmp_path, monkeypatch, linked):
+    (tmp_path / 'real').mkdir()
+    (tmp_path / 'link').symlink_to('real')
+    monkeypatch.chdir(tmp_path if linked else tmp_path / 'real')
+    for _ in range(2):
+        assert main([str(bag), '--output', 'link' if linked else '.']) == 0
+        assert sorted(os.listdir('link' if linked else '.')) == ['parameters.yaml', 'report.json']
+    assert (tmp_path / 'link').is_symlink()
 
 
 def test_the_program_itself_ends_with_code_2_and_no_traceback(tmp_path):

@@ -68,7 +68,7 @@ def is_heeded(pid: int, number: signal.Signals) -> bool:
     return bool(int(caught, 16) >> (number - 1) & 1)
 
 
-@pytest.mark.parametrize(('name', 'while_made'), list(product(('SIGTERM', 'SIGINT'), (True, False))))
+@pytest.mark.parametrize(('name', 'while_made'), list(product(('SIGTERM', 'SIGINT', 'SIGHUP'), (True, False))))
 def test_a_signal_at_a_bad_moment_ends_it_without_a_complaint(name: str, while_made: bool) -> None:
     program = PROGRAM.format(name=name, while_made=while_made)
     ended = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=False)
@@ -123,6 +123,13 @@ def test_a_parameter_that_nobody_declared_is_warned_about(graph: Graph, tmp_path
             assert 'cylinder_a.taau is none of this node, and has no effect: did you mean cylinder_a.tau?' in (
                 process.stderr
             )
+
+
+def test_without_a_home_it_ends_in_one_line() -> None:
+    without = {name: value for name, value in os.environ.items() if name not in ('HOME', 'ROS_HOME', 'ROS_LOG_DIR')}
+    ended = subprocess.run([BIN / 'sim_node'], capture_output=True, text=True, check=False, env=without)
+    line = 'sim_node: error: ROS cannot start: it writes its log below HOME, which is not set: set it, or ROS_LOG_DIR\n'
+    assert (ended.returncode, ended.stderr) == (2, line)
 
 
 @pytest.mark.parametrize('module', NODES)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import resource
 import signal
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +12,13 @@ from graph import MILLISECOND, Graph, SimClient, refusals, ros_arguments, unique
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
-from std_msgs.msg import Float64, String
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Header, String
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_STATE, setpoint_topic
-from cfd_pneumatic.nodes.messages import nanoseconds
+from cfd_pneumatic.nodes.messages import nanoseconds, stamp_message
 from cfd_pneumatic.recording import read_recording
+from cfd_pneumatic.recording.bags.bag import Bag
 from cfd_pneumatic.units import PSI
 
 TYPES = get_typestore(Stores.ROS2_HUMBLE)
@@ -150,3 +154,23 @@ def test_what_cannot_be_recorded_is_one_line_and_nothing_is_left(tmp_path: Path)
         assert message in line
     assert [path.name for path in tmp_path.iterdir()] == ['there']
     assert (tmp_path / 'there').read_text() == 'mine'
+
+
+def test_on_a_full_disk_it_ends_in_one_line_and_leaves_what_is_written(graph: Graph, tmp_path: Path) -> None:
+    namespace, bag = unique_namespace(), tmp_path / 'bag'
+    topic = f'{namespace}/{PISTON_STATE}'
+    out = graph.publisher(JointState, topic)
+    with graph.run('recorder_node', recorder(bag, topic)) as process:
+        graph.until(lambda: out.get_subscription_count() and f'recording {topic}' in process.stderr)
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (5_000_000, 5_000_000))
+        stamps = count(1, MILLISECOND)
+        graph.until(
+            lambda: process.exit_code is not None,
+            doing=lambda: out.publish(
+                JointState(header=Header(stamp=stamp_message(next(stamps))), name=['piston'], velocity=[0.0] * 10_000)
+            ),
+        )
+    assert process.exit_code == 2
+    assert process.stderr.endswith(f'choose another folder; what was recorded before is in {bag}\n')
+    assert 'Traceback' not in process.stderr
+    assert 'is cut off: salvaged' in Bag(bag).notes[0]

@@ -174,6 +174,30 @@ def test_a_bag_that_is_there_is_kept_or_replaced(folder):
     assert len(read_recording(folder / 'bag', namespace='/other').displacement) == 50
 
 
+def test_a_bag_that_holds_something_else_is_not_replaced(folder):
+    arguments = ('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag', '--force')
+    assert csv_to_bag(folder, *arguments).returncode == 0
+    os.replace(folder / 'run.csv', folder / 'bag' / 'run.csv')
+    done = csv_to_bag(folder, 'bag/run.csv', *arguments[1:])
+    assert done.stderr == (
+        'csv_to_bag: error: bag holds run.csv beside a bag, and is not overwritten: move one of them\n'
+    )
+    assert (folder / 'bag' / 'run.csv').exists()
+
+
+@pytest.mark.parametrize('closed', ['>&-', '2>&-', '<&- >&- 2>&-'])
+def test_streams_that_are_closed_are_no_error(folder, closed):
+    """A file would get the number of one, and what is printed with it."""
+    begin = 'import sys; from cfd_pneumatic.start import csv_to_bag; sys.exit(csv_to_bag())'
+    arguments = [sys.executable, '-c', begin, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'bag']
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    done = subprocess.run(
+        ['sh', '-c', f'exec "$@" {closed}', 'sh', *arguments], cwd=folder, env=environment, check=False
+    )
+    assert done.returncode == 0
+    assert len(read_recording(folder / 'bag').displacement) == 50
+
+
 def test_a_mapping_for_bags_does_not_do(folder):
     (folder / 'mapping.yaml').write_text(
         'displacement: {topic: a, unit: m}\ncylinder_a: {pressure: {topic: b, unit: Pa, reference: gauge}}\n'

@@ -249,6 +249,16 @@ def test_broken_metadata_is_done_without(tmp_path):
     assert read.health == ("metadata.yaml was not used: A metadata key is missing KeyError('relative_file_paths')",)
 
 
+@pytest.mark.parametrize('more', ['m0: &m0 {k: 1}\nm1: &m1 {<<: *m0, a: 1}\n', f'x: {"y" * 2**20}\n'])
+def test_metadata_that_would_unfold_are_done_without(tmp_path, more):
+    write_recording(tmp_path / 'bag', recording())
+    with (tmp_path / 'bag' / 'metadata.yaml').open('a') as file:
+        file.write(more)
+    read = read_recording(tmp_path / 'bag')
+    assert read.health[0].startswith('metadata.yaml was not used: has ')
+    assert len(read.displacement) == len(recording().displacement)
+
+
 def test_a_compressed_bag_without_metadata(tmp_path):
     write_bag(tmp_path / 'bag', plain_messages(), compression=CompressionMode.FILE)
     (tmp_path / 'bag' / 'metadata.yaml').unlink()

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
-from recording_cases import EPOCH, SECOND, messages, plain_messages, setpoint, write_bag
+from recording_cases import EPOCH, SECOND, messages, plain_messages, recording, setpoint, write_bag
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 from rosbags.rosbag2 import Writer as Ros2Writer
@@ -25,7 +25,8 @@ from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.commands.record_rig import main as record_rig
 from cfd_pneumatic.convention import FLUID_PRESSURE, JOINT_STATE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import read_mapping, read_recording
+from cfd_pneumatic.planning.device import read_report
+from cfd_pneumatic.recording import read_mapping, read_recording, write_recording
 from cfd_pneumatic.recording.bags.mcap_pieces import CHUNK, HEAD
 from cfd_pneumatic.yaml_files import LARGEST, read_yaml
 
@@ -287,6 +288,39 @@ def test_a_topic_whose_name_or_type_is_no_text_is_refused_or_left_out(tmp_path, 
     assert 'piston_state' in refused(read_recording, file)
 
 
+# sqlite3
+
+COMPUTED = {
+    'rows without end': [
+        'ALTER TABLE messages RENAME TO stored',
+        'CREATE VIEW messages AS WITH RECURSIVE n(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n) '
+        'SELECT i AS id, 1 AS topic_id, i AS timestamp, (SELECT data FROM stored LIMIT 1) AS data FROM n',
+    ],
+    'payloads of any size': [
+        'ALTER TABLE messages RENAME COLUMN data TO stored',
+        'ALTER TABLE messages ADD COLUMN data GENERATED ALWAYS AS (zeroblob(900000000))',
+    ],
+}
+
+
+@pytest.mark.parametrize('kind', COMPUTED)
+@pytest.mark.parametrize('part', [1.0, 0.95])
+def test_a_database_that_computes_its_messages_is_refused(tmp_path, kind, part):
+    write_recording(tmp_path / 'bag', recording(5_000), storage='sqlite3')
+    file = tmp_path / 'bag' / 'bag.db3'
+    with closing(sqlite3.connect(file)) as database:
+        for statement in COMPUTED[kind]:
+            database.execute(statement)
+    os.truncate(file, int(part * file.stat().st_size))
+    assert refused(read_recording, file) == f'{file}: is no bag: its messages are not stored, but computed'
+
+
+def test_a_bag_of_ros_1_without_a_first_line_is_refused(tmp_path):
+    (tmp_path / 'zeros.bag').touch()
+    os.truncate(tmp_path / 'zeros.bag', 2**36)
+    assert 'it is no bag of ROS 1' in refused(read_recording, tmp_path / 'zeros.bag')
+
+
 # Names and tables
 
 
@@ -334,6 +368,21 @@ def test_no_more_of_a_chunk_of_ros_1_is_unpacked_than_can_be_meant(tmp_path, com
     writer.set_compression(compression)
     write_packed(writer, get_typestore(Stores.ROS1_NOETIC), BOMB)
     assert 'unpacks to more than can be meant' in refused(read_recording, tmp_path / 'bomb.bag')
+
+
+# reports
+
+
+ENDLESS = (
+    '{"cylinders": {"cylinder_a": {"noise_floor_pa": 1e999}}, '
+    '"recordings": [{"displacement_samples": 9, "duration_s": 1, "travel_m": [0, 1]}]}'
+)
+
+
+@pytest.mark.parametrize('content', ['[' * 200_000, '{"a": ' * 200_000, '1', '{}', ENDLESS])
+def test_a_report_that_is_none_is_refused(tmp_path, content):
+    (tmp_path / 'report.json').write_text(content)
+    assert 'is no report of identify_bag' in refused(read_report, tmp_path / 'report.json')
 
 
 # names

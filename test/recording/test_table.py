@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 from recording_cases import MEASURED, ROOT, assert_same
@@ -167,6 +169,19 @@ def test_a_table_that_is_not_there_or_not_text(tmp_path):
     (tmp_path / 'bag.mcap').write_bytes(b'\x89MCAP0\r\n\xff\xfe')
     with pytest.raises(InputError, match=r'bag.mcap: is not a text file, and the mapping is for tables$'):
         read_recording(tmp_path / 'bag.mcap', mapping=mapping)
+
+
+def test_a_line_without_an_end_and_what_can_be_read_once_only(tmp_path):
+    (tmp_path / 'mapping.yaml').write_text(BY_NUMBER)
+    mapping = read_mapping(tmp_path / 'mapping.yaml')
+    (tmp_path / 'run.csv').touch()
+    os.truncate(tmp_path / 'run.csv', 2**36)
+    with pytest.raises(InputError, match=r'run.csv: has a line of more than 16,777,216 characters: is it a table\?'):
+        read_recording(tmp_path / 'run.csv', mapping=mapping)
+    os.mkfifo(tmp_path / 'pipe')
+    for path in (tmp_path / 'pipe', '/dev/zero'):
+        with pytest.raises(InputError, match='is a pipe or a device, and recordings are read twice: give a file'):
+            read_recording(path, mapping=mapping)
 
 
 def test_a_table_without_a_mapping(tmp_path):

@@ -91,6 +91,25 @@ def test_a_folder_that_cannot_be_written(tmp_path):
     assert str(caught.value) == f'cannot write {tmp_path}/file/bag: {tmp_path}/file is not a folder'
 
 
+def test_only_one_at_a_time_writes_a_bag(tmp_path):
+    with BagWriter(tmp_path / 'bag') as bag:
+        fill(bag)
+        with pytest.raises(InputError, match='bag is being written by another run'):
+            BagWriter(tmp_path / 'bag')
+    assert os.listdir(tmp_path) == ['bag']
+
+
+def test_a_bag_stands_beside_what_somebody_put_into_its_place_meanwhile(tmp_path):
+    (tmp_path / 'bag_2').touch()
+    with BagWriter(tmp_path / 'bag') as bag:
+        fill(bag)
+        (tmp_path / 'bag').mkdir()
+        (tmp_path / 'bag' / 'mine').touch()
+    assert bag.path == tmp_path / 'bag_3'
+    assert len(read_recording(bag.path).displacement) == 3
+    assert (tmp_path / 'bag' / 'mine').exists()
+
+
 def test_a_disk_that_is_full(tmp_path, monkeypatch):
     def fail(*arguments):
         raise OSError(28, 'No space left on device')

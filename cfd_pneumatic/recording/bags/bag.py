@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 _MAX_LISTED = 5
+_LARGEST_METADATA = 2**20  # bytes; a thousand files take a fifth of that
+_ANCHOR = re.compile(rb'(?m)(?:^|[\s\[{,:])&\w')
+_ROS1_MAGIC = b'#ROSBAG V2.0\n'
 _COMPRESSIONS = {function: name for name, function in decompressors.items()}
 
 
@@ -180,6 +183,7 @@ class Bag:
         files = sorted(file for file in self.path.iterdir() if file.suffix in SUFFIXES)
         if (self.path / METADATA).exists():
             try:
+                _check_metadata(self.path / METADATA)
                 for packed in self.path.glob('*.zstd'):  # rosbags would unpack them whole
                     check_file(packed)
                 if not any(_storage(file).flaw(file) for file in files):
@@ -209,6 +213,9 @@ class Bag:
 
     def _open_ros1(self) -> StorageFile:
         try:
+            with self.path.open('rb') as file:
+                if file.read(len(_ROS1_MAGIC)) not in (b'', _ROS1_MAGIC):  # rosbags would look for the end of this line
+                    raise InputError('it is no bag of ROS 1')
             reader = Ros1Reader(self.path)
             reader.open()
             self._stack.callback(reader.close)
@@ -234,6 +241,8 @@ class Bag:
             damage = _storage(file).flaw(file)
             if damage is None:
                 return self._enter(Ros2Reader(file))
+        except InputError:
+            raise
         except PermissionError as error:
             raise InputError(f'{file.name} cannot be read: {error.strerror}') from error
         except Exception as error:  # rosbags raises whatever damage makes it stumble over
@@ -312,6 +321,16 @@ def _check_names(connections: Iterable[Connection]) -> None:
     for connection in connections:
         if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
             raise ValueError('a topic has no name or no type')
+
+
+def _check_metadata(file: Path) -> None:
+    """Refuse what would unfold in the hands of rosbags; the files that it speaks of are read without it."""
+    with file.open('rb') as stream:
+        content = stream.read(_LARGEST_METADATA + 1)
+    if len(content) > _LARGEST_METADATA:
+        raise InputError(f'has more than {_LARGEST_METADATA // 2**20} MiB')
+    if _ANCHOR.search(content):
+        raise InputError('has YAML aliases, which no recorder writes')
 
 
 def _storage(file: Path) -> Storage:

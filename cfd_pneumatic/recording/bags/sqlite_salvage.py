@@ -7,10 +7,12 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Collection, Iterator
+from contextlib import closing, suppress
 from pathlib import Path
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
+from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.definitions import FORMATS
 
 _SQLITE_MAGIC = b'SQLite format 3\0'
@@ -19,12 +21,36 @@ _MESSAGES = "FROM messages NOT INDEXED WHERE typeof(data) = 'blob'"
 
 
 def flaw(file: Path) -> str | None:
-    """Return what is wrong with a file, None if nothing is."""
+    """
+    Return what is wrong with a file, None if nothing is.
+
+    Raises
+    ------
+    InputError
+        If it computes what a bag stores.
+
+    """
+    with (
+        closing(sqlite3.connect(f'{file.absolute().as_uri()}?mode=ro&immutable=1', uri=True)) as database,
+        suppress(sqlite3.Error),
+    ):
+        _refuse_computed(database)
     with file.open('rb') as stream:
         header = stream.read(_SQLITE_HEADER)
     pages = int.from_bytes(header[28:32], 'big')
     cut = header.startswith(_SQLITE_MAGIC) and os.path.getsize(file) < pages * _page_size(header)
     return 'is cut off' if cut else None
+
+
+def _refuse_computed(database: sqlite3.Connection) -> None:
+    """Refuse views and generated columns in the place of a bag's tables: they have no end, or are of any size."""
+    computed = database.execute(
+        'SELECT tables.name FROM sqlite_master AS tables, pragma_table_xinfo(tables.name) AS columns '
+        "WHERE tables.name IN ('messages', 'topics', 'schema', 'metadata', 'message_definitions') "
+        "AND (tables.type != 'table' OR columns.hidden)"
+    ).fetchone()
+    if computed:
+        raise InputError(f'is no bag: its {computed[0]} are not stored, but computed')
 
 
 class SalvagedSqlite:
@@ -48,6 +74,8 @@ class SalvagedSqlite:
         _copy_whole_pages(path, copy)
         self._database = sqlite3.connect(copy)
         self._database.execute('PRAGMA writable_schema = ON')  # or SQLite refuses a file shorter than it should be
+        with suppress(sqlite3.Error):
+            _refuse_computed(self._database)
         self._scan()
 
     def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
@@ -104,7 +132,8 @@ def _page_size(header: bytes) -> int:
 def _copy_whole_pages(file: Path, copy: Path) -> None:
     """Copy a database without the page in which it was cut off: the half of a row would be read as numbers."""
     with file.open('rb') as stream:
-        size = _page_size(stream.read(_SQLITE_HEADER))
-    shutil.copyfile(file, copy)
-    if size:
+        header = stream.read(_SQLITE_HEADER)
+    size = _page_size(header)
+    if size and header.startswith(_SQLITE_MAGIC):  # else there is nothing that SQLite would read
+        shutil.copyfile(file, copy)
         os.truncate(copy, os.path.getsize(copy) // size * size)

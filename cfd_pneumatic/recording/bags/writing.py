@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, cast
@@ -20,7 +22,7 @@ from cfd_pneumatic.files import Aside, reported
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, join
 from cfd_pneumatic.recording.bags.form import Form
 from cfd_pneumatic.recording.bags.messages import standard_types
-from cfd_pneumatic.recording.bags.storages import METADATA, STORAGES, StorageName, StorageWriter
+from cfd_pneumatic.recording.bags.storages import METADATA, STORAGES, SUFFIXES, StorageName, StorageWriter
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -59,10 +61,11 @@ class BagWriter:
         self._connections: dict[str, Connection] = {}
         self._waiting: list[tuple[Connection, MessageBlock]] = []
         self._size = 0  # of what is waiting [bytes]
-        self._check_free(overwrite)
+        self._overwrite = overwrite
+        self._check_free()
         with self._reported():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._aside = Aside(self.path)
+            self._aside = Aside(self.path, alone=True)
             self._writer = Writer(self._aside.made, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()])
             self._writer.STORAGE_PLUGINS = {StoragePlugin[storage.upper()]: STORAGES[storage].writer}
             self._writer.open()
@@ -126,11 +129,22 @@ class BagWriter:
         self._writer.set_custom_data(key, text)
 
     def close(self) -> None:
-        """Complete the bag and move it to its place."""
+        """Complete the bag and move it to its place, or beside what somebody else put there meanwhile."""
         self.flush()
         with self._reported():
             self._writer.close()
+            if not self._overwrite:
+                self.path = self._aside.path = _free(self.path)
             self._aside.take_place()
+        self._aside.close()
+
+    def leave(self) -> None:
+        """Let what was written take a place as it is, where the bag can't be completed; it reads as one cut off."""
+        with suppress(Exception):
+            self._writer.abort()
+        self.path = _free(self.path)
+        with self._reported():
+            os.replace(self._aside.made, self.path)
         self._aside.close()
 
     def abort(self) -> None:
@@ -156,17 +170,20 @@ class BagWriter:
             self.abort()
             raise
 
-    def _check_free(self, overwrite: bool) -> None:
+    def _check_free(self) -> None:
         if self.path.parent.exists() and not self.path.parent.is_dir():
             raise InputError(f'cannot write {self.path}: {self.path.parent} is not a folder')
         if self.path.is_symlink():
             raise InputError(f'{self.path} is a symbolic link and is not written through: give what it leads to')
         if not self.path.exists():
             return
-        if not overwrite:
+        if not self._overwrite:
             raise InputError(f'{self.path} exists already: choose another name or let it be overwritten')
         if not (self.path / METADATA).is_file():
             raise InputError(f'{self.path} is not a bag and is not overwritten: choose another name')
+        for one in self.path.iterdir():
+            if one.name != METADATA and not any(suffix in one.name for suffix in SUFFIXES):
+                raise InputError(f'{self.path} holds {one.name} beside a bag, and is not overwritten: move one of them')
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
@@ -176,6 +193,12 @@ class BagWriter:
                 yield
         except sqlite3.Error as error:
             raise InputError(f'cannot write {self.path}: {error}; choose a folder that you may write to') from error
+
+
+def _free(path: Path) -> Path:
+    """Return a path, with a number behind it where something is there."""
+    numbered = (path.with_name(f'{path.name}_{number}') for number in count(2))
+    return next(one for one in chain([path], numbered) if not one.exists())
 
 
 @dataclass(frozen=True)
