@@ -170,7 +170,7 @@ class ModelNode(Node):
     def _listen_to(
         self, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile, raw: bool = False
     ) -> None:
-        """Subscribe, and count what the middleware loses and who offers too little."""
+        """Subscribe, and count what is lost and who offers too little; `raw` are samples, which are shed in need."""
         listen_to(
             self,
             message_type,
@@ -180,6 +180,7 @@ class ModelNode(Node):
             raw,
             partial(self._on_lost, topic),
             partial(self._on_mismatch, topic),
+            sheds=raw,
         )
 
     def _listen_to_setpoints(self) -> None:

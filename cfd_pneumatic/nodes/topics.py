@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
@@ -21,6 +22,10 @@ try:
 except ImportError:  # before Jazzy
     from rclpy.qos_event import SubscriptionEventCallbacks
 
+_WAIT = 500_000_000  # longer no sample should wait for its callback [ns]
+_STANDING = 1_000_000_000  # for so long all may, as behind a process that stood still [ns]
+_KEPT = 10  # of so many samples one is taken while they wait for longer
+
 
 def publish_on(node: Node, message_type: type, topic: str, qos: QoSProfile) -> Publisher:
     """Return a publisher; `qos` stays as it is, for rclpy writes the overrides into what it is given."""
@@ -39,19 +44,21 @@ def listen_to(
     raw: bool = False,
     on_lost: Callable[[int], None] | None = None,
     on_mismatch: Callable[[int, str], None] | None = None,
+    sheds: bool = False,
 ) -> Subscription:
     """
     Return a subscription, to serialised messages where `raw`; `qos` stays as it is.
 
     `on_lost` is told how many messages were lost since it was told last, `on_mismatch` how many publishers more offer
-    less than is asked for, and the policy that differs.
+    less than is asked for, and the policy that differs. One that `sheds` takes every tenth message while they come
+    faster than they are taken.
     """
     events = SubscriptionEventCallbacks(
         incompatible_qos=on_mismatch
         and (lambda event: on_mismatch(event.total_count_change, qos_policy_name_from_kind(event.last_policy_kind))),
     )
     if on_lost is not None:
-        callback = _Counting(callback, on_lost, lambda: node.count_publishers(subscription.topic_name))
+        callback = Counting(callback, on_lost, lambda: node.count_publishers(subscription.topic_name), sheds)
     with _named(topic):
         subscription = node.create_subscription(
             message_type,
@@ -65,32 +72,58 @@ def listen_to(
     return subscription
 
 
-class _Counting:
+class Counting:
     """
     A callback before which messages are counted that did not come: a queue that overflows raises no event.
 
     A publisher numbers its messages. A message does not say whose it is, so each is taken for the next of whoever's
     numbers it follows most closely.
+
+    Parameters
+    ----------
+    callback
+        Takes messages.
+    on_lost
+        Is told how many were lost since it was told last.
+    publishers
+        Says how many there are.
+    sheds
+        Whether every tenth message will do while they come faster than they are taken.
+
     """
 
     def __init__(
-        self, callback: Callable[[Any], None], on_lost: Callable[[int], None], publishers: Callable[[], int]
+        self,
+        callback: Callable[[Any], None],
+        on_lost: Callable[[int], None],
+        publishers: Callable[[], int],
+        sheds: bool = False,
     ) -> None:
         self._callback, self._on_lost, self._publishers = callback, on_lost, publishers
-        self._expected: list[int] = []
+        self._expected: list[int] = []  # last the number of whoever was heard last
+        self._queue = _Queue() if sheds else None
+        self._shed = 0
         self.__signature__ = signature(lambda message, info: None)  # by which rclpy sees that it wants both
 
     def __call__(self, *given: Any) -> None:
+        """Take a message, and what the middleware tells of it."""
         message, info = given if len(given) == 2 else given[0]  # EventsExecutor gives the pair
         number = info.get('publication_sequence_number')
         if number is not None:  # else the middleware does not tell
             self._count(number)
+            if self._queue is not None and self._queue.stands(info['received_timestamp']) and number % _KEPT:
+                self._shed += 1
+                return
+        if self._shed:
+            self._on_lost(self._shed)
+            self._shed = 0
         self._callback(message)
 
     def _count(self, number: int) -> None:
         expected = self._expected
         if number in expected:
-            expected[expected.index(number)] += 1
+            expected.remove(number)
+            expected.append(number + 1)
             return
         before = max((one for one in expected if one < number), default=None)
         publishers = self._publishers()
@@ -98,8 +131,31 @@ class _Counting:
             expected.append(number + 1)
             del expected[: -max(publishers, 1)]
         else:
-            expected[expected.index(before)] = number + 1
+            expected.remove(before)
+            expected.append(number + 1)
             self._on_lost(number - before)
+
+
+class _Queue:
+    """
+    The messages that wait for a callback.
+
+    After a process stood still they are many, and soon none. Where they stay many they come faster than they are
+    taken: then whatever is taken is old, and waiting longer helps nobody.
+    """
+
+    def __init__(self) -> None:
+        self._since: int | None = None
+
+    def stands(self, received: int) -> bool:
+        """Return whether messages have waited too long for too long; this one since it was received [ns]."""
+        now = time.time_ns()
+        if now - received <= _WAIT or not received:  # else the middleware does not tell
+            self._since = None
+            return False
+        if self._since is None:
+            self._since = now
+        return now - self._since > _STANDING
 
 
 @contextmanager

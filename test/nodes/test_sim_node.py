@@ -10,19 +10,24 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
-from graph import MILLISECOND, PATIENCE, Graph, SimClient, refusals, ros_arguments, unique_namespace
+import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
+from graph import MILLISECOND, PATIENCE, QUEUE, Graph, SimClient, refusals, ros_arguments, unique_namespace
 from measured import MAPPING, ROOT, needs_measured_data
 from rcl_interfaces.srv import DescribeParameters, ListParameters
+from rclpy.context import Context
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64, Header
 
 import cfd_pneumatic
@@ -51,6 +56,14 @@ START = 2_000_000_000_000
 
 WITHOUT_EVENTS = "import sys; sys.modules['rclpy.experimental'] = None"
 """No `EventsExecutor`, as before Jazzy."""
+
+SLOW = """\
+import time
+from cfd_pneumatic.nodes.sim_node import SimNode
+commit = SimNode._commit
+SimNode._commit = lambda *given: (time.sleep(2e-3), commit(*given))
+"""
+"""A node that answers less than 500 samples in a second."""
 
 SERIALISED_OTHERWISE = """\
 from cfd_pneumatic.nodes import samples
@@ -459,6 +472,64 @@ def test_messages_that_were_lost_are_counted(graph: Graph) -> None:
         assert 'messages on piston_state were lost' in process.stderr
 
 
+def test_publishers_that_come_and_go_are_no_loss(graph: Graph, sim: SimClient) -> None:
+    stamps = iter(range(START, START + 100_000 * MILLISECOND, MILLISECOND))
+    lost = sim.count('lost messages')
+    for _ in range(3):
+        for _ in range(30):
+            sim.sample(next(stamps), 0.0)
+        publishers = sim.piston_out.topic_name, graph.node.count_publishers(sim.piston_out.topic_name)
+        other = graph.publisher(JointState, publishers[0])
+        graph.until(other.get_subscription_count)
+        stamp = next(stamps)
+        graph.until(
+            lambda other=other, stamp=stamp: sim.answer(stamp),
+            doing=lambda other=other, stamp=stamp: other.publish(
+                JointState(header=Header(stamp=stamp_message(stamp)), name=['piston'], position=[0.0])
+            ),
+        )
+        graph.node.destroy_publisher(other)
+        graph.until(lambda publishers=publishers: graph.node.count_publishers(publishers[0]) == publishers[1])
+    sim.sample(next(stamps), 0.0)
+    assert sim.count('lost messages') == lost
+
+
+def test_an_overload_is_shed_and_told_and_ends_with_its_cause(graph: Graph) -> None:
+    """Ten subscribers that take nothing listen, too."""
+    namespace = unique_namespace()
+    context = Context()
+    rclpy.init(context=context)
+    deaf = Node('deaf', context=context)
+    for index in range(10 * len(CYLINDERS)):
+        topic = (PRESSURE_A, PRESSURE_B)[index % len(CYLINDERS)]
+        deaf.create_subscription(FluidPressure, f'{namespace}/{topic}', print, QUEUE)
+    with graph.run('sim_node', ros_arguments(namespace), before=SLOW):
+        sim = SimClient(graph, namespace).meet()
+        before = sim.count('samples')
+        sent = 0
+
+        def send(count: int) -> None:
+            nonlocal sent
+            for _ in range(count):
+                sent += 1
+                sim.send(START + sent * MILLISECOND, 0.0)
+
+        def lost(status: DiagnosticStatus) -> int:
+            return int(next(value.value for value in status.values if value.key == 'lost messages'))
+
+        told = graph.next_diagnostics(sim.node, lambda status: lost(status) > 10_000, doing=lambda: send(500))
+        assert told.level == told.WARN
+        assert 'lost messages' in told.message
+        answered = sim.count('samples')
+        graph.until(lambda: sim.answer(sim.stamp), doing=lambda: send(1))
+        graph.until(lambda: sim.count('lost messages') + sim.count('samples') - before == sent)
+        assert sim.count('samples') - answered < 2500, 'what waits is thrown away, and not answered late'
+        status = graph.next_diagnostics(sim.node, lambda status: status.level == status.OK, doing=lambda: send(1))
+        assert status.message == 'following piston_state'
+    deaf.destroy_node()
+    rclpy.shutdown(context=context)
+
+
 def test_a_publisher_that_offers_less_than_is_asked_for_is_told(graph: Graph, sim: SimClient) -> None:
     best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     topic = f'{sim.node.rpartition("/")[0]}/{setpoint_topic("cylinder_a")}'
@@ -571,6 +642,13 @@ def test_a_good_value_acts_from_the_next_sample(sim: SimClient) -> None:
         assert (answer[PRESSURE_A], answer[PRESSURE_B]) == expected(live, stamp, position, (REST, REST))
     assert sim.graph.set(sim.node, cylinder_a__tau=[0.01]).successful
     assert sim.graph.get(sim.node, 'cylinder_a.tau') == [[0.01]]
+    assert sim.graph.set(sim.node, stroke_upper=2e-3).successful
+    sim.graph.next_diagnostics(
+        sim.node,
+        lambda status: 'is at 0.0021 m, outside stroke_lower -1 to stroke_upper 0.002 m' in status.message,
+        doing=lambda: sim.send(sim.stamp + MILLISECOND, 2.1e-3),
+    )
+    assert sim.graph.set(sim.node, stroke_upper=1.0).successful
 
 
 @pytest.mark.parametrize(('name', 'value', 'reason'), [
@@ -588,6 +666,8 @@ def test_a_good_value_acts_from_the_next_sample(sim: SimClient) -> None:
     ('area', -1.0, 'area out of range'),
     ('geometric_factor', 0.0, 'geometric_factor is 0'),
     ('axis', 'w', "axis 'w' is not one of x, y, z"),
+    ('frame_id', '', 'frame_id is empty'),
+    ('stroke_lower', 1.0, 'stroke_lower 1 m does not lie below stroke_upper 1 m'),
     ('cylinder_b__enabled', False, 'read-only parameter: cylinder_b.enabled'),
     ('preview_period', 1.0, 'read-only parameter: preview_period'),
 ])  # fmt: skip
@@ -724,13 +804,22 @@ def test_nothing_is_imported_that_only_other_programs_need() -> None:
     assert run.stdout.strip() == '[]'
 
 
-def test_cold_caches_say_that_they_compile_and_where_the_code_is_kept(graph: Graph, tmp_path: Path) -> None:
-    namespace = unique_namespace()
+def test_with_cold_caches_one_compiles_and_the_other_waits_and_both_say_so(graph: Graph, tmp_path: Path) -> None:
+    compiling, waiting = f'compiling the model, once: it is kept in {tmp_path}', 'another process compiles the model'
     cache = {'NUMBA_CACHE_DIR': str(tmp_path)}
-    for compiles in (True, False):
-        with graph.run('sim_node', ros_arguments(namespace), environment=cache) as process:
-            graph.until(lambda process=process: 'ready for piston_state' in process.stderr)
-            assert process.stderr.count(f'compiling the model, once: it is kept in {tmp_path}') == compiles
+    spaces = unique_namespace(), unique_namespace()
+    graph.diagnostics.clear()
+    with ExitStack() as stack:
+        cells = [stack.enter_context(graph.run('sim_node', ros_arguments(one), environment=cache)) for one in spaces]
+        graph.until(lambda: all('ready for piston_state' in cell.stderr for cell in cells))
+        said = sorted([compiling in cell.stderr, waiting in cell.stderr] for cell in cells)
+        assert said == [[False, True], [True, False]]
+        starts = [one for one in graph.diagnostics if one.name.endswith('sim_node: start')]
+        assert {one.message.partition(': ')[0] for one in starts if one.level == one.WARN} == {'not ready yet'}
+        graph.next_diagnostics(f'{spaces[0]}/sim_node', lambda one: one.name.endswith('input'))  # it is ready
+    with graph.run('sim_node', ros_arguments(spaces[0]), environment=cache) as process:
+        graph.until(lambda: 'ready for piston_state' in process.stderr)
+        assert 'compiling' not in process.stderr
 
 
 def test_an_installation_where_nothing_can_be_written_runs(graph: Graph, tmp_path: Path) -> None:
