@@ -12,15 +12,17 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.nodes.health import Warnings
 from cfd_pneumatic.nodes.parameters import switch, text, texts
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.samples import message_class
+from cfd_pneumatic.nodes.topics import Counting
 from cfd_pneumatic.recording import BagWriter
 from cfd_pneumatic.recording.bags.blocks import MessageBlock
 from cfd_pneumatic.recording.bags.storages import STORAGES
 
 _LOOK_PERIOD = 0.1  # how often topics that were not there yet are looked for [s]
-_DEPTH = 1000  # messages of one topic that may wait while others are written
+_DEPTH = 10_000  # messages of one topic that may wait while others are written, or the node waits for a core
 
 
 class RecorderNode(Node):
@@ -45,7 +47,8 @@ class RecorderNode(Node):
         self._wanted = {self._full_name(topic) for topic in topics if topic}
         if not self._wanted:
             raise InputError("parameter 'topics' is empty: name the topics, -p topics:=[/cfd/device/piston_state]")
-        self._written = 0
+        self._written = self._lost = 0
+        self._warnings = Warnings(self)
         self._failure: InputError | None = None
         self.create_timer(_LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._bag = BagWriter(output, storage=storage, overwrite=overwrite)
@@ -78,7 +81,10 @@ class RecorderNode(Node):
         except (InputError, ImportError, AttributeError) as error:
             self.get_logger().error(f'{topic} is left out: {error}')
             return
-        self.create_subscription(message_type, topic, partial(self._write, topic), _qos_for(offered), raw=True)
+        write = Counting(
+            partial(self._write, topic), partial(self._on_lost, topic), partial(self.count_publishers, topic)
+        )
+        self.create_subscription(message_type, topic, write, _qos_for(offered), raw=True)
         self.get_logger().info(f'recording {topic}')
 
     def _write(self, topic: str, payload: Any) -> None:
@@ -91,6 +97,10 @@ class RecorderNode(Node):
             self._failure = error
             self.context.try_shutdown()
 
+    def _on_lost(self, topic: str, lost: int) -> None:
+        self._lost += lost
+        self._warnings.warn(f'{lost} messages on {topic} were lost: they come faster than they are written')
+
     def destroy_node(self) -> None:
         """Complete the bag; where the disk is full, leave what is written."""
         if self._wanted:
@@ -102,7 +112,8 @@ class RecorderNode(Node):
         except InputError as error:
             self._bag.leave()
             raise InputError(f'{error}; what was recorded before is in {self._bag.path}') from error
-        self.get_logger().info(f'{self._written} messages in {self._bag.path}')
+        lost = f', {self._lost} were lost' if self._lost else ''
+        self.get_logger().info(f'{self._written} messages in {self._bag.path}{lost}')
         super().destroy_node()
 
 

@@ -14,14 +14,13 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.health import Warnings
-from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, stamp_message
+from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, OUTPUT_QOS, stamp_message
 from cfd_pneumatic.nodes.outputs import Outputs, writers
 from cfd_pneumatic.nodes.parameters import number, switch, text, value_of
 from cfd_pneumatic.nodes.program import run
@@ -47,7 +46,6 @@ from cfd_pneumatic.units import PSI
 
 _KNOTS = 10  # of the commanded piston's motion in a sample
 _BURST = 20  # samples at most that one tick catches up on, so that callbacks and signals get their turn
-_OUTPUT_QOS = QoSProfile(depth=10 * _BURST)  # reliable, some bursts deep
 _WAITING_PERIOD = 0.05  # [s]
 _DELIVERY = 4.0  # how long the last messages may take to arrive before the node ends; DDS asks every 3 s [s]
 
@@ -286,11 +284,11 @@ class RigNode(Node):
     # topics
 
     def _publisher(self, message_type: type, topic: str) -> Publisher:
-        return publish_on(self, message_type, topic, _OUTPUT_QOS)
+        return publish_on(self, message_type, topic, OUTPUT_QOS)
 
     def _open_outputs(self) -> None:
         self._piston_out = self._publisher(JointState, convention.PISTON_STATE)
-        self._outputs = Outputs(self, convention.CYLINDERS, convention.MEASURED_FORCE, _OUTPUT_QOS)
+        self._outputs = Outputs(self, convention.CYLINDERS, convention.MEASURED_FORCE, OUTPUT_QOS)
         self._outputs.orient(writers(self, self._frame, 'x'))
 
     def _publish(self, sample: RigRecord) -> None:

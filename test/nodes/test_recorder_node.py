@@ -131,6 +131,29 @@ def test_late_and_latched_topics_are_in_and_missing_ones_are_named(graph: Graph,
     assert [message.data for message in messages[late]] == [float(value) for value in range(1000)]
 
 
+def test_what_is_lost_is_said(graph: Graph, tmp_path: Path) -> None:
+    namespace, bag = unique_namespace(), tmp_path / 'bag'
+    out = graph.publisher(Float64, f'{namespace}/fast')
+    shallow = 'import cfd_pneumatic.nodes.recorder_node as node; node._DEPTH = 5'
+    sent = 0
+    with graph.run('recorder_node', recorder(bag, f'{namespace}/fast'), before=shallow) as process:
+        graph.until(out.get_subscription_count)
+
+        def burst() -> None:
+            nonlocal sent
+            for _ in range(500):
+                sent += 1
+                out.publish(Float64(data=float(sent)))
+
+        graph.until(lambda: f'messages on {namespace}/fast were lost' in process.stderr, doing=burst)
+        out.wait_for_all_acked()
+        process.stop()
+        written = [message.data for message in read_bag(bag)[f'{namespace}/fast']]
+        lost = int(written[-1] - written[0]) + 1 - len(written)
+        assert lost > 0
+        assert f'{len(written)} messages in {bag}, {lost} were lost' in process.stderr
+
+
 BAD = (
     ({}, "parameter 'output' is empty"),
     ({'output': '{}/bag'}, "parameter 'topics' is empty"),
