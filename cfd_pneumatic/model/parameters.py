@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cfd_pneumatic.units import PSI, PSI_PER_INCH
 
+_NEAR = 0.25  # of the step to the next set-point: so far beyond the last one its gains are as good as those between
+
 
 @dataclass(frozen=True)
 class ParameterSpec:
@@ -123,7 +125,7 @@ class OperatingPoints:
         return OperatingPoints(points, *(np.interp(points, self.setpoints, getattr(self, name)) for name in NAMES))
 
     def covers(self, setpoint: float) -> bool:
-        """Tell whether a gauge set pressure [Pa] lies within the schedule (a constant covers every one)."""
+        """Tell whether a gauge set pressure [Pa] lies within or near the schedule (a constant covers every one)."""
         low, high = self._covered
         return low <= setpoint <= high
 
@@ -132,9 +134,8 @@ class OperatingPoints:
         """The lowest and the highest gauge set pressure that are covered [Pa]."""
         if self.setpoints.size == 1:
             return -math.inf, math.inf
-        low, high = float(self.setpoints[0]), float(self.setpoints[-1])
-        edge = 1e-3 * (high - low)  # a parameter file rounds
-        return low - edge, high + edge
+        steps = _NEAR * np.diff(self.setpoints)
+        return float(self.setpoints[0] - steps[0]), float(self.setpoints[-1] + steps[-1])
 
 
 def _rows(*rows: tuple[float, float, float, float, float]) -> OperatingPoints:

@@ -45,9 +45,11 @@ def test_bad_tables_are_refused(change, message):
         OperatingPoints.from_rows(rows | change)
 
 
-def test_a_table_covers_what_lies_between_its_set_points():
-    assert TABLE_1.covers(10.0 * PSI)
-    assert not TABLE_1.covers(21.0 * PSI)
+def test_a_table_covers_what_lies_between_and_near_its_set_points():
+    for setpoint in (3.8, 10.0, 21.2):
+        assert TABLE_1.covers(setpoint * PSI)
+    for setpoint in (3.7, 21.3):
+        assert not TABLE_1.covers(setpoint * PSI)
     assert OperatingPoints.constant(1e6, 10.0, 5.0, 0.01).covers(1e9)
 
 

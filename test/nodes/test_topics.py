@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 from contextlib import ExitStack
 
+import numpy as np
 import pytest
 from graph import Graph, ros_arguments
 
 from cfd_pneumatic.convention import MONITOR_INPUTS, SIM_INPUTS
+from cfd_pneumatic.model import TABLE_1
+from cfd_pneumatic.rig import SCHEDULES, schedule_named
 from studies.layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
 
 NODES = {
@@ -35,6 +38,12 @@ def test_launch_files_redirect_what_the_node_hears(cell, namespace, inputs):
     cell.until(lambda: cell.node.get_subscriber_names_and_types_by_node(name, namespace))
     heard = {topic for topic, _ in cell.node.get_subscriber_names_and_types_by_node(name, namespace)}
     assert {topic for topic in heard if topic.startswith(namespace)} == {f'{namespace}/{topic}' for topic in inputs}
+
+
+@pytest.mark.parametrize('name', SCHEDULES)
+def test_no_schedule_of_the_rig_leaves_the_operating_points_of_a_cell_s_default_parameters(name):
+    setpoints = schedule_named(name).setpoints
+    assert all(TABLE_1.covers(setpoint) for setpoint in np.unique(setpoints))
 
 
 def test_what_the_layout_of_a_cell_shows_is_published(cell):
