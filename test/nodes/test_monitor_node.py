@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,7 +17,9 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from graph import MILLISECOND, PATIENCE, Graph, Process, refusals, ros_arguments, unique_namespace
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Float64
 
 from cfd_pneumatic.convention import (
     AMBIENT_PRESSURE,
@@ -213,6 +216,38 @@ def test_faults_of_the_feed_are_named_and_the_watch_goes_on(graph: Graph) -> Non
         assert status('cylinder_a', '').message == 'agrees with its model'
         assert graph.trigger(f'{monitor}/learn').success
         assert 'learning' in status('cylinder_b', 'learning').message
+
+
+def test_what_has_gone_wrong_since_the_last_report_is_a_warning(graph: Graph) -> None:
+    source, own = unique_namespace(), unique_namespace()
+    monitor = f'{own}/monitor_node'
+    driver = Driver(graph, source)
+    force_out = graph.publisher(WrenchStamped, f'{source}/{MEASURED_FORCE}')
+
+    def feed(words: str, doing: Callable[[], None] = lambda: None) -> DiagnosticStatus:
+        return graph.next_diagnostics(
+            monitor,
+            lambda one: one.name.endswith('feed') and words in one.message,
+            doing=lambda: (driver.publish(0.1), doing()),
+        )
+
+    def refused() -> None:
+        force = WrenchStamped()
+        force.wrench.force.x = math.nan
+        force_out.publish(force)
+
+    shallow = {f'qos_overrides.{source}/{PISTON_STATE}.subscription.depth': 5}
+    with graph.run('monitor_node', beside(own, source, timeout=2.0, **shallow)):
+        driver.meet()
+        graph.until(force_out.get_subscription_count)
+        feed('following piston_state', lambda: driver.piston_out.publish(JointState(name=['elbow'], position=[0.0])))
+        refusals = feed('ignored measurements', refused)
+        assert (refusals.level, 'since the last report' in refusals.message) == (DiagnosticStatus.WARN, True)
+        assert feed('lost messages', lambda: driver.publish(2.0)).level == DiagnosticStatus.WARN
+        feed('following piston_state')
+        best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        graph.node.create_publisher(Float64, f'{source}/{setpoint_topic("cylinder_a")}', best_effort)
+        feed('QoS mismatches')
 
 
 def test_the_process_for_diagnoses_ends_with_a_node_that_is_killed(graph: Graph) -> None:
