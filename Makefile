@@ -155,7 +155,8 @@ $(VENV)/.ready: $(PACKAGING)
 ifeq ($(CI),true)
 	@grep '^setuptools==' $(LOCK) >$(VENV)/setuptools.txt
 	@$(call install,$(VENV),--require-hashes --requirement $(VENV)/setuptools.txt)
-	@$(call install,$(VENV),--require-hashes --requirement $(LOCK))
+	@# all that is needed is in the lock; asked for dependencies, pip would look for newer ones than are locked
+	@$(call install,$(VENV),--no-deps --require-hashes --requirement $(LOCK))
 	@$(call install,$(VENV),--no-index --editable '.[$(LOCKED)]')
 else
 	@$(call install,$(VENV),$(SETUPTOOLS))
