@@ -15,7 +15,7 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.model.baseline import slowest
-from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.model.effects import CORES, EFFECTS
 from cfd_pneumatic.planning.composition import ROUNDS, Menu, compose
 from cfd_pneumatic.planning.device import at_home, home_gains, home_setpoints
 from cfd_pneumatic.planning.evidence import Evidence, of_samples
@@ -212,7 +212,9 @@ def predict(
 def _parameters(evidence: Evidence, wanted: Collection[str]) -> list[ParameterPrediction]:
     units = {spec.name: spec.unit for spec in SPECS} | {'area': 'm^2'}
     units |= {
-        f'{name}.{parameter.name}': parameter.unit for name, one in EFFECTS.items() for parameter in one.parameters
+        f'{name}.{parameter.name}': parameter.unit
+        for name, one in {**CORES, **EFFECTS}.items()
+        for parameter in one.parameters
     }
     return [
         ParameterPrediction(
