@@ -18,6 +18,7 @@ from numba import config, njit
 from numba.core.event import Event, Listener, install_listener
 
 _LOCK_FILE = 'compiling.lock'
+_AGAIN = 1.0  # after which it is said again: who listens may have come late [s]
 _PATIENCE, _PAUSE = 0.5, 0.02  # after which it is said that another process compiles, and between two looks [s]
 
 _own = RLock()
@@ -91,14 +92,14 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 def _lock(file: int) -> None:
-    """Wait for a lock, which ends with its file; say so where it takes long."""
-    told, began = False, time.monotonic()
+    """Wait for a lock, which ends with its file; say so, each second, where it takes long."""
+    due = time.monotonic() + _PATIENCE
     while True:
         try:
             return fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            if not told and time.monotonic() - began > _PATIENCE:
-                told = True
+            if time.monotonic() > due:
+                due += _AGAIN
                 for tell in _waiting:
                     tell()
             time.sleep(_PAUSE)
@@ -109,8 +110,8 @@ def announced(tell: Callable[[str | None], None], wait: Callable[[], None]) -> I
     """
     Tell, once, that functions are about to be compiled; not where machine code is there already.
 
-    `tell` gets the folder in which it is kept, or None where it is lost with the process. `wait` is called where
-    another process compiles them.
+    `tell` gets the folder in which it is kept, or None where it is lost with the process. `wait` is called each
+    second in which another process compiles them.
     """
     _waiting.append(wait)
     try:

@@ -24,7 +24,15 @@ def compile_all(arguments: Sequence[str] | None = None) -> None:
 
     make_parser().parse_args(arguments)
     told: list[str | None] = []
-    with announced(told.append, lambda: print('another process compiles: waiting for it', flush=True)):
+    waits = False
+
+    def wait() -> None:
+        nonlocal waits
+        if not waits:
+            print('another process compiles: waiting for it', flush=True)
+        waits = True
+
+    with announced(told.append, wait):
         _use_everything()
     if not told:
         print('everything is compiled already')

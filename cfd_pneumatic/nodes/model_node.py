@@ -162,7 +162,7 @@ class ModelNode(Node):
         self._say('start', (DiagnosticStatus.WARN, 'not ready yet: compiling the model'), {})
 
     def _on_waiting(self) -> None:
-        self.get_logger().info('another process compiles the model: waiting for it')
+        self.get_logger().info('another process compiles the model: waiting for it', once=True)
         self._say('start', (DiagnosticStatus.WARN, 'not ready yet: another process compiles the model'), {})
 
     # topics

@@ -8,7 +8,7 @@ from itertools import count
 from pathlib import Path
 
 import numpy as np
-from graph import MILLISECOND, Graph, SimClient, refusals, ros_arguments, unique_namespace
+from graph import MILLISECOND, Graph, Process, SimClient, refusals, ros_arguments, unique_namespace
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
@@ -183,7 +183,8 @@ def test_on_a_full_disk_it_ends_in_one_line_and_leaves_what_is_written(graph: Gr
     namespace, bag = unique_namespace(), tmp_path / 'bag'
     topic = f'{namespace}/{PISTON_STATE}'
     out = graph.publisher(JointState, topic)
-    with graph.run('recorder_node', recorder(bag, topic)) as process:
+    process = Process('recorder_node', recorder(bag, topic))
+    try:
         graph.until(lambda: out.get_subscription_count() and f'recording {topic}' in process.stderr)
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (5_000_000, 5_000_000))
         stamps = count(1, MILLISECOND)
@@ -193,7 +194,10 @@ def test_on_a_full_disk_it_ends_in_one_line_and_leaves_what_is_written(graph: Gr
                 JointState(header=Header(stamp=stamp_message(next(stamps))), name=['piston'], velocity=[0.0] * 10_000)
             ),
         )
-    assert process.exit_code == 2
-    assert process.stderr.endswith(f'choose another folder; what was recorded before is in {bag}\n')
-    assert 'Traceback' not in process.stderr
-    assert 'is cut off: salvaged' in Bag(bag).notes[0]
+        process.wait()
+        assert process.exit_code == 2
+        assert process.stderr.endswith(f'choose another folder; what was recorded before is in {bag}\n')
+        assert 'Traceback' not in process.stderr
+        assert 'is cut off: salvaged' in Bag(bag).notes[0]
+    finally:
+        process.reap()
