@@ -815,7 +815,8 @@ def test_with_cold_caches_one_compiles_and_the_other_waits_and_both_say_so(graph
         said = sorted([compiling in cell.stderr, waiting in cell.stderr] for cell in cells)
         assert said == [[False, True], [True, False]]
         starts = [one for one in graph.diagnostics if one.name.endswith('sim_node: start')]
-        assert {one.message.partition(': ')[0] for one in starts if one.level == one.WARN} == {'not ready yet'}
+        # the middleware may meet a new node only when it has compiled: then nothing of that was heard
+        assert {one.message.partition(': ')[0] for one in starts if one.level == one.WARN} <= {'not ready yet'}
         graph.next_diagnostics(f'{spaces[0]}/sim_node', lambda one: one.name.endswith('input'))  # it is ready
     with graph.run('sim_node', ros_arguments(spaces[0]), environment=cache) as process:
         graph.until(lambda: 'ready for piston_state' in process.stderr)
