@@ -62,7 +62,7 @@ def _open_streams() -> None:
     """Open to nowhere what the program was started without; else a file would get its number, and be printed into."""
     for name in ('stdin', 'stdout', 'stderr'):
         if getattr(sys, name) is None:
-            stream = open(os.devnull, 'r' if name == 'stdin' else 'w', encoding='utf-8')  # noqa: SIM115  # it stays open
+            stream = open(os.devnull, 'r' if name == 'stdin' else 'w', encoding='utf-8')  # noqa: SIM115  # stays open
             setattr(sys, name, stream)
 
 
