@@ -153,11 +153,6 @@ class ExtendedCylinder:
                 fastest = max(fastest, rate(*own))
         return fastest / SLOWEST_CUT
 
-    def stiffness_over(self, displacement: Array, setpoint: Array) -> float:
-        """Return the inverse of the fastest time constant [1/s] in a recording."""
-        pressures = _MARGIN_BELOW * float(np.min(setpoint)), _MARGIN_ABOVE * float(np.max(setpoint))
-        return self.stiffness(pressures, (float(np.min(displacement)), float(np.max(displacement))))
-
     @property
     def settling(self) -> float:
         """Time in which the pressure settles at a rest below the set-point, where the regulator charges [s]."""
@@ -247,9 +242,15 @@ class ExtendedCylinder:
 
         """
         parameters = all_parameters(self.gains, self.effects)[None]
-        stiffness = self.stiffness_over(displacement, setpoint)
+        stiffness = self.stiffness(*extremes(displacement, setpoint))
         alone = SideBySide(self, parameters, np.zeros(1), np.array([start]), float(times[0]), stiffness, settles)
         return alone.follow(times, displacement, setpoint)[:, 0]
+
+
+def extremes(displacement: Array, setpoint: Array) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the extremes of the pressure [Pa] and the displacement [m] in a recording."""
+    pressures = _MARGIN_BELOW * float(np.min(setpoint)), _MARGIN_ABOVE * float(np.max(setpoint))
+    return pressures, (float(np.min(displacement)), float(np.max(displacement)))
 
 
 def _rows(numbers: Array) -> Array:
@@ -275,7 +276,7 @@ class SideBySide:
     begin
         When their recording began, which effects that follow time count from [s].
     stiffness
-        Inverse of the fastest time constant, see `ExtendedCylinder.stiffness_over` [1/s].
+        Inverse of the fastest time constant, see `ExtendedCylinder.stiffness` [1/s].
     settles
         Whether they stand still before the first sample until the pressure has settled.
 

@@ -41,7 +41,7 @@ from cfd_pneumatic.model.baseline import (
     told_gains,
 )
 from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
-from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
+from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide, extremes
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
 
@@ -282,7 +282,8 @@ class Pressure(Channel):
             )
             for row in rows
         ]
-        stiffest = max(one.stiffness_over(displacement, setpoint) for one in cylinders)
+        reached = extremes(displacement, setpoint)
+        stiffest = max(one.stiffness(*reached) for one in cylinders)
         stiffness = min(stiffest, _MOST_STEPS / experiment.period)
         at_rest = experiment.whole and experiment.starts_at_rest
         side_by_side = SideBySide(

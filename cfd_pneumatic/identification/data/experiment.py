@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -110,7 +111,7 @@ class Experiment:
         """Times of the samples, shape (m,) [s]."""
         return self.times[self.samples]
 
-    @property
+    @cached_property
     def period(self) -> float:
         """Median time between samples [s]."""
         return float(np.median(np.diff(self.sample_times)))
