@@ -23,6 +23,7 @@ HELP = Path(__file__).with_name('help')
 BAD_INPUT = 2
 INTERRUPTED = 130
 _NODES = 'cfd_pneumatic.nodes.'
+_MUCH = 50_000  # objects made, after which a command looks for garbage: its late imports alone make five times as many
 
 
 def told(program: str, arguments: Collection[str]) -> bool:
@@ -52,6 +53,7 @@ def _begin(module: str) -> int:
     main = _imported(module).main
     if not is_node:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        gc.set_threshold(_MUCH)
     code: int = main()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done
     gc.freeze()  # the process ends: a last collection takes 0.15 s
