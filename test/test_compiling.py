@@ -53,6 +53,13 @@ def test_only_the_first_run_compiles_and_it_says_where_the_code_is_kept(module: 
     assert told(module) == []
 
 
+def test_kept_code_is_loaded_without_what_only_compiling_needs(module: Path) -> None:
+    user = module.with_name('user.py')
+    user.write_text('import sys, module\nprint("numba.np.arraymath" in sys.modules)\n')
+    assert told(user)[-1] == 'True'
+    assert told(user) == ['False']
+
+
 def test_a_folder_of_the_user_s_choice_is_taken(module: Path, tmp_path: Path) -> None:
     (folder,) = told(module, {'NUMBA_CACHE_DIR': str(tmp_path / 'cache')})
     assert Path(folder).parent == tmp_path / 'cache'
