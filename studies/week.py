@@ -19,6 +19,7 @@ from typing import Any
 
 import rclpy
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rich.progress import track
 from std_msgs.msg import Float64
 
@@ -178,7 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--node', choices=NODES, nargs='*', default=list(NODES), help='which')
     options = parser.parse_args(arguments)
     isolate()
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # else an interrupt takes the context away
     print(table(HEADING, [week(name, options.days) for name in options.node]))
     return 0
 

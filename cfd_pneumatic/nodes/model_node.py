@@ -24,7 +24,7 @@ from cfd_pneumatic.nodes.health import LOST, MISMATCHED, InputHealth, diagnostic
 from cfd_pneumatic.nodes.messages import AXES, COMMAND_QOS, OUTPUT_QOS
 from cfd_pneumatic.nodes.parameters import declare_device, device_of, number, text, wrong_type
 from cfd_pneumatic.nodes.samples import joint_reader
-from cfd_pneumatic.nodes.topics import listen_to
+from cfd_pneumatic.nodes.topics import Queue, listen_to
 
 _FARTHEST = 1e3  # what a stroke may end at [m]; a number beyond would take the model out of floating point's range
 _STROKE = 1.0  # no end effector's piston is farther from where it is counted from [m]
@@ -43,6 +43,7 @@ class ModelNode(Node):
         """Declare parameters and compile the model."""
         super().__init__(name, **kwargs)
         self._health = InputHealth(self, convention.PISTON_STATE)
+        self._samples = Queue()
         self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         axis = self._parameter_overrides.get('axis')
         if axis is not None and axis.value is True:  # YAML takes a bare y for true, and `ros2 param dump` writes it so
@@ -180,7 +181,7 @@ class ModelNode(Node):
             raw,
             partial(self._on_lost, topic),
             partial(self._on_mismatch, topic),
-            sheds=raw,
+            self._samples if raw else None,
         )
 
     def _listen_to_setpoints(self) -> None:

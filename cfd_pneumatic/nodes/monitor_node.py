@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 from cfd_pneumatic import convention
 from cfd_pneumatic.identification import Options
 from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
+from cfd_pneumatic.nodes.health import joined
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS, SAMPLE_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode, no_time
 from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs, writers
@@ -209,12 +210,10 @@ class MonitorNode(ModelNode):
         if self._health.fault is not None and convention.PISTON_STATE not in missing:
             words.append(self._health.fault)
         troubles = self._health.troubles()
-        if not words and troubles is not None:
-            return DiagnosticStatus.WARN, troubles
-        if not words:
+        if not words and troubles is None:
             return DiagnosticStatus.OK, f'following {convention.PISTON_STATE}'
         passing = not missing and all(fault.kind == 'clock' for fault in faults)
-        return DiagnosticStatus.WARN if passing else DiagnosticStatus.ERROR, '; '.join(words)
+        return DiagnosticStatus.WARN if passing else DiagnosticStatus.ERROR, joined(*words, troubles)
 
     def _verdict_on(self, name: str) -> tuple[bytes, str]:
         """Return level and words on a cylinder or the contact force."""

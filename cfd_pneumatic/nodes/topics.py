@@ -44,21 +44,21 @@ def listen_to(
     raw: bool = False,
     on_lost: Callable[[int], None] | None = None,
     on_mismatch: Callable[[int, str], None] | None = None,
-    sheds: bool = False,
+    queue: Queue | None = None,
 ) -> Subscription:
     """
     Return a subscription, to serialised messages where `raw`; `qos` stays as it is.
 
     `on_lost` is told how many messages were lost since it was told last, `on_mismatch` how many publishers more offer
-    less than is asked for, and the policy that differs. One that `sheds` takes every tenth message while they come
-    faster than they are taken.
+    less than is asked for, and the policy that differs. Of what waits in a `queue` one of ten is taken while messages
+    come faster than they are taken.
     """
     events = SubscriptionEventCallbacks(
         incompatible_qos=on_mismatch
         and (lambda event: on_mismatch(event.total_count_change, qos_policy_name_from_kind(event.last_policy_kind))),
     )
     if on_lost is not None:
-        callback = Counting(callback, on_lost, lambda: node.count_publishers(subscription.topic_name), sheds)
+        callback = Counting(callback, on_lost, lambda: node.count_publishers(subscription.topic_name), queue)
     with _named(topic):
         subscription = node.create_subscription(
             message_type,
@@ -87,8 +87,8 @@ class Counting:
         Is told how many were lost since it was told last.
     publishers
         Says how many there are.
-    sheds
-        Whether every tenth message will do while they come faster than they are taken.
+    queue
+        In which the messages wait, where one of ten will do while they come faster than they are taken.
 
     """
 
@@ -97,11 +97,11 @@ class Counting:
         callback: Callable[[Any], None],
         on_lost: Callable[[int], None],
         publishers: Callable[[], int],
-        sheds: bool = False,
+        queue: Queue | None = None,
     ) -> None:
         self._callback, self._on_lost, self._publishers = callback, on_lost, publishers
         self._expected: list[int] = []  # last the number of whoever was heard last
-        self._queue = _Queue() if sheds else None
+        self._queue = queue
         self._shed = 0
         self.__signature__ = signature(lambda message, info: None)  # by which rclpy sees that it wants both
 
@@ -136,15 +136,16 @@ class Counting:
             self._on_lost(number - before)
 
 
-class _Queue:
+class Queue:
     """
-    The messages that wait for a callback.
+    The messages that wait for a node's callbacks.
 
     After a process stood still they are many, and soon none. Where they stay many they come faster than they are
     taken: then whatever is taken is old, and waiting longer helps nobody.
     """
 
     def __init__(self) -> None:
+        """Begin with none."""
         self._since: int | None = None
 
     def stands(self, received: int) -> bool:
