@@ -69,7 +69,7 @@ def test_where_the_gains_hold_it_is_the_papers_linear_law():
 def test_flow_is_an_ellipse_beyond_the_critical_ratio(ratio, critical):
     beyond = max(ratio - critical, 0.0) / (1.0 - critical)
     expected = max(math.sqrt(1.0 - beyond**2), physical_core.SMALLEST_FLOW)
-    assert physical_core.passed(ratio, critical) == pytest.approx(expected)
+    assert physical_core.passed(3e5, ratio * 3e5, critical) == pytest.approx(expected * 3e5)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -96,14 +96,21 @@ class Optimum(NamedTuple):
     cost: float
 
 
-def search(likelihood: Likelihood, start: Model, tolerance: float, evaluations: int, enough: float = 0.0) -> Optimum:
+def search(
+    likelihood: Likelihood,
+    start: Model,
+    tolerance: float,
+    evaluations: int,
+    enough: float = 0.0,
+    frozen: Iterable[str] = (),
+) -> Optimum:
     """
-    Return the best model that is found from a start with its effects.
+    Return the best model that is found from a start with its effects; those that are frozen keep their parameters.
 
     The search ends when the sum falls by less than a share `tolerance`, after so many evaluations, or when it is
     `enough`.
     """
-    unknowns = Unknowns(likelihood.channel, likelihood.experiments, start)
+    unknowns = Unknowns(likelihood.channel, likelihood.experiments, start, frozen)
     if not unknowns.start.size:
         left = likelihood.residuals(likelihood.simulate(start))
         return Optimum(start, sum(float(run @ run) for run in left))

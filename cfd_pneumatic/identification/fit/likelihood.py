@@ -9,7 +9,7 @@ cut from it. Whoever wants another likelihood changes this file.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -45,11 +45,18 @@ class Unknowns:
     ----------
     channel, experiments, model
         Whose, and where the search begins.
+    frozen
+        Cores and effects whose parameters stay as they are.
 
     """
 
-    def __init__(self, channel: Channel, experiments: Sequence[Experiment], model: Model) -> None:
-        self.table: list[Unknown] = channel.unknowns(experiments, model)
+    def __init__(
+        self, channel: Channel, experiments: Sequence[Experiment], model: Model, frozen: Iterable[str] = ()
+    ) -> None:
+        unknowns = channel.unknowns(experiments, model)
+        stay = [slot for name in frozen for slot in channel.slots_of(name)]
+        self.table: list[Unknown] = [one for one in unknowns if one.slot not in stay]
+        self.count = len(unknowns)
         self.parts = tuple(model.parts)
         self.slots = np.array([one.slot for one in self.table], dtype=np.intp)
         self._channel = channel
@@ -100,7 +107,7 @@ class Unknowns:
 
     def model(self, point: Array) -> Model:
         """Return the model at a point."""
-        return self._channel.model(self.row(point), self.parts, len(self.table))
+        return self._channel.model(self.row(point), self.parts, self.count)
 
 
 @dataclass(frozen=True)

@@ -139,8 +139,12 @@ class Candidates:
         return self._best(candidate, begins)
 
     def _best(self, candidate: Candidate, begins: Mapping[str, Sequence[Model]]) -> dict[str, Candidate]:
-        """Return the best fit of each of some effects beside those of a candidate, from where it may begin."""
-        rough = _best_first(_fitted(begins, lambda begin: search(self._excerpt, begin, *_ROUGH)))
+        """
+        Return the best fit of each of some effects beside those of a candidate, from where it may begin.
+
+        The core stays as it is until a fit promises much.
+        """
+        rough = _best_first(_fitted(begins, lambda one: search(self._excerpt, one, *_ROUGH, frozen=one.core)))
         before = self._cost_of_excerpt(candidate)
         promising = self._rivals(candidate, rough, before)
         refined = {name: self._refined(rough[name], before) for name in promising}

@@ -30,35 +30,35 @@ STARTING_LOSSES = (0.3, 5.0, 30.0)
 
 
 @kernel
-def passed(ratio, critical):
-    """Return the flow at a pressure ratio against the choked flow, equation (1) as ISO 6358 has it [-]."""
-    share = min(max((ratio - critical) / (1.0 - critical), 0.0), 1.0)
-    return max(math.sqrt(1.0 - share * share), SMALLEST_FLOW)
+def passed(upstream, downstream, critical):
+    """Return what passes a hole, as the upstream pressure of which as much is choked, equation (1) by ISO 6358 [Pa]."""
+    share = min(max((downstream - critical * upstream) / (upstream * (1.0 - critical)), 0.0), 1.0)
+    return upstream * max(math.sqrt(1.0 - share * share), SMALLEST_FLOW)
 
 
 @kernel
-def volume(moment, pressure, position, exponent):
-    """Return the chamber's volume against that at the reference, of K_x = n p A / V there, equation (12) [-]."""
-    return max(1.0 + moment.k_x / (exponent * pressure) * (moment.x - position), SMALLEST_VOLUME)
+def density(moment, pressure, position, exponent):
+    """Return the volume at the reference, K_x = n p A / V there by equation (12), against the chamber's [-]."""
+    stiff = exponent * pressure
+    return stiff / max(stiff + moment.k_x * (moment.x - position), SMALLEST_VOLUME * stiff)
 
 
 @kernel
 def velocity_gain(k_x, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control):
     """Return K_x [Pa/m] at a pressure and in a volume, equation (11)."""
-    return k_x * (moment.p / pressure) / volume(moment, pressure, position, exponent)
+    return k_x * (moment.p / pressure) * density(moment, pressure, position, exponent)
 
 
 @kernel
 def flow(value, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control):
     """Return the pressure rate that the flow makes [Pa/s], equations (1), (3) and (11)."""
     exhausts = value < 0.0
-    charged = passed(moment.p / supply, critical) / passed(pressure / supply, critical)
-    exhausted = moment.p * passed(moment.ambient / moment.p, critical)
-    exhausted /= pressure * passed(moment.ambient / pressure, critical)
+    here = passed(where(exhausts, moment.p, supply), where(exhausts, moment.ambient, moment.p), critical)
+    there = passed(where(exhausts, pressure, supply), where(exhausts, moment.ambient, pressure), critical)
     grown = power(moment.setpoint / pressure, where(exhausts, vents, opens))
     warm = where(exhausts, heat * loss / (loss + SLOWEST_LOSS), 0.0)
-    room = volume(moment, pressure, position, exponent) * (1.0 - warm / moment.p)
-    return value * where(exhausts, exhausted, charged) * grown / room
+    share = here * density(moment, pressure, position, exponent) * moment.p / (there * (moment.p - warm))
+    return value * grown * share
 
 
 @kernel
@@ -70,15 +70,15 @@ def time_constant(tau, moment, heat, pressure, position, supply, critical, opens
 @kernel
 def chamber(rate, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control):
     """Return the outlet pressure's rate [Pa/s]: the control chamber draws on it, the walls cool it."""
-    space = volume(moment, pressure, position, exponent)
-    return rate - control * moment.sensing / space - heat_transfer.cooling(moment, heat, loss / space)
+    dense = density(moment, pressure, position, exponent)
+    return rate - control * moment.sensing * dense - heat_transfer.cooling(moment, heat, loss * dense)
 
 
 @kernel
 def evolve(moment, rate, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control):
     """Return the rate at which pressure due to temperature builds up and goes [Pa/s]."""
-    space = volume(moment, pressure, position, exponent)
-    return (heat_transfer.warming(moment, rate, heat, loss / space, exponent),)
+    dense = density(moment, pressure, position, exponent)
+    return (heat_transfer.warming(moment, rate, heat, loss * dense, exponent),)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
@@ -92,7 +92,7 @@ def quickens(pressure: float, x: float, *own: float) -> float:
     """Return by how much the gains are larger at a pressure [Pa], in half of the volume."""
     reference, _, supply, critical, opens, vents, *_ = own
     relative = pressure / reference
-    charged = 1.0 / float(passed(reference / supply, critical))
+    charged = supply / float(passed(supply, reference, critical))
     return 2.0 * max(charged * relative**opens, relative ** (1.0 + vents), relative, 1.0)
 
 
