@@ -25,15 +25,18 @@ record_rig planned/schedule.csv --output planned_bag
 """,
     'csv_to_bag': """\
 cat > press.csv <<END
-t_ms,stroke_mm,p_psi
-0,0.00,10.00
-2,0.01,9.97
-4,0.03,9.91
+t_ms,stroke_mm,p_psi,set_psi,load_N
+0,0.00,10.00,10,31.0
+2,0.01,9.97,10,30.9
+4,0.03,9.91,10,30.7
 END
 cat > press.yaml <<END
 table: {time: {column: t_ms, unit: ms}, delimiter: comma, header_rows: 1}
-displacement: {column: stroke_mm, unit: mm}
-cylinder_a: {pressure: {column: p_psi, unit: psi, reference: gauge}}
+displacement: {column: stroke_mm, unit: mm, sign: 1}  # -1 where it is counted the other way
+cylinder_a:  # and so cylinder_b, where there is a second one
+  pressure: {column: p_psi, unit: psi, reference: gauge}  # or absolute
+  setpoint: {column: set_psi, unit: psi, reference: gauge}
+force: {column: load_N, unit: N}
 END
 csv_to_bag press.csv --mapping press.yaml --output press_bag
 """,

@@ -112,8 +112,8 @@ def _pressures(unit: str, reference: str) -> Layout:
     return {'cylinder_a': of('A'), 'cylinder_b': of('B')}
 
 
-def _played(schedule: Schedule, seed: int, faults: str) -> Recording:
-    return recording_of(record(schedule, device_named('paper', faults), seed=seed), schedule.name, EPOCH)
+def _played(schedule: Schedule, seed: int, faults: str = '', device: str = 'paper') -> Recording:
+    return recording_of(record(schedule, device_named(device, faults), seed=seed), schedule.name, EPOCH)
 
 
 def tutorial() -> Table:
@@ -142,6 +142,19 @@ def rig() -> Table:
     return Table('rig', columns, layout)
 
 
+def real() -> Table:
+    """Return a healthy device of full physics: seconds, millimetres, bar above ambient."""
+    recording = _played(surface_following(duration=40.0, seed=3), 3, device='real')
+    columns = {'t': recording.displacement.times, **_rows(recording, 1e-3, 1e5, AMBIENT_PRESSURE)}
+    del columns['F']
+    layout = {
+        'table': {'time': {'column': 't', 'unit': 's'}, 'delimiter': 'comma', 'header_rows': 1},
+        'displacement': {'column': 'x', 'unit': 'mm'},
+        **_pressures('bar', 'gauge'),
+    }
+    return Table('real', columns, layout)
+
+
 def measured() -> Table:
     """Return a measured run of one cylinder, whose set-point was not recorded."""
     rows = np.loadtxt(DATA / f'{MEASURED}.csv', skiprows=15)
@@ -155,7 +168,7 @@ def measured() -> Table:
     return Table('measured', columns, layout)
 
 
-TABLES: dict[str, Callable[[], Table]] = {'tutorial': cache(tutorial), 'rig': cache(rig), 'measured': cache(measured)}
+TABLES: dict[str, Callable[[], Table]] = {one.__name__: cache(one) for one in (tutorial, rig, real, measured)}
 
 PRESSURES = ('cylinder_a.pressure', 'cylinder_b.pressure')
 SETPOINTS = ('cylinder_a.setpoint', 'cylinder_b.setpoint')
@@ -209,6 +222,11 @@ def other_device(columns: Columns, _layout: Layout) -> None:
     late = columns['t'] > columns['t'][-1] * 2 / 3
     middle = np.median(columns['pA'])
     columns['pA'] = np.where(late, middle + 0.7 * (columns['pA'] - middle), columns['pA'])
+
+
+def counted_from_nothing(columns: Columns, _layout: Layout) -> None:
+    """Write all pressures and set-points as absolute ones, in bar."""
+    columns.update({name: columns[name] + 1e-5 * AMBIENT_PRESSURE for name in ('pA', 'pB', 'setA', 'setB')})
 
 
 def columns_of(**names: str) -> Change:
@@ -288,6 +306,7 @@ def _of_one() -> Iterator[Mistake]:
     yield Mistake('tutorial', 'everything absolute', everything, REFERENCE)
     yield Mistake('tutorial', 'one pressure absolute', entries(cylinder_a__pressure__reference='absolute'), REFERENCE)
     yield Mistake('tutorial', 'pressures absolute', every('reference', 'absolute', *PRESSURES), REFERENCE)
+    yield Mistake('real', 'everything absolute, read as gauge', counted_from_nothing, REFERENCE)
     yield Mistake('rig', 'inch read as mm', entries(displacement__unit='mm'), UNIT)
     yield Mistake('rig', 's read as ms', entries(table__time__unit='ms'), UNIT)
     yield Mistake('rig', 'kPa read as psi', every('unit', 'psi', *PRESSURES, *SETPOINTS), (*UNIT, *SETPOINT))
@@ -418,7 +437,8 @@ def document(answers: Sequence[tuple[Mistake, Answer]], clean: Sequence[str], no
             '"Notes" at the end is kept.',
             '',
             '- `tutorial`: the table of the tutorial, psi above ambient, a dead band. `rig`: absolute kPa, inches, a '
-            f'load cell, a leak. `measured`: a measured run of one cylinder, `{MEASURED}`.',
+            f'load cell, a leak. `real`: a healthy device of full physics, bar above ambient. `measured`: a measured run of '
+            f'one cylinder, `{MEASURED}`.',
             f'- {len(answers)} mistakes. Of {told} it is said what leads to the mend, and no verdict is confident.',
             f'- Codes: {", ".join(f"`{code}` {count}" for code, count in counts.most_common())}. `error`: nothing is '
             'identified, exit code 2.',

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.options import Options
-from cfd_pneumatic.identification.readings import is_doubtful, left_of_force, other_reading
+from cfd_pneumatic.identification.readings import is_doubtful, left_of_force, other_reading, other_reference
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import Recording, Signal
@@ -58,6 +58,8 @@ def doubts(
         other = other_reading(recordings, options)
         found += [other] if other is not None else []
     if not any_warning(found):
+        found += [notice for one in cylinders.values() for notice in other_reference(one, options)]
+    if not any_warning(found):
         for name, one in cylinders.items():
             assumed = [held.cylinders[name].setpoint is None for held in recordings if name in held.cylinders]
             found += _of_steps(one) if any(assumed) else []
@@ -76,8 +78,8 @@ def of_recordings(recordings: Sequence[Recording], options: Options) -> tuple[No
 
 def _of_chamber(result: ChannelResult, displacement: Signal) -> Iterator[Notice]:
     """Ask whether the chamber has a size that a cylinder may have."""
-    estimate = result.gains[0] if result.gains else result.fit.estimates[0]
-    if estimate.value is None:
+    estimate = next((one for one in (*result.gains[:1], result.fit.estimates[0]) if one.value is not None), None)
+    if estimate is None or estimate.value is None:
         return
     pressure = float(np.median(np.concatenate([one.measured for one in result.experiments])))
     length = pressure / estimate.value

@@ -127,7 +127,8 @@ def identify(
     results = {name: one for name, one in found.items() if isinstance(one, ChannelResult)}
     unidentified = {name: str(error) for name, error in failed.items()}
     notices = doubts(recordings, results, options)
-    notices += tuple(_notice_of(one, any_warning(notices)) for one in failed.values())
+    misread = any_warning([one for one in notices if one.code != 'size_suspect'])
+    notices += tuple(_notice_of(one, misread) for one in failed.values())
     results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}
     return Identification(data.recordings, data.splits, data.no_test, results, unidentified, options, notices)
 

@@ -1,14 +1,15 @@
 """
-Other ways to read recordings: the displacement counted the other way, the cylinders swapped.
+Other ways to read recordings: the displacement counted the other way, the cylinders swapped, gauge for absolute.
 
-Whoever mixes these up gets a pressure that does not follow the piston. Each other way is fitted without effects, and
-the one that fits is named.
+Whoever mixes up signs or cylinders gets a pressure that does not follow the piston. Each other way is fitted without
+effects, and the one that fits is named. Whoever mixes up references gets flows and stiffness of another pressure, which
+only the physical core sees.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,12 +18,15 @@ from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import Channel, Model
 from cfd_pneumatic.identification.channels.pressure import Pressure
+from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import observed_motion
-from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.identification.data.options import AUTO, Options
 from cfd_pneumatic.identification.data.split import split_recordings
 from cfd_pneumatic.identification.fit.fit import Fit, search
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
+from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.result import ChannelResult
+from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
@@ -56,6 +60,34 @@ def other_reading(recordings: Sequence[Recording], options: Options) -> Notice |
     alike = [name for name, left in found.items() if left < 2.0 * least]
     code = 'sign_suspect' if all('sign' in name for name in alike) else 'cylinders_swapped'
     return warning(code, 'the pressures do not follow the piston as it is read', f'it fits {" or ".join(alike)}')
+
+
+def other_reference(result: ChannelResult, options: Options) -> Iterator[Notice]:
+    """Ask whether a pressure that is not explained is so with an atmosphere less, or with one more."""
+    conclusion = result.conclusion
+    if options.core != AUTO or conclusion is None or conclusion.verdict != 'unexplained' or not result.channel.cores:
+        return
+    for said, true, shift in (('gauge', 'absolute', -1.0), ('absolute', 'gauge', 1.0)):
+        moved = [_referred(one, shift * options.ambient_pressure) for one in result.experiments]
+        above_ambient = min(float(np.min(one.inputs['setpoint'])) for one in moved) > options.ambient_pressure
+        if above_ambient and _is_explained_by_core(replace(result.fit.likelihood, experiments=tuple(moved)), result):
+            yield warning(
+                'reference_suspect',
+                f'{result.name}: more than noise is left of the pressure as it is read',
+                f'noise is left if pressure and set-point, said to be {said}, are {true}: check their reference',
+            )
+
+
+def _referred(experiment: Experiment, shift: float) -> Experiment:
+    """Return an experiment with pressure and set-point shifted [Pa]."""
+    inputs = {**experiment.inputs, 'setpoint': experiment.inputs['setpoint'] + shift}
+    return replace(experiment, measured=experiment.measured + shift, inputs=inputs)
+
+
+def _is_explained_by_core(likelihood: Likelihood, result: ChannelResult) -> bool:
+    candidates = Candidates(likelihood, result.fit.model)
+    (name, *_) = result.channel.cores
+    return explained(candidates.residual_tests(candidates.with_core(candidates.baseline, name)))
 
 
 def left_of_force(recordings: Sequence[Recording], result: ChannelResult, options: Options, by: float = 0.0) -> float:
