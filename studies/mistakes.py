@@ -437,8 +437,8 @@ def document(answers: Sequence[tuple[Mistake, Answer]], clean: Sequence[str], no
             '"Notes" at the end is kept.',
             '',
             '- `tutorial`: the table of the tutorial, psi above ambient, a dead band. `rig`: absolute kPa, inches, a '
-            f'load cell, a leak. `real`: a healthy device of full physics, bar above ambient. `measured`: a measured run of '
-            f'one cylinder, `{MEASURED}`.',
+            'load cell, a leak. `real`: a healthy device of full physics, bar above ambient. `measured`: a measured '
+            f'run of one cylinder, `{MEASURED}`.',
             f'- {len(answers)} mistakes. Of {told} it is said what leads to the mend, and no verdict is confident.',
             f'- Codes: {", ".join(f"`{code}` {count}" for code, count in counts.most_common())}. `error`: nothing is '
             'identified, exit code 2.',

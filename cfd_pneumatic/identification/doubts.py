@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.options import Options
-from cfd_pneumatic.identification.readings import is_doubtful, left_of_force, other_reading, other_reference
+from cfd_pneumatic.identification.readings import left_of_force, other_reference
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import Recording, Signal
@@ -46,17 +46,23 @@ _LEAST_SHARE = 0.01  # of the sum of squares, that each further step explains
 
 
 def doubts(
-    recordings: Sequence[Recording], results: Mapping[str, ChannelResult], options: Options
+    recordings: Sequence[Recording],
+    results: Mapping[str, ChannelResult],
+    options: Options,
+    other_reading: Notice | None = None,
 ) -> tuple[Notice, ...]:
-    """Return which mistakes recordings, and what was identified of them, look like; and what was assumed."""
+    """
+    Return which mistakes recordings, and what was identified of them, look like; and what was assumed.
+
+    `other_reading` says how else the recordings may be read, where that was found already.
+    """
     found = [*of_recordings(recordings, options)]
     cylinders = {name: one for name, one in results.items() if not isinstance(one.channel, Force)}
     forces = [one for one in results.values() if isinstance(one.channel, Force)]
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in _of_chamber(one, recordings[0].displacement)]
-    if not any_warning(found) and is_doubtful({name: one.fit for name, one in cylinders.items()}):
-        other = other_reading(recordings, options)
-        found += [other] if other is not None else []
+    if not any_warning(found) and other_reading is not None:
+        found.append(other_reading)
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in other_reference(one, options)]
     if not any_warning(found):

@@ -36,7 +36,7 @@ _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in v
 _MOST_EVALUATIONS = 60
 
 
-def close_loop(before: Fit, core: str = AUTO) -> tuple[Fit, Conclusion]:
+def close_loop(before: Fit, core: str = AUTO, searching: bool = True) -> tuple[Fit, Conclusion]:
     """
     Return the fit with the core and the effects that were found, and what it comes to.
 
@@ -46,6 +46,8 @@ def close_loop(before: Fit, core: str = AUTO) -> tuple[Fit, Conclusion]:
         Fit of a channel's linear model without effects to train and validation.
     core
         One of `Options.core`.
+    searching
+        Whether a core and effects are looked for.
 
     """
     likelihood = before.likelihood
@@ -56,7 +58,7 @@ def close_loop(before: Fit, core: str = AUTO) -> tuple[Fit, Conclusion]:
     after = before
     alternatives: dict[str, tuple[str, ...]] = {}
     tried: tuple[Trial, ...] = ()
-    if shortage is None and not explained(tests):
+    if searching and shortage is None and not explained(tests):
         found = searched(Candidates(likelihood, before.model), core)
         alternatives, tried = dict(found.alternatives), found.tried
         if found.model.model.parts:

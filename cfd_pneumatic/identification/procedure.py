@@ -17,7 +17,7 @@ from cfd_pneumatic.identification.data.split import FRACTIONS, Split, split_reco
 from cfd_pneumatic.identification.doubts import doubts, of_recordings
 from cfd_pneumatic.identification.fit.fit import Fit, fit
 from cfd_pneumatic.identification.loop import close_loop, with_core
-from cfd_pneumatic.identification.readings import other_reading
+from cfd_pneumatic.identification.readings import is_doubtful, other_reading
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
 from cfd_pneumatic.identification.verdict import part_errors
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
@@ -103,30 +103,29 @@ def identify(
     waiting = [channel.name for channel in channels]
     progress(f'fitting {", ".join(waiting)}', _SMOOTHED)
 
-    def result_of(channel: Channel) -> ChannelResult | InputError:
-        try:
-            found: ChannelResult | InputError = _identified(channel, data, options)
-        except SuspectError as error:
-            found = SuspectError(replace(error.notice, message=f'{channel.name}: {error.notice.message}'))
-        except InputError as error:
-            found = InputError(f'{channel.name}: {error}')
-        waiting.remove(channel.name)
-        share = 1.0 - (1.0 - _SMOOTHED) * len(waiting) / len(channels)
-        progress(f'fitting {", ".join(waiting)}' if waiting else 'done', share)
-        return found
-
     samples = sum(len(recording.displacement.times) for recording in recordings)
     together = each if samples <= _TOGETHER else map  # one after the other where memory counts
-    found = dict(zip((channel.name for channel in channels), together(result_of, channels)))
-    failed = {name: one for name, one in found.items() if isinstance(one, InputError)}
+    fits = dict(zip(waiting, together(lambda channel: _fitted(channel, data), channels)))
+    failed = {name: one for name, one in fits.items() if isinstance(one, InputError)}
     for channel in channels:
         if channel.needed and channel.name in failed:
             other = other_reading(recordings, options)
             reason = SuspectError(other) if other else failed[channel.name]
             raise _with_what_it_looks_like(reason, recordings, options)
-    results = {name: one for name, one in found.items() if isinstance(one, ChannelResult)}
+    fitted = {channel: one for channel in channels if isinstance(one := fits[channel.name], Fit)}
+    doubtful = is_doubtful([one for channel, one in fitted.items() if channel.needed])
+    other = other_reading(recordings, options) if doubtful else None
+
+    def result_of(channel: Channel) -> ChannelResult:
+        found = _identified(channel, fitted[channel], data, options, misread=other is not None)
+        waiting.remove(channel.name)
+        share = 1.0 - (1.0 - _SMOOTHED) * len(waiting) / len(channels)
+        progress(f'fitting {", ".join(waiting)}' if waiting else 'done', share)
+        return found
+
+    results = {one.channel.name: one for one in together(result_of, fitted)}
     unidentified = {name: str(error) for name, error in failed.items()}
-    notices = doubts(recordings, results, options)
+    notices = doubts(recordings, results, options, other)
     misread = any_warning([one for one in notices if one.code != 'size_suspect'])
     notices += tuple(_notice_of(one, misread) for one in failed.values())
     results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}
@@ -148,13 +147,23 @@ def _with_what_it_looks_like(error: InputError, recordings: Sequence[Recording],
     return SuspectError(replace(first, fix='; '.join([first.fix, *map(str, others), last])))
 
 
-def _identified(channel: Channel, data: Prepared, options: Options) -> ChannelResult:
-    held, experiments = data.holding(channel), data.experiments(channel)
-    joint = fit(channel, experiments)
+def _fitted(channel: Channel, data: Prepared) -> Fit | InputError:
+    """Return a channel's model without effects, fitted, or why it could not be."""
+    try:
+        return fit(channel, data.experiments(channel))
+    except SuspectError as error:
+        return SuspectError(replace(error.notice, message=f'{channel.name}: {error.notice.message}'))
+    except InputError as error:
+        return InputError(f'{channel.name}: {error}')
+
+
+def _identified(channel: Channel, joint: Fit, data: Prepared, options: Options, misread: bool) -> ChannelResult:
+    """Return what a channel tells; in recordings that are misread nothing is searched for, which would take minutes."""
+    held, experiments = data.holding(channel), joint.likelihood.experiments
     schedule, simulated, notes = _schedule(joint, options)
     found, conclusion = joint, None
     if options.close_loop:
-        found, conclusion = close_loop(joint, options.core)
+        found, conclusion = close_loop(joint, options.core, searching=not misread)
     elif options.core == PHYSICAL:
         found = with_core(joint)
     return ChannelResult(

@@ -9,7 +9,7 @@ only the physical core sees.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,11 +38,9 @@ _ROUGH = (1e-3, 30)  # tolerance and evaluations
 Reading = Callable[[Recording], Recording]
 
 
-def is_doubtful(fits: Mapping[str, Fit]) -> bool:
-    """Return whether a pressure hardly follows the piston, or not at all, in fits without effects by cylinder."""
-    return any(
-        not one.estimates[0].identifiable or _left(one.simulated, one.likelihood) > _DOUBTFUL for one in fits.values()
-    )
+def is_doubtful(fits: Sequence[Fit]) -> bool:
+    """Return whether a pressure hardly follows the piston, or not at all, in cylinders' fits without effects."""
+    return any(not one.estimates[0].identifiable or _left(one.simulated, one.likelihood) > _DOUBTFUL for one in fits)
 
 
 def other_reading(recordings: Sequence[Recording], options: Options) -> Notice | None:

@@ -1,4 +1,4 @@
-"""Gauge taken for absolute, or the reverse, in all pressures at once: only the physical core sees it."""
+"""Recordings that are misread: signs; gauge for absolute in all pressures, which only the physical core sees."""
 
 from dataclasses import replace
 
@@ -38,3 +38,12 @@ def test_what_is_explained_with_an_atmosphere_more_or_less_has_another_reference
 
 def test_what_is_explained_as_it_is_read_is_no_suspect():
     assert read_with(0.0) == []
+
+
+def test_in_recordings_that_are_misread_nothing_is_searched_for():
+    schedule = surface_following(duration=20.0, seed=1)
+    recording = recording_of(record(schedule, device_named('paper', ''), seed=1))
+    turned = Signal(recording.displacement.times, -recording.displacement.values)
+    found = identify([replace(recording, displacement=turned)], Options(close_loop=True))
+    assert {one.code for one in found.notices if one.level == WARNING} == {'sign_suspect'}
+    assert all(one.conclusion.tried == () and not one.found.model.parts for one in found.cylinders.values())
