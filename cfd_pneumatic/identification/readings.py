@@ -57,7 +57,10 @@ def other_reading(recordings: Sequence[Recording], options: Options) -> Notice |
     least = min(found.values())
     alike = [name for name, left in found.items() if left < 2.0 * least]
     code = 'sign_suspect' if all('sign' in name for name in alike) else 'cylinders_swapped'
-    return warning(code, 'the pressures do not follow the piston as it is read', f'it fits {" or ".join(alike)}')
+    fix = f'it fits {" or ".join(alike)}'
+    if len(alike) > 1:
+        fix += '; push the piston: where the displacement grows, the chamber of cylinder_a has to grow'
+    return warning(code, 'the pressures do not follow the piston as it is read', fix)
 
 
 def other_reference(result: ChannelResult, options: Options) -> Iterator[Notice]:
@@ -71,8 +74,8 @@ def other_reference(result: ChannelResult, options: Options) -> Iterator[Notice]
         if above_ambient and _is_explained_by_core(replace(result.fit.likelihood, experiments=tuple(moved)), result):
             yield warning(
                 'reference_suspect',
-                f'{result.name}: more than noise is left of the pressure as it is read',
-                f'noise is left if pressure and set-point, said to be {said}, are {true}: check their reference',
+                f'{result.name}: pressure and set-point look like {true} ones that are said to be {said}',
+                f'check their reference: with `reference: {true}` the model leaves only noise',
             )
 
 

@@ -33,7 +33,7 @@ def read_with(shift, **levels):
 def test_what_is_explained_with_an_atmosphere_more_or_less_has_another_reference(shift, levels, said, true):
     found = read_with(shift, **levels)
     assert {one.code for one in found} == {'reference_suspect'}
-    assert all(f'said to be {said}, are {true}' in one.fix for one in found)
+    assert all(f'{true} ones that are said to be {said}' in one.message for one in found)
 
 
 def test_what_is_explained_as_it_is_read_is_no_suspect():
