@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import sys
@@ -11,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from rich.progress import track
 
 from cfd_pneumatic.files import write_text
@@ -30,6 +32,7 @@ class Said:
 
     run: str
     lines: tuple[tuple[str, ...], ...]
+    over_noise: float
     notices: tuple[Notice, ...]
 
 
@@ -37,10 +40,13 @@ def said_of(path: Path) -> Said:
     """Identify a run and close the loop."""
     recording = read_recording(path, mapping=read_mapping(ROOT / 'config' / 'pneumatic_actuator.yaml'))
     found = identify([recording], Options(close_loop=True))
-    return Said(path.stem, tuple(_line(path.stem, one) for one in found.closed), found.notices)
+    (pressure,) = found.cylinders.values()
+    noise = float(np.std(np.diff(pressure.comparisons[0].experiment.measured))) / math.sqrt(2.0)
+    lines = tuple(_line(path.stem, one, noise) for one in found.closed)
+    return Said(path.stem, lines, pressure.rmse(1) / noise, found.notices)
 
 
-def _line(run: str, result: ChannelResult) -> tuple[str, ...]:
+def _line(run: str, result: ChannelResult, noise: float) -> tuple[str, ...]:
     findings = result.findings
     share = [100.0 * errors[result.judged_on].rmse / result.span for errors in (result.before, result.after)]
     alternatives = sorted({one for some in findings.alternatives.values() for one in some})
@@ -53,12 +59,23 @@ def _line(run: str, result: ChannelResult) -> tuple[str, ...]:
         ', '.join(alternatives),
         f'{share[0]:.2f}',
         f'{share[1]:.2f}',
+        f'{result.rmse(1) / noise:.2f}' if result.name != 'force' else '',
     )
 
 
 def document(said: Sequence[Said], notes: str) -> str:
     """Return the table of runs, and what was noticed on them."""
-    header = ('run', 'channel', 'verdict', 'status', 'effects', 'or instead', 'before [%]', 'after [%]')
+    header = (
+        'run',
+        'channel',
+        'verdict',
+        'status',
+        'effects',
+        'or instead',
+        'before [%]',
+        'after [%]',
+        'after, over the noise',
+    )
     noticed = [(one.run, it) for one in said for it in one.notices]
     runs = Counter((it.code, it.level) for _, it in noticed)
     return '\n'.join(
@@ -69,6 +86,8 @@ def document(said: Sequence[Said], notes: str) -> str:
             'CC0), one by one. Written by `make measured-runs`; what stands under "Notes" at the end is kept.',
             '',
             '- Errors are those of the test part, over the span of what was measured, without and with the effects.',
+            '- The last column has them over the noise from sample to sample, the standard deviation of the differences '
+            f'over the square root of 2. {_over_noise(said)}',
             f'- Noticed: {", ".join(f"`{code}` ({level}) on {n}" for (code, level), n in sorted(runs.items()))} of '
             f'{len(said)} runs.',
             f'- Machine: {machine()}',
@@ -84,6 +103,17 @@ def document(said: Sequence[Said], notes: str) -> str:
             '',
             notes,
         ]
+    )
+
+
+def _over_noise(said: Sequence[Said]) -> str:
+    """Return the medians of the errors over the noise, of all runs and of the seals that don't leak."""
+    healthy = [one.over_noise for one in said if not one.run.startswith('Kidney')]
+    at_7_bar = [one.over_noise for one in said if one.run.endswith('7bar')]
+    every = np.median([one.over_noise for one in said])
+    return (
+        f'Medians: {np.median(healthy):.2f} of {len(healthy)} runs of the three healthy seals, '
+        f'{np.median(at_7_bar):.2f} (at most {max(at_7_bar):.2f}) of those at 7 bar, {every:.2f} of all.'
     )
 
 

@@ -17,6 +17,7 @@ from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.readings import left_of_force, other_reference
 from cfd_pneumatic.identification.result import ChannelResult
+from cfd_pneumatic.model.effects import READING
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.recording.inspection import LENGTHS, duplicates, in_other_units, shown_length
@@ -102,16 +103,23 @@ def _of_chamber(result: ChannelResult, displacement: Signal) -> Iterator[Notice]
 def _of_delay(
     result: ChannelResult, forces: Sequence[ChannelResult], recordings: Sequence[Recording], options: Options
 ) -> Iterator[Notice]:
-    """Ask whether the pressure comes before the piston, which no air does, and what the force says of it."""
-    estimates = [result.parameters(name) for name in result.found.model.effects if result.channel.effects[name].delays]
-    for one in (held['delay'] for held in estimates if 'delay' in held):
-        if one.value is not None and one.interval is not None and one.interval[1] < 0.0:
-            message = f'{result.name}: a delay of {1e3 * one.value:.3g} ms has the pressure come before the piston'
-            ratios = [
-                left_of_force(recordings, force, options, one.value) / left_of_force(recordings, force, options)
-                for force in forces
-            ]
-            yield warning('size_suspect', message, _of_late_displacement(*ratios))
+    """Ask whether the pressure comes before the piston, or the displacement late, and what the force says of it."""
+    for name in result.found.model.effects:
+        what = result.channel.effects[name].late
+        estimate = result.parameters(name).get('delay') if what else None
+        if estimate is None or estimate.value is None or estimate.interval is None:
+            continue
+        early, late = what == READING, abs(estimate.value)
+        if early and estimate.interval[1] >= 0.0:
+            continue
+        message = f'{result.name}: the displacement seems to come {1e3 * late:.3g} ms late'
+        if early:
+            message = f'{result.name}: a delay of {-1e3 * late:.3g} ms has the pressure come before the piston'
+        ratios = [
+            left_of_force(recordings, force, options, -late) / left_of_force(recordings, force, options)
+            for force in forces
+        ]
+        yield warning('size_suspect', message, _of_late_displacement(*ratios))
 
 
 def _of_late_displacement(ratio: float = 1.0) -> str:

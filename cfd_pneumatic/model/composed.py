@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint d1a927bbf5d73e6b; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint d980909f78ac8a25; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 from cfd_pneumatic.model.effects import (
+    displacement_delay,
     displacement_lag,
     droop,
     flow_saturation,
@@ -101,58 +102,59 @@ A41 = 54 * COUNT
 A42 = 55 * COUNT
 A43 = 56 * COUNT
 A44 = 57 * COUNT
+A45 = 58 * COUNT
 # what each lane's set-point lies above the common one [Pa]
-OFFSET = 58 * COUNT
+OFFSET = 59 * COUNT
 # states and rates of a stage of Runge and Kutta, and the rates' weighted sum
-S0 = 59 * COUNT
-S1 = 60 * COUNT
-S2 = 61 * COUNT
-S3 = 62 * COUNT
-S4 = 63 * COUNT
-S5 = 64 * COUNT
-S6 = 65 * COUNT
-S7 = 66 * COUNT
-S8 = 67 * COUNT
-S9 = 68 * COUNT
-S10 = 69 * COUNT
-K0 = 70 * COUNT
-K1 = 71 * COUNT
-K2 = 72 * COUNT
-K3 = 73 * COUNT
-K4 = 74 * COUNT
-K5 = 75 * COUNT
-K6 = 76 * COUNT
-K7 = 77 * COUNT
-K8 = 78 * COUNT
-K9 = 79 * COUNT
-K10 = 80 * COUNT
-SUM0 = 81 * COUNT
-SUM1 = 82 * COUNT
-SUM2 = 83 * COUNT
-SUM3 = 84 * COUNT
-SUM4 = 85 * COUNT
-SUM5 = 86 * COUNT
-SUM6 = 87 * COUNT
-SUM7 = 88 * COUNT
-SUM8 = 89 * COUNT
-SUM9 = 90 * COUNT
-SUM10 = 91 * COUNT
+S0 = 60 * COUNT
+S1 = 61 * COUNT
+S2 = 62 * COUNT
+S3 = 63 * COUNT
+S4 = 64 * COUNT
+S5 = 65 * COUNT
+S6 = 66 * COUNT
+S7 = 67 * COUNT
+S8 = 68 * COUNT
+S9 = 69 * COUNT
+S10 = 70 * COUNT
+K0 = 71 * COUNT
+K1 = 72 * COUNT
+K2 = 73 * COUNT
+K3 = 74 * COUNT
+K4 = 75 * COUNT
+K5 = 76 * COUNT
+K6 = 77 * COUNT
+K7 = 78 * COUNT
+K8 = 79 * COUNT
+K9 = 80 * COUNT
+K10 = 81 * COUNT
+SUM0 = 82 * COUNT
+SUM1 = 83 * COUNT
+SUM2 = 84 * COUNT
+SUM3 = 85 * COUNT
+SUM4 = 86 * COUNT
+SUM5 = 87 * COUNT
+SUM6 = 88 * COUNT
+SUM7 = 89 * COUNT
+SUM8 = 90 * COUNT
+SUM9 = 91 * COUNT
+SUM10 = 92 * COUNT
 # the piston's displacement [m] and speed [m/s], the set-point [Pa], and what the pressure sensor reads [Pa]
-X = 92 * COUNT
-RATE = 93 * COUNT
-SETPOINT = 94 * COUNT
-SIGNAL = 95 * COUNT
+X = 93 * COUNT
+RATE = 94 * COUNT
+SETPOINT = 95 * COUNT
+SIGNAL = 96 * COUNT
 
-SIZE = 96 * COUNT
+SIZE = 97 * COUNT
 """Length of the array of rows."""
 
 STATE_ROWS = slice(0, 13)
 """Rows of the states: pressures p and p_f, those of the effects, displacements followed and measured last."""
 
-PARAMETER_ROWS = slice(13, 58)
+PARAMETER_ROWS = slice(13, 59)
 """Rows of the parameters: the gains, then those of the effects."""
 
-OFFSET_ROW = 58
+OFFSET_ROW = 59
 """Row of what each lane's set-point lies above the common one [Pa]."""
 
 SIGNAL_ROW = SIGNAL // COUNT
@@ -177,10 +179,10 @@ def valve_error(moment, w, on):
     target = moment.setpoint
     if on[3]:
         target = set_point_drift.setpoint(target, moment, load(w, A17))
-    if on[5]:
-        target = supply_variation.setpoint(target, moment, load(w, A19), load(w, A20), load(w, A21))
-    if on[7]:
-        target = droop.setpoint(target, moment, load(w, S4), load(w, A23), load(w, A24))
+    if on[6]:
+        target = supply_variation.setpoint(target, moment, load(w, A20), load(w, A21), load(w, A22))
+    if on[8]:
+        target = droop.setpoint(target, moment, load(w, S4), load(w, A24), load(w, A25))
     return target - load(w, S1)
 
 
@@ -213,12 +215,12 @@ def slopes(time, ambient, w, on):
     swept = gain * rate
     moment = moment_of(time, x, rate, p, load(w, S1), swept, still, ambient, w)
     error = valve_error(moment, w, on)
-    if on[6]:
-        error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A22))
-    if on[14]:
-        error = valve_dead_band.error(error, moment, load(w, A38))
-    if on[16]:
-        error = nonlinear_valve.error(error, moment, load(w, A41))
+    if on[7]:
+        error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A23))
+    if on[15]:
+        error = valve_dead_band.error(error, moment, load(w, A39))
+    if on[17]:
+        error = nonlinear_valve.error(error, moment, load(w, A42))
     flow = where(error > 0.0, load(w, A1), load(w, A2)) * error
     if on[0]:
         flow = physical_core.flow(
@@ -239,20 +241,20 @@ def slopes(time, ambient, w, on):
         flow = volume_variation.flow(flow, moment, load(w, A13))
     if on[2]:
         flow = operating_point.flow(flow, moment, load(w, A14), load(w, A15), load(w, A16))
-    if on[11]:
-        flow = flow_saturation.flow(flow, moment, load(w, A34), load(w, A35))
-    if on[17]:
-        (rate9,) = line_restriction.evolve(moment, flow, load(w, S9), load(w, A42), load(w, A43))
-        store(w, K9, rate9)
-        flow = line_restriction.flow(flow, moment, load(w, S9), load(w, A42), load(w, A43))
+    if on[12]:
+        flow = flow_saturation.flow(flow, moment, load(w, A35), load(w, A36))
     if on[18]:
-        flow = heat_transfer.flow(flow, moment, load(w, S10), load(w, A44))
-    if on[7]:
-        (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A23), load(w, A24))
+        (rate9,) = line_restriction.evolve(moment, flow, load(w, S9), load(w, A43), load(w, A44))
+        store(w, K9, rate9)
+        flow = line_restriction.flow(flow, moment, load(w, S9), load(w, A43), load(w, A44))
+    if on[19]:
+        flow = heat_transfer.flow(flow, moment, load(w, S10), load(w, A45))
+    if on[8]:
+        (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A24), load(w, A25))
         store(w, K4, rate4)
     outlet = p
-    if on[17]:
-        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), load(w, A42), load(w, A43))
+    if on[18]:
+        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), load(w, A43), load(w, A44))
     tau = load(w, A3)
     if on[0]:
         tau = physical_core.time_constant(
@@ -304,29 +306,29 @@ def slopes(time, ambient, w, on):
             load(w, A11),
             load(w, A12),
         )
-    if on[8]:
-        chamber = leakage.chamber(chamber, moment, load(w, A25), load(w, A26))
     if on[9]:
+        chamber = leakage.chamber(chamber, moment, load(w, A26), load(w, A27))
+    if on[10]:
         chamber = positional_leakage.chamber(
-            chamber, moment, load(w, A27), load(w, A28), load(w, A29), load(w, A30), load(w, A31), load(w, A32)
+            chamber, moment, load(w, A28), load(w, A29), load(w, A30), load(w, A31), load(w, A32), load(w, A33)
         )
-    if on[18]:
-        (rate10,) = heat_transfer.evolve(moment, chamber, load(w, S10), load(w, A44))
+    if on[19]:
+        (rate10,) = heat_transfer.evolve(moment, chamber, load(w, S10), load(w, A45))
         store(w, K10, rate10)
-        chamber = heat_transfer.chamber(chamber, moment, load(w, S10), load(w, A44))
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S10), load(w, A45))
     signal = p
-    if on[13]:
-        (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A37))
+    if on[14]:
+        (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A38))
         store(w, K6, rate6)
-        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A37))
-    if on[15]:
+        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A38))
+    if on[16]:
         (
             rate7,
             rate8,
-        ) = line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), load(w, A39), load(w, A40))
+        ) = line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), load(w, A40), load(w, A41))
         store(w, K7, rate7)
         store(w, K8, rate8)
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A39), load(w, A40))
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A40), load(w, A41))
     store(w, K0, chamber)
     store(w, K1, sensing)
 
@@ -341,21 +343,21 @@ def begin_stages(w, on):
     if on[0]:
         store(w, S2, load(w, Y2))
         store(w, SUM2, 0.0)
-    if on[7]:
+    if on[8]:
         store(w, S4, load(w, Y4))
         store(w, SUM4, 0.0)
-    if on[13]:
+    if on[14]:
         store(w, S6, load(w, Y6))
         store(w, SUM6, 0.0)
-    if on[15]:
+    if on[16]:
         store(w, S7, load(w, Y7))
         store(w, SUM7, 0.0)
         store(w, S8, load(w, Y8))
         store(w, SUM8, 0.0)
-    if on[17]:
+    if on[18]:
         store(w, S9, load(w, Y9))
         store(w, SUM9, 0.0)
-    if on[18]:
+    if on[19]:
         store(w, S10, load(w, Y10))
         store(w, SUM10, 0.0)
 
@@ -370,21 +372,21 @@ def next_stage(weight, ahead, w, on):
     if on[0]:
         store(w, SUM2, load(w, SUM2) + weight * load(w, K2))
         store(w, S2, load(w, Y2) + ahead * load(w, K2))
-    if on[7]:
+    if on[8]:
         store(w, SUM4, load(w, SUM4) + weight * load(w, K4))
         store(w, S4, load(w, Y4) + ahead * load(w, K4))
-    if on[13]:
+    if on[14]:
         store(w, SUM6, load(w, SUM6) + weight * load(w, K6))
         store(w, S6, load(w, Y6) + ahead * load(w, K6))
-    if on[15]:
+    if on[16]:
         store(w, SUM7, load(w, SUM7) + weight * load(w, K7))
         store(w, S7, load(w, Y7) + ahead * load(w, K7))
         store(w, SUM8, load(w, SUM8) + weight * load(w, K8))
         store(w, S8, load(w, Y8) + ahead * load(w, K8))
-    if on[17]:
+    if on[18]:
         store(w, SUM9, load(w, SUM9) + weight * load(w, K9))
         store(w, S9, load(w, Y9) + ahead * load(w, K9))
-    if on[18]:
+    if on[19]:
         store(w, SUM10, load(w, SUM10) + weight * load(w, K10))
         store(w, S10, load(w, Y10) + ahead * load(w, K10))
 
@@ -399,21 +401,21 @@ def end_stages(sixth, w, on):
     if on[0]:
         store(w, Y2, load(w, Y2) + sixth * (load(w, SUM2) + load(w, K2)))
         store(w, S2, load(w, Y2))
-    if on[7]:
+    if on[8]:
         store(w, Y4, load(w, Y4) + sixth * (load(w, SUM4) + load(w, K4)))
         store(w, S4, load(w, Y4))
-    if on[13]:
+    if on[14]:
         store(w, Y6, load(w, Y6) + sixth * (load(w, SUM6) + load(w, K6)))
         store(w, S6, load(w, Y6))
-    if on[15]:
+    if on[16]:
         store(w, Y7, load(w, Y7) + sixth * (load(w, SUM7) + load(w, K7)))
         store(w, S7, load(w, Y7))
         store(w, Y8, load(w, Y8) + sixth * (load(w, SUM8) + load(w, K8)))
         store(w, S8, load(w, Y8))
-    if on[17]:
+    if on[18]:
         store(w, Y9, load(w, Y9) + sixth * (load(w, SUM9) + load(w, K9)))
         store(w, S9, load(w, Y9))
-    if on[18]:
+    if on[19]:
         store(w, Y10, load(w, Y10) + sixth * (load(w, SUM10) + load(w, K10)))
         store(w, S10, load(w, Y10))
 
@@ -442,7 +444,7 @@ def advance(time, h, steps, ambient, w, on):
         slopes(time + h, ambient, w, on)
         end_stages(h / 6.0, w, on)
         time += h
-        if on[6]:
+        if on[7]:
             leave_behind_valve_hysteresis(time, ambient, w, on)
 
 
@@ -453,7 +455,7 @@ def leave_behind_valve_hysteresis(time, ambient, w, on):
     still = 0.0 * rate
     moment = moment_of(time, load(w, X), rate, load(w, S0), load(w, S1), still, still, ambient, w)
     error = valve_error(moment, w, on)
-    error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A22))
+    error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A23))
     store(w, Y3, error)
     store(w, S3, error)
 
@@ -469,9 +471,11 @@ def follow(time, x, h, ambient, w, on):
     still = 0.0 * rate
     moment = moment_of(time, x_followed, rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
     if on[4]:
-        x_followed = displacement_lag.displacement(x_followed, moment, load(w, A18))
-    if on[12]:
-        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), load(w, A36))
+        x_followed = displacement_delay.displacement(x_followed, moment, load(w, A18))
+    if on[5]:
+        x_followed = displacement_lag.displacement(x_followed, moment, load(w, A19))
+    if on[13]:
+        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), load(w, A37))
         store(w, Y5, x_followed)
     store(w, RATE, (x_followed - last) / h)
     store(w, X, last)
@@ -485,10 +489,10 @@ def read(time, ambient, w, on):
     still = 0.0 * rate
     moment = moment_of(time, load(w, X), rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
     signal = load(w, Y0)
-    if on[13]:
-        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A37))
-    if on[15]:
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A39), load(w, A40))
+    if on[14]:
+        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A38))
+    if on[16]:
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A40), load(w, A41))
     store(w, SIGNAL, signal)
 
 

@@ -114,5 +114,8 @@ class Pickup(NamedTuple):
     displacement_lag: float = 0.0
     """Time constant of the displacement sensor [s]."""
 
+    displacement_delay: float = 0.0
+    """Dead time of the displacement sensor [s]."""
+
     force_offset: float = 0.0
     """Reading of the load cell without load [N]."""

@@ -231,6 +231,7 @@ MAY_BE_ZERO = frozenset(
         'sensor_lag',
         'hum',
         'displacement_lag',
+        'displacement_delay',
     }
 )
 

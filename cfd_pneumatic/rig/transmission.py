@@ -10,11 +10,14 @@ from scipy.linalg import expm
 
 from cfd_pneumatic.rig.compiled import compiled
 from cfd_pneumatic.rig.device import Truth
-from cfd_pneumatic.rig.effects import Effects
+from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.parameters import RigParameters
 
 _OF_A_LINE = ('resonance_frequency', 'resonance_damping', 'sensor_lag')
 """Effects that a line has a state for."""
+
+_OF_A_PICKUP = ('displacement_lag', 'displacement_delay')
+"""What a displacement sensor has a state for."""
 
 
 @compiled
@@ -92,6 +95,34 @@ class Response:
         return outputs
 
 
+class Delay:
+    """
+    A dead time.
+
+    Parameters
+    ----------
+    dead_time
+        By which the input comes late [s].
+    rest
+        Input so far.
+
+    """
+
+    def __init__(self, dead_time: float, rest: float) -> None:
+        self._dead_time = dead_time
+        self._past = np.array([rest])
+
+    def to(self, inputs: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+        """Return the outputs with the next inputs, which are one period [s] apart."""
+        whole = int(self._dead_time / period)
+        share = self._dead_time / period - whole
+        missing = max(0, whole + 1 - len(self._past))
+        known = np.concatenate([np.full(missing, self._past[0]), self._past, inputs])[-len(inputs) - whole - 1 :]
+        self._past = known[len(inputs) :]
+        late, later = known[1 : len(inputs) + 1], known[: len(inputs)]
+        return np.asarray(late + share * (later - late))
+
+
 class Transmission:
     """
     The way from the rig to its sensors.
@@ -110,8 +141,8 @@ class Transmission:
     def __init__(self, parameters: RigParameters, pressures: NDArray[np.float64], position: float) -> None:
         self._effects = (Effects(), Effects())
         self._lines: list[list[Response]] = [[], []]
-        self._lag = 0.0
-        self._pickup: Response | None = None
+        self._pickup = Pickup()
+        self._pickups: list[Response | Delay] = []
         self.change(parameters, pressures, position)
 
     def change(self, parameters: RigParameters, pressures: NDArray[np.float64], position: float) -> None:
@@ -121,18 +152,18 @@ class Transmission:
             if any(getattr(before, name) != getattr(effects, name) for name in _OF_A_LINE):
                 self._lines[cylinder] = _line(effects, float(pressures[cylinder]))
         self._effects = changed
-        self._force_offset = parameters.pickup.force_offset
-        if parameters.pickup.displacement_lag != self._lag:
-            self._lag = parameters.pickup.displacement_lag
-            self._pickup = Response.lag(self._lag, position) if self._lag else None
+        pickup = parameters.pickup
+        if any(getattr(self._pickup, name) != getattr(pickup, name) for name in _OF_A_PICKUP):
+            self._pickups = _pickups(pickup, position)
+        self._pickup = pickup
 
     def carry(self, truth: Truth, period: float) -> Truth:
         """Return what arrives at the sensors, at the next times, which are one period [s] apart."""
         arrived = truth
-        if self._pickup:
-            arrived = replace(arrived, displacement=self._pickup.to(truth.displacement, period))
-        if self._force_offset:
-            arrived = replace(arrived, force=truth.force + self._force_offset)
+        for pickup in self._pickups:
+            arrived = replace(arrived, displacement=pickup.to(arrived.displacement, period))
+        if self._pickup.force_offset:
+            arrived = replace(arrived, force=truth.force + self._pickup.force_offset)
         if any(self._lines) or any(effects.hum for effects in self._effects):
             pressures = [self._arriving(cylinder, truth, period) for cylinder in (0, 1)]
             arrived = replace(arrived, pressures=np.column_stack(pressures))
@@ -146,6 +177,16 @@ class Transmission:
         if not effects.hum:
             return pressure
         return pressure + effects.hum * np.sin(2.0 * np.pi * effects.hum_frequency * truth.times + effects.hum_phase)
+
+
+def _pickups(pickup: Pickup, rest: float) -> list[Response | Delay]:
+    """Return the responses of a displacement sensor, which has read a position [m] at rest, one after the other."""
+    responses: list[Response | Delay] = []
+    if pickup.displacement_lag:
+        responses.append(Response.lag(pickup.displacement_lag, rest))
+    if pickup.displacement_delay:
+        responses.append(Delay(pickup.displacement_delay, rest))
+    return responses
 
 
 def _line(effects: Effects, rest: float) -> list[Response]:

@@ -41,6 +41,7 @@ KNOWN = [
     ('operating_point', (1.0, 2.3e5, 1.5)),
     ('set_point_drift', (-300.0,)),
     ('displacement_lag', (0.003,)),
+    ('displacement_delay', (0.03,)),
     ('supply_variation', (200.0, -150.0, 1.7)),
     ('valve_hysteresis', (300.0,)),
     ('droop', (0.01, 0.15)),

@@ -21,7 +21,16 @@ def closed(drawn):
 
 @pytest.mark.parametrize(
     'effect',
-    ['leakage', 'transport_delay', 'sensor_lag', 'valve_dead_band', 'nonlinear_valve', 'heat_transfer', 'droop'],
+    [
+        'leakage',
+        'transport_delay',
+        'displacement_delay',
+        'sensor_lag',
+        'valve_dead_band',
+        'nonlinear_valve',
+        'heat_transfer',
+        'droop',
+    ],
 )
 def test_names_an_effect_and_reaches_the_floor(effect):
     drawn = draw(effect, 'out_and_back', 2)

@@ -135,6 +135,7 @@ CHANGES = [
     {'effects_a.dead_band': 300.0},
     {'effects_a.sensor_lag': 3e-3},
     {'pickup.displacement_lag': 3e-3},
+    {'pickup.displacement_delay': 30e-3},
     {'pickup.force_offset': 5.0},
 ]
 

@@ -253,7 +253,7 @@ def test_an_effect_on_the_force_can_be_seen(name: str, monkeypatch: pytest.Monke
     assert force_baseline_rmse(drawn) > 3.0 * force_oracle_rmse(drawn)
 
 
-@pytest.mark.parametrize('name', [*LIBRARY, *FOREIGN])
+@pytest.mark.parametrize('name', sorted({*LIBRARY, *FOREIGN} - {'displacement_delay'}))  # weak, it is another's name
 def test_a_weak_effect_is_hardly_to_be_seen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(strengths.EFFECTS, name, EFFECTS[name]._replace(strongest=EFFECTS[name].weakest))
     drawn = draw(name, 'paper_step', 1)

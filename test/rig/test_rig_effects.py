@@ -336,6 +336,15 @@ def test_a_displacement_sensor_that_lags() -> None:
     assert np.array_equal(run.pressures, plain.pressures)
 
 
+def test_a_displacement_sensor_that_is_late() -> None:
+    late = RigParameters(pickup=Pickup(displacement_delay=20.5e-3))
+    run, plain = record(paper_step(), late), record(paper_step())
+    then = np.interp(plain.truth.times - 20.5e-3, plain.truth.times, plain.truth.displacement)
+    assert run.displacement == pytest.approx(then, abs=6e-5)  # it bends between samples
+    assert np.max(np.abs(run.displacement - plain.displacement)) > 1e-3
+    assert np.array_equal(run.pressures, plain.pressures)
+
+
 # mechanics
 
 

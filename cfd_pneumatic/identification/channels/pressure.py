@@ -40,7 +40,7 @@ from cfd_pneumatic.model.baseline import (
     starting_gains,
     told_gains,
 )
-from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
+from cfd_pneumatic.model.effects import CORES, DISPLACEMENT, PRESSURE_EFFECTS, PRESSURE_PARTS, READING, Data
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide, extremes
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
@@ -219,18 +219,8 @@ class Pressure(Channel):
             for parts in zip(*(self._exact(experiment, row, count, slopes=False) for row in rows)):
                 yield parts[0][0], np.column_stack([pressure for _, pressure, _ in parts])
             return
-        delays = np.zeros(len(rows))
-        for name in effects:
-            if self.effects[name].delays:
-                delays += rows[:, self.slots_of(name)[0]]
-        groups = [np.flatnonzero(delays == delay) for delay in np.unique(delays)]
-        walks = [self._composed(experiment, effects, rows[own], count, float(delays[own[0]])) for own in groups]
-        for parts in zip(*walks):
-            samples = parts[0][0].samples
-            pressures = np.empty((samples.stop - samples.start, len(rows)))
-            for own, (block, readings) in zip(groups, parts):
-                pressures[:, own] = readings[block.at]
-            yield samples, pressures
+        for block, _, pressures in self._composed(experiment, effects, rows, count):
+            yield block.samples, pressures
 
     def linearised(
         self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Indices, steps: Array, count: int
@@ -241,15 +231,13 @@ class Pressure(Channel):
         Who reads later reads what the pressure was by its slope before: no other simulation is asked for a delay.
         """
         if effects:
-            delays = [self.slots_of(name)[0] for name in effects if self.effects[name].delays]
-            late = np.isin(slots, delays)
+            late = np.isin(slots, self._late(effects, READING))
             rows = stepped(row, slots[~late], steps[~late])
-            for block, readings in self._composed(experiment, effects, rows, count, float(row[delays].sum())):
-                read = readings[block.at]
-                jacobian = np.empty((len(read), slots.size), order='F')
-                jacobian[:, ~late] = differences(read, steps[~late])
-                jacobian[:, late] = -_slope(block.times, readings[:, :1])[block.at]
-                yield block.samples, read[:, 0], jacobian
+            for block, course, pressures in self._composed(experiment, effects, rows, count):
+                jacobian = np.empty((len(pressures), slots.size), order='F')
+                jacobian[:, ~late] = differences(pressures, steps[~late])
+                jacobian[:, late] = -_slope(block.times, course)[block.at]
+                yield block.samples, pressures[:, 0], jacobian
             return
         columns = np.where(slots < self.shared, slots, slots - self.shared + len(SPECS))
         for samples, pressure, jacobian in self._exact(experiment, row, count, slopes=True):
@@ -270,9 +258,9 @@ class Pressure(Channel):
             yield block.samples, pressure[block.at], jacobian[block.at] if slopes else jacobian
 
     def _composed(
-        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int, delay: float
-    ) -> Iterator[tuple[Block, Array]]:
-        """Yield the pressures with effects, the cylinders side by side, on grids that hold when all are read."""
+        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int
+    ) -> Iterator[tuple[Block, Array, Array]]:
+        """Yield the pressures with effects, and that of the first row on its grid, (n, 1): those as late together."""
         displacement, setpoint = experiment.inputs['displacement'], experiment.inputs['setpoint']
         cylinders = [
             ExtendedCylinder(
@@ -286,17 +274,34 @@ class Pressure(Channel):
         stiffest = max(one.stiffness(*reached) for one in cylinders)
         stiffness = min(stiffest, _MOST_STEPS / experiment.period)
         at_rest = experiment.whole and experiment.starts_at_rest
-        side_by_side = SideBySide(
-            cylinders[0],
-            rows[:, : self.shared],
-            rows[:, self.shared],
-            self._starts(experiment, rows),
-            experiment.begin,
-            stiffness,
-            settles=at_rest and any(self.effects[name].moves_rest for name in effects),
-        )
-        for block in experiment.blocks(count, delay):
-            yield block, side_by_side.follow(block.times, block.inputs['displacement'], block.inputs['setpoint'])
+        settles = at_rest and any(self.effects[name].moves_rest for name in effects)
+        late = [self._late(effects, what) for what in (READING, DISPLACEMENT)]
+        parameters, starts = rows[:, : self.shared].copy(), self._starts(experiment, rows)
+        parameters[:, late[1]] = 0.0  # the displacement is looked up
+        times = np.column_stack([rows[:, some].sum(axis=1) for some in late])
+        groups = [np.flatnonzero(np.all(times == some, axis=1)) for some in dict.fromkeys(map(tuple, times.tolist()))]
+        walks = []
+        for own in groups:
+            alike = SideBySide(
+                cylinders[0],
+                parameters[own],
+                rows[own, self.shared],
+                starts[own],
+                experiment.begin,
+                stiffness,
+                settles,
+            )
+            walks.append(_walk(alike, experiment.blocks(count, *times[own[0]])))
+        for parts in zip(*walks):
+            first, course = parts[0]
+            pressures = np.empty((first.samples.stop - first.samples.start, len(rows)))
+            for own, (block, readings) in zip(groups, parts):
+                pressures[:, own] = readings[block.at]
+            yield first, course[:, :1], pressures
+
+    def _late(self, effects: Sequence[str], what: str) -> list[int]:
+        """Return where parameters stand in a row by which something comes late."""
+        return [self.slots_of(name)[0] for name in effects if self.effects[name].late == what]
 
     def _starts(self, experiment: Experiment, rows: Array) -> Array:
         """Return by how much models start above the set-point, shape (models,) [Pa]."""
@@ -403,6 +408,12 @@ class Pressure(Channel):
             'piston speed': np.gradient(displacement, experiment.sample_times),
             'set-point': experiment.at_samples('setpoint'),
         }
+
+
+def _walk(cylinders: SideBySide, blocks: Iterator[Block]) -> Iterator[tuple[Block, Array]]:
+    """Yield the pressures of cylinders side by side in pieces of an experiment, on its grid."""
+    for block in blocks:
+        yield block, cylinders.follow(block.times, block.inputs['displacement'], block.inputs['setpoint'])
 
 
 def _evidence(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> float:

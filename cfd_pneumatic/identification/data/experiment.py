@@ -172,17 +172,20 @@ class Experiment:
         first = int(self.samples[samples.start]) if samples.start else 0
         return self._cut(slice(first, int(self.samples[samples.stop - 1]) + 1), samples)
 
-    def blocks(self, count: int | None = None, delay: float = 0.0) -> Iterator[Block]:
+    def blocks(self, count: int | None = None, delay: float = 0.0, late: float = 0.0) -> Iterator[Block]:
         """
         Yield the experiment up to the last of so many samples, or of all, in pieces.
 
-        The samples were taken `delay` seconds before they are stamped; then the grid holds these times, too.
+        The samples were taken `delay` seconds before they are stamped; then the grid holds these times, too. The
+        displacement is stamped `late` seconds after the piston was there.
         """
         last = self.times[0]
         for begin in range(0, self.samples.size if count is None else count, _BLOCK):
             samples = slice(begin, min(begin + _BLOCK, self.samples.size))
             block = self._early(samples, delay, last) if delay else self._block(samples)
             last = block.times[-1]
+            if late:
+                block = block._replace(inputs={**block.inputs, 'displacement': self._displacement(block.times + late)})
             yield block
 
     def _block(self, samples: slice) -> Block:
@@ -201,8 +204,14 @@ class Experiment:
         times = np.union1d(self.times[between], np.append(last, taken))
         step = np.searchsorted(self.times, times)  # that ends there or later
         inputs = {name: values[step] for name, values in self.inputs.items()}
-        inputs['displacement'] = np.interp(times, self.times, self.inputs['displacement'])
+        inputs['displacement'] = self._displacement(times)
         return Block(times, inputs, samples, np.searchsorted(times, taken))
+
+    def _displacement(self, times: Array) -> Array:
+        """Return the displacement at increasing times, shape (n,) [m]; beyond the last one it goes on as it went."""
+        known = self.inputs['displacement']
+        rate = (known[-1] - known[-2]) / (self.times[-1] - self.times[-2])
+        return np.asarray(np.interp(times, self.times, known) + rate * np.maximum(times - self.times[-1], 0.0))
 
     def _cut(self, grid: slice, samples: slice) -> Experiment:
         return replace(

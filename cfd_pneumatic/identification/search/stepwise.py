@@ -37,7 +37,7 @@ _UNPROMISING = 'not fitted: as far as small changes tell, it takes no more than 
 _LEAST_BIC = 10.0  # by which an effect must lower the criterion
 _LEAST_BIC_UNSEEN = 20.0  # where there is no validation part to agree
 _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by each further one
-_LEAST_DROP_OF_MORE = 0.10  # where more than noise is left: little finds a name by chance
+_LEAST_DROP_OF_MORE = 0.10  # of train or validation, where more than noise is left: little finds a name by chance
 _BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
 _ALIKE = 1.05  # times an effect's error, at which a rival is named where more than noise is left
 _SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
@@ -226,7 +226,8 @@ class Search:
             drop = 1.0 - candidate.rss / model.rss
             validation = candidate.validation_rmse
             reason = objection(gain, drop, len(model.effects), validation, reference)
-            little = model.effects and drop < _LEAST_DROP_OF_MORE
+            most = max(drop, dropped(validation, reference))
+            little = model.effects and most < _LEAST_DROP_OF_MORE
             if reason is None and little and not explained(self.candidates.residual_tests(candidate)):
                 reason = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %, and more than noise is left'
             objections[name] = reason
@@ -236,7 +237,8 @@ class Search:
         )
         ranked = sorted(candidates, key=lambda name: self.criterion(candidates[name], _WHITE))
         worthy = [name for name in ranked if objections[name] is None]
-        leads = dict.fromkeys([*sorted(worthy, key=lambda name: criteria[name])[:1], *worthy[:1]])
+        leads = [*sorted(worthy, key=lambda name: criteria[name])[:1], *worthy[:1]]
+        leads = list(dict.fromkeys(_foretelling(one, worthy, candidates) for one in leads))
         return Step(candidates, ranked, tuple(leads), trials)
 
     def _beside(self, model: Candidate, names: Sequence[str]) -> dict[str, Candidate]:
@@ -303,6 +305,13 @@ class Search:
         return model, alternatives
 
 
+def _foretelling(lead: str, worthy: Sequence[str], candidates: Mapping[str, Candidate]) -> str:
+    """Return the effect that foretells the validation part best, where it does so better than the lead."""
+    errors = {name: one.validation_rmse for name, one in candidates.items() if one.validation_rmse is not None}
+    best = min(worthy, key=lambda name: errors.get(name, math.inf))
+    return best if lead in errors and _ALIKE * errors[best] < errors[lead] else lead
+
+
 def small_enough(tests: Sequence[Test]) -> bool:
     """Return whether a residual is noise, in kind and in size, from its tests."""
     size = next(test.statistic for test in tests if test.name == 'noise_floor')
@@ -314,6 +323,11 @@ def alike(rival: Candidate, own: Candidate) -> bool:
     if rival.validation_rmse is None or own.validation_rmse is None:
         return rival.rss < _ALIKE**2 * own.rss
     return rival.validation_rmse < _ALIKE * own.validation_rmse
+
+
+def dropped(error: float | None, reference: float | None) -> float:
+    """Return the share by which an error's square lies below another's; 0 where either is not known."""
+    return 0.0 if error is None or reference is None else 1.0 - (error / reference) ** 2
 
 
 def objection(gain: float, drop: float, rank: int, validation: float | None, reference: float | None) -> str | None:

@@ -44,6 +44,12 @@ FUNCTIONS = {
 }
 """What an effect may change, by the name of the function that does."""
 
+PLACE, LENGTH = 'place', 'length'
+"""What a parameter may be on the stroke."""
+
+READING, DISPLACEMENT = 'reading', 'displacement'
+"""What an effect may have come late."""
+
 DELAYS = 'delay / lag / regulator bandwidth'
 OFFSETS = 'leakage / droop / set-point offset'
 STIFFNESS = 'dead volume / polytropic exponent'
@@ -131,6 +137,10 @@ class EffectParameter:
         Whether its starting values are all there is: it is not searched.
     of_pressure
         Whether it is a dependence on pressure, which recordings at one pressure don't tell: there it stays null.
+    on_stroke
+        Whether it is a `place` on the stroke or a `length` of it: no search leaves what was recorded.
+    least
+        What no search goes below, where that is not `lower` [unit].
 
     """
 
@@ -143,6 +153,8 @@ class EffectParameter:
     logarithmic: bool = False
     choice: bool = False
     of_pressure: bool = False
+    on_stroke: str = ''
+    least: float | None = None
 
 
 Data = Mapping[str, float]
@@ -173,8 +185,8 @@ class Effect:
         Whether the cylinder rests off the set-point, at a pressure of its own, so that it has to settle first.
     rests_anywhere
         Whether the cylinder may rest off the set-point, so that its first pressure has to be fitted.
-    delays
-        Whether its one parameter is a time by which the sensor's reading comes late [s].
+    late
+        What comes late by its one parameter [s], `reading` or `displacement`: recordings are looked up at another time.
     quickens
         Returns how many times faster than the gains say the cylinder may be, from an absolute pressure [Pa], a
         displacement [m] and its parameters.
@@ -222,7 +234,7 @@ class Effect:
     rests_at_pressure: bool = False
     moves_rest: bool = False
     rests_anywhere: bool = False
-    delays: bool = False
+    late: str = ''
     quickens: Callable[..., float] | None = field(default=None, repr=False)
     fastest: Callable[..., float] | None = field(default=None, repr=False)
     of_time: bool = False

@@ -37,11 +37,14 @@ def fastest(frequency: float, damping: float) -> float:
 HIGHEST = 2e3
 """Frequency above which no resonance is seen any more [Hz]."""
 
+LOWEST = 10.0
+"""What no search goes below: a quarter of its wave is eight metres of line [Hz]."""
+
 EFFECT = Effect(
     name='line_resonance',
     description='the line to the pressure sensor resonates',
     parameters=(
-        EffectParameter('frequency', 'Hz', 1.0, HIGHEST, HIGHEST, 'natural frequency', logarithmic=True),
+        EffectParameter('frequency', 'Hz', 1.0, HIGHEST, HIGHEST, 'natural frequency', logarithmic=True, least=LOWEST),
         # above 0.7 a resonance would pass for a lag
         EffectParameter('damping', '-', 1e-3, 0.7, 0.7, 'damping ratio', logarithmic=True),
     ),

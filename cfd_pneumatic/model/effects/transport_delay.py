@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.displacement_delay import SHORTEST
+from cfd_pneumatic.model.effects.effect import DELAYS, READING, Data, Effect, EffectParameter
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
@@ -13,12 +14,12 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='transport_delay',
     description='dead time of the pressure against displacement and set-point, either sign',
-    parameters=(EffectParameter('delay', 's', -0.5, 0.5, 0.0, 'by which the pressure is read later'),),
+    parameters=(EffectParameter('delay', 's', -SHORTEST, 0.5, 0.0, 'by which the pressure is read later'),),
     equations=(r's(t) = p(t - delay)',),
     starts=starts,
     shown_by='fast strokes',
     shown_at=500.0,
     seen_against='pressure rate',
     families=(DELAYS,),
-    delays=True,
+    late=READING,
 )

@@ -57,7 +57,8 @@ def predict(device: Specimen | Gains, recording: PanelRecording, schedule: Sched
     motion = motion_of(schedule)
     times = motion.start + motion.period * np.arange(1.0, len(motion.positions) + 1.0)
     taken = schedule.sampling_period * np.arange(float(schedule.samples))
-    displacement = np.interp(times, taken, recording.displacement)
+    late = device.rig.pickup.displacement_delay if isinstance(device, Specimen) else 0.0
+    displacement = np.interp(times + late, taken, recording.displacement)
     if isinstance(device, Gains):
         levels = motion.setpoints[:, 0] + AMBIENT_PRESSURE
         return np.interp(taken, times, pressure_along(displacement, levels, motion.period, device))
