@@ -86,8 +86,8 @@ def document(said: Sequence[Said], notes: str) -> str:
             'CC0), one by one. Written by `make measured-runs`; what stands under "Notes" at the end is kept.',
             '',
             '- Errors are those of the test part, over the span of what was measured, without and with the effects.',
-            '- The last column has them over the noise from sample to sample, the standard deviation of the differences '
-            f'over the square root of 2. {_over_noise(said)}',
+            '- The last column has them over the noise from sample to sample, the standard deviation of the '
+            f'differences over the square root of 2. {_over_noise(said)}',
             f'- Noticed: {", ".join(f"`{code}` ({level}) on {n}" for (code, level), n in sorted(runs.items()))} of '
             f'{len(said)} runs.',
             f'- Machine: {machine()}',
