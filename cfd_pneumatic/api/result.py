@@ -17,6 +17,7 @@ from cfd_pneumatic.identification import Identification, Options, PartError
 from cfd_pneumatic.identification import identify as identified
 from cfd_pneumatic.identification.data.options import AUTO
 from cfd_pneumatic.identification.data.split import FRACTIONS
+from cfd_pneumatic.identification.data.tolerance import tolerance_from
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import print_report, report_data, write_report
 from cfd_pneumatic.reporting.page import report_page
@@ -38,6 +39,7 @@ def identify(
     ambient_pressure: float = AMBIENT_PRESSURE,
     fractions: tuple[float, float, float] = FRACTIONS,
     core: str = AUTO,
+    tolerance: str | Sequence[str] = (),
 ) -> Result:
     """
     Identify a device from its recordings, jointly.
@@ -61,6 +63,9 @@ def identify(
     core
         `linear`: the paper's equations; `physical`: those before they were linearised; `auto`: what closing the loop
         finds the recordings to need.
+    tolerance
+        Errors that do not matter, `300Pa`, `2N` or `1%` of the span, or some of these: what is left within it makes no
+        verdict `unexplained`.
 
     Raises
     ------
@@ -68,7 +73,8 @@ def identify(
         If a recording is none, holds no motion or too few samples, or a cylinder tells no parameter.
 
     """
-    options = Options(per_setpoint, fractions, ambient_pressure, close_loop, area, geometric_factor, core)
+    tolerated = tolerance_from([tolerance] if isinstance(tolerance, str) else tolerance)
+    options = Options(per_setpoint, fractions, ambient_pressure, close_loop, area, geometric_factor, core, tolerated)
     given: list[Any] = [recordings] if isinstance(recordings, (Recording, str, Path)) else list(recordings)
     for one in given:
         if not isinstance(one, Recording):

@@ -71,6 +71,14 @@ def make_parser() -> argparse.ArgumentParser:
         'what --close-loop finds the recordings to need (default: %(default)s)',
     )
     parser.add_argument(
+        '--tolerance',
+        action='append',
+        default=[],
+        metavar='SIZE',
+        help='error that does not matter, 300Pa, 2N or 1%% of the span: what is left within it makes no verdict '
+        '`unexplained`; may be given for each (default: every one matters)',
+    )
+    parser.add_argument(
         '--full',
         action='store_true',
         help='write every sample to compare.mcap; it holds minima and maxima of more than 2 million messages',
@@ -152,6 +160,7 @@ def main(args: Sequence[str] | None = None) -> int:
 
 def _identify(args: Sequence[str] | None) -> None:
     from cfd_pneumatic.identification import Options
+    from cfd_pneumatic.identification.data.tolerance import tolerance_from
     from cfd_pneumatic.recording import read_mapping
 
     arguments = make_parser().parse_args(args)
@@ -163,6 +172,7 @@ def _identify(args: Sequence[str] | None) -> None:
         area=arguments.area,
         geometric_factor=arguments.geometric_factor,
         core=arguments.core,
+        tolerance=tolerance_from(arguments.tolerance),
     )
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     if arguments.each:

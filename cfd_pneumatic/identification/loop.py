@@ -15,6 +15,7 @@ import numpy as np
 
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.data.options import AUTO, LINEAR, PHYSICAL
+from cfd_pneumatic.identification.data.tolerance import EVERY, Tolerance
 from cfd_pneumatic.identification.fit.fit import Fit, search, summary
 from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.residual.tests import explained
@@ -30,13 +31,16 @@ from cfd_pneumatic.identification.verdict import (
     not_added,
     shortage_of,
     verdict_of,
+    within,
 )
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60
 
 
-def close_loop(before: Fit, core: str = AUTO, searching: bool = True) -> tuple[Fit, Conclusion]:
+def close_loop(
+    before: Fit, core: str = AUTO, searching: bool = True, tolerance: Tolerance = EVERY
+) -> tuple[Fit, Conclusion]:
     """
     Return the fit with the core and the effects that were found, and what it comes to.
 
@@ -48,6 +52,8 @@ def close_loop(before: Fit, core: str = AUTO, searching: bool = True) -> tuple[F
         One of `Options.core`.
     searching
         Whether a core and effects are looked for.
+    tolerance
+        Errors that do not matter.
 
     """
     likelihood = before.likelihood
@@ -80,7 +86,8 @@ def close_loop(before: Fit, core: str = AUTO, searching: bool = True) -> tuple[F
     against += contradiction(experiments, left, noise.std)
     effects = tuple(after.model.effects)
     used = PHYSICAL if after.model.core else LINEAR
-    verdict, why = verdict_of(used, effects, alternatives, tests, shortage, ratio, interval, against)
+    tolerated = within(tolerance, channel.quantity.small.unit, experiments, after.simulated)
+    verdict, why = verdict_of(used, effects, alternatives, tests, shortage, ratio, interval, against, tolerated)
     conclusion = Conclusion(
         verdict=verdict,
         why=why,

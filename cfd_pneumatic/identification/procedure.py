@@ -163,7 +163,7 @@ def _identified(channel: Channel, joint: Fit, data: Prepared, options: Options, 
     schedule, simulated, notes = _schedule(joint, options)
     found, conclusion = joint, None
     if options.close_loop:
-        found, conclusion = close_loop(joint, options.core, searching=not misread)
+        found, conclusion = close_loop(joint, options.core, not misread, options.tolerance)
     elif options.core == PHYSICAL:
         found = with_core(joint)
     return ChannelResult(

@@ -188,6 +188,13 @@ class IdentifierNode(Node):
             text(f'equations that effects are sought beside: {", ".join(CORES)}; auto: what the recordings need'),
         )
         declare(
+            'tolerance',
+            '',
+            text(
+                'error that does not matter: 300Pa, 2N, 1% of the span, or some, as 300Pa,2N; none: every one matters'
+            ),
+        )
+        declare(
             'ambient_pressure',
             convention.AMBIENT_PRESSURE,
             number('Pa', 1e4, 2e5, 'absolute pressure that gauge pressures are counted from'),
@@ -250,6 +257,7 @@ class IdentifierNode(Node):
         ]
         given = ('mapping', 'namespace', 'area', 'geometric_factor')
         arguments += [f'--{name.replace("_", "-")}={self._value(name)}' for name in given if self._value(name)]
+        arguments += [f'--tolerance={one}' for one in self._value('tolerance').split(',') if one]
         arguments += [f'--{name.replace("_", "-")}' for name in ('per_setpoint', 'close_loop') if self._value(name)]
         return Job([*arguments, '--', *bags], Path(output), target)
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from drawn import recording_of
 
+from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.identification.data.tolerance import Tolerance, tolerance_from
 from cfd_pneumatic.identification.verdict import VERDICTS
 from cfd_pneumatic.recording import CylinderSignals, Signal
 from cfd_pneumatic.rig.panel import draw, draw_textbook, oracle_rmse
@@ -57,6 +59,27 @@ def test_does_not_pretend_to_know_what_is_none_of_its_effects(effect):
     closure, _ = closed(draw(effect, 'out_and_back', 1))
     assert closure.verdict == 'unexplained'
     assert 'not known' in closure.why or 'none of the effects' in closure.why
+
+
+@pytest.mark.parametrize(('pressure', 'verdict'), [(100.0, 'unexplained'), (2000.0, 'no_missing_effect')])
+def test_what_is_left_within_the_tolerance_is_not_unexplained(pressure, verdict):
+    recording = recording_of(draw('mains_hum', 'out_and_back', 1))
+    options = Options(close_loop=True, tolerance=Tolerance(pressure=pressure))
+    result = identify([recording], options).cylinders['cylinder_a']
+    assert 100.0 < result.rmse(1) < 2000.0
+    assert result.conclusion.verdict == verdict
+    assert ('within the tolerance of 2e+03 Pa' in result.conclusion.why) == (verdict == 'no_missing_effect')
+    assert 'has a tone in it' in result.conclusion.why
+
+
+def test_a_tolerance_is_written_with_its_unit():
+    assert tolerance_from([]) == Tolerance()
+    assert tolerance_from(['300Pa', '2.5 N', '1%']) == Tolerance(300.0, 2.5, 1.0)
+    assert tolerance_from(['1%']).of('Pa', 3e4) == 300.0
+    assert Tolerance(pressure=5.0).of('N', 10.0) == 0.0
+    for wrong in ('300', 'Pa', '-1N', '1 psi', '1e3Pa', ''):
+        with pytest.raises(InputError, match='give Pa, N or percent of the span, as 300Pa, 2N or 1%'):
+            tolerance_from([wrong])
 
 
 def test_the_test_part_decides_nothing():

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.split import FRACTIONS
+from cfd_pneumatic.identification.data.tolerance import EVERY, Tolerance
 
 AUTO, LINEAR, PHYSICAL = CORES = ('auto', 'linear', 'physical')
 """Which core a model of a cylinder has; `auto`: closing the loop asks which one the recordings need."""
@@ -33,6 +34,8 @@ class Options:
         Contact force over piston force, from the linkage [-]; None if nobody knows: then it is in the area.
     core
         One of `CORES`: the paper's linear equations, those before they were linearised, or what the loop finds needed.
+    tolerance
+        Errors that do not matter: what is left within it makes no verdict `unexplained`.
 
     Raises
     ------
@@ -48,6 +51,7 @@ class Options:
     area: float | None = None
     geometric_factor: float | None = None
     core: str = AUTO
+    tolerance: Tolerance = EVERY
 
     def __post_init__(self) -> None:
         """Refuse what no device has."""
