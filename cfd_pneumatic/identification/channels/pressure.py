@@ -176,7 +176,9 @@ class Pressure(Channel):
         scale = (
             max(float(np.ptp(one.measured[one.fitted])) if np.any(one.fitted) else 0.0 for one in experiments) or 1.0
         )
-        anywhere = any(self.effects[name].rests_anywhere for name in model.parts)
+        parts = [self.effects[name] for name in model.parts]
+        # what moves the rest settles before the first sample: where it began is forgotten
+        anywhere = any(one.rests_anywhere for one in parts) and not any(one.moves_rest for one in parts)
         for index in sorted({one.index for one in experiments}):
             offset, start = self.own_slots(index)
             found.append(Unknown('', 'Pa', offset, -np.inf, np.inf, scale))
@@ -208,7 +210,7 @@ class Pressure(Channel):
             return
         raise InputError(
             'no parameter can be told from these recordings, the pressure does not follow the piston: let it move '
-            'faster or farther, both ways'
+            "faster or farther, both ways, or look whether the displacement comes late, by its sensor's filter or clock"
         )
 
     def follow(

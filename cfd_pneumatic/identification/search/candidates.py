@@ -142,9 +142,10 @@ class Candidates:
         """
         Return the best fit of each of some effects beside those of a candidate, from where it may begin.
 
-        The core stays as it is until a fit promises much.
+        The core and the other effects stay as they are until a fit promises much.
         """
-        rough = _best_first(_fitted(begins, lambda one: search(self._excerpt, one, *_ROUGH, frozen=one.core)))
+        known = candidate.model.parts
+        rough = _best_first(_fitted(begins, lambda one: search(self._excerpt, one, *_ROUGH, frozen=known)))
         before = self._cost_of_excerpt(candidate)
         promising = self._rivals(candidate, rough, before)
         refined = {name: self._refined(rough[name], before) for name in promising}
@@ -181,12 +182,14 @@ class Candidates:
     def _finished(self, model: Model, begin: Model) -> Candidate:
         """Return a fit with what it leaves; one that ran away is as if its effects were not there."""
         simulated = self.learn.simulate(model)
-        if not all(np.all(np.isfinite(values)) for values in simulated):
+        if not _is_finite(simulated):
             if model.core != begin.core:
                 return self.baseline
             absent = {name: begin.effects.get(name, self.channel.effects[name].null) for name in model.effects}
             model = replace(begin, effects=absent, unknowns=model.unknowns)
             simulated = self.learn.simulate(model)
+            if not _is_finite(simulated):
+                return self.baseline
         residuals = self.train.residuals([own[: one.part.size] for one, own in zip(self.train.experiments, simulated)])
         errors = np.concatenate(
             [
@@ -236,9 +239,9 @@ class Candidates:
         return {name: known[name] for name in names}
 
     def _begins(self, candidate: Candidate, names: Sequence[str]) -> dict[str, list[Model]]:
-        """Return a candidate with one more effect, for each of some names: where fits begin."""
+        """Return where fits with one more effect begin, by its name; those of a first one at other gains, too."""
         astray = candidate.rss > self.train.samples * (_STRONG * self._noise) ** 2
-        begins = self.channel.beginnings(candidate.model, astray)
+        begins = [candidate.model] if candidate.model.parts else self.channel.beginnings(candidate.model, astray)
         return {
             name: [replace(begin, effects={**candidate.effects, name: start}) for begin in begins for start in own]
             for name, own in self._starts(candidate, names).items()
@@ -256,6 +259,10 @@ class Candidates:
         if self._longer_excerpt is not None:  # the steps of a long way are taken where they are cheap
             begin = search(self._longer_excerpt, begin, *_FINE).model
         return search(self.train, begin, *_FINE)
+
+
+def _is_finite(simulated: Sequence[Array]) -> bool:
+    return all(np.all(np.isfinite(values)) for values in simulated)
 
 
 def _fitted(begins: Mapping[str, Sequence[Model]], fit: Callable[[Model], Optimum]) -> dict[str, list[Optimum]]:
