@@ -66,12 +66,23 @@ def other_reading(recordings: Sequence[Recording], options: Options) -> Notice |
 def other_reference(result: ChannelResult, options: Options) -> Iterator[Notice]:
     """Ask whether a pressure that is not explained is so with an atmosphere less, or with one more."""
     conclusion = result.conclusion
-    if options.core != AUTO or conclusion is None or conclusion.verdict != 'unexplained' or not result.channel.cores:
+    if options.core != AUTO or conclusion is None or explained(conclusion.tests_after) or not result.channel.cores:
         return
+
+    def by_core(experiments: Sequence[Experiment]) -> tuple[bool, float]:
+        candidates = Candidates(replace(result.fit.likelihood, experiments=tuple(experiments)), result.fit.model)
+        (name, *_) = result.channel.cores
+        found = candidates.with_core(candidates.baseline, name)
+        return explained(candidates.residual_tests(found)), found.rss
+
     for said, true, shift in (('gauge', 'absolute', -1.0), ('absolute', 'gauge', 1.0)):
         moved = [_referred(one, shift * options.ambient_pressure) for one in result.experiments]
         above_ambient = min(float(np.min(one.inputs['setpoint'])) for one in moved) > options.ambient_pressure
-        if above_ambient and _is_explained_by_core(replace(result.fit.likelihood, experiments=tuple(moved)), result):
+        is_explained, left = by_core(moved) if above_ambient else (False, math.inf)
+        if not is_explained:
+            continue
+        is_explained_as_read, left_as_read = by_core(result.experiments)
+        if not is_explained_as_read and left < left_as_read:
             yield warning(
                 'reference_suspect',
                 f'{result.name}: pressure and set-point look like {true} ones that are said to be {said}',
@@ -83,12 +94,6 @@ def _referred(experiment: Experiment, shift: float) -> Experiment:
     """Return an experiment with pressure and set-point shifted [Pa]."""
     inputs = {**experiment.inputs, 'setpoint': experiment.inputs['setpoint'] + shift}
     return replace(experiment, measured=experiment.measured + shift, inputs=inputs)
-
-
-def _is_explained_by_core(likelihood: Likelihood, result: ChannelResult) -> bool:
-    candidates = Candidates(likelihood, result.fit.model)
-    (name, *_) = result.channel.cores
-    return explained(candidates.residual_tests(candidates.with_core(candidates.baseline, name)))
 
 
 def left_of_force(recordings: Sequence[Recording], result: ChannelResult, options: Options, by: float = 0.0) -> float:
