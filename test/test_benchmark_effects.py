@@ -223,7 +223,7 @@ def test_the_recordings_of_a_run():
     assert {job.effects for job in jobs} == {(), *((name,) for name in ON_FORCE)}
     some = panel_rows.jobs_of(['effects', 'foreign'], ['paper_step'], lambda kind, schedule: range(1), ['droop'])
     assert some == [Job('effects', ('droop',), 'paper_step', 0)]
-    assert len({frozenset(pair) for pair in panel_rows.PAIRS}) == len(panel_rows.PAIRS) == 153
+    assert len({frozenset(pair) for pair in panel_rows.PAIRS}) == len(panel_rows.PAIRS) == 171
 
 
 @pytest.mark.parametrize('effects', [('force_offset',), ()])

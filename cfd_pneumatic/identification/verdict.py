@@ -198,7 +198,7 @@ def verdict_of(
 
 
 def within(tolerance: Tolerance, unit: str, experiments: Sequence[Experiment], simulated: Sequence[Array]) -> str:
-    """Return in a clause that errors lie within a tolerance, of the test part where there is one; or nothing."""
+    """Return in a clause that the errors of all parts lie within a tolerance, or nothing."""
     errors = part_errors(experiments, simulated)
     worst = max(one.rmse for one in errors.values())
     most = tolerance.of(unit, float(np.mean([one.span for one in experiments])))
