@@ -32,7 +32,6 @@ class Said:
 
     run: str
     lines: tuple[tuple[str, ...], ...]
-    over_noise: float
     notices: tuple[Notice, ...]
 
 
@@ -40,14 +39,12 @@ def said_of(path: Path) -> Said:
     """Identify a run and close the loop."""
     recording = read_recording(path, mapping=read_mapping(ROOT / 'config' / 'pneumatic_actuator.yaml'))
     found = identify([recording], Options(close_loop=True))
-    (pressure,) = found.cylinders.values()
-    noise = float(np.std(np.diff(pressure.comparisons[0].experiment.measured))) / math.sqrt(2.0)
-    lines = tuple(_line(path.stem, one, noise) for one in found.closed)
-    return Said(path.stem, lines, pressure.rmse(1) / noise, found.notices)
+    return Said(path.stem, tuple(_line(path.stem, one) for one in found.closed), found.notices)
 
 
-def _line(run: str, result: ChannelResult, noise: float) -> tuple[str, ...]:
+def _line(run: str, result: ChannelResult) -> tuple[str, ...]:
     findings = result.findings
+    noise = float(np.std(np.diff(result.comparisons[0].experiment.measured))) / math.sqrt(2.0)
     share = [100.0 * errors[result.judged_on].rmse / result.span for errors in (result.before, result.after)]
     alternatives = sorted({one for some in findings.alternatives.values() for one in some})
     return (
@@ -59,7 +56,7 @@ def _line(run: str, result: ChannelResult, noise: float) -> tuple[str, ...]:
         ', '.join(alternatives),
         f'{share[0]:.2f}',
         f'{share[1]:.2f}',
-        f'{result.rmse(1) / noise:.2f}' if result.name != 'force' else '',
+        f'{result.rmse(1) / noise:.2f}',
     )
 
 
@@ -107,13 +104,14 @@ def document(said: Sequence[Said], notes: str) -> str:
 
 
 def _over_noise(said: Sequence[Said]) -> str:
-    """Return the medians of the errors over the noise, of all runs and of the seals that don't leak."""
-    healthy = [one.over_noise for one in said if not one.run.startswith('Kidney')]
-    at_7_bar = [one.over_noise for one in said if one.run.endswith('7bar')]
-    every = np.median([one.over_noise for one in said])
+    """Return the medians of the pressures' errors over the noise, of all runs and of the seals that don't leak."""
+    found = {one.run: float(line[-1]) for one in said for line in one.lines if line[1] != 'force'}
+    healthy = [value for run, value in found.items() if not run.startswith('Kidney')]
+    at_7_bar = [value for run, value in found.items() if run.endswith('7bar')]
     return (
-        f'Medians: {np.median(healthy):.2f} of {len(healthy)} runs of the three healthy seals, '
-        f'{np.median(at_7_bar):.2f} (at most {max(at_7_bar):.2f}) of those at 7 bar, {every:.2f} of all.'
+        f'Medians of the pressures: {np.median(healthy):.2f} of {len(healthy)} runs of the three healthy seals, '
+        f'{np.median(at_7_bar):.2f} (at most {max(at_7_bar):.2f}) of those at 7 bar, '
+        f'{np.median(list(found.values())):.2f} of all.'
     )
 
 

@@ -73,8 +73,8 @@ def identify(
         If a recording is none, holds no motion or too few samples, or a cylinder tells no parameter.
 
     """
-    tolerated = tolerance_from([tolerance] if isinstance(tolerance, str) else tolerance)
-    options = Options(per_setpoint, fractions, ambient_pressure, close_loop, area, geometric_factor, core, tolerated)
+    sizes = tolerance_from([tolerance] if isinstance(tolerance, str) else tolerance)
+    options = Options(per_setpoint, fractions, ambient_pressure, close_loop, area, geometric_factor, core, sizes)
     given: list[Any] = [recordings] if isinstance(recordings, (Recording, str, Path)) else list(recordings)
     for one in given:
         if not isinstance(one, Recording):

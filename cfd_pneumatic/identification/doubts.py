@@ -17,7 +17,6 @@ from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.readings import left_of_force, other_reference
 from cfd_pneumatic.identification.result import ChannelResult
-from cfd_pneumatic.model.effects import READING
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.recording.inspection import LENGTHS, duplicates, in_other_units, shown_length
@@ -109,7 +108,7 @@ def _of_delay(
         estimate = result.parameters(name).get('delay') if what else None
         if estimate is None or estimate.value is None or estimate.interval is None:
             continue
-        early, late = what == READING, abs(estimate.value)
+        early, late = what == 'reading', abs(estimate.value)
         if early and estimate.interval[1] >= 0.0:
             continue
         message = f'{result.name}: the displacement seems to come {1e3 * late:.3g} ms late'

@@ -15,7 +15,7 @@ import numpy as np
 
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.data.options import AUTO, LINEAR, PHYSICAL
-from cfd_pneumatic.identification.data.tolerance import EVERY, Tolerance
+from cfd_pneumatic.identification.data.tolerance import Tolerance
 from cfd_pneumatic.identification.fit.fit import Fit, search, summary
 from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.residual.tests import explained
@@ -39,7 +39,7 @@ _MOST_EVALUATIONS = 60
 
 
 def close_loop(
-    before: Fit, core: str = AUTO, searching: bool = True, tolerance: Tolerance = EVERY
+    before: Fit, core: str = AUTO, searching: bool = True, tolerance: Tolerance = ()
 ) -> tuple[Fit, Conclusion]:
     """
     Return the fit with the core and the effects that were found, and what it comes to.
@@ -86,8 +86,8 @@ def close_loop(
     against += contradiction(experiments, left, noise.std)
     effects = tuple(after.model.effects)
     used = PHYSICAL if after.model.core else LINEAR
-    tolerated = within(tolerance, channel.quantity.small.unit, experiments, after.simulated)
-    verdict, why = verdict_of(used, effects, alternatives, tests, shortage, ratio, interval, against, tolerated)
+    harmless = within(tolerance, channel.quantity.small.unit, experiments, after.simulated)
+    verdict, why = verdict_of(used, effects, alternatives, tests, shortage, ratio, interval, against, harmless)
     conclusion = Conclusion(
         verdict=verdict,
         why=why,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.options import PHYSICAL
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.data.tolerance import Tolerance
+from cfd_pneumatic.identification.data.tolerance import Tolerance, tolerated
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.identification.search.stepwise import Trial
@@ -165,12 +165,12 @@ def verdict_of(
     ratio: float | None,
     interval: tuple[float, float] | None,
     against: Sequence[str] = (),
-    tolerated: str = '',
+    harmless: str = '',
 ) -> tuple[str, str]:
     """
     Return the verdict and the sentence that says it; clauses of `against` withdraw it.
 
-    Where `tolerated` says that what is left does not matter, it makes no verdict `unexplained`.
+    Where `harmless` says why what is left does not matter, it makes no verdict `unexplained`.
     """
     if shortage is not None:
         return 'insufficient_data', shortage
@@ -190,8 +190,8 @@ def verdict_of(
         why, left = f'{whole}{_UNKNOWN}', f': what is left {failed}'
     else:
         why, left = f'{whole}what the model leaves is noise', ': nothing is missing that these recordings could show'
-    if failed and tolerated:
-        failed, left = '', f'; what is left {failed}, but {tolerated}'
+    if failed and harmless:
+        failed, left = '', f'; what is left {failed}, but {harmless}'
     if failed or against:
         return 'unexplained', '; '.join([why + left, *against]) if failed else f'{why}, but {"; ".join(against)}'
     return 'effect_added' if effects else 'no_missing_effect', why + left
@@ -201,7 +201,7 @@ def within(tolerance: Tolerance, unit: str, experiments: Sequence[Experiment], s
     """Return in a clause that the errors of all parts lie within a tolerance, or nothing."""
     errors = part_errors(experiments, simulated)
     worst = max(one.rmse for one in errors.values())
-    most = tolerance.of(unit, float(np.mean([one.span for one in experiments])))
+    most = tolerated(tolerance, unit, float(np.mean([one.span for one in experiments])))
     return f'its {worst:.3g} {unit} are within the tolerance of {most:.3g} {unit}' if worst <= most else ''
 
 

@@ -21,6 +21,8 @@ HINTS = {
 
 _STARTING_K = (3.0, 30.0, 150.0)  # charging gains [1/s]
 _SHORTEST_CHAMBER = 0.03  # [m]
+_ATMOSPHERE = 1e5  # [Pa]
+_SOFTEST = _ATMOSPHERE / 10.0  # of a chamber ten metres long [Pa/m]: no stroke moves its pressure
 _SHORTEST = 0.3  # sample periods: a quicker time constant can't be told from none
 _QUICKER = 5.0
 _SLOWEST_RELIEF, _USUAL_RELIEF = 0.1, 0.25  # K_v over K_sv; the paper's tables have 0.15 to 0.3
@@ -49,6 +51,8 @@ def other_gains(gains: Array, astray: bool) -> list[Array]:
     others = [np.array([k_x, _QUICKER * k_sv, _QUICKER * k_v, tau / _QUICKER])] if astray else []
     if not _SLOWEST_RELIEF * k_sv <= k_v <= k_sv:
         others.append(np.array([k_x, k_sv, _USUAL_RELIEF * k_sv, tau]))
+    if k_x < _SOFTEST:
+        others.append(np.array([_ATMOSPHERE / _SHORTEST_CHAMBER, k_sv, k_v, tau]))
     return others
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.model.effects import PRESSURE_PARTS, READING
+from cfd_pneumatic.model.effects import PRESSURE_PARTS
 from cfd_pneumatic.model.extended import ExtendedCylinder, ExtendedState, Movement, check_effects
 from cfd_pneumatic.model.parameters import OperatingPoints
 from cfd_pneumatic.model.propagation import (
@@ -136,7 +136,7 @@ class Cylinder:
     @property
     def delay(self) -> float | None:
         """What an effect delays the reading by, where there is one; below zero it looks ahead [s]."""
-        return next((own[0] for name, own in self.effects.items() if PRESSURE_PARTS[name].late == READING), None)
+        return next((own[0] for name, own in self.effects.items() if PRESSURE_PARTS[name].late == 'reading'), None)
 
     def at_rest(self, setpoint: float, x: float) -> CylinderState:
         """Return the equilibrium at an absolute set-point [Pa], the piston resting at a displacement [m]."""

@@ -160,8 +160,8 @@ class Transmission:
     def carry(self, truth: Truth, period: float) -> Truth:
         """Return what arrives at the sensors, at the next times, which are one period [s] apart."""
         arrived = truth
-        for pickup in self._pickups:
-            arrived = replace(arrived, displacement=pickup.to(arrived.displacement, period))
+        for response in self._pickups:
+            arrived = replace(arrived, displacement=response.to(arrived.displacement, period))
         if self._pickup.force_offset:
             arrived = replace(arrived, force=truth.force + self._pickup.force_offset)
         if any(self._lines) or any(effects.hum for effects in self._effects):

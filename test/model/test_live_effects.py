@@ -18,7 +18,7 @@ from cfd_pneumatic.model import (
     Movement,
     OperatingPoints,
 )
-from cfd_pneumatic.model.effects import MODULES, PRESSURE_EFFECTS, READING
+from cfd_pneumatic.model.effects import MODULES, PRESSURE_EFFECTS
 from cfd_pneumatic.model.propagation import advance
 
 CONSTANT = OperatingPoints.constant(*GAINS)
@@ -71,7 +71,7 @@ def read_late(reading, delay):
 def test_sample_by_sample_it_is_the_simulation_of_the_fit(name, own):
     live = readings(follow(LiveDevice(make_device({name: own}), max_gap=0.1), SAMPLES))
     fitted = ExtendedCylinder(GAINS, {name: own}, AMBIENT)
-    delay = own[0] if PRESSURE_EFFECTS[name].late == READING else 0.0
+    delay = own[0] if PRESSURE_EFFECTS[name].late == 'reading' else 0.0
     for column, cylinder, setpoint in ((0, 'cylinder_a', SETPOINT_A), (1, 'cylinder_b', SETPOINT_B)):
         expected = read_late(fitted.simulate(TIMES, DIRECTIONS[cylinder] * POSITIONS, setpoint), delay)
         np.testing.assert_allclose(live[:, column], expected, rtol=0.0, atol=1e-6)
@@ -121,7 +121,7 @@ def test_switched_on_and_off_on_the_way_it_carries_the_pressures_over(name, own)
     """On the way of the stroke, where pressures are far from rest; in ten nanoseconds they can't move by much."""
     live = LiveDevice(make_device({}), max_gap=0.1)
     instant = 1e-8  # [s]
-    looks_ahead = PRESSURE_EFFECTS[name].late == READING and own[0] < 0.0
+    looks_ahead = PRESSURE_EFFECTS[name].late == 'reading' and own[0] < 0.0
     forgets = hasattr(MODULES[name], 'signal') and not PRESSURE_EFFECTS[name].states
     for part, effects in ((SAMPLES[:28], {name: own}), (SAMPLES[28:31], {}), (SAMPLES[31:], {name: own})):
         follow(live, part)

@@ -13,27 +13,21 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.data.experiment import Experiment, shortest_period
+from cfd_pneumatic.identification.channels.unknown import Unknown, bounds_of
+from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.data.split import Split
 from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, sample_noise
 from cfd_pneumatic.identification.residual.regressors import Regressors
 from cfd_pneumatic.identification.residual.rests import runs_at_rest
-from cfd_pneumatic.model.effects import CORES, PLACE, Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects import CORES, Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Effects = Mapping[str, tuple[float, ...]]
 """Parameters of each effect that is on, by its name."""
-
-_SHORTEST_LAG = 0.15  # of a sample: what is faster can't be told from nothing, and would cost steps
-_NYQUIST = 0.5  # periods in a sample: what swings faster passes for something slower, and would cost steps
-_FEWEST_PERIODS = 0.5  # in the longest experiment: with fewer, a period can't be told from a drift
-
-_AT_AN_END = 0.1  # of the stroke: a place closer to an end has no other side to be told from
-_SHORT = 0.5  # of the stroke: over more of it nothing opens and shuts
 
 
 @dataclass(frozen=True)
@@ -68,35 +62,6 @@ class Quantity:
     small: Scale
     other: Scale
     large: Scale
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """
-    One number that a fit searches.
-
-    Attributes
-    ----------
-    name, unit
-        `k_x`, `leakage.flow`; empty where it concerns one experiment only.
-    slot
-        Where it stands in a row, see `Channel.row`.
-    lower, upper
-        Bounds [unit].
-    scale
-        In which it is about one [unit]; not used where it is searched in its logarithm.
-    logarithmic
-        Whether it is.
-
-    """
-
-    name: str
-    unit: str
-    slot: int
-    lower: float
-    upper: float
-    scale: float
-    logarithmic: bool = False
 
 
 @dataclass(frozen=True)
@@ -458,7 +423,7 @@ class Channel(ABC):
                 full = f'{name}.{parameter.name}'
                 if parameter.choice or full in held:
                     continue
-                lower, upper = _bounds(parameter, experiments)
+                lower, upper = bounds_of(parameter, experiments)
                 scale = abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
                 found.append(
                     Unknown(
@@ -499,25 +464,6 @@ class Channel(ABC):
             rests += [run - np.mean(run) for run in runs]
         white = math.sqrt(float(np.average(variances, weights=sizes)))
         return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
-
-
-def _bounds(parameter: EffectParameter, experiments: Sequence[Experiment]) -> tuple[float, float]:
-    """Return between which values a parameter is searched [its unit]: what experiments tell bounds it."""
-    lower, upper = parameter.lower if parameter.least is None else parameter.least, parameter.upper
-    if parameter.unit == 's' and parameter.logarithmic:
-        lower = max(lower, _SHORTEST_LAG * shortest_period(experiments))
-    elif parameter.unit == 'Hz':
-        upper = min(upper, _NYQUIST / shortest_period(experiments))
-        if parameter.logarithmic:
-            lower = max(lower, _FEWEST_PERIODS / max(float(np.ptp(one.sample_times)) for one in experiments))
-    if parameter.on_stroke:
-        low = min(float(np.min(one.inputs['displacement'])) for one in experiments)
-        stroke = max(float(np.max(one.inputs['displacement'])) for one in experiments) - low
-        if parameter.on_stroke == PLACE:
-            lower, upper = low + _AT_AN_END * stroke, low + (1.0 - _AT_AN_END) * stroke
-        else:
-            upper = _SHORT * stroke
-    return min(lower, upper), upper
 
 
 def stepped(row: Array, slots: Indices, steps: Array) -> Array:

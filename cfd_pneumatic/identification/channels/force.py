@@ -18,7 +18,8 @@ from scipy.ndimage import uniform_filter1d
 
 from cfd_pneumatic.convention import AREAS, CONTACT_FORCE, CYLINDERS, MEASURED_FORCE, WRENCH_STAMPED
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Model, Quantity, Scale, Unknown
+from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Model, Quantity, Scale
+from cfd_pneumatic.identification.channels.unknown import Unknown
 from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options

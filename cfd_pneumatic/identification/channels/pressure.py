@@ -19,10 +19,10 @@ from cfd_pneumatic.identification.channels.channel import (
     Model,
     Quantity,
     Scale,
-    Unknown,
     differences,
     stepped,
 )
+from cfd_pneumatic.identification.channels.unknown import Unknown
 from cfd_pneumatic.identification.data.experiment import Block, Experiment, rests_at_start, shortest_period
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options
@@ -40,7 +40,7 @@ from cfd_pneumatic.model.baseline import (
     starting_gains,
     told_gains,
 )
-from cfd_pneumatic.model.effects import CORES, DISPLACEMENT, PRESSURE_EFFECTS, PRESSURE_PARTS, READING, Data
+from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide, extremes
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
@@ -233,7 +233,7 @@ class Pressure(Channel):
         Who reads later reads what the pressure was by its slope before: no other simulation is asked for a delay.
         """
         if effects:
-            late = np.isin(slots, self._late(effects, READING))
+            late = np.isin(slots, self._late(effects)[0])
             rows = stepped(row, slots[~late], steps[~late])
             for block, course, pressures in self._composed(experiment, effects, rows, count):
                 jacobian = np.empty((len(pressures), slots.size), order='F')
@@ -262,7 +262,11 @@ class Pressure(Channel):
     def _composed(
         self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int
     ) -> Iterator[tuple[Block, Array, Array]]:
-        """Yield the pressures with effects, and that of the first row on its grid, (n, 1): those as late together."""
+        """
+        Yield pressures with effects, and that of the first row on the grid of its block, shape (n, 1).
+
+        Cylinders that are read as late, and moved as late, are simulated side by side.
+        """
         displacement, setpoint = experiment.inputs['displacement'], experiment.inputs['setpoint']
         cylinders = [
             ExtendedCylinder(
@@ -277,7 +281,7 @@ class Pressure(Channel):
         stiffness = min(stiffest, _MOST_STEPS / experiment.period)
         at_rest = experiment.whole and experiment.starts_at_rest
         settles = at_rest and any(self.effects[name].moves_rest for name in effects)
-        late = [self._late(effects, what) for what in (READING, DISPLACEMENT)]
+        late = self._late(effects)
         parameters, starts = rows[:, : self.shared].copy(), self._starts(experiment, rows)
         parameters[:, late[1]] = 0.0  # the displacement is looked up
         times = np.column_stack([rows[:, some].sum(axis=1) for some in late])
@@ -293,7 +297,8 @@ class Pressure(Channel):
                 stiffness,
                 settles,
             )
-            walks.append(_walk(alike, experiment.blocks(count, *times[own[0]])))
+            delay, behind = times[own[0]].tolist()
+            walks.append(_walk(alike, experiment.blocks(count, delay, behind)))
         for parts in zip(*walks):
             first, course = parts[0]
             pressures = np.empty((first.samples.stop - first.samples.start, len(rows)))
@@ -301,9 +306,12 @@ class Pressure(Channel):
                 pressures[:, own] = readings[block.at]
             yield first, course[:, :1], pressures
 
-    def _late(self, effects: Sequence[str], what: str) -> list[int]:
-        """Return where parameters stand in a row by which something comes late."""
-        return [self.slots_of(name)[0] for name in effects if self.effects[name].late == what]
+    def _late(self, effects: Sequence[str]) -> list[list[int]]:
+        """Return where parameters stand in a row by which the reading, and the displacement, come late."""
+        return [
+            [self.slots_of(name)[0] for name in effects if self.effects[name].late == what]
+            for what in ('reading', 'displacement')
+        ]
 
     def _starts(self, experiment: Experiment, rows: Array) -> Array:
         """Return by how much models start above the set-point, shape (models,) [Pa]."""

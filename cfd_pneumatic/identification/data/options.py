@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.split import FRACTIONS
-from cfd_pneumatic.identification.data.tolerance import EVERY, Tolerance
+from cfd_pneumatic.identification.data.tolerance import Tolerance
 
 AUTO, LINEAR, PHYSICAL = CORES = ('auto', 'linear', 'physical')
 """Which core a model of a cylinder has; `auto`: closing the loop asks which one the recordings need."""
@@ -51,7 +51,7 @@ class Options:
     area: float | None = None
     geometric_factor: float | None = None
     core: str = AUTO
-    tolerance: Tolerance = EVERY
+    tolerance: Tolerance = ()
 
     def __post_init__(self) -> None:
         """Refuse what no device has."""

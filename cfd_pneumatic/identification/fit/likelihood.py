@@ -16,7 +16,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.identification.channels.channel import Channel, Model, Unknown
+from cfd_pneumatic.identification.channels.channel import Channel, Model
+from cfd_pneumatic.identification.channels.unknown import Unknown
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.levenberg import Quadratic

@@ -51,6 +51,8 @@ def _preferred(candidates: Candidates, one: Candidate, other: Candidate) -> bool
     It is where the criterion and the validation part say so. Where the other one has more effects, and the core holds
     all of these anyway, a tie will do, and the core is not charged for its own numbers, which data sheets have.
     """
+    if not one.model.core:  # it ran away
+        return False
     train = candidates.train
     (core,) = (candidates.channel.effects[name] for name in one.model.core)
     coefficients = autoregression(min((one, other), key=lambda model: model.rss).residuals)

@@ -226,7 +226,7 @@ class Search:
             drop = 1.0 - candidate.rss / model.rss
             validation = candidate.validation_rmse
             reason = objection(gain, drop, len(model.effects), validation, reference)
-            most = max(drop, dropped(validation, reference))
+            most = max(drop, _dropped(validation, reference))
             little = model.effects and most < _LEAST_DROP_OF_MORE
             if reason is None and little and not explained(self.candidates.residual_tests(candidate)):
                 reason = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %, and more than noise is left'
@@ -325,7 +325,7 @@ def alike(rival: Candidate, own: Candidate) -> bool:
     return rival.validation_rmse < _ALIKE * own.validation_rmse
 
 
-def dropped(error: float | None, reference: float | None) -> float:
+def _dropped(error: float | None, reference: float | None) -> float:
     """Return the share by which an error's square lies below another's; 0 where either is not known."""
     return 0.0 if error is None or reference is None else 1.0 - (error / reference) ** 2
 

@@ -81,7 +81,8 @@ def _remains(complement: Complement, name: str, start: Start, least: float) -> b
     made = likelihood.channel.simulated(likelihood.experiments, replace(model, effects={**model.effects, name: start}))
     experiments = tuple(replace(one, measured=values) for one, values in zip(likelihood.experiments, made))
     little = least**2 * likelihood.samples
-    return search(replace(likelihood, experiments=experiments), model, *_ROUGH, little, model.core).cost > little
+    likelihood = replace(likelihood, experiments=experiments)
+    return search(likelihood, model, *_ROUGH, enough=little, frozen=model.core).cost > little
 
 
 def _rms(columns: Array) -> Array:

@@ -6,18 +6,7 @@ import importlib
 import pkgutil
 from types import ModuleType
 
-from cfd_pneumatic.model.effects.effect import (
-    DISPLACEMENT,
-    FUNCTIONS,
-    LENGTH,
-    PLACE,
-    READING,
-    Data,
-    Effect,
-    EffectParameter,
-    ForceMoment,
-    Moment,
-)
+from cfd_pneumatic.model.effects.effect import FUNCTIONS, Data, Effect, EffectParameter, ForceMoment, Moment
 
 
 def _modules() -> dict[str, ModuleType]:
@@ -55,17 +44,13 @@ FAMILIES = {
 
 __all__ = [
     'CORES',
-    'DISPLACEMENT',
     'EFFECTS',
     'FAMILIES',
     'FORCE_EFFECTS',
     'FUNCTIONS',
-    'LENGTH',
     'MODULES',
-    'PLACE',
     'PRESSURE_EFFECTS',
     'PRESSURE_PARTS',
-    'READING',
     'Data',
     'Effect',
     'EffectParameter',

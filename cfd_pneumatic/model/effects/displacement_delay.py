@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import DELAYS, DISPLACEMENT, Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 
 SHORTEST = 0.02
@@ -32,6 +32,6 @@ EFFECT = Effect(
     shown_at=500.0,
     seen_against='pressure rate',
     families=(DELAYS,),
-    late=DISPLACEMENT,
+    late='displacement',
     rank=40,
 )

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,12 +43,6 @@ FUNCTIONS = {
     'force': 'contact force [N]',
 }
 """What an effect may change, by the name of the function that does."""
-
-PLACE, LENGTH = 'place', 'length'
-"""What a parameter may be on the stroke."""
-
-READING, DISPLACEMENT = 'reading', 'displacement'
-"""What an effect may have come late."""
 
 DELAYS = 'delay / lag / regulator bandwidth'
 OFFSETS = 'leakage / droop / set-point offset'
@@ -153,7 +147,7 @@ class EffectParameter:
     logarithmic: bool = False
     choice: bool = False
     of_pressure: bool = False
-    on_stroke: str = ''
+    on_stroke: Literal['', 'place', 'length'] = ''
     least: float | None = None
 
 
@@ -234,7 +228,7 @@ class Effect:
     rests_at_pressure: bool = False
     moves_rest: bool = False
     rests_anywhere: bool = False
-    late: str = ''
+    late: Literal['', 'reading', 'displacement'] = ''
     quickens: Callable[..., float] | None = field(default=None, repr=False)
     fastest: Callable[..., float] | None = field(default=None, repr=False)
     of_time: bool = False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import LENGTH, OFFSETS, PLACE, Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import OFFSETS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
 from cfd_pneumatic.model.lanewise import tanh
 
@@ -34,9 +34,9 @@ EFFECT = Effect(
         EffectParameter(
             'conductance', '1/s', 0.0, 1e3, 0.0, 'share of the gauge pressure lost in a second, fully open'
         ),
-        EffectParameter('position', 'm', -1.0, 1.0, 0.0, 'displacement at which it is half open', on_stroke=PLACE),
+        EffectParameter('position', 'm', -1.0, 1.0, 0.0, 'displacement at which it is half open', on_stroke='place'),
         EffectParameter(
-            'width', 'm', 1e-5, 1.0, 1.0, 'displacement over which it opens', logarithmic=True, on_stroke=LENGTH
+            'width', 'm', 1e-5, 1.0, 1.0, 'displacement over which it opens', logarithmic=True, on_stroke='length'
         ),
         EffectParameter(
             'speed', 'm/s', 1e-5, 1.0, 1e-2, 'speed at which the seal lifts; without a direction none', logarithmic=True

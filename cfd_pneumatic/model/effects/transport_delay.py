@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.displacement_delay import SHORTEST
-from cfd_pneumatic.model.effects.effect import DELAYS, READING, Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
@@ -21,5 +21,5 @@ EFFECT = Effect(
     shown_at=500.0,
     seen_against='pressure rate',
     families=(DELAYS,),
-    late=READING,
+    late='reading',
 )

@@ -282,7 +282,7 @@ LIBRARY = {
     'heat_transfer': Effect(1.0, 0.03, 's', "time constant to the wall's temperature", heat_transfer),
     'lost_motion': Effect(1e-05, 0.0003, 'm', 'gap', lost_motion),
     'displacement_lag': Effect(0.0005, 0.01, 's', 'time constant', displacement_lag),
-    'displacement_delay': Effect(0.025, 0.06, 's', 'dead time', displacement_delay),
+    'displacement_delay': Effect(0.025, 0.1, 's', 'dead time', displacement_delay),
     'set_point_drift': Effect(50.0, 2000.0, 'Pa', 'drift over the recording', set_point_drift),
     'supply_variation': Effect(30.0, 1000.0, 'Pa', 'amplitude in the set pressure', supply_variation),
     'droop': Effect(0.0006, 0.02, 's', 'fall of the set pressure per rate at which the regulator fills', droop),

@@ -1,0 +1,66 @@
+"""What a fit searches: a number, where it stands, and between which bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cfd_pneumatic.identification.data.experiment import Experiment, shortest_period
+from cfd_pneumatic.model.effects import EffectParameter
+
+_SHORTEST_LAG = 0.15  # of a sample: what is faster can't be told from nothing, and would cost steps
+_NYQUIST = 0.5  # periods in a sample: what swings faster passes for something slower, and would cost steps
+_FEWEST_PERIODS = 0.5  # in the longest experiment: with fewer, a period can't be told from a drift
+
+_AT_AN_END = 0.1  # of the stroke: a place closer to an end has no other side to be told from
+_SHORT = 0.5  # of the stroke: over more of it nothing opens and shuts
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """
+    One number that a fit searches.
+
+    Attributes
+    ----------
+    name, unit
+        `k_x`, `leakage.flow`; empty where it concerns one experiment only.
+    slot
+        Where it stands in a row, see `Channel.row`.
+    lower, upper
+        Bounds [unit].
+    scale
+        In which it is about one [unit]; not used where it is searched in its logarithm.
+    logarithmic
+        Whether it is.
+
+    """
+
+    name: str
+    unit: str
+    slot: int
+    lower: float
+    upper: float
+    scale: float
+    logarithmic: bool = False
+
+
+def bounds_of(parameter: EffectParameter, experiments: Sequence[Experiment]) -> tuple[float, float]:
+    """Return between which values a parameter is searched [its unit]: what experiments tell bounds it."""
+    lower, upper = parameter.lower if parameter.least is None else parameter.least, parameter.upper
+    if parameter.unit == 's' and parameter.logarithmic:
+        lower = max(lower, _SHORTEST_LAG * shortest_period(experiments))
+    elif parameter.unit == 'Hz':
+        upper = min(upper, _NYQUIST / shortest_period(experiments))
+        if parameter.logarithmic:
+            lower = max(lower, _FEWEST_PERIODS / max(float(np.ptp(one.sample_times)) for one in experiments))
+    if parameter.on_stroke:
+        low = min(float(np.min(one.inputs['displacement'])) for one in experiments)
+        stroke = max(float(np.max(one.inputs['displacement'])) for one in experiments) - low
+        if parameter.on_stroke == 'place':
+            lower, upper = low + _AT_AN_END * stroke, low + (1.0 - _AT_AN_END) * stroke
+        else:
+            upper = _SHORT * stroke
+    return min(lower, upper), upper
