@@ -54,7 +54,16 @@ setup(
         # For identify_bag --each.
         'plant': ['cryptography>=3.4', 'dask>=2023.1', 'distributed>=2023.1', 'pyarrow>=12'],
         # colcon runs pytest because it stands here.
-        'test': ['catkin_pkg', 'hypothesis', 'ipykernel', 'mpmath', 'nbclient', 'pytest', 'pytest-xdist'],
+        'test': [
+            'catkin_pkg',
+            'hypothesis',
+            'ipykernel',
+            'mpmath',
+            'nbclient',
+            'pytest',
+            'pytest-timeout',
+            'pytest-xdist',
+        ],
         'benchmark': ['casadi', 'lmfit', 'mcap-ros2-support', 'pytest-benchmark'],
         # ruamel.yaml.clib: rosbags reads metadata.yaml ten times as fast.
         'fuzz': ['coverage>=7.6', 'ruamel.yaml.clib'],

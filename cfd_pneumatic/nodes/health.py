@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import time
 from collections import Counter
@@ -12,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 _THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
+_KINDS = 20  # so many kinds in that time; a stranger may send another name in each message
 
 _NUMBER = re.compile(r'\d[\d.]*(e[+-]?\d+)?|\b(nan|inf)\b')
 
@@ -52,7 +52,8 @@ class Warnings:
     def warn(self, message: str) -> None:
         """Warn, unless there was a warning of this kind a moment ago."""
         now, kind = time.monotonic(), _NUMBER.sub('#', message)
-        if now - self._last.get(kind, -math.inf) >= _THROTTLE:
+        self._last = {told: at for told, at in self._last.items() if now - at < _THROTTLE}
+        if kind not in self._last and len(self._last) < _KINDS:
             self._last[kind] = now
             self._node.get_logger().warning(message)
 

@@ -6,7 +6,6 @@ import os
 import re
 import signal
 import sys
-import time
 from collections.abc import Callable, Sequence
 from threading import Event, Thread
 from typing import Any
@@ -37,7 +36,7 @@ except ImportError:  # before Jazzy
     EventsExecutor = None  # type: ignore[assignment]
 
 _SPIN_FOR = 0.2  # EventsExecutor's own spin() does not return on a signal; spin_once with a limit does [s]
-_SHUTDOWN = 1.0  # how long callbacks, or the start, may take to end [s]
+_SHUTDOWN = 1.0  # how long callbacks may take to end [s]
 _BAD_INPUT = 2
 _THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
 
@@ -93,15 +92,11 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
             _spin(node, ending)
         finally:
             node.destroy_node()
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     except _MISTAKES as error:
         print(f'{name}: error: {_one_line(str(error))}', file=sys.stderr)
         return _BAD_INPUT
-    except Exception:
-        if not ending.asked:
-            raise
-        # else it comes of the interrupt, as where a compiler is left in the middle
     finally:
         rclpy.try_shutdown()
     return 0
@@ -123,9 +118,9 @@ class _Ending:
     """
     What SIGINT, SIGTERM, and SIGHUP of a terminal that is closed, do at any moment.
 
-    Until the node is made they end the program, which has nothing to finish yet. Then they ask the spinning to end, and
-    nothing stops what has to be finished, such as a bag. rclpy's own handlers would take the context away from
-    callbacks that are running.
+    Until the node is made they end the program at once, which has nothing to finish yet: an exception would be raised
+    in whatever library is at work. Then they ask the spinning to end, and nothing stops what has to be finished, such
+    as a bag. rclpy's own handlers would take the context away from callbacks that are running.
     """
 
     def __init__(self) -> None:
@@ -137,20 +132,17 @@ class _Ending:
         heard, told = os.pipe()
         os.set_blocking(told, False)
         signal.set_wakeup_fd(told, warn_on_full_buffer=False)
-        Thread(target=self._end_by_force, args=(heard,), daemon=True).start()
+        Thread(target=self._listen, args=(heard,), daemon=True).start()
 
     def _ask(self, *_: object) -> None:
         self.asked = True
         if not self.made.is_set():
-            sys.unraisablehook = lambda _: None  # for one that is raised where nothing can be
-            raise KeyboardInterrupt
-
-    def _end_by_force(self, heard: int) -> None:
-        """End the program where the main thread is in machine code, as the compiler's, and does not hear a signal."""
-        os.read(heard, 1)
-        if not self.made.is_set():
-            time.sleep(_SHUTDOWN)
             os._exit(0)
+
+    def _listen(self, heard: int) -> None:
+        """Do so where the main thread is in machine code, as the compiler's, and does not hear a signal."""
+        os.read(heard, 1)
+        self._ask()
 
 
 def _start(args: Sequence[str] | None) -> None:
