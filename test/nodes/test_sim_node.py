@@ -574,9 +574,7 @@ def test_warnings_are_throttled_and_say_what_is_wrong(graph: Graph) -> None:
         )
 
 
-def test_of_warnings_no_more_kinds_are_told_than_one_can_read(
-    graph: Graph, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_of_warnings_no_more_kinds_are_told_than_one_can_read(graph: Graph, capfd: pytest.CaptureFixture[str]) -> None:
     warnings = Warnings(graph.node)
     for first, second in product(ascii_lowercase, repeat=2):
         warnings.warn(f'ignored: {first}{second}')
