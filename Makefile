@@ -35,7 +35,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test check properties fuzz crash soak week mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
+.PHONY: help setup test check properties fuzz crash soak overload week mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -64,6 +64,9 @@ crash: $(VENV)/.ready  ## kill programs at each call that changes a name, and fi
 
 soak: $(VENV)/.ready  ## run all nodes at 1 kHz with whatever may happen to them; ARGS='--hours 2'
 	$(PY) -m studies.soak $(ARGS)
+
+overload: $(VENV)/.ready  ## send sim_node ten times as much as is usual, beside subscribers that take nothing; half a minute
+	$(PY) -m studies.overload $(ARGS)
 
 week: $(VENV)/.ready  ## a week of a device through the callbacks of sim_node and monitor_node, without DDS; an hour
 	$(PY) -m studies.week $(ARGS)

@@ -85,7 +85,7 @@ class Rig:
         resting = self._absolute(np.array(setpoints, dtype=float))
         self._states = np.zeros((2, physics.STATES))
         self._states[:, : physics.PLAY] = [
-            physics.CylinderState(pressure, pressure, pressure, parameters.air.temperature, 0.0, 0.0, 0.0)
+            physics.CylinderState(pressure, pressure, pressure, parameters.air.temperature, 0.0, 0.0, 0.0, 0.0)
             for pressure in resting
         ]
         self._stretch = 0.0

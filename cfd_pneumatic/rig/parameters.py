@@ -8,7 +8,7 @@ Plain named tuples of floats, so that the compiled physics reads them by name. C
 
 The defaults are a device of the CFD2100's size whose small-signal behaviour from 5 to 20 psig follows Table 1 of Guvenc
 and Srinivasan. An effect that a healthy device lacks is a field with a strength, 0 by default, most of them in
-`cfd_pneumatic.rig.effects`.
+`cfd_pneumatic.rig.effects` and `cfd_pneumatic.rig.oddities`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import NamedTuple
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.effects import Effects, Pickup
+from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
 from cfd_pneumatic.units import PSI
 
 
@@ -163,6 +164,9 @@ class RigParameters(NamedTuple):
     effects_a: Effects = Effects()
     effects_b: Effects = Effects()
     pickup: Pickup = Pickup()
+    odd_a: Oddities = Oddities()
+    odd_b: Oddities = Oddities()
+    odd_force: ForceOddities = ForceOddities()
 
 
 def with_changes(parameters: RigParameters, changes: Mapping[str, float]) -> RigParameters:
@@ -198,6 +202,18 @@ MAY_BE_NEGATIVE = frozenset(
         'jump_time',
         'hum_phase',
         'force_offset',
+        'bulge',
+        'bulge_position',
+        'one_way',
+        'soft',
+        'groove',
+        'port',
+        'ledge',
+        'ledge_position',
+        'creep',
+        'kink',
+        'scar_position',
+        'bend',
     }
 )
 
@@ -232,6 +248,12 @@ MAY_BE_ZERO = frozenset(
         'hum',
         'displacement_lag',
         'displacement_delay',
+        'lifting',
+        'pop',
+        'starving',
+        'tilt',
+        'scar',
+        'bundle',
     }
 )
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.rig.compiled import compiled
 from cfd_pneumatic.rig.effects import Effects
+from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
 from cfd_pneumatic.rig.parameters import Air, Cylinder, RigParameters, Seal
 
 
@@ -42,6 +43,9 @@ class CylinderState(NamedTuple):
     poppet_rate: float
     """How fast it moves [Pa/s]."""
 
+    starved: float
+    """What the supply valve is short of the supply pressure [Pa]."""
+
 
 OUTLET, SENSED = 0, 1
 """Columns of a cylinder's state that others read, as in `CylinderState`."""
@@ -63,6 +67,9 @@ GRAVITY = 9.80665
 
 SEATING_SPEED = 5e-3
 """Speed above which a lifting seal has taken the side of its travel [m/s]."""
+
+ONE_WAY_SPEED = 2e-3
+"""Speed above which a rolling seal has turned over [m/s]."""
 
 LEAK_CRITICAL_RATIO = 0.4
 """Critical pressure ratio of a hole with rough edges."""
@@ -152,6 +159,56 @@ def valve_error(state: CylinderState, setpoint: float, effects: Effects) -> floa
 
 
 @compiled
+def hump(at: float, middle: float, width: float) -> float:
+    """Return 1 in the middle and exp(-1) a width away."""
+    return math.exp(-(((at - middle) / width) ** 2))
+
+
+@compiled
+def worn(error: float, odd: Oddities) -> float:
+    """Return the error [Pa] at which a valve with a good seat would be as far open."""
+    if odd.groove == 0.0:
+        return error
+    return error * (1.0 + odd.groove * hump(abs(error), odd.groove_error, odd.groove_width))
+
+
+@compiled
+def odd_error(position: float, velocity: float, odd: Oddities) -> float:
+    """Return what a ledge along the stroke and air that rushes past the control port add to the valves' error [Pa]."""
+    suction = 0.0
+    if odd.port != 0.0:
+        suction = odd.port * (1.0 - hump(velocity, 0.0, odd.port_speed))
+    if odd.ledge == 0.0:
+        return suction
+    return suction + 0.5 * odd.ledge * (1.0 + math.tanh((position - odd.ledge_position) / odd.ledge_length))
+
+
+@compiled
+def odd_leak(gauge: float, velocity: float, odd: Oddities) -> float:
+    """Return the mass flow [kg/s] past a seal that swims at speed, and through a relief valve that has popped."""
+    swimming = odd.lifting * velocity**2 / (velocity**2 + odd.lifting_speed**2) * gauge
+    return swimming + odd.pop * max(gauge - odd.pop_pressure, 0.0)
+
+
+@compiled
+def swept(position: float, velocity: float, odd: Oddities) -> float:
+    """Return the speed [m/s] of a piston in an even bore that makes as much room."""
+    if odd.bulge != 0.0:
+        velocity *= 1.0 + odd.bulge * hump(position, odd.bulge_position, odd.bulge_length)
+    if odd.one_way != 0.0:
+        velocity *= 1.0 + odd.one_way * math.tanh(velocity / ONE_WAY_SPEED)
+    return velocity
+
+
+@compiled
+def softened(gauge: float, odd: Oddities) -> float:
+    """Return by what the chamber is larger at a gauge pressure [Pa]."""
+    if odd.soft == 0.0:
+        return 1.0
+    return 1.0 + 0.5 * odd.soft * (1.0 + math.tanh((gauge - odd.soft_pressure) / odd.soft_width))
+
+
+@compiled
 def characteristic(error: float, effects: Effects) -> float:
     """Return the error [Pa] at which a linear valve would be as far open: beyond a dead band, and to a power."""
     beyond = 0.0
@@ -218,6 +275,7 @@ def cylinder_rates(
     velocity: float,
     cylinder: Cylinder,
     effects: Effects,
+    odd: Oddities,
     air: Air,
 ) -> CylinderState:
     """
@@ -231,11 +289,11 @@ def cylinder_rates(
     fed = state.regulator if restricted else state.outlet
     pressure = felt(fed, cylinder)
     heat = air.gas_constant * air.temperature
-    error = valve_error(state, setpoint, effects)
-    opened = characteristic(played(play, error, effects.play), effects)
+    error = valve_error(state, setpoint + odd_error(position, velocity, odd), effects)
+    opened = worn(characteristic(played(play, error, effects.play), effects), odd)
     supply = orifice_flow(
         supply_opening(opened, setpoint, cylinder, air),
-        air.supply_pressure,
+        air.supply_pressure - state.starved,
         pressure,
         cylinder.supply_critical_ratio,
         cylinder.supply_subsonic_index,
@@ -259,7 +317,8 @@ def cylinder_rates(
         cylinder.entrance_loss,
         air,
     )
-    leaked = leak_flow(state.outlet, position, velocity, effects, air)
+    gauge = state.outlet - air.ambient_pressure
+    leaked = leak_flow(state.outlet, position, velocity, effects, air) + odd_leak(gauge, velocity, odd)
 
     exponent = cylinder.polytropic_exponent
     gained = supply - relief - aspirated
@@ -272,7 +331,8 @@ def cylinder_rates(
     gained -= leaked
 
     volume = cylinder.rest_volume + cylinder.position_dependence * cylinder.area * position
-    work = pressure * cylinder.area * velocity
+    volume *= softened(gauge, odd)
+    work = pressure * cylinder.area * swept(position, velocity, odd)
     if effects.heat_transfer > 0.0:
         # the air itself is not frozen: its mass and temperature follow the pressure that it has
         outlet_rate, temperature_rate = heated_rates(
@@ -291,8 +351,18 @@ def cylinder_rates(
         omega = 2.0 * math.pi * effects.poppet_frequency
         force = omega * (setpoint - state.droop - state.sensed - state.poppet)
         poppet_acceleration = omega * (force - 2.0 * effects.poppet_damping * state.poppet_rate)
+    starved_rate = 0.0
+    if odd.starving > 0.0:
+        starved_rate = (odd.starving * supply - state.starved) / odd.starving_lag
     return CylinderState(
-        outlet_rate, sensed_rate, regulator_rate, temperature_rate, droop_rate, state.poppet_rate, poppet_acceleration
+        outlet_rate,
+        sensed_rate,
+        regulator_rate,
+        temperature_rate,
+        droop_rate,
+        state.poppet_rate,
+        poppet_acceleration,
+        starved_rate,
     )
 
 
@@ -339,15 +409,36 @@ def friction(stretch: float, velocity: float, gauge_pressures: float, seal: Seal
 
 
 @compiled
+def odd_drag(position: float, stretch: float, odd: ForceOddities) -> float:
+    """Return what a scar in the bore and cables that are tight take of the force along +x [N]."""
+    drag = 0.0
+    if odd.scar > 0.0:
+        drag += odd.scar * hump(position, odd.scar_position, odd.scar_length) * stretch
+    if odd.bundle > 0.0:
+        drag += odd.bundle * math.copysign(max(abs(position) - odd.bundle_slack, 0.0), position)
+    return drag
+
+
+@compiled
 def contact_force(
-    outlet_a: float, outlet_b: float, stretch: float, velocity: float, acceleration: float, parameters: RigParameters
+    outlets: tuple[float, float],
+    stretch: float,
+    motion: tuple[float, float, float],
+    parameters: RigParameters,
 ) -> float:
-    """Return the force on the workpiece along +x [N]: the air's, less the piston's inertia, weight and friction."""
-    gauge_a = outlet_a - parameters.air.ambient_pressure
-    gauge_b = outlet_b - parameters.air.ambient_pressure
+    """
+    Return the force on the workpiece along +x [N]: the air's, less the piston's inertia, weight and friction.
+
+    `outlets` are the absolute pressures in A and B [Pa], `motion` is the piston's position [m], velocity [m/s] and
+    acceleration [m/s^2].
+    """
+    position, velocity, acceleration = motion
+    gauge_a = outlets[0] - parameters.air.ambient_pressure
+    gauge_b = outlets[1] - parameters.air.ambient_pressure
     piston = parameters.piston
     thrust = (gauge_a * parameters.cylinder_a.area - gauge_b * parameters.cylinder_b.area) * piston.geometric_factor
     rubbing = friction(stretch, velocity, gauge_a + gauge_b, parameters.seal)
+    rubbing += odd_drag(position, stretch, parameters.odd_force)
     return thrust - piston.mass * acceleration - rubbing - piston.mass * GRAVITY * math.sin(piston.inclination)
 
 
@@ -392,6 +483,7 @@ def ahead(state: CylinderState, rates: CylinderState, duration: float) -> Cylind
         state.droop + duration * rates.droop,
         state.poppet + duration * rates.poppet,
         state.poppet_rate + duration * rates.poppet_rate,
+        state.starved + duration * rates.starved,
     )
 
 
@@ -405,6 +497,7 @@ def step_cylinder(
     duration: float,
     cylinder: Cylinder,
     effects: Effects,
+    odd: Oddities,
     air: Air,
 ) -> None:
     """
@@ -412,16 +505,16 @@ def step_cylinder(
 
     `start`, `middle` and `end` are the position [m] and velocity [m/s] at those times of the step.
     """
-    now = CylinderState(states[0], states[1], states[2], states[3], states[4], states[5], states[6])
+    now = CylinderState(states[0], states[1], states[2], states[3], states[4], states[5], states[6], states[7])
     play = states[PLAY]
     half = 0.5 * duration
-    k1 = cylinder_rates(now, play, setpoint, start[0], start[1], cylinder, effects, air)
-    k2 = cylinder_rates(ahead(now, k1, half), play, setpoint, middle[0], middle[1], cylinder, effects, air)
-    k3 = cylinder_rates(ahead(now, k2, half), play, setpoint, middle[0], middle[1], cylinder, effects, air)
-    k4 = cylinder_rates(ahead(now, k3, duration), play, setpoint, end[0], end[1], cylinder, effects, air)
+    k1 = cylinder_rates(now, play, setpoint, start[0], start[1], cylinder, effects, odd, air)
+    k2 = cylinder_rates(ahead(now, k1, half), play, setpoint, middle[0], middle[1], cylinder, effects, odd, air)
+    k3 = cylinder_rates(ahead(now, k2, half), play, setpoint, middle[0], middle[1], cylinder, effects, odd, air)
+    k4 = cylinder_rates(ahead(now, k3, duration), play, setpoint, end[0], end[1], cylinder, effects, odd, air)
     for index in range(PLAY):
         states[index] += duration / 6.0 * (k1[index] + 2.0 * k2[index] + 2.0 * k3[index] + k4[index])
-    then = CylinderState(states[0], states[1], states[2], states[3], states[4], states[5], states[6])
+    then = CylinderState(states[0], states[1], states[2], states[3], states[4], states[5], states[6], states[7])
     states[PLAY] = played(play, valve_error(then, setpoint, effects), effects.play)
 
 
@@ -485,6 +578,7 @@ def advance(
                 duration,
                 parameters.cylinder_a,
                 parameters.effects_a,
+                parameters.odd_a,
                 parameters.air,
             )
             step_cylinder(
@@ -496,11 +590,13 @@ def advance(
                 duration,
                 parameters.cylinder_b,
                 parameters.effects_b,
+                parameters.odd_b,
                 parameters.air,
             )
             stretch = rubbed(stretch, x_end - x, parameters.seal)
             x, v = x_end, v_end
         trajectory[knot] = states[:, : SENSED + 1]
         accelerations[knot] = acceleration_at_end(period, x0, v0, x1, v1)
-        forces[knot] = contact_force(states[0, OUTLET], states[1, OUTLET], stretch, v1, accelerations[knot], parameters)
+        outlets = (states[0, OUTLET], states[1, OUTLET])
+        forces[knot] = contact_force(outlets, stretch, (x1, v1, accelerations[knot]), parameters)
     return stretch

@@ -1,4 +1,4 @@
-"""What lies between the rig and its sensors: lines that ring, sensors that lag, the mains, a load cell's offset."""
+"""Between the rig and its sensors: lines that ring, sensors that lag or bend, the mains, a load cell's zero."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from cfd_pneumatic.rig.compiled import compiled
 from cfd_pneumatic.rig.device import Truth
 from cfd_pneumatic.rig.effects import Effects, Pickup
+from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
 from cfd_pneumatic.rig.parameters import RigParameters
 
 _OF_A_LINE = ('resonance_frequency', 'resonance_damping', 'sensor_lag')
@@ -123,6 +124,12 @@ class Delay:
         return np.asarray(late + share * (later - late))
 
 
+def read_force(force: NDArray[np.float64], pickup: Pickup, odd: ForceOddities) -> NDArray[np.float64]:
+    """Return what the load cell makes of a force [N], without its noise."""
+    borne = force + pickup.force_offset
+    return np.asarray(borne * (1.0 - odd.bend * np.abs(borne)))
+
+
 class Transmission:
     """
     The way from the rig to its sensors.
@@ -141,6 +148,9 @@ class Transmission:
     def __init__(self, parameters: RigParameters, pressures: NDArray[np.float64], position: float) -> None:
         self._effects = (Effects(), Effects())
         self._lines: list[list[Response]] = [[], []]
+        self._odd = (Oddities(), Oddities())
+        self._odd_force = ForceOddities()
+        self._ambient = parameters.air.ambient_pressure
         self._pickup = Pickup()
         self._pickups: list[Response | Delay] = []
         self.change(parameters, pressures, position)
@@ -152,6 +162,7 @@ class Transmission:
             if any(getattr(before, name) != getattr(effects, name) for name in _OF_A_LINE):
                 self._lines[cylinder] = _line(effects, float(pressures[cylinder]))
         self._effects = changed
+        self._odd, self._odd_force = (parameters.odd_a, parameters.odd_b), parameters.odd_force
         pickup = parameters.pickup
         if any(getattr(self._pickup, name) != getattr(pickup, name) for name in _OF_A_PICKUP):
             self._pickups = _pickups(pickup, position)
@@ -162,21 +173,34 @@ class Transmission:
         arrived = truth
         for response in self._pickups:
             arrived = replace(arrived, displacement=response.to(arrived.displacement, period))
-        if self._pickup.force_offset:
-            arrived = replace(arrived, force=truth.force + self._pickup.force_offset)
-        if any(self._lines) or any(effects.hum for effects in self._effects):
+        if self._pickup.force_offset or self._odd_force.bend:
+            arrived = replace(arrived, force=read_force(truth.force, self._pickup, self._odd_force))
+        if (
+            any(self._lines)
+            or any(effects.hum for effects in self._effects)
+            or any(odd.kink or odd.tilt for odd in self._odd)
+        ):
             pressures = [self._arriving(cylinder, truth, period) for cylinder in (0, 1)]
             arrived = replace(arrived, pressures=np.column_stack(pressures))
         return arrived
 
     def _arriving(self, cylinder: int, truth: Truth, period: float) -> NDArray[np.float64]:
-        pressure = truth.pressures[:, cylinder]
+        pressure = self._read(cylinder, truth)
         for response in self._lines[cylinder]:
             pressure = response.to(pressure, period)
         effects = self._effects[cylinder]
         if not effects.hum:
             return pressure
         return pressure + effects.hum * np.sin(2.0 * np.pi * effects.hum_frequency * truth.times + effects.hum_phase)
+
+    def _read(self, cylinder: int, truth: Truth) -> NDArray[np.float64]:
+        """Return what a sensor that bends and tilts makes of the pressure [Pa]."""
+        odd, pressure = self._odd[cylinder], truth.pressures[:, cylinder]
+        if not (odd.kink or odd.tilt):
+            return pressure
+        above = np.maximum(pressure - self._ambient - odd.kink_pressure, 0.0)
+        turns = (1.0, -1.0)[cylinder] * truth.displacement / odd.tilt_length
+        return np.asarray(pressure + odd.kink * above + odd.tilt * np.sin(2.0 * np.pi * turns))
 
 
 def _pickups(pickup: Pickup, rest: float) -> list[Response | Delay]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from itertools import product
 
 import numpy as np
 import pytest
@@ -10,12 +11,14 @@ import pytest
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig import RigParameters, Sensors
 from cfd_pneumatic.rig.panel import (
+    CLASSES,
     EFFECTS,
     FOREIGN,
     LIBRARY,
     MAKES,
     ON_FORCE,
     OWN_WAYS,
+    STRANGE,
     Draw,
     baseline_rmse,
     describe,
@@ -28,11 +31,15 @@ from cfd_pneumatic.rig.panel import (
     strengths,
 )
 from cfd_pneumatic.rig.panel.drawing import motion_of
+from cfd_pneumatic.rig.panel.situation import Situation
 from cfd_pneumatic.rig.panel.specimen import Clock, Specimen
-from cfd_pneumatic.rig.panel.strengths import Situation
 
 SCHEDULES = ('paper_step', 'out_and_back', 'surface_following')
 READ = ('times', 'displacement', 'pressures', 'setpoints', 'force')
+STRANGE_FORCE = tuple(name for name, right in CLASSES.items() if ('force', 'x') in right or ('force', 'p') in right)
+STRANGE_PRESSURE = tuple(name for name in STRANGE if name not in STRANGE_FORCE)
+OTHERWISE_NAMED = {'displacement_delay'}  # where it is weak
+SPEED_MATTERS = {'swimming_seal', 'rushing_air'}  # which is measured badly
 SENSORS = Sensors()
 FLOOR = float(np.hypot(SENSORS.pressure_noise, SENSORS.step(SENSORS.pressure_range) / np.sqrt(12.0)))
 """What noise and converter leave of a pressure [Pa]."""
@@ -109,10 +116,17 @@ def test_strengths_are_drawn_from_their_range(name: str) -> None:
 
 
 def test_the_table_tells_of_each_effect() -> None:
-    assert EFFECTS.keys() == {*LIBRARY, *ON_FORCE, *FOREIGN}
+    assert EFFECTS.keys() == {*LIBRARY, *ON_FORCE, *FOREIGN, *STRANGE}
     rows = describe().splitlines()
     assert len(rows) == 2 + len(EFFECTS)
     assert '| sensor_lag | 0.0005 | 0.015 | s | time constant |' in rows
+
+
+def test_of_each_strange_law_it_is_said_where_it_enters_and_on_what_it_depends() -> None:
+    assert CLASSES.keys() == STRANGE.keys()
+    places = {'set_point', 'flow', 'chamber', 'gain', 'sensing', 'force'}
+    against = {'x', 'speed', 'direction', 'p', 'error', 'flow', 'time', 'force'}
+    assert {pair for right in CLASSES.values() for pair in right} <= set(product(places, against))
 
 
 def test_two_effects_at_once() -> None:
@@ -234,26 +248,26 @@ def test_the_textbooks_oracle_leaves_the_noise(noise: str) -> None:
     assert memory == pytest.approx(0.83 if noise == 'coloured' else 0.0, abs=0.15 if noise == 'quantised' else 0.05)
 
 
-@pytest.mark.parametrize('name', [*LIBRARY, *FOREIGN])
+@pytest.mark.parametrize('name', [*LIBRARY, *FOREIGN, *STRANGE_PRESSURE])
 def test_a_strong_effect_can_be_seen_and_is_known_to_the_oracle(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    schedule = 'out_and_back' if name in HIDDEN_IN_A_STEP else 'paper_step'
+    schedule = 'out_and_back' if name in {*HIDDEN_IN_A_STEP, *STRANGE} else 'paper_step'
     drawn = strongest(name, schedule, 1, monkeypatch)
     floor = oracle_rmse(drawn)
     assert baseline_rmse(drawn) > (1.0 if name == 'volume_variation' else 1.5) * floor
     # Where a leak or a stamp depends on the moment at which a stroke ends, samples 2 ms apart leave more.
-    assert floor < (6.0 if name == 'positional_leakage' else 1.5) * FLOOR
+    assert floor < (6.0 if name in {'positional_leakage', *SPEED_MATTERS} else 1.5) * FLOOR
 
 
-@pytest.mark.parametrize('name', ON_FORCE)
+@pytest.mark.parametrize('name', [*ON_FORCE, *STRANGE_FORCE])
 def test_an_effect_on_the_force_can_be_seen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn, healthy = strongest(name, 'out_and_back', 1, monkeypatch), draw(None, 'out_and_back', 1)
     assert np.array_equal(drawn.recording.pressures, healthy.recording.pressures)
-    assert force_oracle_rmse(drawn) == pytest.approx(FORCE_FLOOR, rel=0.05)
+    assert force_oracle_rmse(drawn) == pytest.approx(FORCE_FLOOR, rel=0.2 if name == 'bent_cell' else 0.05)
     assert force_baseline_rmse(healthy) == pytest.approx(force_oracle_rmse(healthy))
     assert force_baseline_rmse(drawn) > 3.0 * force_oracle_rmse(drawn)
 
 
-@pytest.mark.parametrize('name', sorted({*LIBRARY, *FOREIGN} - {'displacement_delay'}))  # weak, it is another's name
+@pytest.mark.parametrize('name', sorted({*LIBRARY, *FOREIGN, *STRANGE_PRESSURE} - OTHERWISE_NAMED))
 def test_a_weak_effect_is_hardly_to_be_seen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(strengths.EFFECTS, name, EFFECTS[name]._replace(strongest=EFFECTS[name].weakest))
     drawn = draw(name, 'paper_step', 1)

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.rig import Air, Cylinder, RigParameters, Seal, physics
 from cfd_pneumatic.rig.effects import Effects
+from cfd_pneumatic.rig.oddities import Oddities
 from cfd_pneumatic.units import PSI, PSI_PER_INCH
 
 PRESSURES = st.floats(5e4, 8e5)
@@ -29,7 +30,7 @@ TABLE_1 = [
 
 def at(outlet: float, sensed: float) -> physics.CylinderState:
     """Return the state of a cylinder without effects at some absolute pressures [Pa]."""
-    return physics.CylinderState(outlet, sensed, outlet, AIR.temperature, 0.0, 0.0, 0.0)
+    return physics.CylinderState(outlet, sensed, outlet, AIR.temperature, 0.0, 0.0, 0.0, 0.0)
 
 
 def small_signal(psig: float) -> tuple[float, float, float, float]:
@@ -38,7 +39,7 @@ def small_signal(psig: float) -> tuple[float, float, float, float]:
 
     def rates(outlet: float = rest, sensed: float = rest, velocity: float = 0.0) -> tuple[float, float]:
         state = at(outlet, sensed)
-        rates = physics.cylinder_rates(state, 0.0, rest, 0.0, velocity, Cylinder(), Effects(), AIR)
+        rates = physics.cylinder_rates(state, 0.0, rest, 0.0, velocity, Cylinder(), Effects(), Oddities(), AIR)
         return rates.outlet, rates.sensed
 
     return (
@@ -151,7 +152,7 @@ def test_frozen_coefficients_are_linear() -> None:
 
     def rates(error: float, velocity: float) -> np.ndarray:
         state = at(rest - 0.5 * error, rest - error)
-        return np.array(physics.cylinder_rates(state, 0.0, rest, 1e-3, velocity, frozen, Effects(), AIR))
+        return np.array(physics.cylinder_rates(state, 0.0, rest, 1e-3, velocity, frozen, Effects(), Oddities(), AIR))
 
     together = rates(3000.0, 0.02)
     assert rates(1000.0, 0.01) + rates(2000.0, 0.01) == pytest.approx(together, rel=1e-9)
@@ -183,7 +184,9 @@ def test_friction_stays_within_coulomb(stretch: float, paths: list[float]) -> No
 def test_force_is_what_air_inertia_and_friction_leave() -> None:
     parameters = RigParameters(seal=Seal(coulomb=1.0, coulomb_per_pressure=0.0, viscous=5.0))
     gauge_a, gauge_b = 60e3, 20e3
-    force = physics.contact_force(AMBIENT_PRESSURE + gauge_a, AMBIENT_PRESSURE + gauge_b, 1.0, 0.1, 20.0, parameters)
+    force = physics.contact_force(
+        (AMBIENT_PRESSURE + gauge_a, AMBIENT_PRESSURE + gauge_b), 1.0, (0.0, 0.1, 20.0), parameters
+    )
     piston = parameters.piston
     assert force == pytest.approx((gauge_a - gauge_b) * parameters.cylinder_a.area - piston.mass * 20.0 - 1.0 - 0.5)
 

@@ -25,6 +25,7 @@ from cfd_pneumatic.rig import (
 from cfd_pneumatic.rig.disturbance import shift
 from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.linkage import Linkage
+from cfd_pneumatic.rig.oddities import Oddities
 from cfd_pneumatic.rig.transmission import Response
 from cfd_pneumatic.units import PSI
 
@@ -244,9 +245,9 @@ def test_a_quick_poppet_is_none_and_a_slow_one_rings() -> None:
 
 def test_the_set_pressure_drifts_pulsates_and_jumps() -> None:
     times = np.array([0.0, 0.25, 1.0, 2.0])
-    assert shift(times, Effects(drift=3.0)).tolist() == [0.0, 0.75, 3.0, 6.0]
-    assert shift(times, Effects(pulsation=2.0)) == pytest.approx([0.0, 2.0, 0.0, 0.0])
-    assert shift(times, Effects(jump=5.0, jump_time=1.0)).tolist() == [0.0, 0.0, 5.0, 5.0]
+    assert shift(times, Effects(drift=3.0), Oddities()).tolist() == [0.0, 0.75, 3.0, 6.0]
+    assert shift(times, Effects(pulsation=2.0), Oddities()) == pytest.approx([0.0, 2.0, 0.0, 0.0])
+    assert shift(times, Effects(jump=5.0, jump_time=1.0), Oddities()).tolist() == [0.0, 0.0, 5.0, 5.0]
     rig = Rig((GAUGE, 5 * PSI), with_effects(jump=1000.0, jump_time=0.5))
     truth = hold(rig, 1.0)
     assert truth.pressures[[2400, -1], 0] == pytest.approx([REST, REST + 1000.0], abs=1.0)

@@ -24,10 +24,12 @@ from cfd_pneumatic.rig.panel.floors import (
     oracle_rmse,
 )
 from cfd_pneumatic.rig.panel.makes import MAKES, OWN_WAYS
+from cfd_pneumatic.rig.panel.strange import CLASSES, STRANGE
 from cfd_pneumatic.rig.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_FORCE, describe
 from cfd_pneumatic.rig.panel.textbook import Gains
 
 __all__ = [
+    'CLASSES',
     'EFFECTS',
     'FOREIGN',
     'LIBRARY',
@@ -35,6 +37,7 @@ __all__ = [
     'NOISES',
     'ON_FORCE',
     'OWN_WAYS',
+    'STRANGE',
     'Draw',
     'Gains',
     'PanelRecording',

@@ -14,8 +14,9 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.device import Truth
 from cfd_pneumatic.rig.panel.makes import draw_make
+from cfd_pneumatic.rig.panel.situation import Situation
 from cfd_pneumatic.rig.panel.specimen import Clock, Motion, Specimen, draw_specimen
-from cfd_pneumatic.rig.panel.strengths import Situation, install
+from cfd_pneumatic.rig.panel.strengths import install
 from cfd_pneumatic.rig.panel.textbook import Gains, draw_gains, pressure_along
 from cfd_pneumatic.rig.parameters import Cylinder
 from cfd_pneumatic.rig.schedule import MIL, Schedule, out_and_back, paper_step, surface_following

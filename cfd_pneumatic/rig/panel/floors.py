@@ -17,6 +17,7 @@ from cfd_pneumatic.rig.panel.specimen import Specimen
 from cfd_pneumatic.rig.panel.textbook import Gains, pressure_along
 from cfd_pneumatic.rig.parameters import Cylinder
 from cfd_pneumatic.rig.schedule import Schedule
+from cfd_pneumatic.rig.transmission import read_force
 
 
 def oracle_rmse(draw: Draw) -> float:
@@ -41,10 +42,11 @@ def force_oracle_rmse(draw: Draw) -> float:
 
 def force_oracle_residual(draw: Draw) -> NDArray[np.float64]:
     """Return what the true device, given the measured pressures, leaves of the force [N], (n,)."""
-    device = draw.truth.device
-    offset = device.rig.pickup.force_offset if isinstance(device, Specimen) else 0.0
+    device, force = draw.truth.device, draw.truth.samples.force
     thrust = _thrust(draw.recording.pressures) - _thrust(draw.truth.samples.pressures)
-    return draw.recording.force - draw.truth.samples.force - offset - thrust
+    if isinstance(device, Specimen):
+        return draw.recording.force - read_force(force + thrust, device.rig.pickup, device.rig.odd_force)
+    return draw.recording.force - force - thrust
 
 
 def force_baseline_rmse(draw: Draw) -> float:

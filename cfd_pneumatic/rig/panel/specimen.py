@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.rig import physics
 from cfd_pneumatic.rig.device import Rig, Truth
 from cfd_pneumatic.rig.effects import Effects
+from cfd_pneumatic.rig.oddities import Oddities
 from cfd_pneumatic.rig.panel.textbook import Gains, draw_gains
 from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
 from cfd_pneumatic.rig.stroke import Stroke
@@ -127,8 +128,8 @@ def gains_of(cylinder: Cylinder, air: Air) -> Gains:
     rest = cylinder.reference_pressure
 
     def rate(outlet: float, sensed: float) -> physics.CylinderState:
-        state = physics.CylinderState(outlet, sensed, outlet, air.temperature, 0.0, 0.0, 0.0)
-        return physics.cylinder_rates(state, 0.0, rest, 0.0, 0.0, cylinder, Effects(), air)
+        state = physics.CylinderState(outlet, sensed, outlet, air.temperature, 0.0, 0.0, 0.0, 0.0)
+        return physics.cylinder_rates(state, 0.0, rest, 0.0, 0.0, cylinder, Effects(), Oddities(), air)
 
     sensing = rate(rest + 1.0, rest).sensed
     aspirated = cylinder.control_volume / cylinder.rest_volume * sensing
