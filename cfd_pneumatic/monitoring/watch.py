@@ -281,6 +281,7 @@ class Watch:
             track.clear()
             line.restart()
             line.hold = stamp
+            self.alarms.pop(channel, None)
             self._fault(fault, stamp, now)
         track.take(stamp, value)
         line.pending.append((stamp, value))

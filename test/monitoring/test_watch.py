@@ -120,6 +120,17 @@ def test_a_fault_of_the_feed_is_named_as_such_and_the_test_begins_anew_behind_it
     assert 'cylinder_a' in patrol.watch.alarms, 'it watches again'
 
 
+def test_an_alarm_ends_where_its_topic_falls_silent_and_comes_back_with_another_clock() -> None:
+    watch = Patrol().go_on(LEARNED).let(leak_conductance=1e-10).go_on(3.0).watch
+    assert 'cylinder_a' in watch.alarms
+    later = SETTINGS.timeout + 1.0
+    now = LEARNED + 3.0 + later
+    assert 'silent' in {fault.kind for fault in watch.faults(now)}
+    watch.measured('cylinder_a', watch.stamp + 3600 * SECOND, 2e5, now)
+    assert all(watch.departure(name) for name in watch.alarms)
+    assert 'cylinder_a' not in watch.alarms
+
+
 def test_a_diagnosis_of_a_broken_feed_names_nothing() -> None:
     patrol = Patrol(close_loop).go_on(LEARNED)
     patrol.go_on(20.0, stuck_pressure)
