@@ -1,8 +1,8 @@
 """
 Laws that no library has, thought up before anybody looked for them: where each enters, and on what it depends.
 
-What can't be told apart by anybody stands together: an error that is larger everywhere is a set-point that is higher. A search is
-developed on seeds below 1,000, and reported on those from 7,000 on.
+What can't be told apart by anybody stands together: an error that is larger everywhere is a set-point that is higher.
+A search is developed on seeds below 1,000, and reported on those from 7,000 on.
 """
 
 from __future__ import annotations
