@@ -35,7 +35,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test check properties fuzz crash soak overload week mistakes measured-runs demo benchmark speed-document benchmark-effects paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
+.PHONY: help setup test check properties fuzz crash soak overload week mistakes measured-runs demo benchmark speed-document benchmark-effects benchmark-laws paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -83,6 +83,9 @@ benchmark: $(VENV)/.with-benchmark  ## time simulation, fit, reading and sim_nod
 
 speed-document: $(VENV)/.with-benchmark  ## write docs/speed.md of what make benchmark has measured
 	$(PY) -m studies.speed_document $(ARGS)
+
+benchmark-laws: $(VENV)/.ready  ## draw laws that no library has; ARGS='--seeds 1' for a quarter of an hour
+	$(PY) -m studies.laws $(ARGS)
 
 benchmark-effects: $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes
 	$(PY) -m studies.benchmark_effects $(ARGS)

@@ -24,7 +24,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cfd_pneumatic.convention import CYLINDERS, EITHER, SCHEDULE_COLUMNS, meaning
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS
+from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS, GENERIC
 from cfd_pneumatic.planning.report import PLAN_FILE, SCHEDULE_FILE
 from cfd_pneumatic.plant.table import COLUMNS, CSV_FILE, PARQUET_FILE
 from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE
@@ -314,13 +314,14 @@ def _effects(entries: Entries) -> Iterator[str]:
         'Each effect has a switch, `PREFIX.EFFECT.enabled` (bool, false, live), and the parameters below it, as '
         '`cylinder_a.leakage.conductance`. All are doubles and live; by default they change nothing.'
     )
-    for prefix, some in ((EITHER, EFFECTS.keys() - FORCE_EFFECTS.keys()), ('contact_force', FORCE_EFFECTS.keys())):
+    known = {**EFFECTS, **GENERIC}
+    for prefix, some in ((EITHER, known.keys() - FORCE_EFFECTS.keys()), ('contact_force', FORCE_EFFECTS.keys())):
         rows = []
         for effect in sorted(some):
-            label = f'[`{effect}`](effects.md#{effect})'
+            label = f'[`{effect}`]({f"effects.md#{effect}" if effect in EFFECTS else "model.md#the-loop"})'
             for name, entry in entries.items():
                 if name.startswith(f'{prefix}.{effect}.') and not name.endswith('.enabled'):
-                    _, _, what = entry.meaning.partition(f'{EFFECTS[effect].description}: ')
+                    _, _, what = entry.meaning.partition(f'{known[effect].description}: ')
                     rows.append([label, code(name.rpartition('.')[2]), entry.default, entry.range, what])
                     label = ''
         yield table([f'`{prefix}.`', 'parameter', 'default', 'range', 'meaning'], rows)

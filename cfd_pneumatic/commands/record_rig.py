@@ -88,7 +88,7 @@ def make_parser() -> argparse.ArgumentParser:
         default='',
         metavar='FAULTS',
         help="what is wrong with it: 'effects_a.leak_conductance=1e-10 effects_b.dead_band=300' (default: nothing); "
-        'the fields of rig/effects.py, in SI units',
+        'the fields of rig/effects.py and rig/oddities.py, in SI units',
     )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='picks noise and surface (default: 0)')
     parser.add_argument('--storage', choices=STORAGES, default='mcap', help='format of the bag (default: %(default)s)')

@@ -19,11 +19,14 @@ from cfd_pneumatic.identification.data.tolerance import Tolerance
 from cfd_pneumatic.identification.fit.fit import Fit, search, summary
 from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.residual.tests import explained
-from cfd_pneumatic.identification.search.candidates import Candidates
+from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.cores import searched
+from cfd_pneumatic.identification.search.shapes import Drawn, drawn
+from cfd_pneumatic.identification.search.shapes import fitted as fitted_curve
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.search.visibility import invisible
+from cfd_pneumatic.identification.shape import Shape, centred, shape_of
 from cfd_pneumatic.identification.verdict import (
     Conclusion,
     compared,
@@ -33,6 +36,7 @@ from cfd_pneumatic.identification.verdict import (
     verdict_of,
     within,
 )
+from cfd_pneumatic.model.effects.curve import CURVE
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60
@@ -64,12 +68,19 @@ def close_loop(
     after = before
     alternatives: dict[str, tuple[str, ...]] = {}
     tried: tuple[Trial, ...] = ()
+    unknown: Shape | None = None
     if searching and shortage is None and not explained(tests):
-        found = searched(Candidates(likelihood, before.model), core)
+        candidates = Candidates(likelihood, before.model)
+        found = searched(candidates, core)
         alternatives, tried = dict(found.alternatives), found.tried
         if found.model.model.parts:
             after = _fitted(before, found.model.model)
             alternatives |= _confounded(after)
+        if CURVE in channel.effects and not explained(candidates.residual_tests(found.model)):
+            with_law = _with_law(candidates, found.model, before, after)
+            if with_law is not None:
+                after, unknown = with_law
+                alternatives = {name: others for name, others in alternatives.items() if name in after.model.effects}
     ratio, interval = None, None
     against: list[str] = []
     if after is not before:
@@ -77,17 +88,18 @@ def close_loop(
         if ratio >= 1.0:
             clause, tried = not_added(list(after.model.parts), ratio, interval, tried)
             against.append(clause)
-            after, alternatives, ratio, interval = before, {}, None, None
+            after, alternatives, ratio, interval, unknown = before, {}, None, None, None
     if after is not before:
         noise = likelihood.noise(after.model)
         tests = likelihood.tests(after.model, noise)
     hidden = invisible(likelihood, after.model, noise) if shortage is None else ()
     left = [one.measured - values for one, values in zip(experiments, after.simulated)]
     against += contradiction(experiments, left, noise.std)
-    effects = tuple(after.model.effects)
+    effects = tuple(name for name in after.model.effects if name != CURVE)
     used = PHYSICAL if after.model.core else LINEAR
     harmless = within(tolerance, channel.quantity.small.unit, experiments, after.simulated)
-    verdict, why = verdict_of(used, effects, alternatives, tests, shortage, ratio, interval, against, harmless)
+    law = '' if unknown is None else unknown.words
+    verdict, why = verdict_of(used, effects, alternatives, tests, shortage, ratio, interval, against, harmless, law)
     conclusion = Conclusion(
         verdict=verdict,
         why=why,
@@ -102,8 +114,43 @@ def close_loop(
         noise=noise,
         not_visible=hidden,
         next_experiment=next_experiment(hidden, channel.library, shortage),
+        unknown=unknown,
     )
     return after, conclusion
+
+
+def _with_law(candidates: Candidates, found: Candidate, before: Fit, after: Fit) -> tuple[Fit, Shape] | None:
+    """
+    Return the fit with a law that no effect is, and the law; None where none explains what is left.
+
+    It is drawn beside the core alone, for effects that were found instead of it are none, and else beside them.
+    """
+    alone = candidates.without_effects(found)
+    for begin in dict.fromkeys((alone, found)):
+        drawing = drawn(candidates, begin, found)
+        if drawing is not None:
+            return _as_drawn(drawing, begin, before, after)
+    return None
+
+
+def _as_drawn(drawing: Drawn, begin: Candidate, before: Fit, after: Fit) -> tuple[Fit, Shape] | None:
+    """Return a law fitted to train and validation, if the test part does not speak against it."""
+    likelihood = before.likelihood
+    fitted = fitted_curve(likelihood, drawing.candidate.model, drawing.promise)
+    model = centred(likelihood, fitted, drawing.promise.slot)
+    simulated = likelihood.simulate(model)
+    if not all(np.all(np.isfinite(values)) for values in simulated):
+        return None
+    experiments = likelihood.experiments
+    if compared(experiments, after.simulated, simulated)[0] >= 1.0:
+        return None
+    left = [one.measured - values for one, values in zip(experiments, simulated)]
+    if contradiction(experiments, left, likelihood.noise(model).std):
+        return None
+    with_law = summary(likelihood, model)
+    unidentifiable = {one.name: one for one in before.estimates if not one.identifiable}
+    estimates = tuple(unidentifiable.get(one.name, one) for one in with_law.estimates)
+    return replace(with_law, estimates=estimates), shape_of(likelihood, model, drawing, begin.model)
 
 
 def with_core(before: Fit) -> Fit:

@@ -16,13 +16,14 @@ from cfd_pneumatic.identification.data.options import PHYSICAL
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.data.tolerance import Tolerance, tolerated
 from cfd_pneumatic.identification.residual.noise import Noise
-from cfd_pneumatic.identification.residual.tests import Test
+from cfd_pneumatic.identification.residual.tests import Test, explained
 from cfd_pneumatic.identification.search.stepwise import Trial
+from cfd_pneumatic.identification.shape import Shape
 from cfd_pneumatic.model.effects import Effect
 
 Array = NDArray[np.float64]
 
-VERDICTS = ('effect_added', 'no_missing_effect', 'unexplained', 'insufficient_data')
+VERDICTS = ('effect_added', 'no_missing_effect', 'shape_found', 'unexplained', 'insufficient_data')
 """What the loop may end with."""
 
 STATUSES = ('confirmed', 'hypothesis')
@@ -76,6 +77,8 @@ class Conclusion:
         What to record to see them; empty where there are none.
     doubted
         Whether a warning about the recordings puts all of it in doubt.
+    unknown
+        A law that is none of the effects, as the recordings have drawn it, or None.
 
     """
 
@@ -93,11 +96,14 @@ class Conclusion:
     not_visible: tuple[str, ...]
     next_experiment: str
     doubted: bool = False
+    unknown: Shape | None = None
 
     @property
     def status(self) -> str:
         """One of `STATUSES`: a hypothesis is a name beside which more than noise is left, or what a warning doubts."""
-        return 'hypothesis' if self.doubted or (self.effects and self.verdict == 'unexplained') else 'confirmed'
+        named = self.effects or self.unknown is not None
+        more_is_left = self.verdict == 'unexplained' or not explained(self.tests_after)
+        return 'hypothesis' if self.doubted or (named and more_is_left) else 'confirmed'
 
     @property
     def rounds(self) -> list[tuple[Trial, ...]]:
@@ -166,11 +172,13 @@ def verdict_of(
     interval: tuple[float, float] | None,
     against: Sequence[str] = (),
     harmless: str = '',
+    law: str = '',
 ) -> tuple[str, str]:
     """
     Return the verdict and the sentence that says it; clauses of `against` withdraw it.
 
-    Where `harmless` says why what is left does not matter, it makes no verdict `unexplained`.
+    Where `harmless` says why what is left does not matter, it makes no verdict `unexplained`. A `law` is what a curve
+    that was drawn does.
     """
     if shortage is not None:
         return 'insufficient_data', shortage
@@ -181,7 +189,13 @@ def verdict_of(
     falls = '' if ratio is None or interval is None else f'; with it the error {_change(ratio, interval)}'
     whole = f'{_WHOLE}{falls}, and ' if core == PHYSICAL else ''
     failed = ', '.join(_FAILINGS.get(test.name, test.what) for test in tests if test.decisive and not test.passed)
-    if effects:
+    if law:
+        beside = f', beside {named}' if named else ''
+        why = f'the model lacks a law that is none of the effects known here{beside}: {law}{falls}'
+        left = f'; something more is left, which {failed}' if failed else ', and what is left is noise'
+        if not against:
+            return 'shape_found', why + left
+    elif effects:
         why = f'{_WHOLE}, and the model lacks {named}{falls}' if whole else f'the model lacks {named}{falls}'
         left = ', and what is left is noise'
         if failed:

@@ -16,10 +16,31 @@ TITLES = {'cylinder_a': 'Cylinder A', 'cylinder_b': 'Cylinder B', 'force': 'Cont
 VERDICTS = {
     'effect_added': 'Effect found',
     'no_missing_effect': 'Nothing missing',
+    'shape_found': 'An unknown law, drawn',
     'unexplained': 'Unexplained',
     'insufficient_data': 'Not enough data',
 }
 """Verdicts of the loop in two words."""
+
+LAW_PLACES = {
+    'set_point': 'set-point, off by',
+    'flow': 'flow, more by',
+    'gain': 'stiffness K_x, more by',
+    'chamber': 'rate of the pressure, more by',
+    'leak': 'leak, share of the gauge pressure',
+    'sensing': 'reading, off by',
+}
+"""Where a law enters, for the axis of its picture."""
+
+LAW_VARIABLES = {
+    'x': 'displacement',
+    'speed': 'speed of the piston',
+    'p': 'gauge pressure',
+    'error': 'valve error',
+    'flow': 'flow, lagged',
+    'time': 'time',
+}
+"""What it depends on, likewise."""
 
 TESTS = {
     'inputs': 'Independent of the inputs',

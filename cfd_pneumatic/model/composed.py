@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint 4a865592d1feff13; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint cd8e72644daefc73; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 from cfd_pneumatic.model.effects import (
+    curve,
     displacement_delay,
     displacement_lag,
     droop,
@@ -53,108 +54,129 @@ Y7 = 7 * COUNT
 Y8 = 8 * COUNT
 Y9 = 9 * COUNT
 Y10 = 10 * COUNT
+Y11 = 11 * COUNT
 # displacements that the chamber followed last and that was measured last [m]
-FOLLOWED = 11 * COUNT
-MEASURED = 12 * COUNT
+FOLLOWED = 12 * COUNT
+MEASURED = 13 * COUNT
 # parameters: gains, then the effects' own
-A0 = 13 * COUNT
-A1 = 14 * COUNT
-A2 = 15 * COUNT
-A3 = 16 * COUNT
-A4 = 17 * COUNT
-A5 = 18 * COUNT
-A6 = 19 * COUNT
-A7 = 20 * COUNT
-A8 = 21 * COUNT
-A9 = 22 * COUNT
-A10 = 23 * COUNT
-A11 = 24 * COUNT
-A12 = 25 * COUNT
-A13 = 26 * COUNT
-A14 = 27 * COUNT
-A15 = 28 * COUNT
-A16 = 29 * COUNT
-A17 = 30 * COUNT
-A18 = 31 * COUNT
-A19 = 32 * COUNT
-A20 = 33 * COUNT
-A21 = 34 * COUNT
-A22 = 35 * COUNT
-A23 = 36 * COUNT
-A24 = 37 * COUNT
-A25 = 38 * COUNT
-A26 = 39 * COUNT
-A27 = 40 * COUNT
-A28 = 41 * COUNT
-A29 = 42 * COUNT
-A30 = 43 * COUNT
-A31 = 44 * COUNT
-A32 = 45 * COUNT
-A33 = 46 * COUNT
-A34 = 47 * COUNT
-A35 = 48 * COUNT
-A36 = 49 * COUNT
-A37 = 50 * COUNT
-A38 = 51 * COUNT
-A39 = 52 * COUNT
-A40 = 53 * COUNT
-A41 = 54 * COUNT
-A42 = 55 * COUNT
-A43 = 56 * COUNT
-A44 = 57 * COUNT
-A45 = 58 * COUNT
+A0 = 14 * COUNT
+A1 = 15 * COUNT
+A2 = 16 * COUNT
+A3 = 17 * COUNT
+A4 = 18 * COUNT
+A5 = 19 * COUNT
+A6 = 20 * COUNT
+A7 = 21 * COUNT
+A8 = 22 * COUNT
+A9 = 23 * COUNT
+A10 = 24 * COUNT
+A11 = 25 * COUNT
+A12 = 26 * COUNT
+A13 = 27 * COUNT
+A14 = 28 * COUNT
+A15 = 29 * COUNT
+A16 = 30 * COUNT
+A17 = 31 * COUNT
+A18 = 32 * COUNT
+A19 = 33 * COUNT
+A20 = 34 * COUNT
+A21 = 35 * COUNT
+A22 = 36 * COUNT
+A23 = 37 * COUNT
+A24 = 38 * COUNT
+A25 = 39 * COUNT
+A26 = 40 * COUNT
+A27 = 41 * COUNT
+A28 = 42 * COUNT
+A29 = 43 * COUNT
+A30 = 44 * COUNT
+A31 = 45 * COUNT
+A32 = 46 * COUNT
+A33 = 47 * COUNT
+A34 = 48 * COUNT
+A35 = 49 * COUNT
+A36 = 50 * COUNT
+A37 = 51 * COUNT
+A38 = 52 * COUNT
+A39 = 53 * COUNT
+A40 = 54 * COUNT
+A41 = 55 * COUNT
+A42 = 56 * COUNT
+A43 = 57 * COUNT
+A44 = 58 * COUNT
+A45 = 59 * COUNT
+A46 = 60 * COUNT
+A47 = 61 * COUNT
+A48 = 62 * COUNT
+A49 = 63 * COUNT
+A50 = 64 * COUNT
+A51 = 65 * COUNT
+A52 = 66 * COUNT
+A53 = 67 * COUNT
+A54 = 68 * COUNT
+A55 = 69 * COUNT
+A56 = 70 * COUNT
+A57 = 71 * COUNT
+A58 = 72 * COUNT
+A59 = 73 * COUNT
+A60 = 74 * COUNT
+A61 = 75 * COUNT
+A62 = 76 * COUNT
 # what each lane's set-point lies above the common one [Pa]
-OFFSET = 59 * COUNT
+OFFSET = 77 * COUNT
 # states and rates of a stage of Runge and Kutta, and the rates' weighted sum
-S0 = 60 * COUNT
-S1 = 61 * COUNT
-S2 = 62 * COUNT
-S3 = 63 * COUNT
-S4 = 64 * COUNT
-S5 = 65 * COUNT
-S6 = 66 * COUNT
-S7 = 67 * COUNT
-S8 = 68 * COUNT
-S9 = 69 * COUNT
-S10 = 70 * COUNT
-K0 = 71 * COUNT
-K1 = 72 * COUNT
-K2 = 73 * COUNT
-K3 = 74 * COUNT
-K4 = 75 * COUNT
-K5 = 76 * COUNT
-K6 = 77 * COUNT
-K7 = 78 * COUNT
-K8 = 79 * COUNT
-K9 = 80 * COUNT
-K10 = 81 * COUNT
-SUM0 = 82 * COUNT
-SUM1 = 83 * COUNT
-SUM2 = 84 * COUNT
-SUM3 = 85 * COUNT
-SUM4 = 86 * COUNT
-SUM5 = 87 * COUNT
-SUM6 = 88 * COUNT
-SUM7 = 89 * COUNT
-SUM8 = 90 * COUNT
-SUM9 = 91 * COUNT
-SUM10 = 92 * COUNT
+S0 = 78 * COUNT
+S1 = 79 * COUNT
+S2 = 80 * COUNT
+S3 = 81 * COUNT
+S4 = 82 * COUNT
+S5 = 83 * COUNT
+S6 = 84 * COUNT
+S7 = 85 * COUNT
+S8 = 86 * COUNT
+S9 = 87 * COUNT
+S10 = 88 * COUNT
+S11 = 89 * COUNT
+K0 = 90 * COUNT
+K1 = 91 * COUNT
+K2 = 92 * COUNT
+K3 = 93 * COUNT
+K4 = 94 * COUNT
+K5 = 95 * COUNT
+K6 = 96 * COUNT
+K7 = 97 * COUNT
+K8 = 98 * COUNT
+K9 = 99 * COUNT
+K10 = 100 * COUNT
+K11 = 101 * COUNT
+SUM0 = 102 * COUNT
+SUM1 = 103 * COUNT
+SUM2 = 104 * COUNT
+SUM3 = 105 * COUNT
+SUM4 = 106 * COUNT
+SUM5 = 107 * COUNT
+SUM6 = 108 * COUNT
+SUM7 = 109 * COUNT
+SUM8 = 110 * COUNT
+SUM9 = 111 * COUNT
+SUM10 = 112 * COUNT
+SUM11 = 113 * COUNT
 # the piston's displacement [m] and speed [m/s], the set-point [Pa], and what the pressure sensor reads [Pa]
-X = 93 * COUNT
-RATE = 94 * COUNT
-SETPOINT = 95 * COUNT
-SIGNAL = 96 * COUNT
+X = 114 * COUNT
+RATE = 115 * COUNT
+SETPOINT = 116 * COUNT
+SIGNAL = 117 * COUNT
 
-SIZE = 97 * COUNT
+SIZE = 118 * COUNT
 """Length of the array of rows."""
 
-STATE_ROWS = slice(0, 13)
+STATE_ROWS = slice(0, 14)
 """Rows of the states: pressures p and p_f, those of the effects, displacements followed and measured last."""
 
-PARAMETER_ROWS = slice(13, 59)
+PARAMETER_ROWS = slice(14, 77)
 """Rows of the parameters: the gains, then those of the effects."""
 
-OFFSET_ROW = 59
+OFFSET_ROW = 77
 """Row of what each lane's set-point lies above the common one [Pa]."""
 
 SIGNAL_ROW = SIGNAL // COUNT
@@ -183,6 +205,29 @@ def valve_error(moment, w, on):
         target = supply_variation.setpoint(target, moment, load(w, A20), load(w, A21), load(w, A22))
     if on[8]:
         target = droop.setpoint(target, moment, load(w, S4), load(w, A24), load(w, A25))
+    if on[19]:
+        target = curve.setpoint(
+            target,
+            moment,
+            load(w, S10),
+            load(w, A45),
+            load(w, A46),
+            load(w, A47),
+            load(w, A48),
+            load(w, A49),
+            load(w, A50),
+            load(w, A51),
+            load(w, A52),
+            load(w, A53),
+            load(w, A54),
+            load(w, A55),
+            load(w, A56),
+            load(w, A57),
+            load(w, A58),
+            load(w, A59),
+            load(w, A60),
+            load(w, A61),
+        )
     return target - load(w, S1)
 
 
@@ -212,6 +257,29 @@ def slopes(time, ambient, w, on):
         gain = volume_variation.velocity_gain(gain, moment, load(w, A13))
     if on[2]:
         gain = operating_point.velocity_gain(gain, moment, load(w, A14), load(w, A15), load(w, A16))
+    if on[19]:
+        gain = curve.velocity_gain(
+            gain,
+            moment,
+            load(w, S10),
+            load(w, A45),
+            load(w, A46),
+            load(w, A47),
+            load(w, A48),
+            load(w, A49),
+            load(w, A50),
+            load(w, A51),
+            load(w, A52),
+            load(w, A53),
+            load(w, A54),
+            load(w, A55),
+            load(w, A56),
+            load(w, A57),
+            load(w, A58),
+            load(w, A59),
+            load(w, A60),
+            load(w, A61),
+        )
     swept = gain * rate
     moment = moment_of(time, x, rate, p, load(w, S1), swept, still, ambient, w)
     error = valve_error(moment, w, on)
@@ -248,7 +316,53 @@ def slopes(time, ambient, w, on):
         store(w, K9, rate9)
         flow = line_restriction.flow(flow, moment, load(w, S9), load(w, A43), load(w, A44))
     if on[19]:
-        flow = heat_transfer.flow(flow, moment, load(w, S10), load(w, A45))
+        (rate10,) = curve.evolve(
+            moment,
+            flow,
+            load(w, S10),
+            load(w, A45),
+            load(w, A46),
+            load(w, A47),
+            load(w, A48),
+            load(w, A49),
+            load(w, A50),
+            load(w, A51),
+            load(w, A52),
+            load(w, A53),
+            load(w, A54),
+            load(w, A55),
+            load(w, A56),
+            load(w, A57),
+            load(w, A58),
+            load(w, A59),
+            load(w, A60),
+            load(w, A61),
+        )
+        store(w, K10, rate10)
+        flow = curve.flow(
+            flow,
+            moment,
+            load(w, S10),
+            load(w, A45),
+            load(w, A46),
+            load(w, A47),
+            load(w, A48),
+            load(w, A49),
+            load(w, A50),
+            load(w, A51),
+            load(w, A52),
+            load(w, A53),
+            load(w, A54),
+            load(w, A55),
+            load(w, A56),
+            load(w, A57),
+            load(w, A58),
+            load(w, A59),
+            load(w, A60),
+            load(w, A61),
+        )
+    if on[20]:
+        flow = heat_transfer.flow(flow, moment, load(w, S11), load(w, A62))
     if on[8]:
         (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A24), load(w, A25))
         store(w, K4, rate4)
@@ -313,9 +427,32 @@ def slopes(time, ambient, w, on):
             chamber, moment, load(w, A28), load(w, A29), load(w, A30), load(w, A31), load(w, A32), load(w, A33)
         )
     if on[19]:
-        (rate10,) = heat_transfer.evolve(moment, chamber, load(w, S10), load(w, A45))
-        store(w, K10, rate10)
-        chamber = heat_transfer.chamber(chamber, moment, load(w, S10), load(w, A45))
+        chamber = curve.chamber(
+            chamber,
+            moment,
+            load(w, S10),
+            load(w, A45),
+            load(w, A46),
+            load(w, A47),
+            load(w, A48),
+            load(w, A49),
+            load(w, A50),
+            load(w, A51),
+            load(w, A52),
+            load(w, A53),
+            load(w, A54),
+            load(w, A55),
+            load(w, A56),
+            load(w, A57),
+            load(w, A58),
+            load(w, A59),
+            load(w, A60),
+            load(w, A61),
+        )
+    if on[20]:
+        (rate11,) = heat_transfer.evolve(moment, chamber, load(w, S11), load(w, A62))
+        store(w, K11, rate11)
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), load(w, A62))
     signal = p
     if on[14]:
         (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A38))
@@ -329,6 +466,29 @@ def slopes(time, ambient, w, on):
         store(w, K7, rate7)
         store(w, K8, rate8)
         signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A40), load(w, A41))
+    if on[19]:
+        signal = curve.signal(
+            signal,
+            moment,
+            load(w, S10),
+            load(w, A45),
+            load(w, A46),
+            load(w, A47),
+            load(w, A48),
+            load(w, A49),
+            load(w, A50),
+            load(w, A51),
+            load(w, A52),
+            load(w, A53),
+            load(w, A54),
+            load(w, A55),
+            load(w, A56),
+            load(w, A57),
+            load(w, A58),
+            load(w, A59),
+            load(w, A60),
+            load(w, A61),
+        )
     store(w, K0, chamber)
     store(w, K1, sensing)
 
@@ -360,6 +520,9 @@ def begin_stages(w, on):
     if on[19]:
         store(w, S10, load(w, Y10))
         store(w, SUM10, 0.0)
+    if on[20]:
+        store(w, S11, load(w, Y11))
+        store(w, SUM11, 0.0)
 
 
 @inner
@@ -389,6 +552,9 @@ def next_stage(weight, ahead, w, on):
     if on[19]:
         store(w, SUM10, load(w, SUM10) + weight * load(w, K10))
         store(w, S10, load(w, Y10) + ahead * load(w, K10))
+    if on[20]:
+        store(w, SUM11, load(w, SUM11) + weight * load(w, K11))
+        store(w, S11, load(w, Y11) + ahead * load(w, K11))
 
 
 @inner
@@ -418,6 +584,9 @@ def end_stages(sixth, w, on):
     if on[19]:
         store(w, Y10, load(w, Y10) + sixth * (load(w, SUM10) + load(w, K10)))
         store(w, S10, load(w, Y10))
+    if on[20]:
+        store(w, Y11, load(w, Y11) + sixth * (load(w, SUM11) + load(w, K11)))
+        store(w, S11, load(w, Y11))
 
 
 @inner
@@ -493,6 +662,29 @@ def read(time, ambient, w, on):
         signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A38))
     if on[16]:
         signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A40), load(w, A41))
+    if on[19]:
+        signal = curve.signal(
+            signal,
+            moment,
+            load(w, S10),
+            load(w, A45),
+            load(w, A46),
+            load(w, A47),
+            load(w, A48),
+            load(w, A49),
+            load(w, A50),
+            load(w, A51),
+            load(w, A52),
+            load(w, A53),
+            load(w, A54),
+            load(w, A55),
+            load(w, A56),
+            load(w, A57),
+            load(w, A58),
+            load(w, A59),
+            load(w, A60),
+            load(w, A61),
+        )
     store(w, SIGNAL, signal)
 
 
@@ -522,6 +714,8 @@ def rest(x, setpoint, w):
     store(w, S9, 0.0)
     store(w, Y10, 0.0)
     store(w, S10, 0.0)
+    store(w, Y11, 0.0)
+    store(w, S11, 0.0)
     store(w, FOLLOWED, x)
     store(w, MEASURED, x)
     store(w, X, x)

@@ -179,7 +179,8 @@ class RigNode(Node):
             '',
             text(
                 "what goes wrong with the device, live: 'effects_a.leak_conductance=1e-10'; none, or empty: nothing",
-                'words PART.FIELD=NUMBER: effects_a, effects_b or pickup, a field of rig/effects.py, SI units',
+                'words PART.FIELD=NUMBER: effects_a, effects_b, pickup, a field of rig/effects.py; odd_a, odd_b, '
+                'odd_force, a field of rig/oddities.py; SI units',
             ),
         )
 

@@ -23,7 +23,7 @@ from cfd_pneumatic.reporting.template import rendered
 TEMPLATES = Path(__file__).parent / 'templates'
 TEMPLATE = 'index.html.jinja'
 
-_VERDICTS = ('unexplained', 'effect_added', 'insufficient_data', 'no_missing_effect', 'fitted', 'failed')
+_VERDICTS = ('unexplained', 'shape_found', 'effect_added', 'insufficient_data', 'no_missing_effect', 'fitted', 'failed')
 
 
 @dataclass(frozen=True)

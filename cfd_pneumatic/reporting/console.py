@@ -16,7 +16,12 @@ from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.units import PSI
 
-_STYLES = {'effect_added': 'bold cyan', 'no_missing_effect': 'bold green', 'unexplained': 'bold yellow'}
+_STYLES = {
+    'shape_found': 'bold cyan',
+    'effect_added': 'bold cyan',
+    'no_missing_effect': 'bold green',
+    'unexplained': 'bold yellow',
+}
 _LEAST_BIC = 0.0  # effects that do not lower the criterion stand in the report alone
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.tests import Test
+from cfd_pneumatic.identification.shape import Shape
 from cfd_pneumatic.identification.whereabouts import dependences
 from cfd_pneumatic.reporting.advice import next_plan
 
@@ -137,6 +138,7 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         'effect_parameters': {effect: _estimate_data(result.parameters(effect)) for effect in findings.effects},
         'parameters_after': _gain_data(result.gains),
         'alternatives': {effect: list(findings.alternatives.get(effect, ())) for effect in findings.effects},
+        'unknown': None if findings.unknown is None else _shape_data(findings.unknown),
         'after': _error_data(result.after, result),
         'after_over_before': _ratio_data(result),
         'left': _left_data(result),
@@ -154,6 +156,22 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         'residual_tests': {'before': _test_data(findings.tests_before), 'after': _test_data(findings.tests_after)},
         'not_visible': list(findings.not_visible),
         'next_experiment': findings.next_experiment,
+    }
+
+
+def _shape_data(shape: Shape) -> dict[str, Any]:
+    """Return a law that was drawn; a pair of others names where they enter, and against what."""
+    return {
+        'enters': shape.enters,
+        'or': [list(other) for other in shape.others],
+        'against': shape.against,
+        'unit': shape.unit,
+        'unit_against': shape.unit_against,
+        'curve': {name: getattr(shape, name)[shape.visited].tolist() for name in ('at', 'value', 'low', 'high')},
+        'formula': shape.formulas[0] if len(shape.formulas) == 1 else None,
+        'formulas': list(shape.formulas),
+        'explains': shape.explains,
+        'words': shape.words,
     }
 
 

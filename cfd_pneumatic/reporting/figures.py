@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from cfd_pneumatic.identification import ChannelResult
+from cfd_pneumatic.identification import ChannelResult, wording
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.autoregression import autocovariance
 from cfd_pneumatic.identification.residual.tests import SIGNIFICANCE
 from cfd_pneumatic.identification.result import Comparison
+from cfd_pneumatic.identification.shape import Shape
 from cfd_pneumatic.identification.whereabouts import Dependence, dependences
 from cfd_pneumatic.reporting.thinning import thinned
 from cfd_pneumatic.svg import Curve, Panel, chart
@@ -46,6 +47,15 @@ _SIGNAL_UNITS = {
     'set-point': (1e3, ', absolute [kPa]'),
     'valve error': (1e3, ' [kPa]'),
     'time': (1.0, ' [s]'),
+}
+_LAW_UNITS = {
+    'm': (1e-3, 'mm'),
+    'm/s': (1e-3, 'mm/s'),
+    'Pa': (1.0, 'Pa'),
+    'Pa/s': (1e3, 'kPa/s'),
+    's': (1.0, 's'),
+    '1': (1e-2, '%'),
+    '1/s': (1e-2, '%/s'),
 }
 _BEGINS = 100_000  # of a zoom, that are compared
 _TWO_SIDED = float(-ndtri(SIGNIFICANCE / 2.0))
@@ -84,10 +94,28 @@ def pictures(result: ChannelResult, drawn: Sequence[Comparison]) -> dict[str, li
     strips = [zoom_picture(result), *(record_picture(result, one) for one in drawn)]
     unexplained = result.findings.verdict == 'unexplained'
     return {
+        'law': [] if result.findings.unknown is None else [law_picture(result.findings.unknown)],
         'strips': strips,
         'correlations': correlation_pictures(result),
         'dependences': dependence_pictures(result) if unexplained else [],
     }
+
+
+def law_picture(law: Shape) -> Picture:
+    """Return the curve of a law with its band; grey where no recording has been."""
+    (scale, across), (size, up) = _LAW_UNITS[law.unit_against], _LAW_UNITS[law.unit]
+    at, seen = law.at / scale, law.visited
+    curves = [Curve(at, law.value / size, MUTED, 0.8)]
+    curves += [Curve(at[seen], line[seen] / size, AFTER, 0.8) for line in (law.low, law.high)]
+    curves.append(Curve(at[seen], law.value[seen] / size, AFTER, 2.0))
+    text = f'The law that was drawn: {law.words}. Thin lines: 95 % at each point; grey: not visited.'
+    place, variable = wording.LAW_PLACES[law.enters], wording.LAW_VARIABLES[law.against]
+
+    def drawn(width: int) -> str:
+        panel = Panel(f'{place} [{up}]', 200, curves, levels=[(0.0, 'var(--rule)')])
+        return chart([panel], width, (float(at[0]), float(at[-1])), f'{variable} [{across}]', text)
+
+    return Picture(drawn(WIDE), drawn(NARROW), text)
 
 
 def dependence_pictures(result: ChannelResult) -> list[Picture]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.parameters import Cylinder, Piston, RigParameters, Seal, with_changes
 
-CHANGEABLE = ('effects_a', 'effects_b', 'pickup')
+CHANGEABLE = ('effects_a', 'effects_b', 'pickup', 'odd_a', 'odd_b', 'odd_force')
 """Parts of a device in which something may go wrong while it runs."""
 
 EXAMPLE = 'effects_a.leak_conductance=1e-10'

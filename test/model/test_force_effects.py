@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from reference import AMBIENT
 
 from cfd_pneumatic.model.composed import FORCE_STATES, SLID, rest_force, step_force
-from cfd_pneumatic.model.effects import CORES, EFFECTS, FORCE_EFFECTS, PRESSURE_EFFECTS, PRESSURE_PARTS
+from cfd_pneumatic.model.effects import CORES, EFFECTS, FORCE_EFFECTS, GENERIC, PRESSURE_EFFECTS, PRESSURE_PARTS
 from cfd_pneumatic.model.effects.seal_friction import slide
 from cfd_pneumatic.model.extended_force import ExtendedForce
 from cfd_pneumatic.model.places import FORCE_PLACES, PLACES, all_force_parameters, force_switches
@@ -44,7 +44,7 @@ def change(effects, **options):
 
 def test_every_effect_is_on_the_force_or_on_the_pressure():
     assert {**PRESSURE_EFFECTS, **FORCE_EFFECTS} == EFFECTS
-    assert {**CORES, **PRESSURE_EFFECTS} == PRESSURE_PARTS
+    assert {**CORES, **PRESSURE_EFFECTS, **GENERIC} == PRESSURE_PARTS
     assert PRESSURE_PARTS.keys() == PLACES.keys()
     assert FORCE_EFFECTS.keys() == FORCE_PLACES.keys()
     assert PRESSURE_EFFECTS.keys().isdisjoint(FORCE_EFFECTS)

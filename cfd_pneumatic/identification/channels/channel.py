@@ -22,6 +22,7 @@ from cfd_pneumatic.identification.residual.noise import Noise, noise_of, roundin
 from cfd_pneumatic.identification.residual.regressors import Regressors
 from cfd_pneumatic.identification.residual.rests import runs_at_rest
 from cfd_pneumatic.model.effects import CORES, Data, Effect
+from cfd_pneumatic.model.effects.curve import KNOTS
 from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
@@ -350,6 +351,11 @@ class Channel(ABC):
     def data(self, experiments: Sequence[Experiment], model: Model, simulated: Sequence[Array]) -> Data:
         """Return what effects draw their starting values from; `residual`, `mean` and `lag` are among it."""
 
+    def variables(self, experiment: Experiment, simulated: Array, model: Model) -> Mapping[str, Array]:
+        """Return at each sample what a law may depend on, by the names of `model.effects.curve`; empty: nothing."""
+        del experiment, simulated, model
+        return {}
+
     def precision(self, experiment: Experiment, simulated: Array) -> Array:
         """Return the inverse of each sample's standard deviation, relative to one at rest, shape (m,) in (0, 1]."""
         del experiment
@@ -419,12 +425,14 @@ class Channel(ABC):
         """Return everything that is searched of a model with its core and effects."""
         found, held = self.searched(experiments, model), self.held(experiments, model)
         for name, values in model.parts.items():
-            for slot, parameter, value in zip(self.slots_of(name), self.effects[name].parameters, values):
+            effect = self.effects[name]
+            highest = max(map(abs, values[-KNOTS:])) if effect.generic else 0.0
+            for slot, parameter, value in zip(self.slots_of(name), effect.parameters, values):
                 full = f'{name}.{parameter.name}'
                 if parameter.choice or full in held:
                     continue
                 lower, upper = bounds_of(parameter, experiments)
-                scale = abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
+                scale = highest or abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
                 found.append(
                     Unknown(
                         full,

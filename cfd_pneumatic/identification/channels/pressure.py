@@ -347,6 +347,21 @@ class Pressure(Channel):
         np.maximum(strayed[:-1], slope, out=strayed[:-1])
         return np.asarray((1.0 + strayed**2) ** -0.5)
 
+    def variables(self, experiment: Experiment, simulated: Array, model: Model) -> Mapping[str, Array]:
+        """Return what a law may depend on: what is sensed follows from the model's lag, the flow from its stiffness."""
+        times = experiment.sample_times
+        x, held = experiment.at_samples('displacement'), experiment.at_samples('setpoint')
+        rate, slope = np.gradient(x, times), np.gradient(simulated, times)
+        k_x, _, _, tau = model.parameters.tolist()
+        return {
+            'x': x,
+            'speed': rate,
+            'p': simulated - self.ambient_pressure,
+            'error': held + model.own[experiment.index, _OFFSET] - simulated + tau * slope,
+            'flow': slope + k_x * rate,
+            'time': times - experiment.begin,
+        }
+
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
         """Return inputs, what the model makes of them, and their products."""
         times = experiment.sample_times

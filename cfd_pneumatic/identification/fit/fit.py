@@ -237,5 +237,7 @@ def _reported(channel: Channel, model: Model) -> Iterator[tuple[int, str, str]]:
     for slot, (name, unit) in enumerate(channel.parameters.items()):
         yield slot, name, unit
     for effect in model.parts:
+        if channel.effects[effect].generic:  # a curve is told with its band
+            continue
         for slot, parameter in zip(channel.slots_of(effect), channel.effects[effect].parameters):
             yield slot, f'{effect}.{parameter.name}', parameter.unit

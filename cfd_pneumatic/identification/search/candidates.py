@@ -100,7 +100,7 @@ class Candidates:
         self._known_data: dict[Candidate, Data] = {}
         self._known_shares: dict[Candidate, dict[str, float]] = {}
         self._known_tests: dict[Candidate, list[Test]] = {}
-        self.baseline = self._finished(search(self.train, begin, *_FINE).model, begin)
+        self.baseline = self.finished(search(self.train, begin, *_FINE).model, begin)
 
     def with_core(self, candidate: Candidate, name: str) -> Candidate:
         """Return a candidate with another core, fitted from each of its starts, without effects that are in it."""
@@ -109,7 +109,7 @@ class Candidates:
         starts = core.starts(self._data(candidate))
         begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
         rough = min(each(lambda one: search(self._excerpt, one, *_ROUGH), begins), key=lambda one: one.cost)
-        return self._finished(self._fine(rough.model).model, candidate.model)
+        return self.finished(self._fine(rough.model).model, candidate.model)
 
     def names(self, candidate: Candidate) -> list[str]:
         """Return the effects that these recordings may tell beside a candidate's."""
@@ -151,13 +151,20 @@ class Candidates:
         refined = {name: self._refined(rough[name], before) for name in promising}
         best = rough | _best_first(_fitted(refined, self._fine))
         found = [best[name][0].model for name in begins]
-        return dict(zip(begins, each(lambda one: self._finished(one, candidate.model), found)))
+        return dict(zip(begins, each(lambda one: self.finished(one, candidate.model), found)))
 
     def without(self, candidate: Candidate, name: str) -> Candidate:
         """Return a candidate with one effect less."""
         fewer = {other: own for other, own in candidate.effects.items() if other != name}
         found = search(self.train, replace(candidate.model, effects=fewer), *_FINE)
-        return self._finished(found.model, candidate.model)
+        return self.finished(found.model, candidate.model)
+
+    def without_effects(self, candidate: Candidate) -> Candidate:
+        """Return a candidate with its core alone."""
+        if not candidate.effects:
+            return candidate
+        found = search(self.train, replace(candidate.model, effects={}), *_FINE)
+        return self.finished(found.model, candidate.model)
 
     def promising(self, candidate: Candidate, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
         """Return the effects to fit beside a candidate's, and the share of its residual that each other may take."""
@@ -179,7 +186,7 @@ class Candidates:
             self._known_tests[candidate] = self.learn.tested(candidate.simulated, noise)
         return self._known_tests[candidate]
 
-    def _finished(self, model: Model, begin: Model) -> Candidate:
+    def finished(self, model: Model, begin: Model) -> Candidate:
         """Return a fit with what it leaves; one that ran away is as if its effects were not there."""
         simulated = self.learn.simulate(model)
         if not _is_finite(simulated):

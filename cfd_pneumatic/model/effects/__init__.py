@@ -24,7 +24,10 @@ MODULES = _modules()
 CORES = {name: module.EFFECT for name, module in MODULES.items() if module.EFFECT.core}
 """What stands in the linear core's place, by name."""
 
-EFFECTS = {name: module.EFFECT for name, module in MODULES.items() if name not in CORES}
+GENERIC = {name: module.EFFECT for name, module in MODULES.items() if module.EFFECT.generic}
+"""What is drawn from data where none of the effects explains them, by name."""
+
+EFFECTS = {name: module.EFFECT for name, module in MODULES.items() if name not in {*CORES, *GENERIC}}
 """Each effect, by name, in the order in which they enter the model."""
 
 FORCE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if hasattr(MODULES[name], 'force')}
@@ -34,7 +37,7 @@ PRESSURE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if name not
 """Those on a cylinder's pressure, in that order."""
 
 PRESSURE_PARTS = {name: module.EFFECT for name, module in MODULES.items() if name not in FORCE_EFFECTS}
-"""Those and the cores, in that order: what can be switched on in a cylinder."""
+"""Those, the cores and what is drawn from data, in that order: what can be switched on in a cylinder."""
 
 FAMILIES = {
     family: tuple(name for name, effect in EFFECTS.items() if family in effect.families)
@@ -48,6 +51,7 @@ __all__ = [
     'FAMILIES',
     'FORCE_EFFECTS',
     'FUNCTIONS',
+    'GENERIC',
     'MODULES',
     'PRESSURE_EFFECTS',
     'PRESSURE_PARTS',

@@ -194,6 +194,8 @@ class Effect:
         Returns the parameters of its weakest form that may make a given constant, where it has one.
     core
         Whether it is a core: what a search begins with, and not what it looks for.
+    generic
+        Whether it is drawn from data where no effect that is known explains them.
     covers
         Of a core, effects that are in it.
     rank
@@ -235,6 +237,7 @@ class Effect:
     constant: bool = False
     as_constant: Callable[[float], tuple[float, ...]] | None = field(default=None, repr=False)
     core: bool = False
+    generic: bool = False
     covers: tuple[str, ...] = ()
     rank: int = 50
 

@@ -1,0 +1,339 @@
+"""
+The shape of what nobody knows: a curve, where no effect of the library leaves noise.
+
+Where it enters and on what it depends is asked of the residual, linearised: what each place and each variable may take
+beside the model's own unknowns, by the marginal likelihood of a smooth curve (restricted maximum likelihood). The best
+few are fitted inside the simulation and compared by what they foretell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
+from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
+from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
+from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
+from cfd_pneumatic.identification.search.complement import Complement
+from cfd_pneumatic.identification.search.stepwise import small_enough
+from cfd_pneumatic.model.effects.curve import AGAINST, CURVE, ENTERS, KNOTS
+from cfd_pneumatic.parallel import each
+
+Array = NDArray[np.float64]
+
+_PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
+_RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
+_LAGS = (0.03, 0.1, 0.3)  # of the flow [s]
+_EVEN, _CROWDS = 1e6, (0.3, 0.1, 0.03)  # how knots lie in a range, and about nothing moving
+_VISITED = 0.002  # share of the samples at either end of a range that does not count
+_ASKED = 20_000  # grid steps of each recording
+_FITTED = 4  # of the most promising
+_PROMISING = 0.6  # of what the best one promises: those worth a fit
+_MOST_LEFT = 0.3  # of the squares above the noise, as the linearised model foretells it
+_FARTHEST = 3.5  # times the noise, likewise: no fit brings that down to it
+_FINE = (1e-5, 25)  # tolerance and evaluations of a fit
+_LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
+_LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
+_ALIKE = 1.02  # times the least error of validation: places that are not told apart
+_NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
+
+_ASKED_FOR = {
+    'x': ENTERS,
+    'speed': ('set_point', 'gain', 'chamber', 'leak'),
+    'p': ENTERS,
+    'error': ('flow', 'gain'),
+    'flow': ('flow',),
+    'time': ('set_point', 'flow', 'gain', 'sensing'),
+}
+"""Where a law of each variable may enter; one of the valve error at the chamber is one of the flow."""
+
+_FORMS = {
+    'speed': tuple((_LAGS[0], crowd) for crowd in _CROWDS),
+    'error': tuple((_LAGS[0], crowd) for crowd in _CROWDS),
+    'flow': tuple((lag, _CROWDS[0]) for lag in _LAGS),
+}
+"""Lags, and how knots crowd, that are tried of what goes both ways."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """
+    A place for a curve.
+
+    Attributes
+    ----------
+    enters, against
+        Where, and what it depends on: of `ENTERS` and `AGAINST`.
+    lag
+        Of the flow, where it depends on that [s].
+    low, high, crowd
+        Its range, and how its knots crowd about the middle.
+    unit
+        A height that is small beside what it acts on.
+
+    """
+
+    enters: str
+    against: str
+    lag: float
+    low: float
+    high: float
+    crowd: float
+    unit: float
+
+    def parameters(self, heights: Sequence[float] | Array) -> tuple[float, ...]:
+        """Return the parameters of a curve with some heights, shape (knots,)."""
+        where = float(ENTERS.index(self.enters)), float(AGAINST.index(self.against))
+        return (*where, self.lag, self.low, self.high, self.crowd, *map(float, heights))
+
+    @property
+    def name(self) -> tuple[str, str]:
+        """Where it enters, and against what."""
+        return self.enters, self.against
+
+    @property
+    def absorbed(self) -> Array:
+        """Heights that the model's own numbers make up for, shape (knots, k): what is even, on either side of zero."""
+        if self.enters in ('chamber', 'leak'):
+            return np.zeros((KNOTS, 0))
+        if self.name == ('flow', 'error'):
+            charging = np.clip(np.arange(KNOTS) - 0.5 * (KNOTS - 1) + 0.5, 0.0, 1.0)
+            return np.column_stack([charging, 1.0 - charging])
+        return np.ones((KNOTS, 1))
+
+    def along(self, at: Array) -> Array:
+        """Return what each knot's height adds to the curve's at some points, shape (points, knots)."""
+        share = (2.0 * at - self.low - self.high) / (self.high - self.low)
+        place = 0.5 * (KNOTS - 1) * (1.0 + share * (1.0 + self.crowd) / (np.abs(share) + self.crowd))
+        return np.asarray(np.maximum(1.0 - np.abs(place[:, None] - np.arange(KNOTS)), 0.0))
+
+
+@dataclass(frozen=True)
+class Promise:
+    """
+    What a curve in some place promises.
+
+    Attributes
+    ----------
+    slot
+        The place.
+    evidence
+        By how much it raises twice the log likelihood.
+    left
+        Share of the residual's squares that it leaves.
+    penalty
+        Of its roughness: the variance of the noise over that of its bends.
+    heights
+        In the slot's unit, shape (knots,).
+
+    """
+
+    slot: Slot
+    evidence: float
+    left: float
+    penalty: float
+    heights: Array
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """
+    A curve that was drawn, and the model beside which it was.
+
+    Attributes
+    ----------
+    promise
+        Its place, and how smooth it is.
+    candidate
+        The model with it, fitted to the train part.
+    others
+        Places that the recordings can't tell from its own.
+
+    """
+
+    promise: Promise
+    candidate: Candidate
+    others: tuple[tuple[str, str], ...]
+
+
+def drawn(candidates: Candidates, begin: Candidate, known: Candidate) -> Drawn | None:
+    """
+    Return the curve that foretells best beside a model; None where none explains what is left.
+
+    An effect of the library that explains as much is preferred: `known` is the model with what was found of it.
+    """
+    promised = _worth_a_fit(promises(candidates, begin), _size(candidates, begin))
+    models = each(lambda one: fitted(candidates.train, beside(begin.model, one), one), promised)
+    finished = [candidates.finished(model, begin.model) for model in models]
+    found = [
+        Drawn(promise, one, ())
+        for promise, one in zip(promised, finished)
+        if CURVE in one.effects and all(_is_better(candidates, one, other) for other in (begin, known))
+    ]
+    if not found:
+        return None
+    best = min(found, key=lambda one: _error(one.candidate))
+    if not _is_noise(candidates, best.candidate):
+        return None
+    alike = [one.promise.slot.name for one in found if _error(one.candidate) < _ALIKE * _error(best.candidate)]
+    others = tuple(dict.fromkeys(name for name in alike if name != best.promise.slot.name))
+    return replace(best, others=others)
+
+
+def beside(model: Model, promise: Promise) -> Model:
+    """Return a model with a curve as it is promised."""
+    curve = promise.slot.parameters(promise.slot.unit * promise.heights)
+    return replace(model, effects={**model.effects, CURVE: curve})
+
+
+def _worth_a_fit(promised: Sequence[Promise], size: float) -> list[Promise]:
+    """Return the most promising of each place, if they may bring a residual of a size down to the noise, which is 1."""
+    best: dict[tuple[str, str], Promise] = {}
+    for one in promised:
+        squares = one.left * size**2
+        may = squares - 1.0 < _MOST_LEFT * (size**2 - 1.0) and squares < _FARTHEST**2
+        if may and one.evidence > max(_LEAST_EVIDENCE, _PROMISING * promised[0].evidence):
+            best.setdefault(one.slot.name, one)
+    return list(best.values())[:_FITTED]
+
+
+def _size(candidates: Candidates, candidate: Candidate) -> float:
+    """Return the root mean square of what a model leaves, over the noise."""
+    (size,) = (one.statistic for one in candidates.residual_tests(candidate) if one.name == 'noise_floor')
+    return size
+
+
+def _error(candidate: Candidate) -> float:
+    """Return the error of the validation part, of the train part where there is none [SI]."""
+    squares = candidate.rss / max(sum(one.size for one in candidate.residuals), 1)
+    error = math.sqrt(squares) if candidate.validation_rmse is None else candidate.validation_rmse
+    return error if math.isfinite(error) else math.inf
+
+
+def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate) -> bool:
+    coefficients = autoregression(candidate.residuals)
+    criteria = [candidates.train.criterion(one.residuals, one.unknowns, coefficients) for one in (begin, candidate)]
+    return criteria[0] - criteria[1] > _LEAST_EVIDENCE and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)
+
+
+def _is_noise(candidates: Candidates, candidate: Candidate) -> bool:
+    """Return whether what is left is noise in kind, or hardly larger."""
+    return small_enough(candidates.residual_tests(candidate)) or _size(candidates, candidate) < _NEAR_NOISE
+
+
+# where it may enter, and what that promises
+
+
+def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
+    """Return all places for a curve beside a model, over what the recordings have visited."""
+    ranges = _ranges(candidates, begin)
+    k_sv = float(begin.model.parameters[1])
+    noise = math.sqrt(begin.rss / candidates.train.samples)
+    units = {
+        'set_point': noise,
+        'flow': 1e-2,
+        'gain': 1e-2,
+        'chamber': k_sv * noise,
+        'leak': k_sv * noise / max(map(abs, ranges['p'])),
+        'sensing': noise,
+    }
+    found = []
+    for against, places in _ASKED_FOR.items():
+        low, high = ranges[against]
+        if high > low:
+            forms = _FORMS.get(against, ((_LAGS[0], _EVEN),))
+            found += [
+                Slot(enters, against, lag, low, high, crowd, units[enters])
+                for enters, (lag, crowd) in product(places, forms)
+            ]
+    return found
+
+
+def _ranges(candidates: Candidates, begin: Candidate) -> dict[str, tuple[float, float]]:
+    """Return what the train and validation parts have visited of each variable; of speeds the same both ways."""
+    seen: dict[str, list[Array]] = {name: [] for name in AGAINST}
+    for one, simulated in zip(candidates.learn.experiments, begin.simulated):
+        for name, values in candidates.channel.variables(one, simulated, begin.model).items():
+            seen[name].append(np.quantile(values, (_VISITED, 1.0 - _VISITED)))
+    ranges = {name: (float(np.min(ends)), float(np.max(ends))) for name, ends in seen.items()}
+    for name in ('speed', 'error', 'flow'):
+        most = max(map(abs, ranges[name]))
+        ranges[name] = -most, most
+    return ranges
+
+
+def promises(candidates: Candidates, begin: Candidate) -> list[Promise]:
+    """Return what a curve in each place promises beside a model, the most promising one first."""
+    complement = Complement(candidates.train.excerpt(_ASKED), begin.model)
+    residual = complement.residual
+    share = independent_share(candidates.resting_coefficients(begin))
+    units = np.eye(KNOTS)
+
+    def promise(slot: Slot) -> Promise:
+        changes = complement.changes(CURVE, [slot.parameters(slot.unit * unit) for unit in units])
+        return _promise(slot, residual, complement.left(changes), share)
+
+    return sorted(each(promise, slots(candidates, begin)), key=lambda one: -one.evidence)
+
+
+def _promise(slot: Slot, residual: Array, changes: Array, share: float) -> Promise:
+    """
+    Return what heights promise that change the simulation so, shape (n, knots).
+
+    Heights are normal, with the inverse of the roughness as their covariance: the evidence is the marginal likelihood,
+    of which the noise's variance is profiled out, at its best penalty.
+    """
+    if not np.all(np.isfinite(changes)) or not np.any(changes):
+        return Promise(slot, -math.inf, 1.0, 1.0, np.zeros(KNOTS))
+    root = np.linalg.cholesky(roughness())
+    left, sizes, right = np.linalg.svd(np.linalg.solve(root, changes.T).T, full_matrices=False)
+    along = left.T @ residual
+    power, count = float(residual @ residual), residual.size * share
+    penalties = _PENALTIES * float(np.max(sizes)) ** 2
+    taken = sizes**2 / (sizes**2 + penalties[:, None])
+    remaining = 1.0 - taken @ along**2 / max(power, 1e-300)
+    values = count * np.log(np.maximum(remaining, 1e-300)) - np.sum(np.log1p(-taken), axis=1)
+    best = int(np.argmin(values))
+    penalty = float(penalties[best])
+    heights = np.linalg.solve(root.T, right.T @ (sizes / (sizes**2 + penalty) * along))
+    return Promise(slot, -float(values[best]), float(remaining[best]), penalty, heights)
+
+
+def roughness() -> Array:
+    """Return the matrix of a curve's squared bends, and of a little of its height, shape (knots, knots)."""
+    bends = np.diff(np.eye(KNOTS), 2, axis=0)
+    return np.asarray(bends.T @ bends + _RIDGE * np.eye(KNOTS))
+
+
+# a fit
+
+
+def fitted(likelihood: Likelihood, begin: Model, promise: Promise) -> Model:
+    """Return a model that has a curve, fitted with a penalty on its roughness."""
+    unknowns = Unknowns(likelihood.channel, likelihood.experiments, begin)
+    bends = penalty_of(unknowns, promise)
+
+    def evaluate(point: Array) -> Quadratic:
+        here = likelihood.evaluate(unknowns, point)
+        slope = bends @ point
+        return Quadratic(here.total + float(point @ slope), here.gradient + slope, here.normal + bends)
+
+    start, lower, upper = unknowns.start, unknowns.lower, unknowns.upper
+    point, _ = least_squares(evaluate, start, lower, upper, *_FINE, longest=unknowns.longest_step)
+    return unknowns.model(point)
+
+
+def penalty_of(unknowns: Unknowns, promise: Promise) -> Array:
+    """Return the matrix of the penalty on a curve, as unknowns are searched, shape (k, k)."""
+    own = [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{CURVE}.')]
+    scales = unknowns.scales(unknowns.start)[own] / promise.slot.unit
+    matrix = np.zeros((len(unknowns.table), len(unknowns.table)))
+    matrix[np.ix_(own, own)] = promise.penalty * roughness() * np.outer(scales, scales)
+    return matrix

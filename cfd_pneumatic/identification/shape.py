@@ -1,0 +1,195 @@
+"""A law that nobody knows, as recordings have drawn it: where it enters, against what, and its curve with a band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.fit.levenberg import Quadratic
+from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
+from cfd_pneumatic.identification.formulas import formulas
+from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
+from cfd_pneumatic.identification.search.shapes import Drawn, Slot, penalty_of
+from cfd_pneumatic.model.effects.curve import CURVE, KNOTS
+
+Array = NDArray[np.float64]
+
+_POINTS = 41  # of a curve that is shown
+_CORNER = 0.125  # of a bend: by how much a straight line lies beside an even curve, at most
+_BAND = 1.96  # standard errors: 95 % at each point
+_GAINS = {'gain': slice(0, 1), 'flow': slice(1, 3)}  # of the model, that have what is even of a curve
+_FEWEST = 5  # samples near a point that has been visited
+
+UNITS = {'set_point': 'Pa', 'flow': '1', 'gain': '1', 'chamber': 'Pa/s', 'leak': '1/s', 'sensing': 'Pa'}
+"""Of a curve's height, by where it enters."""
+
+UNITS_AGAINST = {'x': 'm', 'speed': 'm/s', 'p': 'Pa', 'error': 'Pa', 'flow': 'Pa/s', 'time': 's'}
+"""Of what it depends on."""
+
+_VARIABLES = {'speed': 'v', 'error': 'e', 'flow': 'q', 'time': 't'}
+"""How what it depends on is written in a formula; x and p as they are."""
+
+_ENTERS = {
+    'set_point': 'the pressure that the regulator holds is off by up to {} Pa',
+    'flow': 'the valves pass up to {} % more or less',
+    'gain': 'the piston sweeps up to {} % more or less volume',
+    'chamber': 'air that nobody has ordered changes the pressure by up to {} Pa a second',
+    'leak': 'the chamber loses up to {} % of its gauge pressure a second',
+    'sensing': 'the pressure sensor reads up to {} Pa too much or too little',
+}
+_AGAINST = {
+    'x': 'depending on the place along the stroke',
+    'speed': 'depending on the speed of the piston',
+    'p': 'depending on the pressure',
+    'error': 'depending on how far the valves are open',
+    'flow': 'the more, or the less, air has flowed lately',
+    'time': 'as time goes by',
+}
+_LOOK = {
+    'set_point': 'the regulator, its control line and what it hangs on',
+    'flow': 'the supply line, the valve seats and the silencer',
+    'gain': 'the bore, the seal and the chamber walls',
+    'chamber': 'the seal and the fittings',
+    'leak': 'the seal and the fittings',
+    'sensing': 'the pressure sensor, its line and its supply',
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """
+    A law that was drawn.
+
+    Attributes
+    ----------
+    enters, against
+        Where, and what it depends on: of `ENTERS` and `AGAINST` of `model.effects.curve`.
+    others
+        Pairs of these that the recordings can't tell from its own.
+    at
+        Where the curve is told, shape (points,) [unit of what it depends on].
+    value, low, high
+        The curve and its pointwise 95 % band, shape (points,) [unit of where it enters].
+    visited
+        Whether recordings have been there, shape (points,).
+    explains
+        Share that it takes of the squares that are left without it, on train and validation.
+    formulas
+        The simplest formulas that stay within the band, the nearest first; several are not distinguished.
+
+    """
+
+    enters: str
+    against: str
+    others: tuple[tuple[str, str], ...]
+    at: Array
+    value: Array
+    low: Array
+    high: Array
+    visited: NDArray[np.bool_]
+    explains: float
+    formulas: tuple[str, ...] = ()
+
+    @property
+    def unit(self) -> str:
+        """Of the curve's height."""
+        return UNITS[self.enters]
+
+    @property
+    def unit_against(self) -> str:
+        """Of what it depends on."""
+        return UNITS_AGAINST[self.against]
+
+    @property
+    def words(self) -> str:
+        """What it does, and where to look, in a clause for a mechanic."""
+        most = float(np.max(np.abs(self.value[self.visited]), initial=0.0))
+        size = 100.0 * most if self.unit in ('1', '1/s') else most
+        what = f'{_ENTERS[self.enters].format(f"{size:.2g}")}, {_AGAINST[self.against]}'
+        return f'{what}: look at {_LOOK[self.enters]}'
+
+
+def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Model) -> Shape:
+    """Return the law that a model has, with its band; `without` is the model that lacks it."""
+    slot = drawing.promise.slot
+    unknowns = Unknowns(likelihood.channel, likelihood.experiments, model)
+    own = [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{CURVE}.')]
+    here: Quadratic = likelihood.evaluate(unknowns, unknowns.start)
+    residuals = likelihood.residuals(likelihood.simulate(model))
+    share = independent_share(autoregression(residuals))
+    variance = here.total / max(likelihood.samples * share - len(own), 1.0)
+    scales = unknowns.scales(unknowns.start)[own]
+    covariance = variance * np.linalg.pinv(here.normal + penalty_of(unknowns, drawing.promise), hermitian=True)
+    covariance = covariance[np.ix_(own, own)] * np.outer(scales, scales)
+    values = _visits(likelihood, model, slot.against)
+    at = np.linspace(slot.low, slot.high, _POINTS)
+    heights = np.array(model.effects[CURVE][-KNOTS:])
+    value = slot.along(at) @ heights
+    along = slot.along(at) @ _own(slot, values, heights)
+    std = np.sqrt(np.einsum('ij,jk,ik->i', along, covariance, along))
+    bend = slot.along(at) @ np.pad(np.abs(np.diff(heights, 2)), 1, 'edge')  # straight from knot to knot it cuts corners
+    half, seen = _BAND * std + _CORNER * bend, _visited(values, at)
+    low, high = value - half, value + half
+    before = sum(float(run @ run) for run in likelihood.residuals(likelihood.simulate(without)))
+    return Shape(
+        *slot.name,
+        drawing.others,
+        at,
+        value,
+        low,
+        high,
+        seen,
+        1.0 - here.total / before,
+        formulas(
+            at[seen],
+            value[seen],
+            low[seen],
+            high[seen],
+            _VARIABLES.get(slot.against, slot.against),
+            free=slot.absorbed.size > 0,
+        ),
+    )
+
+
+def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:
+    """Return a model whose gains or offsets have what is even of its curve; it simulates the same."""
+    heights = np.array(model.effects[CURVE][-KNOTS:])
+    visits = slot.along(_visits(likelihood, model, slot.against)).mean(axis=0)
+    mean = float(visits @ heights) / float(visits.sum())
+    parameters, own = model.parameters.copy(), model.own.copy()
+    if slot.name == ('flow', 'error'):
+        return model
+    if slot.enters in ('gain', 'flow'):
+        parameters[_GAINS[slot.enters]] *= 1.0 + mean
+        heights = (heights - mean) / (1.0 + mean)
+    elif slot.enters == 'set_point':
+        own[:, 0] += mean
+        heights = heights - mean
+    return replace(model, parameters=parameters, own=own, effects={**model.effects, CURVE: slot.parameters(heights)})
+
+
+def _own(slot: Slot, values: Array, heights: Array) -> Array:
+    """Return what takes from changes of heights all that the model's own numbers make up for, where samples are."""
+    absorbed = slot.absorbed * (1.0 + heights[:, None]) if slot.enters in _GAINS else slot.absorbed
+    weights = slot.along(values).sum(axis=0)[:, None] * absorbed
+    known = np.linalg.pinv(absorbed.T @ weights)
+    return np.asarray(np.eye(KNOTS) - absorbed @ known @ weights.T)
+
+
+def _visits(likelihood: Likelihood, model: Model, against: str) -> Array:
+    """Return where the samples that count have been, of what a law depends on, shape (n,)."""
+    return np.concatenate(
+        [
+            likelihood.channel.variables(one, simulated, model)[against][one.counts]
+            for one, simulated in zip(likelihood.experiments, likelihood.simulate(model))
+        ]
+    )
+
+
+def _visited(values: Array, at: Array) -> NDArray[np.bool_]:
+    """Return which points have values near them, shape (points,)."""
+    edges = np.concatenate([at[:1] - (at[1] - at[0]), 0.5 * (at[1:] + at[:-1]), at[-1:] + (at[1] - at[0])])
+    return np.asarray(np.histogram(values, edges)[0] >= _FEWEST)

@@ -1,0 +1,147 @@
+"""
+How often a law that is in no library is drawn where it enters: `make benchmark-laws`.
+
+Laws of the rig (`rig/panel/strange.py`), on devices of the paper's law and with all of their physics; whoever looks for
+them knows none. A law is *visible* where a device without it leaves 1.15 times as much as the true one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from itertools import product
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.progress import track
+from scipy.stats import binomtest
+
+from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.rig.panel import CLASSES, MAKES, STRANGE, baseline_rmse, draw, oracle_residual, oracle_rmse
+from studies.documents import table
+from studies.panel_rows import CYLINDER, VISIBLE, cylinder_a_of
+from studies.provenance import ROOT, commit
+
+LAWS = tuple(name for name, right in CLASSES.items() if not any(enters == 'force' for enters, _ in right))
+"""Those of the pressure."""
+
+FIRST_SEED = 7000
+"""Of the report; 0 to 999 are for developing."""
+
+SCHEDULES = ('out_and_back', 'surface_following')
+
+
+class Job(NamedTuple):
+    """One recording; without a law it is of a healthy device."""
+
+    law: str
+    whole: bool
+    schedule: str
+    seed: int
+
+
+def measure(job: Job) -> dict[str, Any]:
+    """Draw a recording, identify it, and return what came of it."""
+    make = list(MAKES)[job.seed % len(MAKES)] if job.whole else None
+    drawn = draw(job.law or None, job.schedule, job.seed, make=make)
+    row: dict[str, Any] = {**job._asdict(), 'visible': baseline_rmse(drawn) / oracle_rmse(drawn)}
+    began = time.perf_counter()
+    try:
+        result = identify([cylinder_a_of(drawn)], Options(close_loop=True)).cylinders[CYLINDER]
+    except Exception as error:  # counted as a failure: one recording must not end the run
+        return {**row, 'verdict': 'refused', 'why': f'{type(error).__name__}: {error}'}
+    findings, judged = result.findings, result.judged(result.comparisons[0])
+    left = oracle_residual(drawn)[judged]
+    law = findings.unknown
+    return {
+        **row,
+        'verdict': findings.verdict,
+        'effects': findings.effects,
+        'places': [] if law is None else [(law.enters, law.against), *law.others],
+        'formulas': [] if law is None else law.formulas,
+        'after': result.rmse(1) / float(np.sqrt(np.mean(left**2))),
+        'seconds': time.perf_counter() - began,
+    }
+
+
+def is_right(row: dict[str, Any]) -> bool:
+    """Return whether the place and the variable are among those that were named."""
+    named = {(enters.replace('leak', 'chamber'), against) for enters, against in row.get('places', ())}
+    return bool(named & CLASSES[row['law']])
+
+
+def _share(rows: Sequence[dict[str, Any]], passes: Callable[[dict[str, Any]], bool]) -> str:
+    if not rows:
+        return '-'
+    counted = sum(map(passes, rows))
+    low, high = binomtest(counted, len(rows)).proportion_ci(method='wilson')
+    return f'{counted} of {len(rows)} ({100 * low:.0f} to {100 * high:.0f} %)'
+
+
+def report(rows: Sequence[dict[str, Any]]) -> str:
+    """Return the table of what came of recordings."""
+    lines = []
+    seen = [row for row in rows if row['law'] and row['visible'] > VISIBLE]
+    groups = [(name, [row for row in seen if row['law'] == name]) for name in LAWS]
+    groups += [(f'all, {what}', [row for row in seen if row['whole'] == whole]) for what, whole in KINDS]
+    for name, own in groups:
+        lines.append(
+            (
+                name,
+                _share(own, lambda row: row['verdict'] == 'shape_found'),
+                _share(own, is_right),
+                _share(own, lambda row: row.get('after', np.inf) <= 1.1),
+                _share(own, lambda row: row['verdict'] == 'effect_added'),
+            )
+        )
+    heading = (
+        'law',
+        'drawn',
+        'where and against what right',
+        'error at most 1.1 of the true device’s',
+        'named otherwise',
+    )
+    healthy = [row for row in rows if not row['law']]
+    clean = _share(healthy, lambda row: row['verdict'] == 'shape_found')
+    longest = max((row.get('seconds', 0.0) for row in rows), default=0.0)
+    return (
+        f'{table(heading, lines)}\n\nDrawn of healthy devices: {clean}. The longest took {longest:.0f} s. {commit()}.'
+    )
+
+
+KINDS = (('the paper’s law', False), ('all of their physics', True))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Measure and print the table."""
+    parser = argparse.ArgumentParser(prog='laws', description=__doc__.split('\n\n')[0])
+    parser.add_argument('--seeds', type=int, default=6, help='recordings of each law, schedule and kind of device')
+    parser.add_argument('--first', type=int, default=FIRST_SEED, help='seed')
+    parser.add_argument('--laws', nargs='+', choices=(*LAWS, ''), default=(*LAWS, ''), help='which; empty: healthy')
+    parser.add_argument('--jobs', type=int, default=2, help='processes')
+    parser.add_argument('--rows', type=Path, default=ROOT / 'build' / 'laws.jsonl', help='file of what came of each')
+    options = parser.parse_args(arguments)
+    assert set(LAWS) <= STRANGE.keys()
+    jobs = [
+        Job(law, whole, schedule, options.first + seed)
+        for seed, law, (_, whole), schedule in product(range(options.seeds), options.laws, KINDS, SCHEDULES)
+    ]
+    rows = []
+    options.rows.parent.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(options.jobs, get_context('spawn')) as pool, options.rows.open('w') as stream:
+        for row in track(pool.map(measure, jobs), description='recordings', total=len(jobs)):
+            rows.append(row)
+            stream.write(json.dumps(row) + '\n')
+            stream.flush()
+    print(report(rows))
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

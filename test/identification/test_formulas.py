@@ -1,0 +1,65 @@
+"""The simplest formulas that stay within a curve's band."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from cfd_pneumatic.identification.formulas import formulas
+
+Z = np.linspace(-1.0, 2.0, 41)
+LAWS = {
+    '4 p': 4.0 * Z,
+    '3 max(p - 0.5, 0)': 3.0 * np.maximum(Z - 0.5, 0.0),
+    '3 max(-(p - 0.5), 0)': 3.0 * np.maximum(0.5 - Z, 0.0),
+    '2 (p - 0.8)^2': 2.0 * (Z - 0.8) ** 2,
+    '5 exp(-p / 0.7)': 5.0 * np.exp(-Z / 0.7),
+    '5 exp(p / 0.7)': 5.0 * np.exp(Z / 0.7),
+    '2 tanh((p - 0.4) / 0.3)': 2.0 * np.tanh((Z - 0.4) / 0.3),
+    '2 exp(-((p + 0.2) / 0.5)^2)': 2.0 * np.exp(-(((Z + 0.2) / 0.5) ** 2)),
+    '1 sin(2 pi (p - 0.1) / 1.3)': np.sin(2.0 * np.pi * (Z - 0.1) / 1.3),
+}
+
+
+def told(value: np.ndarray, half: float, *, free: bool = True) -> tuple[str, ...]:
+    return formulas(Z, value, value - half, value + half, 'p', free=free)
+
+
+def evaluated(text: str) -> np.ndarray:
+    """Return what a formula is at the points."""
+    python = re.sub(r'(?<=[\w)]) (?=[\w(])', ' * ', text.replace('^', '**').replace('2 pi', '2 * pi'))
+    names = {'p': Z, 'pi': np.pi, 'exp': np.exp, 'tanh': np.tanh, 'sin': np.sin, 'max': np.maximum}
+    return np.asarray(eval(python, {'__builtins__': {}}, names))
+
+
+@pytest.mark.parametrize('law', LAWS)
+@pytest.mark.parametrize('constant', [0.0, 3.0])
+def test_a_law_of_the_grammar_comes_back_but_for_a_constant(law: str, constant: float) -> None:
+    value = LAWS[law]
+    found = told(value + constant, 0.01 * np.ptp(value))
+    assert found
+    for one in found:
+        left = evaluated(one) - value
+        assert np.ptp(left) < 0.03 * np.ptp(value), one
+    assert np.ptp(evaluated(found[0]) - value) < 2e-3 * np.ptp(value)
+
+
+def test_the_simplest_form_is_told() -> None:
+    assert told(4.0 * Z, 0.1) == ('4 p',)
+    assert not any('sin' in one or 'exp(-((' in one for one in told(LAWS['3 max(p - 0.5, 0)'], 0.05))
+
+
+def test_what_stays_within_no_band_has_no_formula() -> None:
+    rough = np.random.default_rng(0).standard_normal(Z.size)
+    assert told(rough, 0.1) == ()
+
+
+def test_where_a_constant_counts_a_form_has_none() -> None:
+    (line,) = told(4.0 * Z + 3.0, 0.1, free=False)
+    assert evaluated(line) == pytest.approx(4.0 * Z + 3.0, abs=1e-2)
+
+
+def test_too_few_points_tell_none() -> None:
+    assert formulas(Z[:4], Z[:4], Z[:4] - 1.0, Z[:4] + 1.0, 'x', free=True) == ()

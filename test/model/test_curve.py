@@ -1,0 +1,90 @@
+"""The generic effect: a curve that data have drawn, where it enters and on what it depends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cfd_pneumatic.identification.search.shapes import Slot
+from cfd_pneumatic.model.effects import EFFECTS, GENERIC, PRESSURE_PARTS, Moment, curve
+from cfd_pneumatic.model.effects.curve import AGAINST, ENTERS, KNOTS
+
+AMBIENT = 101325.0
+VALUES = {'x': 0.3, 'speed': -0.4, 'p': 0.5, 'error': -0.6, 'flow': 0.7, 'time': 0.8}
+MOMENT = Moment(
+    time=VALUES['time'],
+    x=VALUES['x'],
+    rate=VALUES['speed'],
+    p=AMBIENT + VALUES['p'],
+    setpoint=AMBIENT,
+    ambient=AMBIENT,
+    p_f=AMBIENT - VALUES['error'],
+)
+HEIGHTS = tuple(np.linspace(-3.0, 2.0, KNOTS) ** 2)
+
+
+def slot(enters: str = 'flow', against: str = 'x', crowd: float = 1e6) -> Slot:
+    return Slot(enters, against, 0.1, -1.0, 1.0, crowd, 1.0)
+
+
+def height(place: Slot, at: float, heights: tuple[float, ...] = HEIGHTS) -> float:
+    """Return how much more flows than 1 Pa/s, as the kernel has it."""
+    return curve.flow(1.0, MOMENT._replace(x=at), 0.0, *place.parameters(heights)) - 1.0
+
+
+def test_it_is_no_effect_that_a_search_may_name() -> None:
+    assert GENERIC.keys() == {'curve'}
+    assert GENERIC.keys().isdisjoint(EFFECTS)
+    assert GENERIC.keys() <= PRESSURE_PARTS.keys()
+
+
+@pytest.mark.parametrize('crowd', [1e6, 0.3, 0.03])
+@given(at=st.floats(-1.0, 1.0), heights=st.lists(st.floats(-1e3, 1e3), min_size=KNOTS, max_size=KNOTS).map(tuple))
+def test_it_runs_straight_from_knot_to_knot(crowd: float, at: float, heights: tuple[float, ...]) -> None:
+    place = slot(crowd=crowd)
+    expected = float(place.along(np.array([at]))[0] @ np.array(heights))
+    assert height(place, at, heights) == pytest.approx(expected, abs=1e-9)
+
+
+def test_knots_crowd_about_the_middle_and_ends_stay() -> None:
+    even, crowded = slot(), slot(crowd=0.1)
+    for place in (even, crowded):
+        assert height(place, -1.0) == pytest.approx(HEIGHTS[0])
+        assert height(place, 1.0) == pytest.approx(HEIGHTS[-1])
+        assert height(place, 0.0) == pytest.approx(HEIGHTS[KNOTS // 2])
+    within = [np.count_nonzero(place.along(np.linspace(-0.1, 0.1, 101)).max(axis=0) > 0.5) for place in (even, crowded)]
+    assert within[1] > within[0]
+
+
+def test_beyond_its_ends_it_runs_on_and_one_of_the_time_stays() -> None:
+    assert height(slot(), 1.2) == pytest.approx(HEIGHTS[-1] + (HEIGHTS[-1] - HEIGHTS[-2]), rel=1e-5)
+    assert height(slot(), -1.2) == pytest.approx(HEIGHTS[0] + (HEIGHTS[0] - HEIGHTS[1]), rel=1e-5)
+    late = curve.flow(1.0, MOMENT._replace(time=50.0), 0.0, *slot(against='time').parameters(HEIGHTS))
+    assert late - 1.0 == pytest.approx(HEIGHTS[-1])
+
+
+@pytest.mark.parametrize('against', AGAINST)
+def test_it_depends_on_what_it_says(against: str) -> None:
+    found = curve.flow(1.0, MOMENT, VALUES['flow'], *slot(against=against).parameters(HEIGHTS)) - 1.0
+    assert found == pytest.approx(float(slot().along(np.array([VALUES[against]]))[0] @ np.array(HEIGHTS)))
+
+
+@pytest.mark.parametrize('enters', ENTERS)
+def test_it_enters_where_it_says_and_nowhere_else(enters: str) -> None:
+    own = (MOMENT, VALUES['flow'], *slot(enters).parameters(HEIGHTS))
+    size = float(slot().along(np.array([VALUES['x']]))[0] @ np.array(HEIGHTS))
+    changes = {
+        'set_point': curve.setpoint(7.0, *own) - 7.0,
+        'flow': curve.flow(7.0, *own) / 7.0 - 1.0,
+        'gain': curve.velocity_gain(7.0, *own) / 7.0 - 1.0,
+        'chamber': curve.chamber(7.0, *own) - 7.0,
+        'sensing': curve.signal(7.0, *own) - 7.0,
+    }
+    expected = dict.fromkeys(changes, 0.0)
+    if enters == 'leak':
+        expected['chamber'] = -size * VALUES['p']
+    else:
+        expected[enters] = size
+    assert changes == pytest.approx(expected, abs=1e-9)
