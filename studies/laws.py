@@ -64,7 +64,7 @@ def measure(job: Job) -> dict[str, Any]:
         'verdict': findings.verdict,
         'effects': findings.effects,
         'places': [] if law is None else [(law.enters, law.against), *law.others],
-        'formulas': [] if law is None else law.formulas,
+        'formulas': [] if law is None else [one.text for one in law.formulas],
         'after': result.rmse(1) / float(np.sqrt(np.mean(left**2))),
         'seconds': time.perf_counter() - began,
     }

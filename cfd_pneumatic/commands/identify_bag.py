@@ -79,6 +79,12 @@ def make_parser() -> argparse.ArgumentParser:
         '`unexplained`; may be given for each (default: every one matters)',
     )
     parser.add_argument(
+        '--draft-effect',
+        type=Path,
+        metavar='FILE',
+        help='write an effect of the first law that was drawn and has a formula: NAME.py, for docs/adding_an_effect.md',
+    )
+    parser.add_argument(
         '--full',
         action='store_true',
         help='write every sample to compare.mcap; it holds minima and maxima of more than 2 million messages',
@@ -174,6 +180,7 @@ def _identify(args: Sequence[str] | None) -> None:
         core=arguments.core,
         tolerance=tolerance_from(arguments.tolerance),
     )
+    _check_draft(arguments)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     if arguments.each:
         _identify_each(arguments, options, mapping)
@@ -185,13 +192,26 @@ def _identify(args: Sequence[str] | None) -> None:
         _identify_together(arguments, options, mapping)
 
 
+def _check_draft(arguments: argparse.Namespace) -> None:
+    """Refuse a draft of an effect that could not come about, before there is any work in it."""
+    from cfd_pneumatic.model.effects import EFFECTS
+
+    draft = arguments.draft_effect
+    if draft is None:
+        return
+    if not arguments.close_loop or arguments.each:
+        raise InputError('--draft-effect is of what closing the loop draws: give --close-loop, and not --each')
+    if draft.suffix != '.py' or not draft.stem.isidentifier() or draft.stem in EFFECTS:
+        raise InputError(f'--draft-effect {draft}: name it as an effect that there is not yet, as scored_bore.py')
+
+
 def _identify_together(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
     """Identify all bags as one."""
-    from cfd_pneumatic.files import make_folder
+    from cfd_pneumatic.files import make_folder, write_text
     from cfd_pneumatic.identification import identify
     from cfd_pneumatic.recording import read_recording
     from cfd_pneumatic.recording.inspection import described
-    from cfd_pneumatic.reporting import next_plan, print_report, write_report
+    from cfd_pneumatic.reporting import draft_effect, next_plan, print_report, write_report
     from cfd_pneumatic.terminal import terminal
 
     make_folder(arguments.output)
@@ -219,6 +239,8 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         command = next_plan(identification, arguments.output)
         if command is not None:
             print(f'To plan an experiment that tells more: {command}')
+    if arguments.draft_effect is not None:
+        write_text(arguments.draft_effect, draft_effect(identification, arguments.draft_effect.stem))
 
 
 def _identify_each(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:

@@ -6,7 +6,7 @@ What is even of a curve is the gains' and the offset's (`Shape.free`): there a f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -21,63 +21,102 @@ _STARTS = 60  # evaluations of each
 
 
 @dataclass(frozen=True)
+class Formula:
+    """
+    A formula for a curve.
+
+    Attributes
+    ----------
+    text
+        As it is written, with its numbers in SI units.
+    code
+        As an effect's function has it, of the variable `z` and of its numbers' names.
+    numbers
+        A height `a`, and as far as there are these a place `b` and a length `c` of the variable, in SI units.
+
+    """
+
+    text: str
+    code: str
+    numbers: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class Form:
     """
     One form of the grammar.
 
     Attributes
     ----------
-    text
-        How it is written, with its numbers' names.
+    text, code
+        As in `Formula`, with names for its numbers.
     function
-        Of the variable, from -1 to 1 over the range, and of numbers in it.
+        Of the variable, from -1 to 1 over the range, and of its place and its length there.
     starts
-        Of the numbers behind the height, each a choice.
-    lengths
-        Which of the numbers are lengths of the variable, not places.
+        Of these, each a choice.
+    has
+        Which there are: `b`, `c`.
+    power
+        Of the variable, by which the height is told.
+    grows
+        By how many lengths its logarithm grows with each length of the variable: of an exponential.
     constant
         Whether it is one only where a constant is another's.
 
     """
 
     text: str
+    code: str
     function: Function
     starts: tuple[tuple[float, ...], ...] = ()
-    lengths: tuple[bool, ...] = ()
+    has: str = ''
+    power: int = 0
+    grows: float = 0.0
     constant: bool = False
 
 
 _PLACES = (-0.6, -0.2, 0.2, 0.6)
 _LENGTHS = (0.2, 0.6)
 _BEYOND = 1.2  # a place is hardly beyond the range
-_LONGEST = 4.0
+_SHORTEST, _LONGEST = 0.05, 4.0
+
+_HUMPS = (-0.6, -0.3, 0.0, 0.3, 0.6)
+_WAVES = (0.5, 0.8, 1.2, 1.8)
 
 GRAMMAR = (
-    Form('{a} {z}', lambda u: u, constant=True),
-    Form('{a} ({shift})', lambda u, b: u - b, (_PLACES,), (False,)),
-    Form('{a} max({shift}, 0)', lambda u, b: np.maximum(u - b, 0.0), (_PLACES,), (False,)),
-    Form('{a} max(-({shift}), 0)', lambda u, b: np.maximum(b - u, 0.0), (_PLACES,), (False,)),
-    Form('{a} ({shift})^2', lambda u, b: (u - b) ** 2, (_PLACES,), (False,)),
-    Form('{a} exp(-{z} / {c})', lambda u, c: np.exp(-u / c), (_LENGTHS,), (True,)),
-    Form('{a} exp({z} / {c})', lambda u, c: np.exp(u / c), (_LENGTHS,), (True,)),
-    Form('{a} tanh(({shift}) / {c})', lambda u, b, c: np.tanh((u - b) / c), (_PLACES, _LENGTHS), (False, True)),
+    Form('{a} {z}', 'a * z', lambda u: u, power=1, constant=True),
+    Form('{a} ({shift})', 'a * (z - b)', lambda u, b: u - b, (_PLACES,), 'b', 1),
+    Form('{a} max({shift}, 0)', 'a * max(z - b, 0.0)', lambda u, b: np.maximum(u - b, 0.0), (_PLACES,), 'b', 1),
+    Form('{a} max(-({shift}), 0)', 'a * max(b - z, 0.0)', lambda u, b: np.maximum(b - u, 0.0), (_PLACES,), 'b', 1),
+    Form('{a} ({shift})^2', 'a * (z - b) * (z - b)', lambda u, b: (u - b) ** 2, (_PLACES,), 'b', 2),
+    Form('{a} exp(-{z} / {c})', 'a * exp(-z / c)', lambda u, c: np.exp(-u / c), (_LENGTHS,), 'c', grows=-1.0),
+    Form('{a} exp({z} / {c})', 'a * exp(z / c)', lambda u, c: np.exp(u / c), (_LENGTHS,), 'c', grows=1.0),
+    Form(
+        '{a} tanh(({shift}) / {c})',
+        'a * tanh((z - b) / c)',
+        lambda u, b, c: np.tanh((u - b) / c),
+        (_PLACES, _LENGTHS),
+        'bc',
+    ),
     Form(
         '{a} exp(-(({shift}) / {c})^2)',
+        'a * exp(-((z - b) / c) * ((z - b) / c))',
         lambda u, b, c: np.exp(-(((u - b) / c) ** 2)),
-        ((-0.6, -0.3, 0.0, 0.3, 0.6), _LENGTHS),
-        (False, True),
+        (_HUMPS, _LENGTHS),
+        'bc',
     ),
     Form(
         '{a} sin(2 pi ({shift}) / {c})',
+        'a * wave((z - b) / c)[0]',
         lambda u, b, c: np.sin(2.0 * np.pi * (u - b) / c),
-        ((0.0, 0.3), (0.5, 0.8, 1.2, 1.8)),
-        (False, True),
+        ((0.0, 0.3), _WAVES),
+        'bc',
     ),
 )
 """From the simplest on: a height `a`, the variable `z`, its `shift` from a place `b`, a length `c`."""
 
 
-def formulas(at: Array, value: Array, low: Array, high: Array, variable: str, *, free: bool) -> tuple[str, ...]:
+def formulas(at: Array, value: Array, low: Array, high: Array, variable: str, *, free: bool) -> tuple[Formula, ...]:
     """
     Return the simplest formulas that stay within a band, of as many numbers each; none where none does.
 
@@ -95,7 +134,7 @@ def formulas(at: Array, value: Array, low: Array, high: Array, variable: str, *,
         return ()
     middle, half = 0.5 * (at[0] + at[-1]), 0.5 * (at[-1] - at[0])
     u, weights = (at - middle) / half, 2.0 / np.maximum(high - low, 1e-12 * max(np.ptp(value), 1e-300))
-    found: list[tuple[int, float, str]] = []
+    found: list[tuple[int, float, Formula]] = []
     for form in GRAMMAR:
         if form.constant and not free:
             continue
@@ -104,10 +143,10 @@ def formulas(at: Array, value: Array, low: Array, high: Array, variable: str, *,
         numbers, height, constant = _fitted(form, u, value, weights, free)
         told = height * form.function(u, *numbers) + constant
         if np.all((told >= low) & (told <= high)):
-            text = _written(form, numbers, height, middle, half, variable)
-            found.append((1 + len(numbers), float(np.sum(((told - value) * weights) ** 2)), text))
+            misfit = float(np.sum(((told - value) * weights) ** 2))
+            found.append((1 + len(numbers), misfit, _written(form, numbers, height, middle, half, variable)))
     found.sort(key=lambda one: one[1])
-    return tuple(text for _, _, text in found[:_MOST])
+    return tuple(formula for _, _, formula in found[:_MOST])
 
 
 def _fitted(form: Form, u: Array, value: Array, weights: Array, free: bool) -> tuple[Sequence[float], float, float]:
@@ -123,8 +162,8 @@ def _fitted(form: Form, u: Array, value: Array, weights: Array, free: bool) -> t
     for start in product(*form.starts):
         point = start
         if start:
-            lower = [0.05 if one else -_BEYOND for one in form.lengths]
-            upper = [_LONGEST if one else _BEYOND for one in form.lengths]
+            lower = [_SHORTEST if one == 'c' else -_BEYOND for one in form.has]
+            upper = [_LONGEST if one == 'c' else _BEYOND for one in form.has]
             point = tuple(
                 least_squares(lambda at: linear(at)[1], start, bounds=(lower, upper), max_nfev=_STARTS).x.tolist()
             )
@@ -135,21 +174,14 @@ def _fitted(form: Form, u: Array, value: Array, weights: Array, free: bool) -> t
     return numbers, float(known[0]), float(known[1]) if free else 0.0
 
 
-def _written(form: Form, numbers: Sequence[float], height: float, middle: float, half: float, variable: str) -> str:
+def _written(form: Form, numbers: Sequence[float], height: float, middle: float, half: float, variable: str) -> Formula:
     """Return a form with its numbers in SI units."""
-    shift, length = variable, 0.0
-    for number, is_length in zip(numbers, form.lengths):
-        if is_length:
-            length = number * half
-        else:
-            place = number * half + middle
-            shift = f'{variable} {"-" if place > 0.0 else "+"} {abs(place):.4g}'
-    if 'exp(-{z}' in form.text:
-        height *= float(np.exp(middle / length))
-    elif 'exp({z}' in form.text:
-        height *= float(np.exp(-middle / length))
-    elif '^2' in form.text and 'exp' not in form.text:
-        height /= half**2
-    elif not length:
-        height /= half
-    return form.text.format(a=f'{height:.4g}', z=variable, shift=shift, c=f'{length:.4g}')
+    own = dict(zip(form.has, numbers))
+    told = {name: number * half + (middle if name == 'b' else 0.0) for name, number in own.items()}
+    told['a'] = height / half**form.power
+    if form.grows:
+        told['a'] *= float(np.exp(-form.grows * middle / told['c']))
+    place = told.get('b', 0.0)
+    shift = f'{variable} {"-" if place > 0.0 else "+"} {abs(place):.4g}'
+    text = form.text.format(a=f'{told["a"]:.4g}', z=variable, shift=shift, c=f'{told.get("c", 1.0):.4g}')
+    return Formula(text, form.code, {name: told[name] for name in f'a{form.has}'})

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.levenberg import Quadratic
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
-from cfd_pneumatic.identification.formulas import formulas
+from cfd_pneumatic.identification.formulas import Formula, formulas
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
 from cfd_pneumatic.identification.search.shapes import Drawn, Slot, penalty_of
 from cfd_pneumatic.model.effects.curve import CURVE, KNOTS
@@ -91,7 +91,7 @@ class Shape:
     high: Array
     visited: NDArray[np.bool_]
     explains: float
-    formulas: tuple[str, ...] = ()
+    formulas: tuple[Formula, ...] = ()
 
     @property
     def unit(self) -> str:

@@ -34,6 +34,8 @@ class Diagnosis:
         For each effect those that can't be told from it.
     estimates
         What was fitted, by name.
+    law
+        What a law does that was drawn, in a clause; empty where none was.
 
     """
 
@@ -42,13 +44,17 @@ class Diagnosis:
     effects: tuple[str, ...]
     alternatives: Mapping[str, tuple[str, ...]]
     estimates: Mapping[str, Estimate]
+    law: str = ''
 
     @classmethod
     def of(cls, result: ChannelResult) -> Diagnosis:
         """Return what is kept of a result."""
         conclusion = result.findings
         estimates = {estimate.name: estimate for estimate in result.found.estimates}
-        return cls(conclusion.verdict, conclusion.why, conclusion.effects, dict(conclusion.alternatives), estimates)
+        law = '' if conclusion.unknown is None else conclusion.unknown.words
+        return cls(
+            conclusion.verdict, conclusion.why, conclusion.effects, dict(conclusion.alternatives), estimates, law
+        )
 
 
 @dataclass(frozen=True)
@@ -100,6 +106,8 @@ class News:
         Before and after, of the model's own parameters that have changed.
     unexplained
         Whether something is left that no effect explains.
+    law
+        What a law does that was drawn, where none was before.
 
     """
 
@@ -107,6 +115,7 @@ class News:
     estimates: Mapping[str, Estimate]
     gains: Mapping[str, tuple[Estimate, Estimate]]
     unexplained: bool
+    law: str = ''
 
 
 def news(found: Diagnosis, before: Diagnosis | None) -> News:
@@ -124,6 +133,7 @@ def news(found: Diagnosis, before: Diagnosis | None) -> News:
         estimates={name: one for name, one in found.estimates.items() if name.partition('.')[0] in effects},
         gains={name: (known[name], found.estimates[name]) for name in sorted(changed) if '.' not in name},
         unexplained=found.verdict == 'unexplained',
+        law='' if before is not None and before.law else found.law,
     )
 
 

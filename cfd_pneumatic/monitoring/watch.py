@@ -429,7 +429,7 @@ class Watch:
 
     def stands(self, alarm: Alarm) -> bool:
         """Return whether an alarm has been confirmed: it keeps ringing, or what is new was found."""
-        named = alarm.news is not None and bool(alarm.news.effects or alarm.news.gains)
+        named = alarm.news is not None and bool(alarm.news.effects or alarm.news.gains or alarm.news.law)
         return named or alarm.rung[1] - alarm.rung[0] > self._window.length
 
     def look_after(self) -> None:

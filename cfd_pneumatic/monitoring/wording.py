@@ -55,6 +55,8 @@ def diagnosed(alarm: Alarm, follows: bool = False) -> str:
 
 def _looks_like(news: News) -> str:
     causes = [_effect(name, others, news) for name, others in news.effects.items()]
+    if news.law:
+        causes.append(f'a law that is none of the effects known ({news.law})')
     if not causes:
         causes = [_change(before, after) for before, after in news.gains.values()]
     if not causes:

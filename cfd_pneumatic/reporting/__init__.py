@@ -3,6 +3,7 @@
 from cfd_pneumatic.reporting.advice import next_plan
 from cfd_pneumatic.reporting.console import print_report
 from cfd_pneumatic.reporting.data import report_data
+from cfd_pneumatic.reporting.draft import draft_effect
 from cfd_pneumatic.reporting.folder import (
     compare_files,
     is_compare_file,
@@ -15,6 +16,7 @@ __all__ = [
     'PARAMETER_FILE',
     'REPORT_FILE',
     'compare_files',
+    'draft_effect',
     'is_compare_file',
     'next_plan',
     'print_report',

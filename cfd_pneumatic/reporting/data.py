@@ -168,8 +168,8 @@ def _shape_data(shape: Shape) -> dict[str, Any]:
         'unit': shape.unit,
         'unit_against': shape.unit_against,
         'curve': {name: getattr(shape, name)[shape.visited].tolist() for name in ('at', 'value', 'low', 'high')},
-        'formula': shape.formulas[0] if len(shape.formulas) == 1 else None,
-        'formulas': list(shape.formulas),
+        'formula': shape.formulas[0].text if len(shape.formulas) == 1 else None,
+        'formulas': [one.text for one in shape.formulas],
         'explains': shape.explains,
         'words': shape.words,
     }

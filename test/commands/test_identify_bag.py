@@ -302,6 +302,20 @@ def test_a_mapping_with_an_unknown_unit(bag, capsys, output, tmp_path):
     assert 'inch' in message
 
 
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (['--draft-effect', 'scored_bore.py'], 'give --close-loop, and not --each'),
+        (['--close-loop', '--each', '--draft-effect', 'scored_bore.py'], 'give --close-loop, and not --each'),
+        (['--close-loop', '--draft-effect', 'leakage.py'], 'name it as an effect that there is not yet'),
+        (['--close-loop', '--draft-effect', 'scored bore.py'], 'name it as an effect that there is not yet'),
+        (['--close-loop', '--draft-effect', 'scored_bore.txt'], 'name it as an effect that there is not yet'),
+    ],
+)
+def test_a_draft_that_could_not_come_about_is_refused_before_any_work(bag, output, capsys, arguments, message):
+    assert message in refusal(capsys, output, bag, *arguments)
+
+
 @pytest.mark.parametrize(('option', 'value'), [('--jobs', '2'), ('--scheduler', 'tcp://localhost:8786')])
 def test_options_for_many_bags_without_each(bag, capsys, output, option, value):
     assert '--each' in refusal(capsys, output, bag, option, value)

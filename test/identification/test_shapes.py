@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import importlib.util
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from drawn import recording_of
 
 from cfd_pneumatic.device.identified import identified_device
-from cfd_pneumatic.identification import ChannelResult, Options, identify
+from cfd_pneumatic.identification import ChannelResult, Identification, Options, identify
+from cfd_pneumatic.model.effects import Moment
 from cfd_pneumatic.model.effects.curve import CURVE
+from cfd_pneumatic.reporting import draft_effect
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.rig.panel import CLASSES, Draw, draw, oracle_residual
+
+MOMENT = Moment(0.0, 0.0, 0.0, 2e5, 2e5, 1e5)
 
 
 @cache
@@ -21,9 +27,12 @@ def drawn(law: str | None, make: str | None = None, seed: int = 0) -> Draw:
 
 
 @cache
+def identified(law: str | None, make: str | None = None, seed: int = 0) -> Identification:
+    return identify([recording_of(drawn(law, make, seed))], Options(close_loop=True))
+
+
 def found(law: str | None, make: str | None = None, seed: int = 0) -> ChannelResult:
-    recording = recording_of(drawn(law, make, seed))
-    return identify([recording], Options(close_loop=True)).cylinders['cylinder_a']
+    return identified(law, make, seed).cylinders['cylinder_a']
 
 
 def floor(one: Draw, result: ChannelResult) -> float:
@@ -60,8 +69,7 @@ def test_the_curve_is_the_law_but_for_what_the_gains_have() -> None:
 
 
 def test_it_stands_in_the_report_and_runs_in_the_device() -> None:
-    one = drawn('rushing_air')
-    identification = identify([recording_of(one)], Options(close_loop=True))
+    identification = identified('rushing_air')
     block = report_data(identification)['cylinders']['cylinder_a']
     law = block['unknown']
     assert (law['enters'], law['against'], law['unit'], law['unit_against']) == ('set_point', 'speed', 'Pa', 'm/s')
@@ -71,6 +79,27 @@ def test_it_stands_in_the_report_and_runs_in_the_device() -> None:
     device = identified_device(identification).model
     assert device.a is not None
     assert device.a.effects[CURVE] == identification.cylinders['cylinder_a'].found.model.effects[CURVE]
+
+
+def test_a_draft_of_an_effect_does_what_the_formula_says(tmp_path: Path) -> None:
+    text = draft_effect(identified('bulge', 'orifices'), 'scored_bore')
+    path = tmp_path / 'scored_bore.py'
+    path.write_text(text)
+    spec = importlib.util.spec_from_file_location('scored_bore', path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    effect = module.EFFECT
+    assert effect.name == 'scored_bore'
+    (own, turned) = effect.starts({})
+    assert own[0] == -turned[0]
+    assert len(own) == len(effect.parameters)
+    shape = found('bulge', 'orifices').findings.unknown
+    assert shape is not None
+    at, value = shape.at[shape.visited], shape.value[shape.visited]
+    told = np.array([module.velocity_gain(1.0, MOMENT._replace(x=x), *own) - 1.0 for x in at])
+    assert np.std(told - value) < 0.1 * np.ptp(value), 'but for a constant'
 
 
 def test_recordings_of_a_healthy_device_draw_nothing() -> None:

@@ -18,6 +18,7 @@ def found(*estimates: Estimate, verdict: str = 'effect_added', **alternatives: t
 
 
 LEAK = estimate('leakage.conductance', 0.42, 0.01)
+LAW = Diagnosis('shape_found', '', (), {}, {}, 'the piston sticks: look at it')
 K_SV = estimate('k_sv', 180.0, 1.0)
 
 
@@ -52,6 +53,8 @@ def said(now: Diagnosis, before: Diagnosis | None = None) -> str:
             'looks like leakage (conductance 0.420 ± 0.010 1/s), and like something that no known effect explains',
         ),
         (found(verdict='unexplained'), None, 'no effect that is known explains it'),
+        (LAW, None, 'looks like a law that is none of the effects known (the piston sticks: look at it)'),
+        (LAW, LAW, 'no effect that is known explains it'),
     ],
 )
 def test_only_what_is_new_is_named(now: Diagnosis, before: Diagnosis | None, words: str) -> None:

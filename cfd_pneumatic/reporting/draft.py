@@ -1,0 +1,123 @@
+"""A draft of an effect's file, of a law that was drawn and has a formula: where `docs/adding_an_effect.md` goes on."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification import Identification
+from cfd_pneumatic.identification.shape import Shape
+
+_FUNCTIONS = {
+    'set_point': ('setpoint', 'p_d', 'p_d + {}', 'the set-point that acts [Pa]'),
+    'flow': ('flow', 'q', 'q * (1.0 + {})', "the pressure rate that the valves' flow makes [Pa/s]"),
+    'gain': ('velocity_gain', 'gain', 'gain * (1.0 + {})', 'K_x [Pa/m]'),
+    'chamber': ('chamber', 'rate', 'rate + {}', "the outlet pressure's rate [Pa/s]"),
+    'leak': ('chamber', 'rate', 'rate - {} * (moment.p - moment.ambient)', "the outlet pressure's rate [Pa/s]"),
+    'sensing': ('signal', 'p', 'p + {}', 'what the sensor reads [Pa]'),
+}
+"""An effect's function by where a law enters, what it takes and returns, and what that is."""
+
+_VARIABLES = {
+    'x': ('moment.x', 'displacement'),
+    'speed': ('moment.rate', 'speed'),
+    'p': ('moment.p - moment.ambient', 'pressure'),
+    'error': ('moment.setpoint - moment.p_f', 'valve error'),
+    'time': ('moment.time', 'time'),
+}
+"""What a law depends on, of a `Moment`, and against what a residual shows it."""
+
+_NUMBERS = {'a': ('height', 'how strong it is'), 'b': ('place', 'where it is'), 'c': ('length', 'over how much')}
+
+_FILE = '''"""{title}: {words}."""
+
+from __future__ import annotations
+
+from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.kernel import kernel
+{imports}
+
+@kernel
+def {function}({taken}, moment, {names}):
+    """Return {what}."""
+    z = {variable}
+    {letters} = {names}
+    return {result}
+
+
+def starts(data: Data) -> list[tuple[float, ...]]:
+    """Return what was found on {where}, and as much the other way."""
+    return [{found}, {otherwise}]
+
+
+EFFECT = Effect(
+    name='{name}',
+    description='{words}',
+    parameters=(
+{parameters}
+    ),
+    equations=(),
+    starts=starts,
+    shown_by='what was recorded when it was found',
+    seen_against='{against}',
+    moves_rest=True,
+)
+'''
+
+
+def draft_effect(identification: Identification, name: str) -> str:
+    """
+    Return the text of an effect's file, of the first law that was drawn and has a formula.
+
+    Raises
+    ------
+    InputError
+        If none was, or the law depends on what an effect of this form can't.
+
+    """
+    for result in identification.closed:
+        law = result.findings.unknown
+        if law is not None and law.formulas and law.against in _VARIABLES:
+            return _drafted(law, name, result.name)
+    raise InputError('no effect is drafted: no law was drawn that has a formula in what it depends on')
+
+
+def _drafted(law: Shape, name: str, where: str) -> str:
+    formula = law.formulas[0]
+    function, taken, result, what = _FUNCTIONS[law.enters]
+    variable, against = _VARIABLES[law.against]
+    names = [_NUMBERS[letter][0] for letter in formula.numbers]
+    values = [f'{value:.6g}' for value in formula.numbers.values()]
+    used = [one for one in ('exp', 'tanh', 'wave') if f'{one}(' in formula.code]
+    units = {'a': law.unit.replace('1', '-', 1) if law.unit == '1' else law.unit}
+    parameters = '\n'.join(_parameter(letter, units.get(letter, law.unit_against), law) for letter in formula.numbers)
+    return _FILE.format(
+        title=name.replace('_', ' ').capitalize(),
+        words=law.words.partition(': look')[0],
+        imports=f'from cfd_pneumatic.model.lanewise import {", ".join(used)}\n' if used else '',
+        function=function,
+        taken=taken,
+        names=', '.join(names),
+        letters=', '.join(formula.numbers),
+        what=what,
+        variable=variable,
+        result=result.format(f'({formula.code})'),
+        where=where,
+        found=f'({", ".join(values)},)',
+        otherwise=f'({", ".join([_turned(values[0]), *values[1:]])},)',
+        name=name,
+        parameters=parameters,
+        against=against,
+    )
+
+
+def _turned(value: str) -> str:
+    return value.removeprefix('-') if value.startswith('-') else f'-{value}'
+
+
+def _parameter(letter: str, unit: str, law: Shape) -> str:
+    name, description = _NUMBERS[letter]
+    lower = '1e-9' if letter == 'c' else '-1e9'
+    null = '1.0' if letter == 'c' else '0.0'
+    more = ', logarithmic=True' if letter == 'c' else ''
+    if law.against == 'x' and letter in 'bc':
+        more += f", on_stroke='{name}'"
+    return f"        EffectParameter('{name}', '{unit}', {lower}, 1e9, {null}, '{description}'{more}),"
