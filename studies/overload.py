@@ -55,6 +55,8 @@ def flood() -> None:
     node = Node('flood', namespace=CELL)
     out = node.create_publisher(JointState, PISTON_STATE, OUTPUT_QOS)
     form = Form(JOINT_STATE, joint=PISTON_JOINT)
+    while not out.get_subscription_count():
+        time.sleep(0.1)
     due = time.monotonic()
     for _, rate, length in PHASES:
         print(time.time_ns())
@@ -121,7 +123,7 @@ def _table(ear: Ear, edges: Sequence[int]) -> str:
                 name,
                 f'{rate * length:,.0f} at {rate:,} Hz',
                 f'{len(own):,}',
-                f'{said[-1][2] - said[0][2]:,}',
+                f'{_lost(ear, last) - _lost(ear, first):,}',
                 *(f'{1e3 * share:.2f}' for share in np.percentile(own, (50, 99))),
                 f'{sum(ok for _, ok, _ in said)} of {len(said)}',
             )
@@ -132,6 +134,11 @@ def _table(ear: Ear, edges: Sequence[int]) -> str:
     back = stamps[after + tardy[-1]] - edges[2] if len(tardy) else 0
     told = f'The last answer later than {LATE:g} s was to a sample of {back / SECOND:.2f} s after it was too much.'
     return f'{table(heading, rows)}\n\n{told}'
+
+
+def _lost(ear: Ear, at: float) -> int:
+    """Return how many the node had said were lost by a time [ns]."""
+    return max((lost for when, _, lost in ear.said if when < at), default=0)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
