@@ -125,7 +125,7 @@ def _with_law(candidates: Candidates, found: Candidate, before: Fit, after: Fit)
 
     It is drawn beside the core alone, for effects that were found instead of it are none, and else beside them.
     """
-    alone = candidates.without_effects(found)
+    alone = candidates.without(found, *found.effects)
     for begin in dict.fromkeys((alone, found)):
         drawing = drawn(candidates, begin, found)
         if drawing is not None:
@@ -147,10 +147,7 @@ def _as_drawn(drawing: Drawn, begin: Candidate, before: Fit, after: Fit) -> tupl
     left = [one.measured - values for one, values in zip(experiments, simulated)]
     if contradiction(experiments, left, likelihood.noise(model).std):
         return None
-    with_law = summary(likelihood, model)
-    unidentifiable = {one.name: one for one in before.estimates if not one.identifiable}
-    estimates = tuple(unidentifiable.get(one.name, one) for one in with_law.estimates)
-    return replace(with_law, estimates=estimates), shape_of(likelihood, model, drawing, begin.model)
+    return _summary(before, model), shape_of(likelihood, model, drawing, begin.model)
 
 
 def with_core(before: Fit) -> Fit:
@@ -163,16 +160,17 @@ def with_core(before: Fit) -> Fit:
 
 
 def _fitted(before: Fit, rough: Model) -> Fit:
-    """
-    Return what was found fitted to the end; as it was found where that runs away.
-
-    Parameters that were not identifiable without effects are not with them.
-    """
+    """Return what was found fitted to the end; as it was found where that runs away."""
     likelihood = before.likelihood
     model = search(likelihood, rough, _NEAR_ENOUGH / likelihood.samples, _MOST_EVALUATIONS).model
     if not all(np.all(np.isfinite(values)) for values in likelihood.simulate(model)):
         model = rough
-    after = summary(likelihood, model)
+    return _summary(before, model)
+
+
+def _summary(before: Fit, model: Model) -> Fit:
+    """Return a fitted model summed up: parameters that were not identifiable without effects are not with them."""
+    after = summary(before.likelihood, model)
     unidentifiable = {one.name: one for one in before.estimates if not one.identifiable}
     return replace(after, estimates=tuple(unidentifiable.get(one.name, one) for one in after.estimates))
 

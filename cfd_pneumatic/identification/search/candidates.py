@@ -153,17 +153,12 @@ class Candidates:
         found = [best[name][0].model for name in begins]
         return dict(zip(begins, each(lambda one: self.finished(one, candidate.model), found)))
 
-    def without(self, candidate: Candidate, name: str) -> Candidate:
-        """Return a candidate with one effect less."""
-        fewer = {other: own for other, own in candidate.effects.items() if other != name}
-        found = search(self.train, replace(candidate.model, effects=fewer), *_FINE)
-        return self.finished(found.model, candidate.model)
-
-    def without_effects(self, candidate: Candidate) -> Candidate:
-        """Return a candidate with its core alone."""
-        if not candidate.effects:
+    def without(self, candidate: Candidate, *names: str) -> Candidate:
+        """Return a candidate without some of its effects."""
+        if not names:
             return candidate
-        found = search(self.train, replace(candidate.model, effects={}), *_FINE)
+        fewer = {other: own for other, own in candidate.effects.items() if other not in names}
+        found = search(self.train, replace(candidate.model, effects=fewer), *_FINE)
         return self.finished(found.model, candidate.model)
 
     def promising(self, candidate: Candidate, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
