@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 _SIGNIFICANCE = 0.001  # chance with which strokes that are alike make a contradiction
 _LARGEST = 1.5  # test RMSE over train RMSE, however much strokes scatter
 _TINY = float(np.finfo(np.float64).tiny)
-_IMMATERIAL = 1.05  # noise itself grows by this in a long recording, whose strokes hardly scatter in the mean
+_IMMATERIAL = 1.10  # an error that grows by less is near the noise yet, in recordings whose strokes hardly scatter
 
 
 class _Strokes(NamedTuple):

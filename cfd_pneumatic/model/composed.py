@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint cd8e72644daefc73; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint f080dcda1bb6ce8e; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -122,61 +122,63 @@ A59 = 73 * COUNT
 A60 = 74 * COUNT
 A61 = 75 * COUNT
 A62 = 76 * COUNT
+A63 = 77 * COUNT
+A64 = 78 * COUNT
 # what each lane's set-point lies above the common one [Pa]
-OFFSET = 77 * COUNT
+OFFSET = 79 * COUNT
 # states and rates of a stage of Runge and Kutta, and the rates' weighted sum
-S0 = 78 * COUNT
-S1 = 79 * COUNT
-S2 = 80 * COUNT
-S3 = 81 * COUNT
-S4 = 82 * COUNT
-S5 = 83 * COUNT
-S6 = 84 * COUNT
-S7 = 85 * COUNT
-S8 = 86 * COUNT
-S9 = 87 * COUNT
-S10 = 88 * COUNT
-S11 = 89 * COUNT
-K0 = 90 * COUNT
-K1 = 91 * COUNT
-K2 = 92 * COUNT
-K3 = 93 * COUNT
-K4 = 94 * COUNT
-K5 = 95 * COUNT
-K6 = 96 * COUNT
-K7 = 97 * COUNT
-K8 = 98 * COUNT
-K9 = 99 * COUNT
-K10 = 100 * COUNT
-K11 = 101 * COUNT
-SUM0 = 102 * COUNT
-SUM1 = 103 * COUNT
-SUM2 = 104 * COUNT
-SUM3 = 105 * COUNT
-SUM4 = 106 * COUNT
-SUM5 = 107 * COUNT
-SUM6 = 108 * COUNT
-SUM7 = 109 * COUNT
-SUM8 = 110 * COUNT
-SUM9 = 111 * COUNT
-SUM10 = 112 * COUNT
-SUM11 = 113 * COUNT
+S0 = 80 * COUNT
+S1 = 81 * COUNT
+S2 = 82 * COUNT
+S3 = 83 * COUNT
+S4 = 84 * COUNT
+S5 = 85 * COUNT
+S6 = 86 * COUNT
+S7 = 87 * COUNT
+S8 = 88 * COUNT
+S9 = 89 * COUNT
+S10 = 90 * COUNT
+S11 = 91 * COUNT
+K0 = 92 * COUNT
+K1 = 93 * COUNT
+K2 = 94 * COUNT
+K3 = 95 * COUNT
+K4 = 96 * COUNT
+K5 = 97 * COUNT
+K6 = 98 * COUNT
+K7 = 99 * COUNT
+K8 = 100 * COUNT
+K9 = 101 * COUNT
+K10 = 102 * COUNT
+K11 = 103 * COUNT
+SUM0 = 104 * COUNT
+SUM1 = 105 * COUNT
+SUM2 = 106 * COUNT
+SUM3 = 107 * COUNT
+SUM4 = 108 * COUNT
+SUM5 = 109 * COUNT
+SUM6 = 110 * COUNT
+SUM7 = 111 * COUNT
+SUM8 = 112 * COUNT
+SUM9 = 113 * COUNT
+SUM10 = 114 * COUNT
+SUM11 = 115 * COUNT
 # the piston's displacement [m] and speed [m/s], the set-point [Pa], and what the pressure sensor reads [Pa]
-X = 114 * COUNT
-RATE = 115 * COUNT
-SETPOINT = 116 * COUNT
-SIGNAL = 117 * COUNT
+X = 116 * COUNT
+RATE = 117 * COUNT
+SETPOINT = 118 * COUNT
+SIGNAL = 119 * COUNT
 
-SIZE = 118 * COUNT
+SIZE = 120 * COUNT
 """Length of the array of rows."""
 
 STATE_ROWS = slice(0, 14)
 """Rows of the states: pressures p and p_f, those of the effects, displacements followed and measured last."""
 
-PARAMETER_ROWS = slice(14, 77)
+PARAMETER_ROWS = slice(14, 79)
 """Rows of the parameters: the gains, then those of the effects."""
 
-OFFSET_ROW = 77
+OFFSET_ROW = 79
 """Row of what each lane's set-point lies above the common one [Pa]."""
 
 SIGNAL_ROW = SIGNAL // COUNT
@@ -199,19 +201,17 @@ def moment_of(time, x, rate, p, p_f, swept, sensing, ambient, w):
 def valve_error(moment, w, on):
     """Return the valves' error, from the set-point that acts [Pa]."""
     target = moment.setpoint
-    if on[3]:
-        target = set_point_drift.setpoint(target, moment, load(w, A17))
-    if on[6]:
-        target = supply_variation.setpoint(target, moment, load(w, A20), load(w, A21), load(w, A22))
-    if on[8]:
-        target = droop.setpoint(target, moment, load(w, S4), load(w, A24), load(w, A25))
+    if on[4]:
+        target = set_point_drift.setpoint(target, moment, load(w, A21))
+    if on[7]:
+        target = supply_variation.setpoint(target, moment, load(w, A24), load(w, A25), load(w, A26))
+    if on[9]:
+        target = droop.setpoint(target, moment, load(w, S4), load(w, A28), load(w, A29))
     if on[19]:
         target = curve.setpoint(
             target,
             moment,
             load(w, S10),
-            load(w, A45),
-            load(w, A46),
             load(w, A47),
             load(w, A48),
             load(w, A49),
@@ -227,6 +227,8 @@ def valve_error(moment, w, on):
             load(w, A59),
             load(w, A60),
             load(w, A61),
+            load(w, A62),
+            load(w, A63),
         )
     return target - load(w, S1)
 
@@ -238,13 +240,11 @@ def slopes(time, ambient, w, on):
     still = 0.0 * rate
     moment = moment_of(time, x, rate, p, load(w, S1), still, still, ambient, w)
     gain = load(w, A0)
-    if on[0]:
+    if on[1]:
         gain = physical_core.velocity_gain(
             gain,
             moment,
             load(w, S2),
-            load(w, A4),
-            load(w, A5),
             load(w, A6),
             load(w, A7),
             load(w, A8),
@@ -252,18 +252,20 @@ def slopes(time, ambient, w, on):
             load(w, A10),
             load(w, A11),
             load(w, A12),
+            load(w, A13),
+            load(w, A14),
+            load(w, A15),
+            load(w, A16),
         )
-    if on[1]:
-        gain = volume_variation.velocity_gain(gain, moment, load(w, A13))
     if on[2]:
-        gain = operating_point.velocity_gain(gain, moment, load(w, A14), load(w, A15), load(w, A16))
+        gain = volume_variation.velocity_gain(gain, moment, load(w, A17))
+    if on[3]:
+        gain = operating_point.velocity_gain(gain, moment, load(w, A18), load(w, A19), load(w, A20))
     if on[19]:
         gain = curve.velocity_gain(
             gain,
             moment,
             load(w, S10),
-            load(w, A45),
-            load(w, A46),
             load(w, A47),
             load(w, A48),
             load(w, A49),
@@ -279,24 +281,17 @@ def slopes(time, ambient, w, on):
             load(w, A59),
             load(w, A60),
             load(w, A61),
+            load(w, A62),
+            load(w, A63),
         )
     swept = gain * rate
     moment = moment_of(time, x, rate, p, load(w, S1), swept, still, ambient, w)
     error = valve_error(moment, w, on)
-    if on[7]:
-        error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A23))
-    if on[15]:
-        error = valve_dead_band.error(error, moment, load(w, A39))
-    if on[17]:
-        error = nonlinear_valve.error(error, moment, load(w, A42))
-    flow = where(error > 0.0, load(w, A1), load(w, A2)) * error
-    if on[0]:
-        flow = physical_core.flow(
-            flow,
+    if on[1]:
+        error = physical_core.error(
+            error,
             moment,
             load(w, S2),
-            load(w, A4),
-            load(w, A5),
             load(w, A6),
             load(w, A7),
             load(w, A8),
@@ -304,24 +299,50 @@ def slopes(time, ambient, w, on):
             load(w, A10),
             load(w, A11),
             load(w, A12),
+            load(w, A13),
+            load(w, A14),
+            load(w, A15),
+            load(w, A16),
         )
+    if on[8]:
+        error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A27))
+    if on[15]:
+        error = valve_dead_band.error(error, moment, load(w, A41))
+    if on[17]:
+        error = nonlinear_valve.error(error, moment, load(w, A44))
+    flow = where(error > 0.0, load(w, A1), load(w, A2)) * error
+    if on[0]:
+        flow = flow_saturation.flow(flow, moment, load(w, A4), load(w, A5))
     if on[1]:
-        flow = volume_variation.flow(flow, moment, load(w, A13))
+        flow = physical_core.flow(
+            flow,
+            moment,
+            load(w, S2),
+            load(w, A6),
+            load(w, A7),
+            load(w, A8),
+            load(w, A9),
+            load(w, A10),
+            load(w, A11),
+            load(w, A12),
+            load(w, A13),
+            load(w, A14),
+            load(w, A15),
+            load(w, A16),
+        )
     if on[2]:
-        flow = operating_point.flow(flow, moment, load(w, A14), load(w, A15), load(w, A16))
-    if on[12]:
-        flow = flow_saturation.flow(flow, moment, load(w, A35), load(w, A36))
+        flow = volume_variation.flow(flow, moment, load(w, A17))
+    if on[3]:
+        flow = operating_point.flow(flow, moment, load(w, A18), load(w, A19), load(w, A20))
     if on[18]:
-        (rate9,) = line_restriction.evolve(moment, flow, load(w, S9), load(w, A43), load(w, A44))
+        (rate9,) = line_restriction.evolve(moment, flow, load(w, S9), load(w, A45), load(w, A46))
         store(w, K9, rate9)
-        flow = line_restriction.flow(flow, moment, load(w, S9), load(w, A43), load(w, A44))
+        flow = line_restriction.flow(flow, moment, load(w, S9), load(w, A45), load(w, A46))
     if on[19]:
         (rate10,) = curve.evolve(
             moment,
             flow,
             load(w, S10),
-            load(w, A45),
-            load(w, A46),
             load(w, A47),
             load(w, A48),
             load(w, A49),
@@ -337,14 +358,14 @@ def slopes(time, ambient, w, on):
             load(w, A59),
             load(w, A60),
             load(w, A61),
+            load(w, A62),
+            load(w, A63),
         )
         store(w, K10, rate10)
         flow = curve.flow(
             flow,
             moment,
             load(w, S10),
-            load(w, A45),
-            load(w, A46),
             load(w, A47),
             load(w, A48),
             load(w, A49),
@@ -360,23 +381,23 @@ def slopes(time, ambient, w, on):
             load(w, A59),
             load(w, A60),
             load(w, A61),
+            load(w, A62),
+            load(w, A63),
         )
     if on[20]:
-        flow = heat_transfer.flow(flow, moment, load(w, S11), load(w, A62))
-    if on[8]:
-        (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A24), load(w, A25))
+        flow = heat_transfer.flow(flow, moment, load(w, S11), load(w, A64))
+    if on[9]:
+        (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A28), load(w, A29))
         store(w, K4, rate4)
     outlet = p
     if on[18]:
-        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), load(w, A43), load(w, A44))
+        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), load(w, A45), load(w, A46))
     tau = load(w, A3)
-    if on[0]:
+    if on[1]:
         tau = physical_core.time_constant(
             tau,
             moment,
             load(w, S2),
-            load(w, A4),
-            load(w, A5),
             load(w, A6),
             load(w, A7),
             load(w, A8),
@@ -384,19 +405,21 @@ def slopes(time, ambient, w, on):
             load(w, A10),
             load(w, A11),
             load(w, A12),
+            load(w, A13),
+            load(w, A14),
+            load(w, A15),
+            load(w, A16),
         )
-    if on[2]:
-        tau = operating_point.time_constant(tau, moment, load(w, A14), load(w, A15), load(w, A16))
+    if on[3]:
+        tau = operating_point.time_constant(tau, moment, load(w, A18), load(w, A19), load(w, A20))
     sensing = (outlet - load(w, S1)) / tau
     moment = moment_of(time, x, rate, p, load(w, S1), swept, sensing, ambient, w)
     chamber = flow - swept
-    if on[0]:
+    if on[1]:
         (rate2,) = physical_core.evolve(
             moment,
             chamber,
             load(w, S2),
-            load(w, A4),
-            load(w, A5),
             load(w, A6),
             load(w, A7),
             load(w, A8),
@@ -404,14 +427,16 @@ def slopes(time, ambient, w, on):
             load(w, A10),
             load(w, A11),
             load(w, A12),
+            load(w, A13),
+            load(w, A14),
+            load(w, A15),
+            load(w, A16),
         )
         store(w, K2, rate2)
         chamber = physical_core.chamber(
             chamber,
             moment,
             load(w, S2),
-            load(w, A4),
-            load(w, A5),
             load(w, A6),
             load(w, A7),
             load(w, A8),
@@ -419,20 +444,22 @@ def slopes(time, ambient, w, on):
             load(w, A10),
             load(w, A11),
             load(w, A12),
+            load(w, A13),
+            load(w, A14),
+            load(w, A15),
+            load(w, A16),
         )
-    if on[9]:
-        chamber = leakage.chamber(chamber, moment, load(w, A26), load(w, A27))
     if on[10]:
+        chamber = leakage.chamber(chamber, moment, load(w, A30), load(w, A31))
+    if on[11]:
         chamber = positional_leakage.chamber(
-            chamber, moment, load(w, A28), load(w, A29), load(w, A30), load(w, A31), load(w, A32), load(w, A33)
+            chamber, moment, load(w, A32), load(w, A33), load(w, A34), load(w, A35), load(w, A36), load(w, A37)
         )
     if on[19]:
         chamber = curve.chamber(
             chamber,
             moment,
             load(w, S10),
-            load(w, A45),
-            load(w, A46),
             load(w, A47),
             load(w, A48),
             load(w, A49),
@@ -448,31 +475,31 @@ def slopes(time, ambient, w, on):
             load(w, A59),
             load(w, A60),
             load(w, A61),
+            load(w, A62),
+            load(w, A63),
         )
     if on[20]:
-        (rate11,) = heat_transfer.evolve(moment, chamber, load(w, S11), load(w, A62))
+        (rate11,) = heat_transfer.evolve(moment, chamber, load(w, S11), load(w, A64))
         store(w, K11, rate11)
-        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), load(w, A62))
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), load(w, A64))
     signal = p
     if on[14]:
-        (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A38))
+        (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A40))
         store(w, K6, rate6)
-        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A38))
+        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A40))
     if on[16]:
         (
             rate7,
             rate8,
-        ) = line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), load(w, A40), load(w, A41))
+        ) = line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), load(w, A42), load(w, A43))
         store(w, K7, rate7)
         store(w, K8, rate8)
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A40), load(w, A41))
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A42), load(w, A43))
     if on[19]:
         signal = curve.signal(
             signal,
             moment,
             load(w, S10),
-            load(w, A45),
-            load(w, A46),
             load(w, A47),
             load(w, A48),
             load(w, A49),
@@ -488,6 +515,8 @@ def slopes(time, ambient, w, on):
             load(w, A59),
             load(w, A60),
             load(w, A61),
+            load(w, A62),
+            load(w, A63),
         )
     store(w, K0, chamber)
     store(w, K1, sensing)
@@ -500,10 +529,10 @@ def begin_stages(w, on):
     store(w, SUM0, 0.0)
     store(w, S1, load(w, Y1))
     store(w, SUM1, 0.0)
-    if on[0]:
+    if on[1]:
         store(w, S2, load(w, Y2))
         store(w, SUM2, 0.0)
-    if on[8]:
+    if on[9]:
         store(w, S4, load(w, Y4))
         store(w, SUM4, 0.0)
     if on[14]:
@@ -532,10 +561,10 @@ def next_stage(weight, ahead, w, on):
     store(w, S0, load(w, Y0) + ahead * load(w, K0))
     store(w, SUM1, load(w, SUM1) + weight * load(w, K1))
     store(w, S1, load(w, Y1) + ahead * load(w, K1))
-    if on[0]:
+    if on[1]:
         store(w, SUM2, load(w, SUM2) + weight * load(w, K2))
         store(w, S2, load(w, Y2) + ahead * load(w, K2))
-    if on[8]:
+    if on[9]:
         store(w, SUM4, load(w, SUM4) + weight * load(w, K4))
         store(w, S4, load(w, Y4) + ahead * load(w, K4))
     if on[14]:
@@ -564,10 +593,10 @@ def end_stages(sixth, w, on):
     store(w, S0, load(w, Y0))
     store(w, Y1, load(w, Y1) + sixth * (load(w, SUM1) + load(w, K1)))
     store(w, S1, load(w, Y1))
-    if on[0]:
+    if on[1]:
         store(w, Y2, load(w, Y2) + sixth * (load(w, SUM2) + load(w, K2)))
         store(w, S2, load(w, Y2))
-    if on[8]:
+    if on[9]:
         store(w, Y4, load(w, Y4) + sixth * (load(w, SUM4) + load(w, K4)))
         store(w, S4, load(w, Y4))
     if on[14]:
@@ -613,7 +642,7 @@ def advance(time, h, steps, ambient, w, on):
         slopes(time + h, ambient, w, on)
         end_stages(h / 6.0, w, on)
         time += h
-        if on[7]:
+        if on[8]:
             leave_behind_valve_hysteresis(time, ambient, w, on)
 
 
@@ -624,7 +653,24 @@ def leave_behind_valve_hysteresis(time, ambient, w, on):
     still = 0.0 * rate
     moment = moment_of(time, load(w, X), rate, load(w, S0), load(w, S1), still, still, ambient, w)
     error = valve_error(moment, w, on)
-    error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A23))
+    if on[1]:
+        error = physical_core.error(
+            error,
+            moment,
+            load(w, S2),
+            load(w, A6),
+            load(w, A7),
+            load(w, A8),
+            load(w, A9),
+            load(w, A10),
+            load(w, A11),
+            load(w, A12),
+            load(w, A13),
+            load(w, A14),
+            load(w, A15),
+            load(w, A16),
+        )
+    error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A27))
     store(w, Y3, error)
     store(w, S3, error)
 
@@ -639,12 +685,12 @@ def follow(time, x, h, ambient, w, on):
     x_followed = load(w, X)
     still = 0.0 * rate
     moment = moment_of(time, x_followed, rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
-    if on[4]:
-        x_followed = displacement_delay.displacement(x_followed, moment, load(w, A18))
     if on[5]:
-        x_followed = displacement_lag.displacement(x_followed, moment, load(w, A19))
+        x_followed = displacement_delay.displacement(x_followed, moment, load(w, A22))
+    if on[6]:
+        x_followed = displacement_lag.displacement(x_followed, moment, load(w, A23))
     if on[13]:
-        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), load(w, A37))
+        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), load(w, A39))
         store(w, Y5, x_followed)
     store(w, RATE, (x_followed - last) / h)
     store(w, X, last)
@@ -659,16 +705,14 @@ def read(time, ambient, w, on):
     moment = moment_of(time, load(w, X), rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
     signal = load(w, Y0)
     if on[14]:
-        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A38))
+        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A40))
     if on[16]:
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A40), load(w, A41))
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A42), load(w, A43))
     if on[19]:
         signal = curve.signal(
             signal,
             moment,
             load(w, S10),
-            load(w, A45),
-            load(w, A46),
             load(w, A47),
             load(w, A48),
             load(w, A49),
@@ -684,6 +728,8 @@ def read(time, ambient, w, on):
             load(w, A59),
             load(w, A60),
             load(w, A61),
+            load(w, A62),
+            load(w, A63),
         )
     store(w, SIGNAL, signal)
 

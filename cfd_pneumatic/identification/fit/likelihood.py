@@ -226,16 +226,20 @@ class Likelihood:
     def tests(self, model: Model, noise: Noise) -> list[Test]:
         """Return the tests of what a model leaves, from what represents all samples."""
         telling = self.representative()
-        return telling.tested(telling.simulate(model), noise)
+        return telling.tested(telling.simulate(model), noise, bool(model.parts))
 
-    def tested(self, simulated: Sequence[Array], noise: Noise) -> list[Test]:
-        """Return the tests of what simulations leave, at the samples that count, which follow each other."""
+    def tested(self, simulated: Sequence[Array], noise: Noise, refined: bool = False) -> list[Test]:
+        """
+        Return the tests of what simulations leave, at the samples that count, which follow each other.
+
+        `refined` says whether the model has a core or effects.
+        """
         residuals, regressors = [], []
         for one, values, weight in zip(self.experiments, simulated, self.precisions(simulated)):
             if np.any(one.counts):
                 residuals.append(((one.measured - values) * weight)[one.counts])
                 regressors.append(self.channel.regressors(one, values, weight))
-        return tests_of(residuals, regressors, noise)
+        return tests_of(residuals, regressors, noise, refined)
 
     # a fit
 

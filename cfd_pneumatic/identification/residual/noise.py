@@ -20,6 +20,7 @@ SLOWEST = 6.0
 
 _APART = 50  # samples: longer than the memory of a sensor
 _ENOUGH_AT_REST = 100  # samples
+_MEMORY = 1.1  # standard deviation over that of neighbours' differences, from which on noise has a memory
 _MOSTLY_ROUNDING = 0.6  # rounding over all of the noise, from which on it is rounding above all
 _KEPT = 0.9  # share of the smallest differences that is taken for noise; the rest may be transients
 _NORMAL = NormalDist()
@@ -92,7 +93,8 @@ def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) 
     Parameters
     ----------
     rests
-        Residuals while nothing moves, the mean of each run taken out.
+        Residuals while nothing moves, the mean of each run taken out. Where a model settles otherwise than the device,
+        they are not noise alone: noise has a memory only if the quieter half of the runs, less a parabola, has one.
     white
         Standard deviation that white noise would have, where there are not enough of them or they are white.
     count
@@ -102,8 +104,8 @@ def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) 
 
     """
     known = sum(rest.size for rest in rests) >= _ENOUGH_AT_REST
-    sensible = known and 0.0 < _spread(rests) <= SLOWEST * white
-    coefficients = autoregression(rests) if sensible else np.empty(0)
+    remembers = known and _quiet(rests) > _MEMORY * white and 0.0 < _spread(rests) <= SLOWEST * white
+    coefficients = autoregression(rests) if remembers else np.empty(0)
     if coefficients.size:
         count = sum(rest.size for rest in rests)
     std = _spread(rests) if coefficients.size else white
@@ -118,6 +120,14 @@ def rounding_step(values: Array) -> float:
         return 0.0
     steps = np.diff(distinct)
     return float(np.min(steps[steps > 1e-6 * np.ptp(distinct)], initial=np.inf)) if np.ptp(distinct) > 0.0 else 0.0
+
+
+def _quiet(rests: Sequence[Array]) -> float:
+    """Return the standard deviation of the quieter half of runs, about a parabola through each."""
+    bases = {size: np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), 3))[0] for size in {one.size for one in rests}}
+    left = [one - bases[one.size] @ (bases[one.size].T @ one) for one in rests]
+    squares = sorted(float(one @ one) / max(one.size - 3, 1) for one in left)
+    return math.sqrt(float(np.mean(squares[: len(squares) // 2 + 1])))
 
 
 def _spread(rests: Sequence[Array]) -> float:

@@ -29,6 +29,7 @@ SIGNIFICANCE = 0.001
 """Chance with which a test fails on noise alone."""
 
 _MATERIAL = 0.04  # share of the residual, beyond chance, that inputs have to explain
+_MATERIAL_BESIDE = 0.08  # of the noise's variance, beside a core or effects: 4 % of its size
 _SHIFTED = 0.005  # share of the shifts whose inputs may explain more
 _MATERIAL_LIKENESS = 0.04  # squared correlations with neighbours, altogether
 _MATERIAL_LEVEL = 0.015  # share of it that is slow
@@ -85,7 +86,7 @@ def explained(tests: Sequence[Test]) -> bool:
     return all(test.passed for test in tests if test.decisive)
 
 
-def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise: Noise) -> list[Test]:
+def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise: Noise, refined: bool) -> list[Test]:
     """
     Return the tests of residuals, whatever they are of.
 
@@ -97,6 +98,8 @@ def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise
         What they may depend on.
     noise
         Of the residuals.
+    refined
+        Whether the model has a core or effects. Their laws are approximations: what these leave counts for less.
 
     """
     if not any(np.any(residual) for residual in residuals):
@@ -104,9 +107,11 @@ def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise
     coefficients = autoregression(residuals)
     innovations = [whitened(residual, coefficients) for residual in residuals]
     spectra = [list(map(_periodogram, series)) for series in (residuals, _forgotten(residuals))]
+    beside = _MATERIAL_BESIDE * min((noise.std / _size(residuals)) ** 2, 1.0) if refined else 0.0
+    material = max(_MATERIAL, beside)
     tests = [
-        _inputs_test(innovations, regressors, coefficients),
-        _slow_inputs_test(residuals, regressors),
+        _inputs_test(innovations, regressors, coefficients, material),
+        _slow_inputs_test(residuals, regressors, material),
         _line_test(spectra),
         _level_test(spectra, sum(residual.size for residual in residuals)),
         _whiteness_test(residuals, noise),
@@ -117,7 +122,9 @@ def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise
     return tests
 
 
-def _inputs_test(innovations: Sequence[Array], regressors: Sequence[Regressors], coefficients: Array) -> Test:
+def _inputs_test(
+    innovations: Sequence[Array], regressors: Sequence[Regressors], coefficients: Array, material: float
+) -> Test:
     """Ask how much of what is new in each sample a regression on the inputs explains: the quick part."""
     common, count = _common(innovations, regressors, coefficients)
     size = np.sqrt(np.diag(common))
@@ -128,11 +135,11 @@ def _inputs_test(innovations: Sequence[Array], regressors: Sequence[Regressors],
     share = float(np.sum((directions[:, apart].T @ shared[:, 0]) ** 2 / powers[apart]))
     rank = int(np.count_nonzero(apart))
     significant = float(betaincinv(rank / 2.0, max(count - rank, 1) / 2.0, 1.0 - SIGNIFICANCE))
-    threshold = max(significant, rank / count + _MATERIAL)
+    threshold = max(significant, rank / count + material)
     return Test('inputs', share, threshold, 'share of the residual that a regression on the inputs explains')
 
 
-def _slow_inputs_test(residuals: Sequence[Array], regressors: Sequence[Regressors]) -> Test:
+def _slow_inputs_test(residuals: Sequence[Array], regressors: Sequence[Regressors], material: float) -> Test:
     """
     Ask how much of the residual as it is a regression on the inputs explains, slow parts and all.
 
@@ -143,7 +150,7 @@ def _slow_inputs_test(residuals: Sequence[Array], regressors: Sequence[Regressor
     basis = _orthogonal(columns)
     spectra = np.fft.rfft(basis.T) * np.conj(np.fft.rfft(residual))
     shares = np.sum(np.fft.irfft(spectra, residual.size) ** 2, axis=0) / float(residual @ residual)
-    threshold = float(np.quantile(shares, 1.0 - _SHIFTED)) + _MATERIAL
+    threshold = float(np.quantile(shares, 1.0 - _SHIFTED)) + material
     return Test(
         'slow_inputs', float(shares[0]), threshold, 'share of the residual, slow parts too, that inputs explain'
     )
@@ -292,9 +299,13 @@ def _ljung_box(series: Sequence[Array]) -> float:
 
 def _size_test(residuals: Sequence[Array], noise: Noise) -> Test:
     """Compare the residual's size with the noise's."""
-    together = np.concatenate(residuals)
-    ratio = float(np.sqrt(np.mean(together**2))) / noise.std
-    largest = _LARGEST_LONG if together.size >= _LONG else _LARGEST
+    ratio = _size(residuals) / noise.std
+    largest = _LARGEST_LONG if sum(residual.size for residual in residuals) >= _LONG else _LARGEST
     known = (_BESIDE_ROUNDING if noise.rounded else 1.0) * largest * (1.0 + 3.0 * noise.uncertainty)
     threshold = known if noise.known else SLOWEST
     return Test('noise_floor', ratio, threshold, 'root mean square of the residual over that of the noise')
+
+
+def _size(residuals: Sequence[Array]) -> float:
+    """Return the root mean square of residuals."""
+    return math.sqrt(float(np.mean(np.concatenate(residuals) ** 2)))

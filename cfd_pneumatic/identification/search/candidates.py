@@ -178,7 +178,7 @@ class Candidates:
         """Return the tests of what a candidate leaves of train and validation; none is tested twice."""
         if candidate not in self._known_tests:
             noise = self.channel.noise(self.learn.experiments, candidate.simulated, candidate.model)
-            self._known_tests[candidate] = self.learn.tested(candidate.simulated, noise)
+            self._known_tests[candidate] = self.learn.tested(candidate.simulated, noise, bool(candidate.model.parts))
         return self._known_tests[candidate]
 
     def finished(self, model: Model, begin: Model) -> Candidate:

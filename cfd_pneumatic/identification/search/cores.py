@@ -29,9 +29,13 @@ def searched(candidates: Candidates, core: str) -> SearchResult:
         if all(_preferred(candidates, alone, one) for one in singles):
             return SearchResult(alone, {}, ())
     found = linear.run()
-    begins = [alone, candidates.with_core(found.model, names[0])] if found.model.effects else [alone]
-    if _leaves_noise(candidates, found.model) and not any(_preferred(candidates, one, found.model) for one in begins):
-        return found  # what the linear core explains is not looked for elsewhere
+    begins = [alone]
+    if found.model.effects:
+        beside_found = candidates.with_core(found.model, names[0])
+        begins.append(Search(candidates, alone).pruned(beside_found))
+    enough = _leaves_noise(candidates, found.model) and len(found.model.effects) <= 1
+    if enough and not any(_preferred(candidates, one, found.model) for one in begins):
+        return found  # what the linear core explains with one effect is not looked for elsewhere
     begin = min(begins, key=lambda one: one.rss)
     beside = SearchResult(begin, {}, ()) if _leaves_noise(candidates, begin) else Search(candidates, begin).run()
     if not _preferred(candidates, beside.model, found.model):
@@ -48,8 +52,8 @@ def _preferred(candidates: Candidates, one: Candidate, other: Candidate) -> bool
     """
     Return whether a model with another core is preferred to one with the linear core.
 
-    It is where the criterion and the validation part say so. Where the other one has more effects, and the core holds
-    all of these anyway, a tie will do, and the core is not charged for its own numbers, which data sheets have.
+    It is where the criterion and the validation part say so. Where the core takes the place of effects, of some that it
+    holds anyway or of one of several, a tie will do, and it is not charged for its own numbers, which data sheets have.
     """
     if not one.model.core:  # it ran away
         return False
@@ -57,13 +61,14 @@ def _preferred(candidates: Candidates, one: Candidate, other: Candidate) -> bool
     (core,) = (candidates.channel.effects[name] for name in one.model.core)
     coefficients = autoregression(min((one, other), key=lambda model: model.rss).residuals)
     more = set(other.effects) - set(one.effects)
-    is_covered = bool(more) and more <= set(core.covers)
-    charged = one.unknowns - (len(core.parameters) if is_covered else 0)
+    several = len(other.effects) > max(len(one.effects), 1) and _leaves_noise(candidates, one)
+    is_instead = (bool(more) and more <= set(core.covers)) or several
+    charged = one.unknowns - (len(core.parameters) if is_instead else 0)
     criteria = [
         train.criterion(model.residuals, unknowns, coefficients)
         for model, unknowns in ((one, charged), (other, other.unknowns))
     ]
-    if is_covered:
+    if is_instead:
         return criteria[0] < criteria[1] + TIE and alike(one, other)
     errors = one.validation_rmse, other.validation_rmse
     return criteria[0] < criteria[1] and (errors[0] is None or errors[1] is None or errors[0] < errors[1])

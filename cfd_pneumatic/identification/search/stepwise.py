@@ -192,18 +192,22 @@ class Search:
 
     def _followed(self, step: Step, lead: str) -> SearchResult:
         """Return what is found after a first effect."""
-        trials, ranking = step.trials(lead), {lead: step.rivals(lead)}
-        model = self._accepted[lead,] = step.candidates[lead]
-        while len(model.effects) < self._most(model) and not small_enough(self.candidates.residual_tests(model)):
+        trials: tuple[Trial, ...] = ()
+        ranking: dict[str, dict[str, Candidate]] = {}
+        model = self.begin
+        while True:
+            trials += step.trials(lead)
+            ranking[lead] = step.rivals(lead)
+            model = self.pruned(step.candidates[lead])
+            self._accepted[tuple(model.effects)] = model
+            enough = len(model.effects) >= self._most(model) or small_enough(self.candidates.residual_tests(model))
+            if enough or lead not in model.effects:
+                break
             step = self.step(model)
             if not step.leads:
                 trials += step.trials()
                 break
             lead = step.leads[0]
-            trials += step.trials(lead)
-            ranking[lead] = step.rivals(lead)
-            model = self.pruned(step.candidates[lead])
-            self._accepted[tuple(model.effects)] = model
         model, alternatives = self.challenged(model, ranking)
         return SearchResult(model, alternatives, trials)
 
@@ -251,17 +255,26 @@ class Search:
         return {name: self._tried[keys[name]] for name in names if keys[name] in self._tried}
 
     def _rest(self, model: Candidate, name: str) -> Candidate:
-        """Return a model with one effect less, as it was before that one was added if it was the last."""
+        """
+        Return a model with one effect less, as it was before that one was added if it was the last.
+
+        A core's many numbers may have found a better place only beside the effect, which is not to its credit.
+        """
         known = self._accepted.get(tuple(other for other in model.effects if other != name))
-        return known if known is not None else self.candidates.without(model, name)
+        if known is not None and not model.model.core:
+            return known
+        fewer = self.candidates.without(model, name)
+        return fewer if known is None or fewer.rss < known.rss else known
 
     def pruned(self, model: Candidate) -> Candidate:
-        """Return a model without the effects that it does not need any more, the last one apart."""
-        for name in list(model.effects)[:-1]:
+        """Return a model without the effects that it does not need any more; the last one only beside a core."""
+        names = list(model.effects)
+        for name in names if model.model.core else names[:-1]:
             fewer = self._rest(model, name)
             coefficients = autoregression(model.residuals)
             gain = self.criterion(fewer, coefficients) - self.criterion(model, coefficients)
-            if objection(gain, 1.0 - model.rss / fewer.rss, 1, model.validation_rmse, math.inf) is not None:
+            rank = len(model.effects) - 1
+            if objection(gain, 1.0 - model.rss / fewer.rss, rank, model.validation_rmse, math.inf) is not None:
                 model = fewer
         return model
 

@@ -37,5 +37,5 @@ EFFECT = Effect(
     starts=starts,
     shown_by='large steps of the set-point, up and down',
     seen_against='pressure rate',
-    rank=60,
+    rank=5,
 )
