@@ -16,6 +16,7 @@ _FEWEST_PERIODS = 0.5  # in the longest experiment: with fewer, a period can't b
 
 _AT_AN_END = 0.1  # of the stroke: a place closer to an end has no other side to be told from
 _SHORT = 0.5  # of the stroke: over more of it nothing opens and shuts
+_LEAST_SUPPLY = 1.2  # of the highest pressure that was recorded: a valve with less behind it would hardly pass air
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,8 @@ def bounds_of(parameter: EffectParameter, experiments: Sequence[Experiment]) -> 
         upper = min(upper, _NYQUIST / shortest_period(experiments))
         if parameter.logarithmic:
             lower = max(lower, _FEWEST_PERIODS / max(float(np.ptp(one.sample_times)) for one in experiments))
+    if parameter.is_supply:
+        lower = max(lower, _LEAST_SUPPLY * max(float(np.max(one.measured)) for one in experiments))
     if parameter.on_stroke:
         low = min(float(np.min(one.inputs['displacement'])) for one in experiments)
         stroke = max(float(np.max(one.inputs['displacement'])) for one in experiments) - low

@@ -131,6 +131,8 @@ class EffectParameter:
         Whether its starting values are all there is: it is not searched.
     of_pressure
         Whether it is a dependence on pressure, which recordings at one pressure don't tell: there it stays null.
+    is_supply
+        Whether it is the pressure that the cylinder is fed from: no search goes below what was recorded.
     on_stroke
         Whether it is a `place` on the stroke or a `length` of it: no search leaves what was recorded.
     least
@@ -147,6 +149,7 @@ class EffectParameter:
     logarithmic: bool = False
     choice: bool = False
     of_pressure: bool = False
+    is_supply: bool = False
     on_stroke: Literal['', 'place', 'length'] = ''
     least: float | None = None
 

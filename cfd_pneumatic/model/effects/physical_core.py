@@ -150,7 +150,17 @@ EFFECT = Effect(
             'displacement that grows the chamber at which the gains hold',
             choice=True,
         ),
-        EffectParameter('supply', 'Pa', 1e5, 5e6, 8e5, 'absolute supply pressure', logarithmic=True, of_pressure=True),
+        EffectParameter(
+            'supply',
+            'Pa',
+            1e5,
+            5e6,
+            8e5,
+            'absolute supply pressure',
+            logarithmic=True,
+            of_pressure=True,
+            is_supply=True,
+        ),
         EffectParameter(
             'critical_ratio', '-', 0.1, 0.6, 0.4, 'pressure ratio at which the valves choke', of_pressure=True
         ),
