@@ -24,7 +24,11 @@ def rms(result):
 
 
 @pytest.mark.parametrize(
-    ('make', 'schedule'), [('orifices', 'surface_following'), ('walls', 'out_and_back'), ('subsonic', 'out_and_back')]
+    ('make', 'schedule'),
+    [
+        ('orifices', 'surface_following'),
+        *((make, 'out_and_back') for make in ('walls', 'subsonic', 'silencer', 'drilled')),
+    ],
 )
 def test_full_physics_is_no_missing_effect(make, schedule):
     drawn, found = closed(None, make, schedule)
@@ -61,6 +65,13 @@ def test_what_is_wrong_with_a_device_of_full_physics_is_named(effect):
     assert rms(found.cylinders['cylinder_a']) <= 1.05 * oracle_rmse(drawn)
 
 
+def test_a_part_is_not_blamed_beside_another_for_physics():
+    """With the linear core a late pressure and a saturated valve leave noise; a silencer is no saturated valve."""
+    _, found = closed('transport_delay', 'silencer')
+    findings = found.cylinders['cylinder_a'].findings
+    assert (findings.core, findings.effects) == ('physical', ('transport_delay',))
+
+
 @pytest.mark.parametrize('effect', ['volume_variation', 'operating_point', 'heat_transfer'])
 def test_a_device_of_the_papers_law_keeps_its_effects(effect):
     _, found = closed(effect, None, seed=2)
@@ -82,6 +93,12 @@ def test_a_core_can_be_asked_for():
     assert fitted.after['test'].rmse < 0.25 * fitted.before['test'].rmse
     with pytest.raises(InputError, match='core'):
         Options(core='quadratic')
+
+
+def test_the_supply_is_above_what_was_recorded():
+    drawn, found = closed(None, 'orifices', 'surface_following', seed=104)
+    supply = found.cylinders['cylinder_a'].parameters('physical_core')['supply']
+    assert supply.value is None or supply.value > np.max(drawn.recording.pressures[:, 0])
 
 
 def test_at_one_set_point_data_sheets_stand_in():

@@ -228,3 +228,13 @@ def test_samples_count_for_less_while_the_pressure_changes_fast():
     fastest = np.max(np.abs(np.diff(STROKES.measured))) / PERIOD
     assert np.min(weight) == pytest.approx(1.0 / math.hypot(1.0, fastest * jitter / STD), rel=0.2)
     np.testing.assert_array_equal(CHANNEL.precision(STROKES, STROKES.measured), 1.0)
+
+
+@pytest.mark.parametrize('settling', [0.05, 0.2])
+def test_a_pressure_that_settles_otherwise_is_no_noise(settling):
+    """What a model that lacks something leaves at rest, after each stroke; noise with a memory is still one."""
+    since = np.mod(STROKES.sample_times, 0.4)
+    left = 8.0 * STD * np.exp(-since / settling)
+    white = STD * np.random.default_rng(5).standard_normal(since.size)
+    assert heard(STROKES, white + left).std == pytest.approx(STD, rel=0.1)
+    assert heard(STROKES, STD * coloured(5, since.size) + 0.1 * left).std > 0.8 * STD

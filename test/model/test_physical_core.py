@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from reference import AMBIENT
+from scipy.optimize import brentq
 
 from cfd_pneumatic.model import Cylinder, ExtendedCylinder, Movement, OperatingPoints
 from cfd_pneumatic.model.effects import CORES, EFFECTS, physical_core
@@ -130,3 +131,35 @@ def test_step_by_step_it_is_what_it_is_over_a_recording():
 def test_it_is_no_effect_and_covers_three():
     assert EFFECTS.keys().isdisjoint(CORES)
     assert set(CORES['physical_core'].covers) < EFFECTS.keys()
+
+
+def first_rates(cylinder, pressure, sensed, setpoint):
+    """Return the rates of outlet and sensed pressure in the first instant [Pa/s]."""
+    duration = 1e-7
+    begin = cylinder.begin(pressure, sensed, 0.0)
+    state = cylinder.step(begin, Movement(duration, duration, 0.0, 0.0), setpoint)
+    return (state.p - pressure) / duration, (state.p_f - sensed) / duration
+
+
+@pytest.mark.parametrize('share', [0.2, 1.0, 5.0])
+def test_a_silencer_is_a_second_orifice_in_a_row(share):
+    """Against the pressure between two orifices of ISO 6358 that pass the same flow, for a valve opened so far."""
+
+    def passed(opened, upstream, downstream):
+        beyond = max(downstream / upstream - 0.4, 0.0) / 0.6
+        return opened * upstream * math.sqrt(1.0 - beyond**2)
+
+    between = brentq(lambda p: passed(share, LEVEL, p) - passed(1.0, p, AMBIENT), AMBIENT, LEVEL)
+    expected = passed(1.0, between, AMBIENT) / passed(share, LEVEL, AMBIENT)
+    error = 2e4
+    own = [core(silencer=one) for one in (share / error, 0.0)]
+    muffled, free = (first_rates(ExtendedCylinder(GAINS, one, AMBIENT), LEVEL, LEVEL, LEVEL - error)[0] for one in own)
+    assert muffled / free == pytest.approx(expected, rel=0.05)
+
+
+@given(st.floats(1e2, 1e5), st.floats(1e-6, 1e-3))
+def test_the_entrance_of_the_tube_takes_its_share_with_the_square_of_the_flow(drop, entrance):
+    """The drop is the wall's, which goes with the flow, and the entrance's."""
+    _, rate = first_rates(ExtendedCylinder(GAINS, core(entrance=entrance), AMBIENT), LEVEL, LEVEL - drop, LEVEL)
+    along = rate * GAINS[3] * 2.0 * LEVEL / (2.0 * LEVEL - drop)
+    assert along + entrance * along**2 == pytest.approx(drop, rel=1e-3)
