@@ -87,7 +87,7 @@ def _drafted(law: Shape, name: str, where: str) -> str:
     names = [_NUMBERS[letter][0] for letter in formula.numbers]
     values = [f'{value:.6g}' for value in formula.numbers.values()]
     used = [one for one in ('exp', 'tanh', 'wave') if f'{one}(' in formula.code]
-    units = {'a': law.unit.replace('1', '-', 1) if law.unit == '1' else law.unit}
+    units = {'a': '-' if law.unit == '1' else law.unit}
     parameters = '\n'.join(_parameter(letter, units.get(letter, law.unit_against), law) for letter in formula.numbers)
     return _FILE.format(
         title=name.replace('_', ' ').capitalize(),

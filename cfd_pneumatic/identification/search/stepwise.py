@@ -194,7 +194,6 @@ class Search:
         """Return what is found after a first effect."""
         trials: tuple[Trial, ...] = ()
         ranking: dict[str, dict[str, Candidate]] = {}
-        model = self.begin
         while True:
             trials += step.trials(lead)
             ranking[lead] = step.rivals(lead)

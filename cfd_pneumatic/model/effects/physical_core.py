@@ -32,7 +32,7 @@ IN_A_ROW = 2.5
 """
 Exponent with which the resistances of two orifices in a row add up [-].
 
-It is 2 where nothing chokes and 3 where all does (ISO 6358-3); in between, at two bar, flows are right within 3 %.
+It is 2 where nothing chokes and 3 where all does (ISO 6358-3); in between, flows are right within 5 %.
 """
 
 STARTING_SHARE = 1e-6
