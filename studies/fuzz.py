@@ -3,7 +3,7 @@ Inputs that are changed at random, each given to what reads it: `make fuzz`.
 
 Each kind has a process of its own. An input is valid, or a valid one with changes; one that gets somewhere new becomes
 a parent of further ones. A fault is an unexpected exception, a warning, more than ten seconds or a gigabyte, a valid
-input that is refused, a number that is none, and a bag that is read otherwise than by rosbags with nothing said. The
+input that is refused, a number that is none, and a message that rosbags reads and we do not, with nothing said. The
 inputs that led to the first fault at each place are left in `build/fuzz`.
 """
 

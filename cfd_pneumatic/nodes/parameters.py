@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, ParameterType
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, ParameterType, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -78,13 +78,20 @@ def wrong_type(node: Node, parameters: Sequence[Parameter]) -> str | None:
     return None
 
 
-def warn_of_undeclared(node: Node) -> None:
-    """Warn of parameters that were given to a node and that it does not have; rclpy is silent on them."""
+def keep_to_declared(node: Node) -> None:
+    """Warn of parameters that were given to a node and that it does not have, and take none without a name."""
     for name in node._parameter_overrides:
         if not node.has_parameter(name):
             near = get_close_matches(name, node._parameters, n=1)
             hint = f': did you mean {near[0]}?' if near else ''
             node.get_logger().warning(f'parameter {name} is none of this node, and has no effect{hint}')
+    node.add_on_set_parameters_callback(_refuse_nameless)
+
+
+def _refuse_nameless(parameters: Sequence[Parameter]) -> SetParametersResult:
+    """Refuse what rclpy takes for declared, of any type and value."""
+    named = all(parameter.name for parameter in parameters)
+    return SetParametersResult(successful=named, reason='' if named else 'a parameter has a name')
 
 
 def declare_device(node: Node) -> None:

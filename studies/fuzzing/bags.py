@@ -196,7 +196,7 @@ def theirs(path: Path) -> Found | None:
     try:
         with (Ros1Reader if path.suffix == '.bag' else Ros2Reader)(path) as reader:
             for connection, time, payload in reader.messages():
-                found[f'/{connection.topic.lstrip("/")}'].append((time, bytes(payload)))
+                found[f'/{connection.topic.lstrip("/")}'].append((int(time), bytes(payload)))  # SQLite takes any type
     except Exception:  # whatever damage makes it stumble over
         return None
     return by_time(found)
@@ -265,8 +265,8 @@ class Bags(Kind):
             with Bag(path) as bag:
                 self._opened = True
                 found, notes = ours(bag), bag.notes
-        except InputError:
-            if expected == written.messages and self._changes:
+        except InputError as error:
+            if expected == written.messages and self._changes and 'aliases' not in str(error):
                 raise Fault('refused, though the bag is whole and rosbags reads it') from None
             raise
         if one.whole and notes:
@@ -276,7 +276,7 @@ class Bags(Kind):
         if (
             not notes
             and found != written.messages
-            and any(found.get(topic) != messages for topic, messages in (expected or {}).items())
+            and not all(set(messages) <= set(found.get(topic, ())) for topic, messages in (expected or {}).items())
         ):
             raise Fault(f'{_count(found)} messages where rosbags reads {_count(expected or {})}, and nothing is said')
         if written.checked and not all(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
@@ -123,6 +124,12 @@ def test_a_parameter_that_nobody_declared_is_warned_about(graph: Graph, tmp_path
             assert 'cylinder_a.taau is none of this node, and has no effect: did you mean cylinder_a.tau?' in (
                 process.stderr
             )
+
+
+def test_a_parameter_without_a_name_is_refused(graph: Graph) -> None:
+    namespace = unique_namespace()
+    with graph.run('sim_node', ros_arguments(namespace, {})):
+        assert not graph.set(f'{namespace}/sim_node', **{'': math.nan}).successful
 
 
 def test_without_a_home_it_ends_in_one_line() -> None:
