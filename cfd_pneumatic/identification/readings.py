@@ -24,7 +24,7 @@ from cfd_pneumatic.identification.data.options import AUTO, Options
 from cfd_pneumatic.identification.data.split import split_recordings
 from cfd_pneumatic.identification.fit.fit import Fit, search
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
-from cfd_pneumatic.identification.residual.tests import explained
+from cfd_pneumatic.identification.residual.tests import explained, follows_inputs
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.notices import Notice, warning
@@ -64,9 +64,11 @@ def other_reading(recordings: Sequence[Recording], options: Options) -> Notice |
 
 
 def other_reference(result: ChannelResult, options: Options) -> Iterator[Notice]:
-    """Ask whether a pressure that is not explained is so with an atmosphere less, or with one more."""
+    """Ask whether a pressure that still depends on the inputs is explained with an atmosphere less, or with one more."""
     conclusion = result.conclusion
-    if options.core != AUTO or conclusion is None or explained(conclusion.tests_after) or not result.channel.cores:
+    if options.core != AUTO or conclusion is None or not result.channel.cores:
+        return
+    if not follows_inputs(conclusion.tests_after):
         return
 
     def by_core(experiments: Sequence[Experiment]) -> tuple[bool, float]:

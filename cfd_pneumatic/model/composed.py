@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint 6425ee7e520167fa; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint d7527fcb0a8412a5; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -124,61 +124,62 @@ A61 = 75 * COUNT
 A62 = 76 * COUNT
 A63 = 77 * COUNT
 A64 = 78 * COUNT
+A65 = 79 * COUNT
 # what each lane's set-point lies above the common one [Pa]
-OFFSET = 79 * COUNT
+OFFSET = 80 * COUNT
 # states and rates of a stage of Runge and Kutta, and the rates' weighted sum
-S0 = 80 * COUNT
-S1 = 81 * COUNT
-S2 = 82 * COUNT
-S3 = 83 * COUNT
-S4 = 84 * COUNT
-S5 = 85 * COUNT
-S6 = 86 * COUNT
-S7 = 87 * COUNT
-S8 = 88 * COUNT
-S9 = 89 * COUNT
-S10 = 90 * COUNT
-S11 = 91 * COUNT
-K0 = 92 * COUNT
-K1 = 93 * COUNT
-K2 = 94 * COUNT
-K3 = 95 * COUNT
-K4 = 96 * COUNT
-K5 = 97 * COUNT
-K6 = 98 * COUNT
-K7 = 99 * COUNT
-K8 = 100 * COUNT
-K9 = 101 * COUNT
-K10 = 102 * COUNT
-K11 = 103 * COUNT
-SUM0 = 104 * COUNT
-SUM1 = 105 * COUNT
-SUM2 = 106 * COUNT
-SUM3 = 107 * COUNT
-SUM4 = 108 * COUNT
-SUM5 = 109 * COUNT
-SUM6 = 110 * COUNT
-SUM7 = 111 * COUNT
-SUM8 = 112 * COUNT
-SUM9 = 113 * COUNT
-SUM10 = 114 * COUNT
-SUM11 = 115 * COUNT
+S0 = 81 * COUNT
+S1 = 82 * COUNT
+S2 = 83 * COUNT
+S3 = 84 * COUNT
+S4 = 85 * COUNT
+S5 = 86 * COUNT
+S6 = 87 * COUNT
+S7 = 88 * COUNT
+S8 = 89 * COUNT
+S9 = 90 * COUNT
+S10 = 91 * COUNT
+S11 = 92 * COUNT
+K0 = 93 * COUNT
+K1 = 94 * COUNT
+K2 = 95 * COUNT
+K3 = 96 * COUNT
+K4 = 97 * COUNT
+K5 = 98 * COUNT
+K6 = 99 * COUNT
+K7 = 100 * COUNT
+K8 = 101 * COUNT
+K9 = 102 * COUNT
+K10 = 103 * COUNT
+K11 = 104 * COUNT
+SUM0 = 105 * COUNT
+SUM1 = 106 * COUNT
+SUM2 = 107 * COUNT
+SUM3 = 108 * COUNT
+SUM4 = 109 * COUNT
+SUM5 = 110 * COUNT
+SUM6 = 111 * COUNT
+SUM7 = 112 * COUNT
+SUM8 = 113 * COUNT
+SUM9 = 114 * COUNT
+SUM10 = 115 * COUNT
+SUM11 = 116 * COUNT
 # the piston's displacement [m] and speed [m/s], the set-point [Pa], and what the pressure sensor reads [Pa]
-X = 116 * COUNT
-RATE = 117 * COUNT
-SETPOINT = 118 * COUNT
-SIGNAL = 119 * COUNT
+X = 117 * COUNT
+RATE = 118 * COUNT
+SETPOINT = 119 * COUNT
+SIGNAL = 120 * COUNT
 
-SIZE = 120 * COUNT
+SIZE = 121 * COUNT
 """Length of the array of rows."""
 
 STATE_ROWS = slice(0, 14)
 """Rows of the states: pressures p and p_f, those of the effects, displacements followed and measured last."""
 
-PARAMETER_ROWS = slice(14, 79)
+PARAMETER_ROWS = slice(14, 80)
 """Rows of the parameters: the gains, then those of the effects."""
 
-OFFSET_ROW = 79
+OFFSET_ROW = 80
 """Row of what each lane's set-point lies above the common one [Pa]."""
 
 SIGNAL_ROW = SIGNAL // COUNT
@@ -202,17 +203,16 @@ def valve_error(moment, w, on):
     """Return the valves' error, from the set-point that acts [Pa]."""
     target = moment.setpoint
     if on[4]:
-        target = set_point_drift.setpoint(target, moment, load(w, A21))
+        target = set_point_drift.setpoint(target, moment, load(w, A22))
     if on[7]:
-        target = supply_variation.setpoint(target, moment, load(w, A24), load(w, A25), load(w, A26))
+        target = supply_variation.setpoint(target, moment, load(w, A25), load(w, A26), load(w, A27))
     if on[9]:
-        target = droop.setpoint(target, moment, load(w, S4), load(w, A28), load(w, A29))
+        target = droop.setpoint(target, moment, load(w, S4), load(w, A29), load(w, A30))
     if on[19]:
         target = curve.setpoint(
             target,
             moment,
             load(w, S10),
-            load(w, A47),
             load(w, A48),
             load(w, A49),
             load(w, A50),
@@ -229,6 +229,7 @@ def valve_error(moment, w, on):
             load(w, A61),
             load(w, A62),
             load(w, A63),
+            load(w, A64),
         )
     return target - load(w, S1)
 
@@ -256,17 +257,17 @@ def slopes(time, ambient, w, on):
             load(w, A14),
             load(w, A15),
             load(w, A16),
+            load(w, A17),
         )
     if on[2]:
-        gain = volume_variation.velocity_gain(gain, moment, load(w, A17))
+        gain = volume_variation.velocity_gain(gain, moment, load(w, A18))
     if on[3]:
-        gain = operating_point.velocity_gain(gain, moment, load(w, A18), load(w, A19), load(w, A20))
+        gain = operating_point.velocity_gain(gain, moment, load(w, A19), load(w, A20), load(w, A21))
     if on[19]:
         gain = curve.velocity_gain(
             gain,
             moment,
             load(w, S10),
-            load(w, A47),
             load(w, A48),
             load(w, A49),
             load(w, A50),
@@ -283,6 +284,7 @@ def slopes(time, ambient, w, on):
             load(w, A61),
             load(w, A62),
             load(w, A63),
+            load(w, A64),
         )
     swept = gain * rate
     moment = moment_of(time, x, rate, p, load(w, S1), swept, still, ambient, w)
@@ -303,13 +305,14 @@ def slopes(time, ambient, w, on):
             load(w, A14),
             load(w, A15),
             load(w, A16),
+            load(w, A17),
         )
     if on[8]:
-        error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A27))
+        error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A28))
     if on[15]:
-        error = valve_dead_band.error(error, moment, load(w, A41))
+        error = valve_dead_band.error(error, moment, load(w, A42))
     if on[17]:
-        error = nonlinear_valve.error(error, moment, load(w, A44))
+        error = nonlinear_valve.error(error, moment, load(w, A45))
     flow = where(error > 0.0, load(w, A1), load(w, A2)) * error
     if on[0]:
         flow = flow_saturation.flow(flow, moment, load(w, A4), load(w, A5))
@@ -329,21 +332,21 @@ def slopes(time, ambient, w, on):
             load(w, A14),
             load(w, A15),
             load(w, A16),
+            load(w, A17),
         )
     if on[2]:
-        flow = volume_variation.flow(flow, moment, load(w, A17))
+        flow = volume_variation.flow(flow, moment, load(w, A18))
     if on[3]:
-        flow = operating_point.flow(flow, moment, load(w, A18), load(w, A19), load(w, A20))
+        flow = operating_point.flow(flow, moment, load(w, A19), load(w, A20), load(w, A21))
     if on[18]:
-        (rate9,) = line_restriction.evolve(moment, flow, load(w, S9), load(w, A45), load(w, A46))
+        (rate9,) = line_restriction.evolve(moment, flow, load(w, S9), load(w, A46), load(w, A47))
         store(w, K9, rate9)
-        flow = line_restriction.flow(flow, moment, load(w, S9), load(w, A45), load(w, A46))
+        flow = line_restriction.flow(flow, moment, load(w, S9), load(w, A46), load(w, A47))
     if on[19]:
         (rate10,) = curve.evolve(
             moment,
             flow,
             load(w, S10),
-            load(w, A47),
             load(w, A48),
             load(w, A49),
             load(w, A50),
@@ -360,13 +363,13 @@ def slopes(time, ambient, w, on):
             load(w, A61),
             load(w, A62),
             load(w, A63),
+            load(w, A64),
         )
         store(w, K10, rate10)
         flow = curve.flow(
             flow,
             moment,
             load(w, S10),
-            load(w, A47),
             load(w, A48),
             load(w, A49),
             load(w, A50),
@@ -383,15 +386,16 @@ def slopes(time, ambient, w, on):
             load(w, A61),
             load(w, A62),
             load(w, A63),
+            load(w, A64),
         )
     if on[20]:
-        flow = heat_transfer.flow(flow, moment, load(w, S11), load(w, A64))
+        flow = heat_transfer.flow(flow, moment, load(w, S11), load(w, A65))
     if on[9]:
-        (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A28), load(w, A29))
+        (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A29), load(w, A30))
         store(w, K4, rate4)
     outlet = p
     if on[18]:
-        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), load(w, A45), load(w, A46))
+        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), load(w, A46), load(w, A47))
     tau = load(w, A3)
     if on[1]:
         tau = physical_core.time_constant(
@@ -409,9 +413,10 @@ def slopes(time, ambient, w, on):
             load(w, A14),
             load(w, A15),
             load(w, A16),
+            load(w, A17),
         )
     if on[3]:
-        tau = operating_point.time_constant(tau, moment, load(w, A18), load(w, A19), load(w, A20))
+        tau = operating_point.time_constant(tau, moment, load(w, A19), load(w, A20), load(w, A21))
     sensing = (outlet - load(w, S1)) / tau
     moment = moment_of(time, x, rate, p, load(w, S1), swept, sensing, ambient, w)
     chamber = flow - swept
@@ -431,6 +436,7 @@ def slopes(time, ambient, w, on):
             load(w, A14),
             load(w, A15),
             load(w, A16),
+            load(w, A17),
         )
         store(w, K2, rate2)
         chamber = physical_core.chamber(
@@ -448,19 +454,19 @@ def slopes(time, ambient, w, on):
             load(w, A14),
             load(w, A15),
             load(w, A16),
+            load(w, A17),
         )
     if on[10]:
-        chamber = leakage.chamber(chamber, moment, load(w, A30), load(w, A31))
+        chamber = leakage.chamber(chamber, moment, load(w, A31), load(w, A32))
     if on[11]:
         chamber = positional_leakage.chamber(
-            chamber, moment, load(w, A32), load(w, A33), load(w, A34), load(w, A35), load(w, A36), load(w, A37)
+            chamber, moment, load(w, A33), load(w, A34), load(w, A35), load(w, A36), load(w, A37), load(w, A38)
         )
     if on[19]:
         chamber = curve.chamber(
             chamber,
             moment,
             load(w, S10),
-            load(w, A47),
             load(w, A48),
             load(w, A49),
             load(w, A50),
@@ -477,30 +483,30 @@ def slopes(time, ambient, w, on):
             load(w, A61),
             load(w, A62),
             load(w, A63),
+            load(w, A64),
         )
     if on[20]:
-        (rate11,) = heat_transfer.evolve(moment, chamber, load(w, S11), load(w, A64))
+        (rate11,) = heat_transfer.evolve(moment, chamber, load(w, S11), load(w, A65))
         store(w, K11, rate11)
-        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), load(w, A64))
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), load(w, A65))
     signal = p
     if on[14]:
-        (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A40))
+        (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A41))
         store(w, K6, rate6)
-        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A40))
+        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A41))
     if on[16]:
         (
             rate7,
             rate8,
-        ) = line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), load(w, A42), load(w, A43))
+        ) = line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), load(w, A43), load(w, A44))
         store(w, K7, rate7)
         store(w, K8, rate8)
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A42), load(w, A43))
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A43), load(w, A44))
     if on[19]:
         signal = curve.signal(
             signal,
             moment,
             load(w, S10),
-            load(w, A47),
             load(w, A48),
             load(w, A49),
             load(w, A50),
@@ -517,6 +523,7 @@ def slopes(time, ambient, w, on):
             load(w, A61),
             load(w, A62),
             load(w, A63),
+            load(w, A64),
         )
     store(w, K0, chamber)
     store(w, K1, sensing)
@@ -669,8 +676,9 @@ def leave_behind_valve_hysteresis(time, ambient, w, on):
             load(w, A14),
             load(w, A15),
             load(w, A16),
+            load(w, A17),
         )
-    error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A27))
+    error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A28))
     store(w, Y3, error)
     store(w, S3, error)
 
@@ -686,11 +694,11 @@ def follow(time, x, h, ambient, w, on):
     still = 0.0 * rate
     moment = moment_of(time, x_followed, rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
     if on[5]:
-        x_followed = displacement_delay.displacement(x_followed, moment, load(w, A22))
+        x_followed = displacement_delay.displacement(x_followed, moment, load(w, A23))
     if on[6]:
-        x_followed = displacement_lag.displacement(x_followed, moment, load(w, A23))
+        x_followed = displacement_lag.displacement(x_followed, moment, load(w, A24))
     if on[13]:
-        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), load(w, A39))
+        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), load(w, A40))
         store(w, Y5, x_followed)
     store(w, RATE, (x_followed - last) / h)
     store(w, X, last)
@@ -705,15 +713,14 @@ def read(time, ambient, w, on):
     moment = moment_of(time, load(w, X), rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
     signal = load(w, Y0)
     if on[14]:
-        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A40))
+        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A41))
     if on[16]:
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A42), load(w, A43))
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A43), load(w, A44))
     if on[19]:
         signal = curve.signal(
             signal,
             moment,
             load(w, S10),
-            load(w, A47),
             load(w, A48),
             load(w, A49),
             load(w, A50),
@@ -730,6 +737,7 @@ def read(time, ambient, w, on):
             load(w, A61),
             load(w, A62),
             load(w, A63),
+            load(w, A64),
         )
     store(w, SIGNAL, signal)
 

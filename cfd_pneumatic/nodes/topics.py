@@ -23,6 +23,7 @@ except ImportError:  # before Jazzy
     from rclpy.qos_event import SubscriptionEventCallbacks
 
 _WAIT = 500_000_000  # longer no sample should wait for its callback [ns]
+_SHORT = 50_000_000  # until they wait no longer than this, once too many wait [ns]
 _STANDING = 1_000_000_000  # for so long all may, as behind a process that stood still [ns]
 _KEPT = 10  # of so many samples one is taken while they wait for longer
 
@@ -147,16 +148,19 @@ class Queue:
     def __init__(self) -> None:
         """Begin with none."""
         self._since: int | None = None
+        self._stands = False
 
     def stands(self, received: int) -> bool:
-        """Return whether messages have waited too long for too long; this one since it was received [ns]."""
+        """Return whether messages have waited too long for too long, this one since it was received [ns]."""
         now = time.time_ns()
-        if now - received <= _WAIT or not received:  # else the middleware does not tell
-            self._since = None
+        enough = _SHORT if self._stands else _WAIT
+        if now - received <= enough or not received:  # else the middleware does not tell
+            self._since, self._stands = None, False
             return False
         if self._since is None:
             self._since = now
-        return now - self._since > _STANDING
+        self._stands = now - self._since > _STANDING
+        return self._stands
 
 
 @contextmanager

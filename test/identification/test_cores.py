@@ -27,7 +27,7 @@ def rms(result):
     ('make', 'schedule'),
     [
         ('orifices', 'surface_following'),
-        *((make, 'out_and_back') for make in ('walls', 'subsonic', 'silencer', 'drilled')),
+        *((make, 'out_and_back') for make in ('walls', 'subsonic', 'silencer', 'drilled', 'stirred_walls')),
     ],
 )
 def test_full_physics_is_no_missing_effect(make, schedule):

@@ -51,6 +51,19 @@ def test_walls_make_it_isothermal_in_the_end():
     assert squeezed(core(exponent=1.4, wall_loss=20.0), 0.01, 1e-3, rest=2.0) == pytest.approx(expected, rel=3e-3)
 
 
+@pytest.mark.parametrize('speed', [-0.2, 0.05])
+def test_motion_stirs_what_the_walls_take_up(speed):
+    """At one speed walls that are stirred take up as much as better ones that are not."""
+    better = 20.0 * math.hypot(1.0, 10.0 * speed)
+    stirred, still = core(exponent=1.4, wall_loss=20.0, stirring=10.0), core(exponent=1.4, wall_loss=better)
+    duration = 0.01 / abs(speed)
+    travel = speed * duration
+    assert squeezed(stirred, travel, duration) == pytest.approx(squeezed(still, travel, duration), rel=1e-6)
+    assert squeezed(stirred, travel, duration) != pytest.approx(
+        squeezed(core(exponent=1.4), travel, duration), rel=1e-3
+    )
+
+
 def test_where_the_gains_hold_it_is_the_papers_linear_law():
     """What it makes of a small motion differs from the linear model in second order only."""
     times = np.arange(0.0, 0.5, 1e-3)

@@ -35,6 +35,12 @@ Exponent with which the resistances of two orifices in a row add up [-].
 It is 2 where nothing chokes and 3 where all does (ISO 6358-3); in between, flows are right within 5 %.
 """
 
+STARTING_STIRRING = 3.0
+"""Motion that hardly adds to the walls, which a search starts from [s/m]."""
+
+FAST = 0.3
+"""A speed that pistons of such devices hardly exceed [m/s]."""
+
 STARTING_SHARE = 1e-6
 """A silencer and an entrance that hardly matter, which a search starts from [1/Pa]."""
 
@@ -54,8 +60,15 @@ def density(moment, pressure, position, exponent):
 
 
 @kernel
+def taken_up(moment, loss, stirring):
+    """Return the inverse of the walls' time constant [1/s]: free and forced convection add up as roots of squares."""
+    forced = stirring * moment.rate
+    return loss * math.sqrt(1.0 + forced * forced)
+
+
+@kernel
 def error(
-    value, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control, silencer, entrance
+    value, moment, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
 ):
     """Return the error [Pa] that would let as much out if no silencer stood behind the relief valve."""
     throttled = silencer * max(-value, 0.0)
@@ -64,29 +77,29 @@ def error(
 
 @kernel
 def velocity_gain(
-    k_x, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control, silencer, entrance
+    k_x, moment, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
 ):
     """Return K_x [Pa/m] at a pressure and in a volume, equation (11)."""
-    return k_x * (moment.p / pressure) * density(moment, pressure, position, exponent)
+    return k_x * (moment.p / pressure) * density(moment, pressure, position, n)
 
 
 @kernel
 def flow(
-    value, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control, silencer, entrance
+    value, moment, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
 ):
     """Return the pressure rate that the flow makes [Pa/s], equations (1), (3) and (11)."""
     exhausts = value < 0.0
-    here = passed(where(exhausts, moment.p, supply), where(exhausts, moment.ambient, moment.p), critical)
-    there = passed(where(exhausts, pressure, supply), where(exhausts, moment.ambient, pressure), critical)
+    here = passed(where(exhausts, moment.p, supply), where(exhausts, moment.ambient, moment.p), b)
+    there = passed(where(exhausts, pressure, supply), where(exhausts, moment.ambient, pressure), b)
     grown = power(moment.setpoint / pressure, where(exhausts, vents, opens))
     warm = where(exhausts, heat * loss / (loss + SLOWEST_LOSS), 0.0)
-    share = here * density(moment, pressure, position, exponent) * moment.p / (there * (moment.p - warm))
+    share = here * density(moment, pressure, position, n) * moment.p / (there * (moment.p - warm))
     return value * grown * share
 
 
 @kernel
 def time_constant(
-    tau, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control, silencer, entrance
+    tau, moment, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
 ):
     """Return tau [s]: inverse to the density in the aspirator tube, equation (4), longer where its entrance counts."""
     entering = math.sqrt(1.0 + 4.0 * entrance * abs(moment.p - moment.p_f))
@@ -95,20 +108,21 @@ def time_constant(
 
 @kernel
 def chamber(
-    rate, moment, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control, silencer, entrance
+    rate, moment, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
 ):
     """Return the outlet pressure's rate [Pa/s]: the control chamber draws on it, the walls cool it."""
-    dense = density(moment, pressure, position, exponent)
-    return rate - control * moment.sensing * dense - heat_transfer.cooling(moment, heat, loss * dense)
+    dense = density(moment, pressure, position, n)
+    walls = dense * taken_up(moment, loss, stirring)
+    return rate - control * moment.sensing * dense - heat_transfer.cooling(moment, heat, walls)
 
 
 @kernel
 def evolve(
-    moment, rate, heat, pressure, position, supply, critical, opens, vents, exponent, loss, control, silencer, entrance
+    moment, rate, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
 ):
     """Return the rate at which pressure due to temperature builds up and goes [Pa/s]."""
-    dense = density(moment, pressure, position, exponent)
-    return (heat_transfer.warming(moment, rate, heat, loss * dense, exponent),)
+    dense = density(moment, pressure, position, n)
+    return (heat_transfer.warming(moment, rate, heat, dense * taken_up(moment, loss, stirring), n),)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
@@ -116,7 +130,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     position, pressure = 0.5 * (data['x_low'] + data['x_high']), data['level']
     supply = 2.0 * data['highest_pressure']
     return [
-        (pressure, position, supply, *EFFECT.null[3:7], loss, 0.01, STARTING_SHARE, STARTING_SHARE)
+        (pressure, position, supply, *EFFECT.null[3:7], loss, 0.01, STARTING_SHARE, STARTING_SHARE, STARTING_STIRRING)
         for loss in STARTING_LOSSES
     ]
 
@@ -131,7 +145,8 @@ def quickens(pressure: float, x: float, *own: float) -> float:
 
 def fastest(*own: float) -> float:
     """Return the inverse of the walls' time constant [1/s]."""
-    return own[7]
+    loss, stirring = own[7], own[11]
+    return loss * math.hypot(1.0, stirring * FAST)
 
 
 EFFECT = Effect(
@@ -204,6 +219,14 @@ EFFECT = Effect(
             1e-3,
             0.0,
             "inverse of the drop at which the aspirator tube's entrance takes as much as its wall",
+        ),
+        EffectParameter(
+            'stirring',
+            's/m',
+            0.0,
+            100.0,
+            0.0,
+            'inverse of the speed from which motion stirs the air more than warmth does',
         ),
     ),
     starts=starts,
