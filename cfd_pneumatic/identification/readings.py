@@ -64,7 +64,7 @@ def other_reading(recordings: Sequence[Recording], options: Options) -> Notice |
 
 
 def other_reference(result: ChannelResult, options: Options) -> Iterator[Notice]:
-    """Ask whether a pressure that still depends on the inputs is explained with an atmosphere less, or with one more."""
+    """Ask whether a pressure that still follows the inputs is explained with an atmosphere less, or with one more."""
     conclusion = result.conclusion
     if options.core != AUTO or conclusion is None or not result.channel.cores:
         return
