@@ -22,7 +22,7 @@ try:
 except ImportError:  # before Jazzy
     from rclpy.qos_event import SubscriptionEventCallbacks
 
-_WAIT = 500_000_000  # longer no sample should wait for its callback [ns]
+_WAIT = 200_000_000  # longer no sample should wait for its callback [ns]
 _SHORT = 50_000_000  # until they wait no longer than this, once too many wait [ns]
 _STANDING = 1_000_000_000  # for so long all may, as behind a process that stood still [ns]
 _KEPT = 10  # of so many samples one is taken while they wait for longer
