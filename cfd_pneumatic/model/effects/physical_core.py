@@ -38,8 +38,8 @@ It is 2 where nothing chokes and 3 where all does (ISO 6358-3); in between, flow
 STARTING_STIRRING = 3.0
 """Motion that hardly adds to the walls, which a search starts from [s/m]."""
 
-FAST = 0.3
-"""A speed that pistons of such devices hardly exceed [m/s]."""
+FAST = 0.1
+"""A speed that pistons of such devices exceed in brief strokes only, too brief for steps to be shortened [m/s]."""
 
 STARTING_SHARE = 1e-6
 """A silencer and an entrance that hardly matter, which a search starts from [1/Pa]."""
@@ -224,7 +224,7 @@ EFFECT = Effect(
             'stirring',
             's/m',
             0.0,
-            100.0,
+            50.0,
             0.0,
             'inverse of the speed from which motion stirs the air more than warmth does',
         ),
