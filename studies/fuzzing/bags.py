@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import struct
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from itertools import chain
@@ -276,7 +276,7 @@ class Bags(Kind):
         if (
             not notes
             and found != written.messages
-            and not all(set(messages) <= set(found.get(topic, ())) for topic, messages in (expected or {}).items())
+            and any(Counter(messages) - Counter(found.get(topic, ())) for topic, messages in (expected or {}).items())
         ):
             raise Fault(f'{_count(found)} messages where rosbags reads {_count(expected or {})}, and nothing is said')
         if written.checked and not all(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from contextlib import ExitStack
 
 import numpy as np
@@ -11,6 +12,7 @@ from graph import Graph, ros_arguments
 
 from cfd_pneumatic.convention import MONITOR_INPUTS, SIM_INPUTS
 from cfd_pneumatic.model import TABLE_1
+from cfd_pneumatic.nodes.topics import Queue
 from cfd_pneumatic.rig import SCHEDULES, schedule_named
 from studies.layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
 
@@ -53,3 +55,17 @@ def test_what_the_layout_of_a_cell_shows_is_published(cell):
     panels = json.loads((FOLDER / 'cell.foxglove.json').read_text(encoding='utf-8'))['configById'].values()
     shown = dict(path['value'].split('.', 1) for panel in panels for path in panel.get('paths', ()))
     assert {topic: FOXED[published[topic][0]] for topic in shown} == shown
+
+
+def test_what_waits_too_long_is_shed_until_little_waits():
+    queue = Queue()
+
+    def stands(waited: float) -> bool:
+        return queue.stands(time.time_ns() - round(waited * 1e9))
+
+    assert not stands(0.3)  # as behind a process that stood still
+    time.sleep(1.1)
+    assert stands(0.3)
+    assert stands(0.1)
+    assert not stands(0.0)
+    assert not stands(0.1)
