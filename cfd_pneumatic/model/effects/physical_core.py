@@ -39,7 +39,7 @@ STARTING_STIRRING = 3.0
 """Motion that hardly adds to the walls, which a search starts from [s/m]."""
 
 FAST = 0.1
-"""A speed that pistons of such devices exceed in brief strokes only, too brief for steps to be shortened [m/s]."""
+"""Speed from which on motion stirs no more: it says how short steps have to be [m/s]."""
 
 STARTING_SHARE = 1e-6
 """A silencer and an entrance that hardly matter, which a search starts from [1/Pa]."""
@@ -62,7 +62,7 @@ def density(moment, pressure, position, exponent):
 @kernel
 def taken_up(moment, loss, stirring):
     """Return the inverse of the walls' time constant [1/s]: free and forced convection add up as roots of squares."""
-    forced = stirring * moment.rate
+    forced = stirring * min(abs(moment.rate), FAST)
     return loss * math.sqrt(1.0 + forced * forced)
 
 
