@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from distributed.utils import LoopRunner
 
 from cfd_pneumatic.commands.dask_certificate import main as dask_certificate
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
@@ -91,6 +92,20 @@ def test_who_has_the_certificate_is_let_in_and_nobody_else(scheduler, certificat
         for other in (None, tmp_path / 'another'):
             with pytest.raises(InputError, match='no Dask scheduler answers'), existing_cluster(address, other):
                 pass
+
+
+def test_a_thread_of_dask_s_that_is_late_to_begin_is_begun_again(scheduler, certificate, monkeypatch):
+    begin, late = LoopRunner._start_unlocked, [True, True]
+
+    def begin_late(runner: LoopRunner) -> None:
+        if late:
+            assert not late.pop()  # what Dask does after ten seconds
+        begin(runner)
+
+    monkeypatch.setattr(LoopRunner, '_start_unlocked', begin_late)
+    with existing_cluster(scheduler, certificate) as client:
+        assert client.submit(os.getpid).result(PATIENCE) != os.getpid()
+    assert not late
 
 
 def test_bags_are_identified_on_it(scheduler, certificate, tmp_path, capsys):
