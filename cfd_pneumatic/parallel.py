@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from threading import Event, current_thread, main_thread
+from contextlib import contextmanager
+from threading import Event, Lock, local
 from typing import TypeVar
 
 LIMIT = 'OMP_NUM_THREADS'
@@ -25,43 +27,76 @@ def threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
 
 
-_interrupted = Event()
+class _Crew:
+    """The threads that are at work."""
+
+    def __init__(self) -> None:
+        self._size = 1
+        self._lock = Lock()
+
+    @property
+    def idle(self) -> int:
+        """How many cores have nothing to do."""
+        return max(threads() - self._size, 0)
+
+    @contextmanager
+    def with_more(self, number: int) -> Iterator[None]:
+        """Count so many more threads meanwhile."""
+        self._change(number)
+        try:
+            yield
+        finally:
+            self._change(-number)
+
+    def _change(self, by: int) -> None:
+        with self._lock:
+            self._size += by
+
+
+_crew = _Crew()
+_here = local()  # `stop`: the event that ends the work that this thread has a share in
 
 
 def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """
     Return the work's results in the order of its items; compiled functions let other threads run meanwhile.
 
-    Work may share out its own. An interrupt comes to the main thread alone: the others end before their next item.
+    Work may share out its own, to cores that are idle by then. An interrupt comes to the main thread alone: the others
+    end before their next item.
     """
     pending = list(items)
-    workers = min(threads(), len(pending))
+    results: dict[int, Result] = {}
+    left = iter(range(len(pending)))
+    stop: Event = getattr(_here, 'stop', None) or Event()
 
-    def unless_interrupted(item: Item) -> Result:
-        if _interrupted.is_set():
-            raise KeyboardInterrupt
-        return work(item)
+    def share() -> None:
+        for place in left:
+            if stop.is_set():
+                raise KeyboardInterrupt
+            results[place] = work(pending[place])
 
-    if workers < 2:
-        return list(map(unless_interrupted, pending))
-    try:
-        with ThreadPoolExecutor(workers) as pool:
-            futures: list[Future[Result]] = []
-            try:
-                futures += [pool.submit(unless_interrupted, item) for item in pending]
-                return [_result_of(future) for future in futures]
-            except KeyboardInterrupt:
-                _interrupted.set()
-                raise
-            finally:
-                for future in futures:
-                    future.cancel()
-    finally:
-        if current_thread() is main_thread():
-            _interrupted.clear()
+    def help_out() -> None:
+        _here.stop = stop
+        with _crew.with_more(1):
+            share()
+
+    helpers = min(len(pending), _crew.idle + 1)
+    if helpers < 2:
+        share()
+        return list(results.values())
+    with _crew.with_more(-1), ThreadPoolExecutor(helpers) as pool:  # this thread only waits
+        try:
+            for one in [pool.submit(help_out) for _ in range(helpers)]:
+                _wait_for(one)
+        except KeyboardInterrupt:
+            stop.set()
+            raise
+        finally:
+            deque(left, maxlen=0)  # after an error nobody goes on
+    return [results[place] for place in range(len(pending))]
 
 
-def _result_of(future: Future[Result]) -> Result:
-    while not future.done():
-        wait([future], _GLANCE)
-    return future.result()
+def _wait_for(share: Future[None]) -> None:
+    while not share.done():
+        wait([share], _GLANCE)
+    share.result()

@@ -27,6 +27,7 @@ from cfd_pneumatic.model.composed import (
 from cfd_pneumatic.model.effects import MODULES, PRESSURE_PARTS, Effect
 from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.model.places import FOLLOWED, MEASURED, PLACES, STATES, all_parameters, switches
+from cfd_pneumatic.parallel import each
 
 Array = NDArray[np.float64]
 
@@ -140,18 +141,28 @@ class ExtendedCylinder:
     effects: Mapping[str, Sequence[float]]
     ambient_pressure: float
 
-    def stiffness(self, pressures: Sequence[float], displacements: Sequence[float]) -> float:
-        """Return the inverse of the fastest time constant [1/s] at extremes of pressure [Pa] and displacement [m]."""
-        fastest = quickest(self.gains)
+    def stiffness(self, pressures: Sequence[float], displacements: Sequence[float], speed: float) -> float:
+        """
+        Return the inverse of the fastest time constant [1/s].
+
+        Parameters
+        ----------
+        pressures, displacements
+            Extremes that are reached [Pa, m].
+        speed
+            The highest [m/s].
+
+        """
+        of_gains, of_effects = quickest(self.gains), [0.0]
         for name, own in self.effects.items():
-            quickens = PRESSURE_PARTS[name].quickens
-            if quickens is not None:
-                fastest *= max(1.0, *(quickens(p, x, *own) for p in pressures for x in displacements))
-        for name, own in self.effects.items():
-            rate = PRESSURE_PARTS[name].fastest
-            if rate is not None:
-                fastest = max(fastest, rate(*own))
-        return fastest / SLOWEST_CUT
+            effect, quicker = PRESSURE_PARTS[name], 1.0
+            if effect.quickens is not None:
+                k_x = float(self.gains[0])
+                quicker = max(1.0, *(effect.quickens(p, x, k_x, *own) for p in pressures for x in displacements))
+            of_gains *= quicker
+            if effect.fastest is not None:
+                of_effects.append(quicker * effect.fastest(speed, *own))
+        return max(of_gains, *of_effects) / SLOWEST_CUT
 
     @property
     def settling(self) -> float:
@@ -201,7 +212,7 @@ class ExtendedCylinder:
             movement.duration,
             setpoint,
             self.ambient_pressure,
-            self.stiffness((state.p, setpoint), (movement.begin, movement.end)),
+            self.stiffness((state.p, setpoint), (movement.begin, movement.end), abs(movement.rate)),
             numbers,
             switches(self.effects),
         )
@@ -242,15 +253,18 @@ class ExtendedCylinder:
 
         """
         parameters = all_parameters(self.gains, self.effects)[None]
-        stiffness = self.stiffness(*extremes(displacement, setpoint))
+        stiffness = self.stiffness(*extremes(times, displacement, setpoint))
         alone = SideBySide(self, parameters, np.zeros(1), np.array([start]), float(times[0]), stiffness, settles)
         return alone.follow(times, displacement, setpoint)[:, 0]
 
 
-def extremes(displacement: Array, setpoint: Array) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the extremes of the pressure [Pa] and the displacement [m] in a recording."""
+def extremes(
+    times: Array, displacement: Array, setpoint: Array
+) -> tuple[tuple[float, float], tuple[float, float], float]:
+    """Return the extremes of the pressure [Pa] and the displacement [m] in a recording, and the highest speed [m/s]."""
     pressures = _MARGIN_BELOW * float(np.min(setpoint)), _MARGIN_ABOVE * float(np.max(setpoint))
-    return pressures, (float(np.min(displacement)), float(np.max(displacement)))
+    speed = float(np.max(np.abs(np.diff(displacement) / np.diff(times)), initial=0.0))
+    return pressures, (float(np.min(displacement)), float(np.max(displacement))), speed
 
 
 def _rows(numbers: Array) -> Array:
@@ -313,10 +327,14 @@ class SideBySide:
                 self._resting(first, displacement[0], setpoint[0]) for first in range(0, len(self._parameters), COUNT)
             ]
         readings = np.empty((times.size, len(self._parameters)))
-        for rank, numbers in enumerate(self._groups):
+        ambient = self._cylinder.ambient_pressure
+
+        def run(rank: int) -> None:
             own = readings[:, rank * COUNT : (rank + 1) * COUNT]
-            ambient = self._cylinder.ambient_pressure
+            numbers = self._groups[rank]
             propagate(times, displacement, setpoint, self._begin, ambient, self._stiffness, numbers, self._on, own)
+
+        each(run, range(len(self._groups)))
         return readings
 
     def _resting(self, first: int, displacement: float, setpoint: float) -> Array:

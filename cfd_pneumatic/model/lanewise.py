@@ -36,8 +36,11 @@ def exp(x):
     inner = min(max(x, _LEAST), _MOST)
     whole = nearest(inner * (1.0 / _LN2))
     z = (inner - whole * _LN2_HIGH) - whole * _LN2_LOW
-    high = E6 + z * (E7 + z * (E8 + z * (E9 + z * (E10 + z * (E11 + z * (E12 + z * E13))))))
-    return (1.0 + z * (1.0 + z * (E2 + z * (E3 + z * (E4 + z * (E5 + z * high)))))) * power_of_two(whole)
+    z2 = z * z
+    z4 = z2 * z2
+    low = ((1.0 + z) + (E2 + E3 * z) * z2) + ((E4 + E5 * z) + (E6 + E7 * z) * z2) * z4
+    high = ((E8 + E9 * z) + (E10 + E11 * z) * z2) + (E12 + E13 * z) * z4
+    return (low + high * (z4 * z4)) * power_of_two(whole)
 
 
 @kernel
@@ -47,9 +50,12 @@ def log(x):
     m = mantissa(positive)
     s = (m - 1.0) / (m + 1.0)
     z = s * s
-    high = L11 + z * (L13 + z * (L15 + z * (L17 + z * (L19 + z * L21))))
-    low = s * (2.0 + z * (L3 + z * (L5 + z * (L7 + z * (L9 + z * high)))))
-    return where(x >= 0.0, exponent(positive) * _LN2 + low, math.nan)
+    z2 = z * z
+    z4 = z2 * z2
+    low = ((2.0 + L3 * z) + (L5 + L7 * z) * z2) + ((L9 + L11 * z) + (L13 + L15 * z) * z2) * z4
+    high = (L17 + L19 * z) + L21 * z2
+    series = s * (low + high * (z4 * z4))
+    return where(x >= 0.0, exponent(positive) * _LN2 + series, math.nan)
 
 
 @kernel

@@ -233,3 +233,16 @@ def test_an_unknown_with_less_than_a_millionth_of_anothers_influence_costs_no_mo
     alone = problem.jacobian(point)[:, 0] * (point[0] - truth[0])
     rounding = np.finfo(float).eps * 1e6
     assert total <= np.sum(alone**2) + 20.0 * rounding**2
+
+
+@pytest.mark.parametrize('start', [-3.0, -5.0, -8.0])
+def test_a_step_that_goes_far_too_far_is_soon_short_enough(start):
+    """Where a model hardly answers, the linearised one goes so far that the sum is beyond all bounds."""
+    problem = Counted(lambda point: np.exp(point) - 1.0, lambda point: np.exp(point)[:, None])
+    bounds = np.full(1, 50.0)
+    point, _ = minimum(problem, np.array([start]), -bounds, bounds, 1e-12, 100)
+    assert abs(point[0]) < 1e-9
+    totals = problem.totals()
+    risen = totals[1:] > np.minimum.accumulate(totals)[:-1]
+    longest = max(map(len, ''.join('x' if one else ' ' for one in risen).split()))
+    assert longest <= 3

@@ -19,7 +19,7 @@ from cfd_pneumatic.model.places import FORCE_PLACES, PLACES
 GAINS = TABLE_1.table[0, 1:]
 TIMES = np.arange(700) * 0.002
 STROKE = np.interp(TIMES, [0.1, 0.11, 0.7, 0.71], [0.0, 1.5e-3, 1.5e-3, 0.0])
-RANGES = ((AMBIENT, 2e5), (0.0, 1.5e-3))
+RANGES = ((AMBIENT, 2e5), (0.0, 1.5e-3), 0.1)
 SETPOINT = np.full(TIMES.size, AMBIENT + 5.0 * PSI)
 
 

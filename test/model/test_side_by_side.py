@@ -36,7 +36,7 @@ def test_side_by_side_each_is_as_it_is_alone(effects, count):
     rng = np.random.default_rng(11)
     rows, offsets, starts = strewn(effects, count, rng), rng.normal(0.0, 300.0, count), rng.normal(0.0, 300.0, count)
     cylinder = ExtendedCylinder(GAINS, effects, AMBIENT)
-    stiffness = cylinder.stiffness(*extremes(STROKE, SETPOINT))
+    stiffness = cylinder.stiffness(*extremes(TIMES, STROKE, SETPOINT))
     together = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness).follow(TIMES, STROKE, SETPOINT)
     assert together.shape == (TIMES.size, count)
     assert np.min(np.std(together, axis=1)) > 1.0, 'they differ'
@@ -50,7 +50,7 @@ def test_a_recording_in_pieces_is_followed_as_a_whole(effects):
     rng = np.random.default_rng(12)
     rows, offsets, starts = strewn(effects, 2, rng), rng.normal(0.0, 300.0, 2), rng.normal(0.0, 300.0, 2)
     cylinder = ExtendedCylinder(GAINS, effects, AMBIENT)
-    stiffness = cylinder.stiffness(*extremes(STROKE, SETPOINT))
+    stiffness = cylinder.stiffness(*extremes(TIMES, STROKE, SETPOINT))
     whole = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness).follow(TIMES, STROKE, SETPOINT)
     in_pieces = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness)
     for begin, end in pairwise([0, 1, 40, 41, TIMES.size - 1]):

@@ -183,7 +183,7 @@ class Pressure(Channel):
             offset, start = self.own_slots(index)
             found.append(Unknown('', 'Pa', offset, -np.inf, np.inf, scale))
             if any(one.index == index and one.whole and (anywhere or not one.starts_at_rest) for one in experiments):
-                found.append(Unknown('', 'Pa', start, -np.inf, np.inf, scale))
+                found.append(Unknown('', 'Pa', start, -np.inf, np.inf, scale, passing=True))
         return found
 
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
@@ -276,7 +276,7 @@ class Pressure(Channel):
             )
             for row in rows
         ]
-        reached = extremes(displacement, setpoint)
+        reached = extremes(experiment.times, displacement, setpoint)
         stiffest = max(one.stiffness(*reached) for one in cylinders)
         stiffness = min(stiffest, _MOST_STEPS / experiment.period)
         at_rest = experiment.whole and experiment.starts_at_rest

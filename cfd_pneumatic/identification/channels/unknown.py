@@ -36,6 +36,8 @@ class Unknown:
         In which it is about one [unit]; not used where it is searched in its logarithm.
     logarithmic
         Whether it is.
+    passing
+        Whether it is forgotten soon: where a recording began.
 
     """
 
@@ -46,6 +48,7 @@ class Unknown:
     upper: float
     scale: float
     logarithmic: bool = False
+    passing: bool = False
 
 
 def bounds_of(parameter: EffectParameter, experiments: Sequence[Experiment]) -> tuple[float, float]:

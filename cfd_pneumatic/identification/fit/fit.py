@@ -103,6 +103,7 @@ def search(
     evaluations: int,
     enough: float = 0.0,
     frozen: Iterable[str] = (),
+    passing: bool = True,
 ) -> Optimum:
     """
     Return the best model that is found from a start with its effects; those that are frozen keep their parameters.
@@ -110,7 +111,7 @@ def search(
     The search ends when the sum falls by less than a share `tolerance`, after so many evaluations, or when it is
     `enough`.
     """
-    unknowns = Unknowns(likelihood.channel, likelihood.experiments, start, frozen)
+    unknowns = Unknowns(likelihood.channel, likelihood.experiments, start, frozen, passing)
     if not unknowns.start.size:
         left = likelihood.residuals(likelihood.simulate(start))
         return Optimum(start, sum(float(run @ run) for run in left))

@@ -48,15 +48,22 @@ class Unknowns:
         Whose, and where the search begins.
     frozen
         Cores and effects whose parameters stay as they are.
+    passing
+        Whether what is forgotten soon is searched.
 
     """
 
     def __init__(
-        self, channel: Channel, experiments: Sequence[Experiment], model: Model, frozen: Iterable[str] = ()
+        self,
+        channel: Channel,
+        experiments: Sequence[Experiment],
+        model: Model,
+        frozen: Iterable[str] = (),
+        passing: bool = True,
     ) -> None:
         unknowns = channel.unknowns(experiments, model)
         stay = [slot for name in frozen for slot in channel.slots_of(name)]
-        self.table: list[Unknown] = [one for one in unknowns if one.slot not in stay]
+        self.table: list[Unknown] = [one for one in unknowns if one.slot not in stay and (passing or not one.passing)]
         self.count = len(unknowns)
         self.parts = tuple(model.parts)
         self.slots = np.array([one.slot for one in self.table], dtype=np.intp)

@@ -145,7 +145,9 @@ class Candidates:
         The core and the other effects stay as they are until a fit promises much.
         """
         known = candidate.model.parts
-        rough = _best_first(_fitted(begins, lambda one: search(self._excerpt, one, *_ROUGH, frozen=known)))
+        rough = _best_first(
+            _fitted(begins, lambda one: search(self._excerpt, one, *_ROUGH, frozen=known, passing=False))
+        )
         before = self._cost_of_excerpt(candidate)
         promising = self._rivals(candidate, rough, before)
         refined = {name: self._refined(rough[name], before) for name in promising}

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.stepwise import small_enough
 from cfd_pneumatic.model.effects.curve import AGAINST, CURVE, ENTERS, KNOTS
+from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.parallel import each
 
 Array = NDArray[np.float64]
@@ -276,11 +277,14 @@ def promises(candidates: Candidates, begin: Candidate) -> list[Promise]:
     share = independent_share(candidates.resting_coefficients(begin))
     units = np.eye(KNOTS)
 
-    def promise(slot: Slot) -> Promise:
-        changes = complement.changes(CURVE, [slot.parameters(slot.unit * unit) for unit in units])
-        return _promise(slot, residual, complement.left(changes), share)
+    def promised(some: Sequence[Slot]) -> list[Promise]:
+        starts = [slot.parameters(slot.unit * unit) for slot in some for unit in units]
+        changes = np.hsplit(complement.left(complement.changes(CURVE, starts)), len(some))
+        return [_promise(slot, residual, own, share) for slot, own in zip(some, changes)]
 
-    return sorted(each(promise, slots(candidates, begin)), key=lambda one: -one.evidence)
+    places = slots(candidates, begin)
+    together = [places[first : first + COUNT] for first in range(0, len(places), COUNT)]
+    return sorted(chain.from_iterable(each(promised, together)), key=lambda one: -one.evidence)
 
 
 def _promise(slot: Slot, residual: Array, changes: Array, share: float) -> Promise:

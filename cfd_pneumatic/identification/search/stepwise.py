@@ -37,7 +37,7 @@ _UNPROMISING = 'not fitted: as far as small changes tell, it takes no more than 
 _LEAST_BIC = 10.0  # by which an effect must lower the criterion
 _LEAST_BIC_UNSEEN = 20.0  # where there is no validation part to agree
 _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by each further one
-_LEAST_DROP_OF_MORE = 0.10  # of train or validation, where more than noise is left: little finds a name by chance
+_LEAST_DROP_OF_MORE = 0.10  # of train or validation, beside a core or more than noise: little finds a name by chance
 _BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
 _ALIKE = 1.05  # times an effect's error, at which a rival is named where more than noise is left
 _SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
@@ -231,8 +231,8 @@ class Search:
             reason = objection(gain, drop, len(model.effects), validation, reference)
             most = max(drop, _dropped(validation, reference))
             little = model.effects and most < _LEAST_DROP_OF_MORE
-            if reason is None and little and not explained(self.candidates.residual_tests(candidate)):
-                reason = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %, and more than noise is left'
+            if reason is None and little:
+                reason = self._too_little(candidate)
             objections[name] = reason
             trials[name] = Trial(name, gain, drop, validation, False, reason or _OUTDONE, beside)
         trials.update(
@@ -243,6 +243,13 @@ class Search:
         leads = [*sorted(worthy, key=lambda name: criteria[name])[:1], *worthy[:1]]
         leads = list(dict.fromkeys(_foretelling(one, worthy, candidates) for one in leads))
         return Step(candidates, ranked, tuple(leads), trials)
+
+    def _too_little(self, candidate: Candidate) -> str | None:
+        """Return why a further effect that takes little is not worth adding, or None: it is chance, or the core's."""
+        least = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %'
+        if candidate.model.core:
+            return f'{least}, which is no more than a core of other numbers may'
+        return None if explained(self.candidates.residual_tests(candidate)) else f'{least}, and more than noise is left'
 
     def _beside(self, model: Candidate, names: Sequence[str]) -> dict[str, Candidate]:
         """Return a model with one more effect, for each of some names that may tell; none is fitted twice."""

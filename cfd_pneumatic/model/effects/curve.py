@@ -90,7 +90,7 @@ def evolve(moment, q, passed, enters, against, lag, low, high, crowd, w0, w1, w2
     return ((q - passed) / lag,)
 
 
-def fastest(enters: float, against: float, lag: float, *more: float) -> float:
+def fastest(speed: float, enters: float, against: float, lag: float, *more: float) -> float:
     """Return the inverse of the flow's lag, where that counts [1/s]."""
     return 1.0 / lag
 

@@ -24,7 +24,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(0.3 * settling, 10.0 * settling), (0.3 * settling, 50.0 * settling)]
 
 
-def fastest(slope: float, lag: float) -> float:
+def fastest(speed: float, slope: float, lag: float) -> float:
     """Return the inverse of the lag [1/s]."""
     return 1.0 / lag
 

@@ -186,9 +186,10 @@ class Effect:
         What comes late by its one parameter [s], `reading` or `displacement`: recordings are looked up at another time.
     quickens
         Returns how many times faster than the gains say the cylinder may be, from an absolute pressure [Pa], a
-        displacement [m] and its parameters.
+        displacement [m], K_x [Pa/m] and its parameters.
     fastest
-        Returns the inverse of its fastest time constant from its parameters [1/s], where it has one.
+        Returns the inverse of its fastest time constant [1/s], where it has one, from a speed [m/s] and its
+        parameters.
     of_time
         Whether it is one of the time alone: how long a recording is tells it, whatever is done in it.
     constant

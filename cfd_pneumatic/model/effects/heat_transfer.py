@@ -47,7 +47,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(1.0,), (10.0,)]
 
 
-def fastest(loss: float) -> float:
+def fastest(speed: float, loss: float) -> float:
     """Return the inverse of the walls' time constant [1/s]."""
     return loss
 

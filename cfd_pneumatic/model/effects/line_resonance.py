@@ -29,7 +29,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(share * rate, 0.2) for share in (0.08, 0.2, 0.4)]
 
 
-def fastest(frequency: float, damping: float) -> float:
+def fastest(speed: float, frequency: float, damping: float) -> float:
     """Return the natural frequency [rad/s]."""
     return 0.0 if frequency >= HIGHEST else 2.0 * math.pi * frequency
 

@@ -45,7 +45,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(0.05 / data['k_sv'], 0.05), (0.5 / data['k_sv'], 0.05)]
 
 
-def fastest(resistance: float, volume: float) -> float:
+def fastest(speed: float, resistance: float, volume: float) -> float:
     """Return the inverse of the drop's time constant [1/s]."""
     return 0.0 if resistance < NONE else 1.0 / max(volume * resistance / (1.0 + volume), QUICKEST)
 

@@ -41,7 +41,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(1.0, 3.0 * data['highest_pressure'], 1.0), (1.0, 1.2 * data['highest_pressure'], 1.0)]
 
 
-def quickens(pressure: float, x: float, strength: float, supply: float, exponent: float) -> float:
+def quickens(pressure: float, x: float, k_x: float, strength: float, supply: float, exponent: float) -> float:
     """Return by how much a gain, or the sensing, is the faster at a pressure [Pa]."""
     relative = max(pressure, 1.0) / REFERENCE
     charging = 1.0 / max(passed(REFERENCE / supply), SMALLEST)

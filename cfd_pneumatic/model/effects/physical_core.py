@@ -39,7 +39,7 @@ STARTING_STIRRING = 3.0
 """Motion that hardly adds to the walls, which a search starts from [s/m]."""
 
 FAST = 0.1
-"""Speed from which on motion stirs no more: it says how short steps have to be [m/s]."""
+"""Speed from which on motion stirs no more: else no step would be short enough [m/s]."""
 
 STARTING_SHARE = 1e-6
 """A silencer and an entrance that hardly matter, which a search starts from [1/Pa]."""
@@ -135,18 +135,19 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     ]
 
 
-def quickens(pressure: float, x: float, *own: float) -> float:
-    """Return by how much the gains are larger at a pressure [Pa], in half of the volume."""
-    reference, _, supply, critical, opens, vents, *_ = own
+def quickens(pressure: float, x: float, k_x: float, *own: float) -> float:
+    """Return by how much the gains are larger at a pressure [Pa] and a displacement [m]."""
+    reference, position, supply, critical, opens, vents, exponent, *_ = own
+    volume = max(1.0 + k_x * (x - position) / (exponent * reference), SMALLEST_VOLUME)
     relative = pressure / reference
     charged = supply / float(passed(supply, reference, critical))
-    return 2.0 * max(charged * relative**opens, relative ** (1.0 + vents), relative, 1.0)
+    return max(charged * relative**opens, relative ** (1.0 + vents), relative, 1.0) / volume
 
 
-def fastest(*own: float) -> float:
-    """Return the inverse of the walls' time constant [1/s]."""
+def fastest(speed: float, *own: float) -> float:
+    """Return the inverse of the walls' time constant at a speed [1/s]."""
     loss, stirring = own[7], own[11]
-    return loss * math.hypot(1.0, stirring * FAST)
+    return loss * math.hypot(1.0, stirring * min(speed, FAST))
 
 
 EFFECT = Effect(

@@ -28,7 +28,7 @@ SHORTEST = 1e-4
 """Time constant that counts as none [s]."""
 
 
-def fastest(lag: float) -> float:
+def fastest(speed: float, lag: float) -> float:
     """Return the inverse of the lag [1/s]."""
     return 0.0 if lag <= SHORTEST else 1.0 / lag
 

@@ -27,7 +27,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     return [(0.25 / stroke,), (-0.25 / stroke,)]
 
 
-def quickens(pressure: float, x: float, slope: float) -> float:
+def quickens(pressure: float, x: float, k_x: float, slope: float) -> float:
     """Return by how much the gains are larger at a displacement [m]."""
     return 1.0 / max(1.0 + slope * x, SMALLEST)
 
