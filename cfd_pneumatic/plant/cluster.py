@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -19,7 +19,6 @@ from cfd_pneumatic.plant.certificate import security_of
 
 Work = TypeVar('Work')
 Result = TypeVar('Result')
-Begun = TypeVar('Begun')
 
 _ONE_THREAD = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'), 1)
 
@@ -30,7 +29,6 @@ _LASTING = {'distributed.deploy.lost-worker-timeout': '1h'}
 """So long a worker may take to begin anew; by default it is given up after 15 s, which a busy machine needs."""
 
 _PATIENCE = '10s'
-_TRIES = 5  # to begin
 _LOCAL = ('127.', 'localhost', '[::1]')
 _BATCH = 500  # jobs that are sent at once
 _LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
@@ -42,8 +40,7 @@ def local_cluster(workers: int) -> Iterator[Client]:
     _silence()
     # A terminal sends interrupts to the workers, too, which would complain of them.
     with dask.config.set(_LEAN), _without_interrupts():
-        cluster = _begun(
-            LocalCluster,
+        cluster = LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
@@ -54,18 +51,22 @@ def local_cluster(workers: int) -> Iterator[Client]:
         yield client
 
 
-def _begun(make: Callable[..., Begun], *arguments: object, **options: object) -> Begun:
-    """Return what Dask makes; it gives its thread ten seconds to begin, which a busy machine may need."""
-    for _ in range(_TRIES):
-        with suppress(AssertionError):
-            return make(*arguments, **options)
-    return make(*arguments, **options)
-
-
 def _silence() -> None:
     """Keep Dask's logs from the terminal: what went wrong is said by whoever uses the client."""
     for name in ('distributed', 'distributed.client'):
         logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+class _Client(Client):
+    """A client that ends where it can't begin: Dask's own is left to the garbage, whose collector may wait for ever."""
+
+    def start(self, **options: object) -> None:
+        try:
+            super().start(**options)
+        except BaseException:
+            self.close()
+            self._loop_runner.stop()
+            raise
 
 
 @contextmanager
@@ -100,7 +101,7 @@ def existing_cluster(address: str, certificate: Path | None = None) -> Iterator[
     _silence()
     security = None if certificate is None else security_of(certificate)
     try:
-        client = _begun(Client, address, timeout=_PATIENCE, security=security)
+        client = _Client(address, timeout=_PATIENCE, security=security)
     except (OSError, ValueError, TypeError, RuntimeError) as error:  # Dask's, for want of one of its own
         raise InputError(
             f'no Dask scheduler answers at {address}: start one with `dask scheduler` and give the address it prints, '

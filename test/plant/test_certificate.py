@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import stat
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -94,18 +96,18 @@ def test_who_has_the_certificate_is_let_in_and_nobody_else(scheduler, certificat
                 pass
 
 
-def test_a_thread_of_dask_s_that_is_late_to_begin_is_begun_again(scheduler, certificate, monkeypatch):
-    begin, late = LoopRunner._start_unlocked, [True, True]
-
-    def begin_late(runner: LoopRunner) -> None:
-        if late:
-            assert not late.pop()  # what Dask does after ten seconds
-        begin(runner)
-
-    monkeypatch.setattr(LoopRunner, '_start_unlocked', begin_late)
-    with existing_cluster(scheduler, certificate) as client:
-        assert client.submit(os.getpid).result(PATIENCE) != os.getpid()
-    assert not late
+@pytest.mark.parametrize('secured', [False, True])
+def test_nothing_is_left_of_a_client_that_could_not_begin(scheduler, certificate, monkeypatch, secured):
+    """What the garbage collector finds it closes, for which it wants the lock that another client may begin with."""
+    monkeypatch.setattr('cfd_pneumatic.plant.cluster._PATIENCE', '2s')
+    address = scheduler.replace('tls://', 'tcp://')
+    with pytest.raises(InputError), existing_cluster(address, certificate if secured else None):
+        pass
+    with LoopRunner._lock:
+        collector = threading.Thread(target=gc.collect, daemon=True)
+        collector.start()
+        collector.join(20.0)
+        assert not collector.is_alive()
 
 
 def test_bags_are_identified_on_it(scheduler, certificate, tmp_path, capsys):
