@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from threading import Event, Lock, local
 from typing import TypeVar
@@ -86,17 +86,17 @@ def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
         return list(results.values())
     with _crew.with_more(-1), ThreadPoolExecutor(helpers) as pool:  # this thread only waits
         try:
-            for one in [pool.submit(help_out) for _ in range(helpers)]:
-                _wait_for(one)
+            shares = [pool.submit(help_out) for _ in range(helpers)]
+            while wait(shares, _GLANCE, FIRST_EXCEPTION).not_done and not any(map(_failed, shares)):
+                pass
+            deque(left, maxlen=0)  # after an error nobody goes on
+            for one in shares:
+                one.result()
         except KeyboardInterrupt:
             stop.set()
             raise
-        finally:
-            deque(left, maxlen=0)  # after an error nobody goes on
     return [results[place] for place in range(len(pending))]
 
 
-def _wait_for(share: Future[None]) -> None:
-    while not share.done():
-        wait([share], _GLANCE)
-    share.result()
+def _failed(share: Future[None]) -> bool:
+    return share.done() and share.exception() is not None

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
@@ -46,6 +47,21 @@ def test_an_error_in_the_work_is_raised(monkeypatch):
     monkeypatch.setenv(LIMIT, '2')
     with pytest.raises(ZeroDivisionError):
         each(lambda item: 1 / item, [1, 0, 2])
+
+
+def test_after_an_error_nobody_goes_on(monkeypatch):
+    monkeypatch.setenv(LIMIT, '2')
+    done = []
+
+    def work(item):
+        if item == 1:
+            raise ZeroDivisionError
+        time.sleep(0.02)
+        done.append(item)
+
+    with pytest.raises(ZeroDivisionError):
+        each(work, range(500))
+    assert len(done) < 100
 
 
 SHARED = """

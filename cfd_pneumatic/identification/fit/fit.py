@@ -108,6 +108,7 @@ def search(
     """
     Return the best model that is found from a start with its effects; those that are frozen keep their parameters.
 
+    Where recordings began is searched unless `passing` is False: it is soon forgotten.
     The search ends when the sum falls by less than a share `tolerance`, after so many evaluations, or when it is
     `enough`.
     """

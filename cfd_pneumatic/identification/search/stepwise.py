@@ -248,7 +248,7 @@ class Search:
         """Return why a further effect that takes little is not worth adding, or None: it is chance, or the core's."""
         least = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %'
         if candidate.model.core:
-            return f'{least}, which is no more than a core of other numbers may'
+            return f'{least}, as the numbers of the core might'
         return None if explained(self.candidates.residual_tests(candidate)) else f'{least}, and more than noise is left'
 
     def _beside(self, model: Candidate, names: Sequence[str]) -> dict[str, Candidate]:
