@@ -13,6 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from cfd_pneumatic.model import flow_function, lanes, lanewise
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, FUNCTIONS, MODULES, PRESSURE_PARTS
 from cfd_pneumatic.model.places import (
+    ALWAYS,
     FORCE_PLACES,
     FORCE_STATES,
     PARAMETERS,
@@ -29,6 +30,7 @@ def composed() -> str:
     """Return the kernel's text."""
     effects = [_described(name, PLACES[name], 'y{}') for name in PRESSURE_PARTS]
     force_effects = [_described(name, FORCE_PLACES[name], 'state[{}]') for name in FORCE_EFFECTS]
+    held = _hold(effects)
     templates = Environment(loader=FileSystemLoader(_TEMPLATES), undefined=StrictUndefined, keep_trailing_newline=True)
 
     def having(function: str) -> list[dict[str, Any]]:
@@ -38,8 +40,10 @@ def composed() -> str:
         effects=effects,
         force_effects=force_effects,
         having=having,
+        always=ALWAYS,
         states=STATES,
         parameters=PARAMETERS,
+        held=held,
         resting=_resting(effects),
         force_states=FORCE_STATES,
         fingerprint=_fingerprint(),
@@ -65,6 +69,18 @@ def _described(name: str, place: Place, state: str) -> dict[str, Any]:
         'integrated': hasattr(MODULES[name], 'evolve'),
         'compiled': any(hasattr(MODULES[name], function) for function in FUNCTIONS),
     }
+
+
+def _hold(effects: Sequence[dict[str, Any]]) -> int:
+    """Say which rows each effect's functions take behind its states; return how many numbers effects hold."""
+    held = 0
+    for effect in effects:
+        own = MODULES[effect['name']].EFFECT.held
+        effect['own_rows'] = [f'H{held + rank}' for rank in range(own)] or [
+            f'A{index}' for index in effect['parameter_indices']
+        ]
+        held += own
+    return held
 
 
 def _resting(effects: Sequence[Mapping[str, Any]]) -> dict[int, str]:

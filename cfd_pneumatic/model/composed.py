@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint da2491c1048b3249; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint b4e765b165d5fd5a; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from cfd_pneumatic.model.effects import (
     volume_variation,
 )
 from cfd_pneumatic.model.effects.effect import ForceMoment, Moment
-from cfd_pneumatic.model.kernel import inner, kernel
+from cfd_pneumatic.model.kernel import inlined, kernel
 from cfd_pneumatic.model.lanes import COUNT, load, store, where
 
 # states: pressures p and p_f, then the effects' own
@@ -125,52 +125,65 @@ A62 = 76 * COUNT
 A63 = 77 * COUNT
 A64 = 78 * COUNT
 A65 = 79 * COUNT
+# what effects hold from one sample to the next
+H0 = 80 * COUNT
+H1 = 81 * COUNT
+H2 = 82 * COUNT
+H3 = 83 * COUNT
+H4 = 84 * COUNT
+H5 = 85 * COUNT
+H6 = 86 * COUNT
+H7 = 87 * COUNT
+H8 = 88 * COUNT
+H9 = 89 * COUNT
+H10 = 90 * COUNT
+H11 = 91 * COUNT
 # what each lane's set-point lies above the common one [Pa]
-OFFSET = 80 * COUNT
+OFFSET = 92 * COUNT
 # states and rates of a stage of Runge and Kutta, and the rates' weighted sum
-S0 = 81 * COUNT
-S1 = 82 * COUNT
-S2 = 83 * COUNT
-S3 = 84 * COUNT
-S4 = 85 * COUNT
-S5 = 86 * COUNT
-S6 = 87 * COUNT
-S7 = 88 * COUNT
-S8 = 89 * COUNT
-S9 = 90 * COUNT
-S10 = 91 * COUNT
-S11 = 92 * COUNT
-K0 = 93 * COUNT
-K1 = 94 * COUNT
-K2 = 95 * COUNT
-K3 = 96 * COUNT
-K4 = 97 * COUNT
-K5 = 98 * COUNT
-K6 = 99 * COUNT
-K7 = 100 * COUNT
-K8 = 101 * COUNT
-K9 = 102 * COUNT
-K10 = 103 * COUNT
-K11 = 104 * COUNT
-SUM0 = 105 * COUNT
-SUM1 = 106 * COUNT
-SUM2 = 107 * COUNT
-SUM3 = 108 * COUNT
-SUM4 = 109 * COUNT
-SUM5 = 110 * COUNT
-SUM6 = 111 * COUNT
-SUM7 = 112 * COUNT
-SUM8 = 113 * COUNT
-SUM9 = 114 * COUNT
-SUM10 = 115 * COUNT
-SUM11 = 116 * COUNT
+S0 = 93 * COUNT
+S1 = 94 * COUNT
+S2 = 95 * COUNT
+S3 = 96 * COUNT
+S4 = 97 * COUNT
+S5 = 98 * COUNT
+S6 = 99 * COUNT
+S7 = 100 * COUNT
+S8 = 101 * COUNT
+S9 = 102 * COUNT
+S10 = 103 * COUNT
+S11 = 104 * COUNT
+K0 = 105 * COUNT
+K1 = 106 * COUNT
+K2 = 107 * COUNT
+K3 = 108 * COUNT
+K4 = 109 * COUNT
+K5 = 110 * COUNT
+K6 = 111 * COUNT
+K7 = 112 * COUNT
+K8 = 113 * COUNT
+K9 = 114 * COUNT
+K10 = 115 * COUNT
+K11 = 116 * COUNT
+SUM0 = 117 * COUNT
+SUM1 = 118 * COUNT
+SUM2 = 119 * COUNT
+SUM3 = 120 * COUNT
+SUM4 = 121 * COUNT
+SUM5 = 122 * COUNT
+SUM6 = 123 * COUNT
+SUM7 = 124 * COUNT
+SUM8 = 125 * COUNT
+SUM9 = 126 * COUNT
+SUM10 = 127 * COUNT
+SUM11 = 128 * COUNT
 # the piston's displacement [m] and speed [m/s], the set-point [Pa], and what the pressure sensor reads [Pa]
-X = 117 * COUNT
-RATE = 118 * COUNT
-SETPOINT = 119 * COUNT
-SIGNAL = 120 * COUNT
+X = 129 * COUNT
+RATE = 130 * COUNT
+SETPOINT = 131 * COUNT
+SIGNAL = 132 * COUNT
 
-SIZE = 121 * COUNT
+SIZE = 133 * COUNT
 """Length of the array of rows."""
 
 STATE_ROWS = slice(0, 14)
@@ -179,11 +192,25 @@ STATE_ROWS = slice(0, 14)
 PARAMETER_ROWS = slice(14, 80)
 """Rows of the parameters: the gains, then those of the effects."""
 
-OFFSET_ROW = 80
+OFFSET_ROW = OFFSET // COUNT
 """Row of what each lane's set-point lies above the common one [Pa]."""
 
 SIGNAL_ROW = SIGNAL // COUNT
 """Row of what the pressure sensor reads [Pa]."""
+
+INTEGRATED = (
+    (0, 1),
+    (1, 1),
+    (2, 4),
+    (4, 1024),
+    (6, 32768),
+    (7, 131072),
+    (8, 131072),
+    (9, 524288),
+    (10, 1048576),
+    (11, 2097152),
+)
+"""The states that have rates, each with the switch it is behind: the two pressures' is always on."""
 
 FORCE_STATES = 2
 """States of the effects on the force."""
@@ -192,23 +219,72 @@ SLID = 2
 """Where, behind these, the displacement stands that the seals slid to last [m]."""
 
 
-@inner
+@inlined
 def moment_of(time, x, rate, p, p_f, swept, sensing, ambient, w):
     """Return where the cylinder is, as effects see it."""
     return Moment(time, x, rate, p, load(w, SETPOINT), ambient, swept, load(w, A0), p_f, sensing)
 
 
-@inner
+@inlined
+def hold(time, ambient, w, on):
+    """Compute what stays the same while the set-point and the piston's speed do."""
+    rate = load(w, RATE)
+    still = 0.0 * rate
+    moment = moment_of(time, load(w, X), rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
+    if on & 4:
+        (
+            h0,
+            h1,
+            h2,
+            h3,
+            h4,
+            h5,
+            h6,
+            h7,
+            h8,
+            h9,
+            h10,
+            h11,
+        ) = physical_core.hold(
+            moment,
+            load(w, A6),
+            load(w, A7),
+            load(w, A8),
+            load(w, A9),
+            load(w, A10),
+            load(w, A11),
+            load(w, A12),
+            load(w, A13),
+            load(w, A14),
+            load(w, A15),
+            load(w, A16),
+            load(w, A17),
+        )
+        store(w, H0, h0)
+        store(w, H1, h1)
+        store(w, H2, h2)
+        store(w, H3, h3)
+        store(w, H4, h4)
+        store(w, H5, h5)
+        store(w, H6, h6)
+        store(w, H7, h7)
+        store(w, H8, h8)
+        store(w, H9, h9)
+        store(w, H10, h10)
+        store(w, H11, h11)
+
+
+@inlined
 def valve_error(moment, w, on):
     """Return the valves' error, from the set-point that acts [Pa]."""
     target = moment.setpoint
-    if on[4]:
+    if on & 32:
         target = set_point_drift.setpoint(target, moment, load(w, A22))
-    if on[7]:
+    if on & 256:
         target = supply_variation.setpoint(target, moment, load(w, A25), load(w, A26), load(w, A27))
-    if on[9]:
+    if on & 1024:
         target = droop.setpoint(target, moment, load(w, S4), load(w, A29), load(w, A30))
-    if on[19]:
+    if on & 1048576:
         target = curve.setpoint(
             target,
             moment,
@@ -234,36 +310,36 @@ def valve_error(moment, w, on):
     return target - load(w, S1)
 
 
-@inner
+@inlined
 def slopes(time, ambient, w, on):
     """Compute the rates of all states."""
     x, rate, p = load(w, X), load(w, RATE), load(w, S0)
     still = 0.0 * rate
     moment = moment_of(time, x, rate, p, load(w, S1), still, still, ambient, w)
     gain = load(w, A0)
-    if on[1]:
+    if on & 4:
         gain = physical_core.velocity_gain(
             gain,
             moment,
             load(w, S2),
-            load(w, A6),
-            load(w, A7),
-            load(w, A8),
-            load(w, A9),
-            load(w, A10),
-            load(w, A11),
-            load(w, A12),
-            load(w, A13),
-            load(w, A14),
-            load(w, A15),
-            load(w, A16),
-            load(w, A17),
+            load(w, H0),
+            load(w, H1),
+            load(w, H2),
+            load(w, H3),
+            load(w, H4),
+            load(w, H5),
+            load(w, H6),
+            load(w, H7),
+            load(w, H8),
+            load(w, H9),
+            load(w, H10),
+            load(w, H11),
         )
-    if on[2]:
+    if on & 8:
         gain = volume_variation.velocity_gain(gain, moment, load(w, A18))
-    if on[3]:
+    if on & 16:
         gain = operating_point.velocity_gain(gain, moment, load(w, A19), load(w, A20), load(w, A21))
-    if on[19]:
+    if on & 1048576:
         gain = curve.velocity_gain(
             gain,
             moment,
@@ -289,60 +365,60 @@ def slopes(time, ambient, w, on):
     swept = gain * rate
     moment = moment_of(time, x, rate, p, load(w, S1), swept, still, ambient, w)
     error = valve_error(moment, w, on)
-    if on[1]:
+    if on & 4:
         error = physical_core.error(
             error,
             moment,
             load(w, S2),
-            load(w, A6),
-            load(w, A7),
-            load(w, A8),
-            load(w, A9),
-            load(w, A10),
-            load(w, A11),
-            load(w, A12),
-            load(w, A13),
-            load(w, A14),
-            load(w, A15),
-            load(w, A16),
-            load(w, A17),
+            load(w, H0),
+            load(w, H1),
+            load(w, H2),
+            load(w, H3),
+            load(w, H4),
+            load(w, H5),
+            load(w, H6),
+            load(w, H7),
+            load(w, H8),
+            load(w, H9),
+            load(w, H10),
+            load(w, H11),
         )
-    if on[8]:
+    if on & 512:
         error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A28))
-    if on[15]:
+    if on & 65536:
         error = valve_dead_band.error(error, moment, load(w, A42))
-    if on[17]:
+    if on & 262144:
         error = nonlinear_valve.error(error, moment, load(w, A45))
     flow = where(error > 0.0, load(w, A1), load(w, A2)) * error
-    if on[0]:
+    if on & 2:
         flow = flow_saturation.flow(flow, moment, load(w, A4), load(w, A5))
-    if on[1]:
+    if on & 4:
         flow = physical_core.flow(
             flow,
             moment,
             load(w, S2),
-            load(w, A6),
-            load(w, A7),
-            load(w, A8),
-            load(w, A9),
-            load(w, A10),
-            load(w, A11),
-            load(w, A12),
-            load(w, A13),
-            load(w, A14),
-            load(w, A15),
-            load(w, A16),
-            load(w, A17),
+            load(w, H0),
+            load(w, H1),
+            load(w, H2),
+            load(w, H3),
+            load(w, H4),
+            load(w, H5),
+            load(w, H6),
+            load(w, H7),
+            load(w, H8),
+            load(w, H9),
+            load(w, H10),
+            load(w, H11),
         )
-    if on[2]:
+    if on & 8:
         flow = volume_variation.flow(flow, moment, load(w, A18))
-    if on[3]:
+    if on & 16:
         flow = operating_point.flow(flow, moment, load(w, A19), load(w, A20), load(w, A21))
-    if on[18]:
+    if on & 524288:
         (rate9,) = line_restriction.evolve(moment, flow, load(w, S9), load(w, A46), load(w, A47))
         store(w, K9, rate9)
         flow = line_restriction.flow(flow, moment, load(w, S9), load(w, A46), load(w, A47))
-    if on[19]:
+    if on & 1048576:
         (rate10,) = curve.evolve(
             moment,
             flow,
@@ -388,81 +464,81 @@ def slopes(time, ambient, w, on):
             load(w, A63),
             load(w, A64),
         )
-    if on[20]:
+    if on & 2097152:
         flow = heat_transfer.flow(flow, moment, load(w, S11), load(w, A65))
-    if on[9]:
+    if on & 1024:
         (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A29), load(w, A30))
         store(w, K4, rate4)
     outlet = p
-    if on[18]:
+    if on & 524288:
         outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), load(w, A46), load(w, A47))
     tau = load(w, A3)
-    if on[1]:
+    if on & 4:
         tau = physical_core.time_constant(
             tau,
             moment,
             load(w, S2),
-            load(w, A6),
-            load(w, A7),
-            load(w, A8),
-            load(w, A9),
-            load(w, A10),
-            load(w, A11),
-            load(w, A12),
-            load(w, A13),
-            load(w, A14),
-            load(w, A15),
-            load(w, A16),
-            load(w, A17),
+            load(w, H0),
+            load(w, H1),
+            load(w, H2),
+            load(w, H3),
+            load(w, H4),
+            load(w, H5),
+            load(w, H6),
+            load(w, H7),
+            load(w, H8),
+            load(w, H9),
+            load(w, H10),
+            load(w, H11),
         )
-    if on[3]:
+    if on & 16:
         tau = operating_point.time_constant(tau, moment, load(w, A19), load(w, A20), load(w, A21))
     sensing = (outlet - load(w, S1)) / tau
     moment = moment_of(time, x, rate, p, load(w, S1), swept, sensing, ambient, w)
     chamber = flow - swept
-    if on[1]:
+    if on & 4:
         (rate2,) = physical_core.evolve(
             moment,
             chamber,
             load(w, S2),
-            load(w, A6),
-            load(w, A7),
-            load(w, A8),
-            load(w, A9),
-            load(w, A10),
-            load(w, A11),
-            load(w, A12),
-            load(w, A13),
-            load(w, A14),
-            load(w, A15),
-            load(w, A16),
-            load(w, A17),
+            load(w, H0),
+            load(w, H1),
+            load(w, H2),
+            load(w, H3),
+            load(w, H4),
+            load(w, H5),
+            load(w, H6),
+            load(w, H7),
+            load(w, H8),
+            load(w, H9),
+            load(w, H10),
+            load(w, H11),
         )
         store(w, K2, rate2)
         chamber = physical_core.chamber(
             chamber,
             moment,
             load(w, S2),
-            load(w, A6),
-            load(w, A7),
-            load(w, A8),
-            load(w, A9),
-            load(w, A10),
-            load(w, A11),
-            load(w, A12),
-            load(w, A13),
-            load(w, A14),
-            load(w, A15),
-            load(w, A16),
-            load(w, A17),
+            load(w, H0),
+            load(w, H1),
+            load(w, H2),
+            load(w, H3),
+            load(w, H4),
+            load(w, H5),
+            load(w, H6),
+            load(w, H7),
+            load(w, H8),
+            load(w, H9),
+            load(w, H10),
+            load(w, H11),
         )
-    if on[10]:
+    if on & 2048:
         chamber = leakage.chamber(chamber, moment, load(w, A31), load(w, A32))
-    if on[11]:
+    if on & 4096:
         chamber = positional_leakage.chamber(
             chamber, moment, load(w, A33), load(w, A34), load(w, A35), load(w, A36), load(w, A37), load(w, A38)
         )
-    if on[19]:
+    if on & 1048576:
         chamber = curve.chamber(
             chamber,
             moment,
@@ -485,16 +561,16 @@ def slopes(time, ambient, w, on):
             load(w, A63),
             load(w, A64),
         )
-    if on[20]:
+    if on & 2097152:
         (rate11,) = heat_transfer.evolve(moment, chamber, load(w, S11), load(w, A65))
         store(w, K11, rate11)
         chamber = heat_transfer.chamber(chamber, moment, load(w, S11), load(w, A65))
     signal = p
-    if on[14]:
+    if on & 32768:
         (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A41))
         store(w, K6, rate6)
         signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A41))
-    if on[16]:
+    if on & 131072:
         (
             rate7,
             rate8,
@@ -502,7 +578,7 @@ def slopes(time, ambient, w, on):
         store(w, K7, rate7)
         store(w, K8, rate8)
         signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A43), load(w, A44))
-    if on[19]:
+    if on & 1048576:
         signal = curve.signal(
             signal,
             moment,
@@ -529,109 +605,45 @@ def slopes(time, ambient, w, on):
     store(w, K1, sensing)
 
 
-@inner
+@inlined
 def begin_stages(w, on):
     """Begin a step of Runge and Kutta where the states are."""
-    store(w, S0, load(w, Y0))
-    store(w, SUM0, 0.0)
-    store(w, S1, load(w, Y1))
-    store(w, SUM1, 0.0)
-    if on[1]:
-        store(w, S2, load(w, Y2))
-        store(w, SUM2, 0.0)
-    if on[9]:
-        store(w, S4, load(w, Y4))
-        store(w, SUM4, 0.0)
-    if on[14]:
-        store(w, S6, load(w, Y6))
-        store(w, SUM6, 0.0)
-    if on[16]:
-        store(w, S7, load(w, Y7))
-        store(w, SUM7, 0.0)
-        store(w, S8, load(w, Y8))
-        store(w, SUM8, 0.0)
-    if on[18]:
-        store(w, S9, load(w, Y9))
-        store(w, SUM9, 0.0)
-    if on[19]:
-        store(w, S10, load(w, Y10))
-        store(w, SUM10, 0.0)
-    if on[20]:
-        store(w, S11, load(w, Y11))
-        store(w, SUM11, 0.0)
+    for state, switch in INTEGRATED:
+        if on & switch:
+            row = state * COUNT
+            store(w, S0 + row, load(w, Y0 + row))
+            store(w, SUM0 + row, 0.0)
 
 
-@inner
+@inlined
 def next_stage(weight, ahead, w, on):
     """Add the rates of a stage to their sum, and go ahead of the states by some seconds at these rates."""
-    store(w, SUM0, load(w, SUM0) + weight * load(w, K0))
-    store(w, S0, load(w, Y0) + ahead * load(w, K0))
-    store(w, SUM1, load(w, SUM1) + weight * load(w, K1))
-    store(w, S1, load(w, Y1) + ahead * load(w, K1))
-    if on[1]:
-        store(w, SUM2, load(w, SUM2) + weight * load(w, K2))
-        store(w, S2, load(w, Y2) + ahead * load(w, K2))
-    if on[9]:
-        store(w, SUM4, load(w, SUM4) + weight * load(w, K4))
-        store(w, S4, load(w, Y4) + ahead * load(w, K4))
-    if on[14]:
-        store(w, SUM6, load(w, SUM6) + weight * load(w, K6))
-        store(w, S6, load(w, Y6) + ahead * load(w, K6))
-    if on[16]:
-        store(w, SUM7, load(w, SUM7) + weight * load(w, K7))
-        store(w, S7, load(w, Y7) + ahead * load(w, K7))
-        store(w, SUM8, load(w, SUM8) + weight * load(w, K8))
-        store(w, S8, load(w, Y8) + ahead * load(w, K8))
-    if on[18]:
-        store(w, SUM9, load(w, SUM9) + weight * load(w, K9))
-        store(w, S9, load(w, Y9) + ahead * load(w, K9))
-    if on[19]:
-        store(w, SUM10, load(w, SUM10) + weight * load(w, K10))
-        store(w, S10, load(w, Y10) + ahead * load(w, K10))
-    if on[20]:
-        store(w, SUM11, load(w, SUM11) + weight * load(w, K11))
-        store(w, S11, load(w, Y11) + ahead * load(w, K11))
+    for state, switch in INTEGRATED:
+        if on & switch:
+            row = state * COUNT
+            rate = load(w, K0 + row)
+            store(w, SUM0 + row, load(w, SUM0 + row) + weight * rate)
+            store(w, S0 + row, load(w, Y0 + row) + ahead * rate)
 
 
-@inner
+@inlined
 def end_stages(sixth, w, on):
     """Advance the states by the sum of the rates times a sixth of the step [s]."""
-    store(w, Y0, load(w, Y0) + sixth * (load(w, SUM0) + load(w, K0)))
-    store(w, S0, load(w, Y0))
-    store(w, Y1, load(w, Y1) + sixth * (load(w, SUM1) + load(w, K1)))
-    store(w, S1, load(w, Y1))
-    if on[1]:
-        store(w, Y2, load(w, Y2) + sixth * (load(w, SUM2) + load(w, K2)))
-        store(w, S2, load(w, Y2))
-    if on[9]:
-        store(w, Y4, load(w, Y4) + sixth * (load(w, SUM4) + load(w, K4)))
-        store(w, S4, load(w, Y4))
-    if on[14]:
-        store(w, Y6, load(w, Y6) + sixth * (load(w, SUM6) + load(w, K6)))
-        store(w, S6, load(w, Y6))
-    if on[16]:
-        store(w, Y7, load(w, Y7) + sixth * (load(w, SUM7) + load(w, K7)))
-        store(w, S7, load(w, Y7))
-        store(w, Y8, load(w, Y8) + sixth * (load(w, SUM8) + load(w, K8)))
-        store(w, S8, load(w, Y8))
-    if on[18]:
-        store(w, Y9, load(w, Y9) + sixth * (load(w, SUM9) + load(w, K9)))
-        store(w, S9, load(w, Y9))
-    if on[19]:
-        store(w, Y10, load(w, Y10) + sixth * (load(w, SUM10) + load(w, K10)))
-        store(w, S10, load(w, Y10))
-    if on[20]:
-        store(w, Y11, load(w, Y11) + sixth * (load(w, SUM11) + load(w, K11)))
-        store(w, S11, load(w, Y11))
+    for state, switch in INTEGRATED:
+        if on & switch:
+            row = state * COUNT
+            reached = load(w, Y0 + row) + sixth * (load(w, SUM0 + row) + load(w, K0 + row))
+            store(w, Y0 + row, reached)
+            store(w, S0 + row, reached)
 
 
-@inner
+@inlined
 def move(h, w):
     """Move the piston on by h seconds."""
     store(w, X, load(w, X) + h * load(w, RATE))
 
 
-@inner
+@inlined
 def advance(time, h, steps, ambient, w, on):
     """Advance the states by h seconds from a time on, cut into equal steps; the piston keeps its speed."""
     h /= steps
@@ -649,34 +661,34 @@ def advance(time, h, steps, ambient, w, on):
         slopes(time + h, ambient, w, on)
         end_stages(h / 6.0, w, on)
         time += h
-        if on[8]:
+        if on & 512:
             leave_behind_valve_hysteresis(time, ambient, w, on)
 
 
-@inner
+@inlined
 def leave_behind_valve_hysteresis(time, ambient, w, on):
     """Compute the error at which this play stands."""
     rate = load(w, RATE)
     still = 0.0 * rate
     moment = moment_of(time, load(w, X), rate, load(w, S0), load(w, S1), still, still, ambient, w)
     error = valve_error(moment, w, on)
-    if on[1]:
+    if on & 4:
         error = physical_core.error(
             error,
             moment,
             load(w, S2),
-            load(w, A6),
-            load(w, A7),
-            load(w, A8),
-            load(w, A9),
-            load(w, A10),
-            load(w, A11),
-            load(w, A12),
-            load(w, A13),
-            load(w, A14),
-            load(w, A15),
-            load(w, A16),
-            load(w, A17),
+            load(w, H0),
+            load(w, H1),
+            load(w, H2),
+            load(w, H3),
+            load(w, H4),
+            load(w, H5),
+            load(w, H6),
+            load(w, H7),
+            load(w, H8),
+            load(w, H9),
+            load(w, H10),
+            load(w, H11),
         )
     error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A28))
     store(w, Y3, error)
@@ -693,11 +705,11 @@ def follow(time, x, h, ambient, w, on):
     x_followed = load(w, X)
     still = 0.0 * rate
     moment = moment_of(time, x_followed, rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
-    if on[5]:
+    if on & 64:
         x_followed = displacement_delay.displacement(x_followed, moment, load(w, A23))
-    if on[6]:
+    if on & 128:
         x_followed = displacement_lag.displacement(x_followed, moment, load(w, A24))
-    if on[13]:
+    if on & 16384:
         x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), load(w, A40))
         store(w, Y5, x_followed)
     store(w, RATE, (x_followed - last) / h)
@@ -712,11 +724,11 @@ def read(time, ambient, w, on):
     still = 0.0 * rate
     moment = moment_of(time, load(w, X), rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
     signal = load(w, Y0)
-    if on[14]:
+    if on & 32768:
         signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A41))
-    if on[16]:
+    if on & 131072:
         signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A43), load(w, A44))
-    if on[19]:
+    if on & 1048576:
         signal = curve.signal(
             signal,
             moment,
@@ -783,6 +795,7 @@ def settle(setpoint, duration, ambient, stiffness, w, on):
     store(w, SETPOINT, setpoint + load(w, OFFSET))
     store(w, RATE, 0.0)
     store(w, X, load(w, FOLLOWED))
+    hold(0.0, ambient, w, on)
     steps = max(1, math.ceil(duration * stiffness))
     for _ in range(steps):
         advance(0.0, duration / steps, 1, ambient, w, on)
@@ -797,6 +810,7 @@ def step(time, x, h, setpoint, ambient, stiffness, w, on):
     """
     follow(time, x, h, ambient, w, on)
     store(w, SETPOINT, setpoint + load(w, OFFSET))
+    hold(time - h, ambient, w, on)
     steps = max(1, math.ceil(h * stiffness))
     advance(time - h, h, steps, ambient, w, on)
     read(time, ambient, w, on)
@@ -835,20 +849,20 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
     Where there is no cylinder B, the opposing pressure is ambient.
     """
     travel = x - state[SLID]
-    if on[1]:
+    if on & 4:
         (state[0],) = seal_friction.slide(travel, state[0], a[2], a[3], a[4], a[5])
-    if on[2]:
+    if on & 8:
         (state[1],) = stribeck_friction.slide(travel, state[1], a[6], a[7], a[8])
     state[SLID] = x
     moment = ForceMoment(time, x, rate, acceleration, p_a, p_opposing, ambient)
     force = area_times_factor * (p_a - p_opposing)
-    if on[0]:
+    if on & 2:
         force = moving_mass.force(force, moment, a[0], a[1])
-    if on[1]:
+    if on & 4:
         force = seal_friction.force(force, moment, state[0], a[2], a[3], a[4], a[5])
-    if on[2]:
+    if on & 8:
         force = stribeck_friction.force(force, moment, state[1], a[6], a[7], a[8])
-    if on[3]:
+    if on & 16:
         force = force_offset.force(force, moment, a[9])
     return force
 

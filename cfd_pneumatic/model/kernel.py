@@ -21,10 +21,11 @@ fused = compiler(error_model='numpy', nogil=True, fastmath={'contract'})
 summed = compiler(error_model='numpy', nogil=True, fastmath={'contract', 'reassoc'})
 """As `fused`, with sums taken in any order: for those of many numbers."""
 
-inner = compiler(error_model='numpy', nogil=True, no_cpython_wrapper=True)
-"""As `kernel`, for what compiled functions alone call: a way from Python takes as long to compile as the function."""
-
 _INLINED: dict[str, Any] = {'forceinline': True, 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
 
 inlined = njit(error_model='numpy', nogil=True, fastmath={'contract'}, **_INLINED)
-"""Compile into what calls it: for a few operations in the innermost loop."""
+"""
+Compile into what calls it: for the innermost loop.
+
+What stays the same from step to step is read once then, and what two parts compute alike is computed once.
+"""

@@ -138,6 +138,19 @@ def _all(kind: ir.Type, number: float) -> ir.Constant:
     return kind([number] * COUNT) if kind in (_FLOATS, _BITS) else kind(number)
 
 
+@_built
+def some(typing_context: Any, condition: types.Type) -> tuple[Any, Build]:
+    """Tell whether something is true in some lane: what none needs can be left out."""
+
+    def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
+        if values[0].type != _TRUTHS:
+            return values[0]
+        together = builder.bitcast(values[0], ir.IntType(COUNT))
+        return builder.icmp_unsigned('!=', together, together.type(0))
+
+    return types.boolean(condition), code
+
+
 def where(condition: Any, yes: Any, no: Any) -> Any:
     """Return one of two numbers, in each lane by its own condition."""
     return yes if condition else no

@@ -23,10 +23,13 @@ GAINS = len(SPECS)
 PRESSURES = 2
 """p and p_f come first among the states."""
 
+ALWAYS = 1
+"""The switch that is always on; those of the effects are the bits above it."""
+
 
 @dataclass(frozen=True)
 class Place:
-    """Indices of one effect."""
+    """Where one effect stands: the bit that switches it on, and its indices."""
 
     switch: int
     parameters: slice
@@ -41,7 +44,9 @@ class Place:
 def _places(effects: Mapping[str, Effect], parameter: int, state: int) -> dict[str, Place]:
     """Return the place of each of some effects; the first one's parameters and states begin at the given indices."""
     places = {}
-    for switch, (name, effect) in enumerate(effects.items()):
+    switch = ALWAYS
+    for name, effect in effects.items():
+        switch *= 2
         parameters = slice(parameter, parameter + len(effect.parameters))
         states = slice(state, state + effect.states)
         places[name] = Place(switch, parameters, states)
@@ -88,9 +93,9 @@ def all_parameters(gains: Sequence[float] | Array, effects: Mapping[str, Sequenc
     return values
 
 
-def switches(effects: Mapping[str, Sequence[float]]) -> NDArray[np.bool_]:
-    """Return which effects on the pressure are on, shape (effects,)."""
-    return np.array([name in effects for name in PRESSURE_PARTS])
+def switches(effects: Mapping[str, Sequence[float]]) -> int:
+    """Return the switches of some effects on the pressure, a bit for each."""
+    return ALWAYS | sum(PLACES[name].switch for name in effects)
 
 
 def all_force_parameters(effects: Mapping[str, Sequence[float]]) -> Array:
@@ -101,6 +106,6 @@ def all_force_parameters(effects: Mapping[str, Sequence[float]]) -> Array:
     return values
 
 
-def force_switches(effects: Mapping[str, Sequence[float]]) -> NDArray[np.bool_]:
-    """Return which effects on the force are on, shape (effects,)."""
-    return np.array([name in effects for name in FORCE_EFFECTS], dtype=np.bool_)
+def force_switches(effects: Mapping[str, Sequence[float]]) -> int:
+    """Return the switches of some effects on the force, a bit for each."""
+    return ALWAYS | sum(FORCE_PLACES[name].switch for name in effects)

@@ -595,7 +595,9 @@ def advance(
             )
             stretch = rubbed(stretch, x_end - x, parameters.seal)
             x, v = x_end, v_end
-        trajectory[knot] = states[:, : SENSED + 1]
+        for cylinder in range(2):
+            trajectory[knot, cylinder, OUTLET] = states[cylinder, OUTLET]
+            trajectory[knot, cylinder, SENSED] = states[cylinder, SENSED]
         accelerations[knot] = acceleration_at_end(period, x0, v0, x1, v1)
         outlets = (states[0, OUTLET], states[1, OUTLET])
         forces[knot] = contact_force(outlets, stretch, (x1, v1, accelerations[knot]), parameters)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from cfd_pneumatic.model.lanes import COUNT, load, store, where
+from cfd_pneumatic.model.lanes import COUNT, load, some, store, where
 from cfd_pneumatic.model.lanewise import exp, log, power, tanh, wave
 
 EIGHT = st.lists(st.floats(-1e6, 1e6), min_size=COUNT, max_size=COUNT).map(np.array)
@@ -37,6 +37,7 @@ LOG = in_lanes(njit(lambda x, _: log(x)))
 POWER = in_lanes(power)
 TANH = in_lanes(njit(lambda x, _: tanh(x)))
 SINE = in_lanes(njit(lambda turns, _: wave(turns)[0]))
+TOLD = in_lanes(njit(lambda x, y: 1.0 if some(x > y) else 0.0))
 COSINE = in_lanes(njit(lambda turns, _: wave(turns)[1]))
 
 
@@ -54,6 +55,11 @@ def test_lanes_are_calculated_with_as_floats_are(function, x, y):
     expected = [function(*pair) for pair in zip(x.tolist(), y.tolist())]
     scale = 1e-15 * (1.0 + np.abs(x)) * (1.0 + np.abs(y))
     assert np.all(np.abs(COMPILED[function](x, y) - expected) <= 10.0 * scale)
+
+
+@given(x=EIGHT, y=EIGHT)
+def test_what_no_lane_needs_can_be_left_out(x, y):
+    assert np.all(TOLD(x, y) == float(np.any(x > y)))
 
 
 COMPILED = {function: in_lanes(njit(function)) for function in (plain, chosen)}

@@ -102,8 +102,9 @@ def _filter(order, steps, measured, density, mean, covariance):
         xx /= variance
         xv /= variance
         xa /= variance
-        mean[i] = x, v, a
-        covariance[i] = xx, xv, xa, vv, va, aa
+        mean[i, 0], mean[i, 1], mean[i, 2] = x, v, a
+        covariance[i, 0], covariance[i, 1], covariance[i, 2] = xx, xv, xa
+        covariance[i, 3], covariance[i, 4], covariance[i, 5] = vv, va, aa
     return log_sum, square_sum
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
-from cfd_pneumatic.model.lanes import where
+from cfd_pneumatic.model.lanes import some, where
 
 ENTERS = ('set_point', 'flow', 'gain', 'chamber', 'leak', 'sensing')
 """Where it may enter, by the number of its parameter `enters`."""
@@ -49,15 +49,21 @@ def _height(moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6,
 @kernel
 def setpoint(p_d, moment, flow, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the set-point that acts [Pa]."""
-    height = _height(moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-    return p_d + where(enters < 0.5, height, 0.0)
+    here = enters < 0.5
+    if some(here):
+        height = _height(moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
+        p_d += where(here, height, 0.0)
+    return p_d
 
 
 @kernel
 def flow(q, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the pressure rate that the valves' flow makes [Pa/s]."""
-    height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-    return q * (1.0 + where(abs(enters - 1.0) < 0.5, height, 0.0))
+    here = abs(enters - 1.0) < 0.5
+    if some(here):
+        height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
+        q *= 1.0 + where(here, height, 0.0)
+    return q
 
 
 @kernel
@@ -65,23 +71,31 @@ def velocity_gain(
     gain, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
 ):
     """Return K_x [Pa/m]."""
-    height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-    return gain * (1.0 + where(abs(enters - 2.0) < 0.5, height, 0.0))
+    here = abs(enters - 2.0) < 0.5
+    if some(here):
+        height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
+        gain *= 1.0 + where(here, height, 0.0)
+    return gain
 
 
 @kernel
 def chamber(rate, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the outlet pressure's rate [Pa/s]: more of it, or less what leaks to ambient."""
-    height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-    leaked = where(abs(enters - 4.0) < 0.5, height, 0.0) * (moment.p - moment.ambient)
-    return rate + where(abs(enters - 3.0) < 0.5, height, 0.0) - leaked
+    added, leaked = abs(enters - 3.0) < 0.5, abs(enters - 4.0) < 0.5
+    if some(abs(enters - 3.5) < 1.0):
+        height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
+        rate += where(added, height, 0.0) - where(leaked, height, 0.0) * (moment.p - moment.ambient)
+    return rate
 
 
 @kernel
 def signal(p, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return what the pressure's sensor reads [Pa]."""
-    height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-    return p + where(enters > 4.5, height, 0.0)
+    here = enters > 4.5
+    if some(here):
+        height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
+        p += where(here, height, 0.0)
+    return p
 
 
 @kernel

@@ -10,8 +10,13 @@ An effect with states says what they follow (`EFFECT.follows`): the flow, the ra
 gives their rates, ``evolve(moment, value, *states, *parameters)``. One that follows the error or the displacement is a
 play: its single state becomes what its function returns, at the end of a step.
 
+Where much stays the same from one sample to the next, as the set-point and the piston's speed do, an effect may give
+``hold(moment, *parameters)``, too. Its other functions then take what that returns (`EFFECT.held` numbers) and not the
+parameters.
+
 The functions are compiled for lanes (`model.lanes`), eight cylinders at once: they calculate with them as with numbers,
-but do not branch on them. `where` chooses instead, and `model.lanewise` has powers and other functions of lanes.
+but do not branch on them. `where` chooses instead, `some` tells what no lane needs, and `model.lanewise` has powers and
+other functions of lanes.
 
 An effect on the contact force has the function ``force`` and no other of these, and is compiled for numbers. It takes
 the force that the tool would feel without it [N], along +x, then the `ForceMoment`, states and parameters. Its states
@@ -173,6 +178,9 @@ class Effect:
         In the order in which its functions take them.
     states
         Number of states of its own.
+    held
+        How many numbers its function `hold` returns, once for each sample: its other functions take them, and not its
+        parameters.
     follows
         What its states follow: `flow`, `chamber`, `signal`, or for a play `error` or `displacement`; for an effect on
         the force `motion`.
@@ -230,6 +238,7 @@ class Effect:
     shown_by: str = ''
     shown_at: float = 0.0
     states: int = 0
+    held: int = 0
     follows: str = ''
     rests_at_pressure: bool = False
     moves_rest: bool = False

@@ -13,8 +13,8 @@ import math
 from cfd_pneumatic.model.effects import heat_transfer
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import kernel
-from cfd_pneumatic.model.lanes import where
-from cfd_pneumatic.model.lanewise import power
+from cfd_pneumatic.model.lanes import some, where
+from cfd_pneumatic.model.lanewise import exp, log, power
 
 SMALLEST_FLOW = 0.05
 """Share of the choked flow that always passes: an orifice's slope is infinite where the pressures are equal [-]."""
@@ -48,36 +48,49 @@ STARTING_SHARE = 1e-6
 @kernel
 def passed(upstream, downstream, critical):
     """Return what passes a hole, as the upstream pressure of which as much is choked, equation (1) by ISO 6358 [Pa]."""
-    share = min(max((downstream - critical * upstream) / (upstream * (1.0 - critical)), 0.0), 1.0)
-    return upstream * max(math.sqrt(1.0 - share * share), SMALLEST_FLOW)
+    unchoked = max(downstream - critical * upstream, 0.0) / (1.0 - critical)
+    least = SMALLEST_FLOW * upstream
+    return math.sqrt(max(upstream * upstream - unchoked * unchoked, least * least))
 
 
 @kernel
-def density(moment, pressure, position, exponent):
+def hold(moment, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring):
+    """
+    Return what stays the same while the set-point and the piston's speed do.
+
+    Among it are the valves' openings against what passes at the reference [1/Pa], and the inverse of the walls' time
+    constant [1/s], where free and forced convection add up as roots of squares.
+    """
+    grown = log(moment.setpoint / pressure)
+    opened = exp(opens * grown) / passed(supply, pressure, b)
+    vented = exp(vents * grown) / passed(pressure, moment.ambient, b)
+    forced = stirring * min(abs(moment.rate), FAST)
+    walls = loss * math.sqrt(1.0 + forced * forced)
+    warmth = loss / (loss + SLOWEST_LOSS)
+    return pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
+
+
+@kernel
+def density(moment, pressure, position, n):
     """Return the volume at the reference, K_x = n p A / V there by equation (12), against the chamber's [-]."""
-    stiff = exponent * pressure
+    stiff = n * pressure
     return stiff / max(stiff + moment.k_x * (moment.x - position), SMALLEST_VOLUME * stiff)
 
 
 @kernel
-def taken_up(moment, loss, stirring):
-    """Return the inverse of the walls' time constant [1/s]: free and forced convection add up as roots of squares."""
-    forced = stirring * min(abs(moment.rate), FAST)
-    return loss * math.sqrt(1.0 + forced * forced)
-
-
-@kernel
 def error(
-    value, moment, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
+    value, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
     """Return the error [Pa] that would let as much out if no silencer stood behind the relief valve."""
     throttled = silencer * max(-value, 0.0)
-    return value * power(1.0 + throttled * throttled * math.sqrt(throttled), -1.0 / IN_A_ROW)
+    if some(throttled > 0.0):
+        value *= power(1.0 + throttled * throttled * math.sqrt(throttled), -1.0 / IN_A_ROW)
+    return value
 
 
 @kernel
 def velocity_gain(
-    k_x, moment, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
+    k_x, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
     """Return K_x [Pa/m] at a pressure and in a volume, equation (11)."""
     return k_x * (moment.p / pressure) * density(moment, pressure, position, n)
@@ -85,21 +98,18 @@ def velocity_gain(
 
 @kernel
 def flow(
-    value, moment, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
+    value, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
     """Return the pressure rate that the flow makes [Pa/s], equations (1), (3) and (11)."""
     exhausts = value < 0.0
-    here = passed(where(exhausts, moment.p, supply), where(exhausts, moment.ambient, moment.p), b)
-    there = passed(where(exhausts, pressure, supply), where(exhausts, moment.ambient, pressure), b)
-    grown = power(moment.setpoint / pressure, where(exhausts, vents, opens))
-    warm = where(exhausts, heat * loss / (loss + SLOWEST_LOSS), 0.0)
-    share = here * density(moment, pressure, position, n) * moment.p / (there * (moment.p - warm))
-    return value * grown * share
+    passes = passed(where(exhausts, moment.p, supply), where(exhausts, moment.ambient, moment.p), b)
+    share = where(exhausts, vented, opened) * passes * density(moment, pressure, position, n)
+    return value * share * moment.p / (moment.p - where(exhausts, heat * warmth, 0.0))
 
 
 @kernel
 def time_constant(
-    tau, moment, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
+    tau, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
     """Return tau [s]: inverse to the density in the aspirator tube, equation (4), longer where its entrance counts."""
     entering = math.sqrt(1.0 + 4.0 * entrance * abs(moment.p - moment.p_f))
@@ -108,21 +118,20 @@ def time_constant(
 
 @kernel
 def chamber(
-    rate, moment, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
+    rate, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
     """Return the outlet pressure's rate [Pa/s]: the control chamber draws on it, the walls cool it."""
     dense = density(moment, pressure, position, n)
-    walls = dense * taken_up(moment, loss, stirring)
-    return rate - control * moment.sensing * dense - heat_transfer.cooling(moment, heat, walls)
+    return rate - control * moment.sensing * dense - heat_transfer.cooling(moment, heat, dense * walls)
 
 
 @kernel
 def evolve(
-    moment, rate, heat, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring
+    moment, rate, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
     """Return the rate at which pressure due to temperature builds up and goes [Pa/s]."""
     dense = density(moment, pressure, position, n)
-    return (heat_transfer.warming(moment, rate, heat, dense * taken_up(moment, loss, stirring), n),)
+    return (heat_transfer.warming(moment, rate, heat, dense * walls, n),)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
@@ -234,6 +243,7 @@ EFFECT = Effect(
     quickens=quickens,
     fastest=fastest,
     states=1,
+    held=12,
     follows='chamber',
     rank=10,
 )
