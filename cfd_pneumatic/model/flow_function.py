@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 CRITICAL = 0.528
 """Pressure ratio below which the flow is choked [-]."""
 
 
-@kernel
+@inlined
 def passed(ratio):
     """Return the flow at a pressure ratio, downstream over upstream, against the choked flow [-]."""
     share = min(max((ratio - CRITICAL) / (1.0 - CRITICAL), 0.0), 1.0)

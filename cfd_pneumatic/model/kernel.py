@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
+from numba.extending import register_jitable
 
 from cfd_pneumatic.compiling import compiler
 
@@ -18,14 +18,22 @@ A division by zero gives inf, as NumPy's does, instead of a branch to raise.
 fused = compiler(error_model='numpy', nogil=True, fastmath={'contract'})
 """As `kernel`, with products and sums rounded once where the processor can; no other liberty is taken."""
 
+inner = compiler(error_model='numpy', nogil=True, fastmath={'contract'}, no_cpython_wrapper=True)
+"""As `fused`, for what compiled functions alone call: a way from Python takes as long to compile as the function."""
+
 summed = compiler(error_model='numpy', nogil=True, fastmath={'contract', 'reassoc'})
 """As `fused`, with sums taken in any order: for those of many numbers."""
 
-_INLINED: dict[str, Any] = {'forceinline': True, 'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
-
-inlined = njit(error_model='numpy', nogil=True, fastmath={'contract'}, **_INLINED)
+inlined: Any = register_jitable(
+    error_model='numpy',
+    nogil=True,
+    fastmath={'contract'},
+    forceinline=True,
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+)
 """
-Compile into what calls it: for the innermost loop.
+Compile into what calls it, for the innermost loop; what calls it from Python gets the function as it is.
 
 What stays the same from step to step is read once then, and what two parts compute alike is computed once.
 """

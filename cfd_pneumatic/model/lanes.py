@@ -138,22 +138,14 @@ def _all(kind: ir.Type, number: float) -> ir.Constant:
     return kind([number] * COUNT) if kind in (_FLOATS, _BITS) else kind(number)
 
 
-@_built
-def some(typing_context: Any, condition: types.Type) -> tuple[Any, Build]:
-    """Tell whether something is true in some lane: what none needs can be left out."""
-
-    def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
-        if values[0].type != _TRUTHS:
-            return values[0]
-        together = builder.bitcast(values[0], ir.IntType(COUNT))
-        return builder.icmp_unsigned('!=', together, together.type(0))
-
-    return types.boolean(condition), code
-
-
 def where(condition: Any, yes: Any, no: Any) -> Any:
     """Return one of two numbers, in each lane by its own condition."""
     return yes if condition else no
+
+
+def some(condition: Any) -> bool:
+    """Tell whether something is true in some lane: what none needs can be left out."""
+    return bool(condition)
 
 
 def _vectors(
@@ -239,3 +231,19 @@ def _where_of_flags(context: Any, builder: ir.IRBuilder, signature: Any, values:
 def _where(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
     yes, no = (context.cast(builder, value, kind, types.float64) for kind, value in zip(signature.args[1:], values[1:]))
     return builder.select(values[0], yes, no)
+
+
+@type_callable(some)
+def _type_of_some(context: Any) -> Callable[..., types.Type]:
+    return lambda condition: types.boolean
+
+
+@lower_builtin(some, FLAGS)
+def _some_of_flags(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
+    together = builder.bitcast(values[0], ir.IntType(COUNT))
+    return builder.icmp_unsigned('!=', together, together.type(0))
+
+
+@lower_builtin(some, types.Boolean)
+def _some(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
+    return values[0]

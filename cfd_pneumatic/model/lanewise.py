@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import exponent, mantissa, power_of_two, where
 
 _SATURATED = 19.0  # where tanh is one, but for rounding
@@ -24,13 +24,13 @@ C2, C4, C6, C8, C10, C12, C14, C16, C18, C20 = (
 )
 
 
-@kernel
+@inlined
 def nearest(x):
     """Return the nearest whole number."""
     return (x + _NEAREST) - _NEAREST
 
 
-@kernel
+@inlined
 def exp(x):
     """Return the exponential; where that is out of the floats' range, the edge of it."""
     inner = min(max(x, _LEAST), _MOST)
@@ -43,7 +43,7 @@ def exp(x):
     return (low + high * (z4 * z4)) * power_of_two(whole)
 
 
-@kernel
+@inlined
 def log(x):
     """Return the natural logarithm; that of nothing is taken for the smallest number's."""
     positive = max(x, _SMALLEST)
@@ -58,20 +58,20 @@ def log(x):
     return where(x >= 0.0, exponent(positive) * _LN2 + series, math.nan)
 
 
-@kernel
+@inlined
 def power(x, y):
     """Return x to the power of y; a negative one has none."""
     return exp(y * log(x))
 
 
-@kernel
+@inlined
 def tanh(x):
     """Return the hyperbolic tangent."""
     decay = exp(-2.0 * min(max(x, -_SATURATED), _SATURATED))
     return (1.0 - decay) / (1.0 + decay)
 
 
-@kernel
+@inlined
 def wave(turns):
     """Return sine and cosine of an angle in turns."""
     x = turns - nearest(turns)

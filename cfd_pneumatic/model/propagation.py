@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfd_pneumatic.model.kernel import fused, inlined, kernel
+from cfd_pneumatic.model.kernel import fused, inlined, inner, kernel
 
 SENSITIVITIES = ('k_x', 'k_sv', 'k_v', 'tau', 'setpoint', 'start')
 """What the pressure is differentiated by, in the order of the sensitivities' columns."""
@@ -284,7 +284,7 @@ def lead_of(u, w, b1):
     return side
 
 
-@fused
+@inner
 def relax(u, w, gain, inverse_tau, b1, h):
     """Return (u, w) after h seconds on one branch."""
     return moved(transition(gain, inverse_tau, h), u, w, b1)
@@ -319,7 +319,7 @@ def likely_crossing(begin, end, begin_rate, end_rate, h):
     return share * h
 
 
-@fused
+@inner
 def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
     """Return the time in (0, h] at which w first reaches zero, or h where it doesn't."""
     side = lead_of(u, w, b1)
@@ -369,7 +369,7 @@ def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
     return time
 
 
-@fused
+@inner
 def first_piece(u, w, gain, inverse_tau, b1, remaining):
     """
     Return (transition, u, w) of the piece that a step begins with on a branch.
@@ -392,7 +392,7 @@ def first_piece(u, w, gain, inverse_tau, b1, remaining):
     return step, u_end, w_end
 
 
-@fused
+@inner
 def step_by_pieces(u, w, h, rate, k_x, k_sv, k_v, inverse_tau, carried=None):
     """Return (u, w) after h seconds, however often the branch changes; move the derivatives along if there are any."""
     b1 = -k_x * rate

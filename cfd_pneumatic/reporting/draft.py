@@ -32,10 +32,10 @@ _FILE = '''"""{title}: {words}."""
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 {imports}
 
-@kernel
+@inlined
 def {function}({taken}, moment, {names}):
     """Return {what}."""
     z = {variable}

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.rig.compiled import compiled
+from cfd_pneumatic.rig.compiled import compiled, inner
 from cfd_pneumatic.rig.effects import Effects
 from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
 from cfd_pneumatic.rig.parameters import Air, Cylinder, RigParameters, Seal
@@ -87,7 +87,7 @@ LAMINAR_RATIO = 0.999
 """Pressure ratio above which an orifice is taken as laminar: the ellipse of ISO 6358 has no finite slope at 1."""
 
 
-@compiled
+@inner
 def flow_function(ratio: float, critical_ratio: float, index: float) -> float:
     """
     Return an orifice's flow over its choked flow for a ratio of absolute pressures (ISO 6358-1:2013).
@@ -101,7 +101,7 @@ def flow_function(ratio: float, critical_ratio: float, index: float) -> float:
     return subsonic * (1.0 - ratio) / (1.0 - LAMINAR_RATIO) if ratio > LAMINAR_RATIO else subsonic
 
 
-@compiled
+@inner
 def orifice_flow(
     conductance: float, upstream: float, downstream: float, critical_ratio: float, index: float, temperature: float
 ) -> float:
@@ -117,7 +117,7 @@ def orifice_flow(
     return flow if upstream >= downstream else -flow
 
 
-@compiled
+@inner
 def tube_flow(
     diameter: float,
     length: float,
@@ -140,31 +140,31 @@ def tube_flow(
     return 2.0 * laminar / (1.0 + math.sqrt(1.0 + 8.0 * abs(upstream - downstream) / entrance_loss))
 
 
-@compiled
+@inner
 def felt(pressure: float, cylinder: Cylinder) -> float:
     """Return the absolute pressure [Pa] that the coefficients follow: the true one, unless they are frozen."""
     return cylinder.reference_pressure + cylinder.pressure_dependence * (pressure - cylinder.reference_pressure)
 
 
-@compiled
+@inner
 def played(held: float, target: float, half_width: float) -> float:
     """Return what lies within half a width of its target, and else is where it was (play, or backlash)."""
     return min(max(held, target - half_width), target + half_width)
 
 
-@compiled
+@inner
 def valve_error(state: CylinderState, setpoint: float, effects: Effects) -> float:
     """Return the error [Pa] that moves the valves: what the diaphragm feels, or where a poppet with mass has got to."""
     return state.poppet if effects.poppet_frequency > 0.0 else setpoint - state.droop - state.sensed
 
 
-@compiled
+@inner
 def hump(at: float, middle: float, width: float) -> float:
     """Return 1 in the middle and exp(-1) a width away."""
     return math.exp(-(((at - middle) / width) ** 2))
 
 
-@compiled
+@inner
 def worn(error: float, odd: Oddities) -> float:
     """Return the error [Pa] at which a valve with a good seat would be as far open."""
     if odd.groove == 0.0:
@@ -172,7 +172,7 @@ def worn(error: float, odd: Oddities) -> float:
     return error * (1.0 + odd.groove * hump(abs(error), odd.groove_error, odd.groove_width))
 
 
-@compiled
+@inner
 def odd_error(position: float, velocity: float, odd: Oddities) -> float:
     """Return what a ledge along the stroke and air that rushes past the control port add to the valves' error [Pa]."""
     suction = 0.0
@@ -183,14 +183,14 @@ def odd_error(position: float, velocity: float, odd: Oddities) -> float:
     return suction + 0.5 * odd.ledge * (1.0 + math.tanh((position - odd.ledge_position) / odd.ledge_length))
 
 
-@compiled
+@inner
 def odd_leak(gauge: float, velocity: float, odd: Oddities) -> float:
     """Return the mass flow [kg/s] past a seal that swims at speed, and through a relief valve that has popped."""
     swimming = odd.lifting * velocity**2 / (velocity**2 + odd.lifting_speed**2) * gauge
     return swimming + odd.pop * max(gauge - odd.pop_pressure, 0.0)
 
 
-@compiled
+@inner
 def swept(position: float, velocity: float, odd: Oddities) -> float:
     """Return the speed [m/s] of a piston in an even bore that makes as much room."""
     if odd.bulge != 0.0:
@@ -200,7 +200,7 @@ def swept(position: float, velocity: float, odd: Oddities) -> float:
     return velocity
 
 
-@compiled
+@inner
 def softened(gauge: float, odd: Oddities) -> float:
     """Return by what the chamber is larger at a gauge pressure [Pa]."""
     if odd.soft == 0.0:
@@ -208,7 +208,7 @@ def softened(gauge: float, odd: Oddities) -> float:
     return 1.0 + 0.5 * odd.soft * (1.0 + math.tanh((gauge - odd.soft_pressure) / odd.soft_width))
 
 
-@compiled
+@inner
 def characteristic(error: float, effects: Effects) -> float:
     """Return the error [Pa] at which a linear valve would be as far open: beyond a dead band, and to a power."""
     beyond = 0.0
@@ -222,14 +222,14 @@ def characteristic(error: float, effects: Effects) -> float:
     return math.copysign(effects.valve_pivot * share**effects.valve_exponent, beyond)
 
 
-@compiled
+@inner
 def supply_opening(error: float, setpoint: float, cylinder: Cylinder, air: Air) -> float:
     """Return the supply valve's sonic conductance [m^3/(s Pa)]: proportional to what is missing, up to the stop."""
     growth = 1.0 + cylinder.supply_gain_growth * max(felt(setpoint, cylinder) - air.ambient_pressure, 0.0)
     return min(max(cylinder.supply_gain * growth * error, 0.0), cylinder.supply_conductance)
 
 
-@compiled
+@inner
 def relief_opening(error: float, cylinder: Cylinder) -> float:
     """
     Return the relief valve's sonic conductance [m^3/(s Pa)]: proportional to the excess, up to the stop.
@@ -243,7 +243,7 @@ def relief_opening(error: float, cylinder: Cylinder) -> float:
     return opened / throttled
 
 
-@compiled
+@inner
 def seal_lift(position: float, velocity: float, effects: Effects) -> float:
     """Return how far the seal has lifted, 0 to 1, at a position [m] and velocity [m/s]."""
     near = 0.5 * (1.0 + math.tanh(effects.lift_end * (position - effects.lift_position) / effects.lift_width))
@@ -252,7 +252,7 @@ def seal_lift(position: float, velocity: float, effects: Effects) -> float:
     return near * 0.5 * (1.0 + math.tanh(effects.lift_direction * velocity / SEATING_SPEED))
 
 
-@compiled
+@inner
 def leak_flow(outlet: float, position: float, velocity: float, effects: Effects, air: Air) -> float:
     """Return the mass flow [kg/s] that leaks from the cylinder to ambient: a hole, a gap, and a seal that lifts."""
     flow = effects.leak_admittance * (outlet - air.ambient_pressure)
@@ -266,7 +266,7 @@ def leak_flow(outlet: float, position: float, velocity: float, effects: Effects,
     return flow
 
 
-@compiled
+@inner
 def cylinder_rates(
     state: CylinderState,
     play: float,
@@ -366,13 +366,13 @@ def cylinder_rates(
     )
 
 
-@compiled
+@inner
 def stirred(velocity: float, effects: Effects) -> float:
     """Return the wall's conductance [W/K]: air that is stirred by the piston takes up the heat the sooner."""
     return effects.heat_transfer * (1.0 + effects.stirring * abs(velocity))
 
 
-@compiled
+@inner
 def heated_rates(
     pressure: float, temperature: float, gained: float, volume: float, work: float, heat_transfer: float, air: Air
 ) -> tuple[float, float]:
@@ -390,7 +390,7 @@ def heated_rates(
     return pressure_rate, temperature * ((pressure_rate + work / volume) / pressure - gained / mass)
 
 
-@compiled
+@inner
 def rubbed(stretch: float, path: float, seal: Seal) -> float:
     """
     Return the seal's stretch, -1 to 1, after the piston has gone a path [m] one way.
@@ -401,14 +401,14 @@ def rubbed(stretch: float, path: float, seal: Seal) -> float:
     return direction + (stretch - direction) * math.exp(-abs(path) / seal.presliding)
 
 
-@compiled
+@inner
 def friction(stretch: float, velocity: float, gauge_pressures: float, seal: Seal) -> float:
     """Return the friction [N] against +x; `gauge_pressures` is both cylinders' sum [Pa], velocity in m/s."""
     sticking = seal.breakaway * math.exp(-((velocity / seal.stribeck_speed) ** 2))
     return (seal.coulomb + seal.coulomb_per_pressure * gauge_pressures + sticking) * stretch + seal.viscous * velocity
 
 
-@compiled
+@inner
 def odd_drag(position: float, stretch: float, odd: ForceOddities) -> float:
     """Return what a scar in the bore and cables that are tight take of the force along +x [N]."""
     drag = 0.0
@@ -419,7 +419,7 @@ def odd_drag(position: float, stretch: float, odd: ForceOddities) -> float:
     return drag
 
 
-@compiled
+@inner
 def contact_force(
     outlets: tuple[float, float],
     stretch: float,
@@ -442,7 +442,7 @@ def contact_force(
     return thrust - piston.mass * acceleration - rubbing - piston.mass * GRAVITY * math.sin(piston.inclination)
 
 
-@compiled
+@inner
 def position_between(fraction: float, period: float, x0: float, v0: float, x1: float, v1: float) -> float:
     """
     Return the position [m] at a fraction of the time between two knots a period [s] apart (cubic Hermite).
@@ -455,7 +455,7 @@ def position_between(fraction: float, period: float, x0: float, v0: float, x1: f
     )
 
 
-@compiled
+@inner
 def velocity_between(fraction: float, period: float, x0: float, v0: float, x1: float, v1: float) -> float:
     """Return the velocity [m/s] at a fraction of the time between two knots, the derivative of `position_between`."""
     rest = 1.0 - fraction
@@ -466,13 +466,13 @@ def velocity_between(fraction: float, period: float, x0: float, v0: float, x1: f
     )
 
 
-@compiled
+@inner
 def acceleration_at_end(period: float, x0: float, v0: float, x1: float, v1: float) -> float:
     """Return the acceleration [m/s^2] with which a piece of motion arrives at its second knot."""
     return (6.0 * (x0 - x1) / period + 2.0 * v0 + 4.0 * v1) / period
 
 
-@compiled
+@inner
 def ahead(state: CylinderState, rates: CylinderState, duration: float) -> CylinderState:
     """Return a state after a duration [s] of steady rates of change."""
     return CylinderState(
@@ -487,7 +487,7 @@ def ahead(state: CylinderState, rates: CylinderState, duration: float) -> Cylind
     )
 
 
-@compiled
+@inner
 def step_cylinder(
     states: NDArray[np.float64],
     setpoint: float,

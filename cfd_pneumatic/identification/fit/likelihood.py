@@ -281,17 +281,17 @@ class Likelihood:
             walk = self.channel.linearised(experiment, unknowns.parts, numbers, slots, steps[own], last)
             for samples, simulated, jacobian in walk:
                 here = slice(samples.start, samples.stop)
-                yield (
-                    _rows(
-                        np.ascontiguousarray(simulated),  # of one layout: for each another function is compiled
-                        experiment.measured[here],
-                        weight[here],
-                        counts[here],
-                        np.ascontiguousarray(jacobian.T),
-                        scales[own],
-                    ),
-                    own,
+                rows = np.empty((1 + own.size, np.count_nonzero(counts[here])))
+                _fill(
+                    rows,
+                    np.ascontiguousarray(simulated),  # of one layout: for each another function is compiled
+                    experiment.measured[here],
+                    weight[here],
+                    counts[here],
+                    np.ascontiguousarray(jacobian.T),
+                    scales[own],
                 )
+                yield rows, own
 
     # what a model is worth
 
@@ -311,9 +311,10 @@ class Likelihood:
 
 
 @kernel
-def _rows(simulated: Array, measured: Array, weight: Array, counts: Mask, slopes: Array, scales: Array) -> Array:
-    """Return the weighted residuals of the samples that count, and below them their derivatives, shape (1 + k, n)."""
-    rows = np.empty((1 + scales.size, np.count_nonzero(counts)))
+def _fill(
+    rows: Array, simulated: Array, measured: Array, weight: Array, counts: Mask, slopes: Array, scales: Array
+) -> None:
+    """Fill in the weighted residuals of the samples that count, and below them their derivatives."""
     kept = 0
     for sample in range(measured.size):
         if counts[sample]:
@@ -321,4 +322,3 @@ def _rows(simulated: Array, measured: Array, weight: Array, counts: Mask, slopes
             for rank in range(scales.size):
                 rows[1 + rank, kept] = slopes[rank, sample] * scales[rank] * weight[sample]
             kept += 1
-    return rows

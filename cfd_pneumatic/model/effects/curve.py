@@ -8,7 +8,7 @@ over the curve's range, or crowd about its middle.
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import some, where
 
 ENTERS = ('set_point', 'flow', 'gain', 'chamber', 'leak', 'sensing')
@@ -26,7 +26,7 @@ KNOTS = 11
 _LAST = 10.0  # number of the last knot
 
 
-@kernel
+@inlined
 def _height(moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the height of the curve where the cylinder is."""
     at = where(against < 0.5, moment.x, moment.rate)
@@ -46,7 +46,7 @@ def _height(moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6,
     return height + min(place, 0.0) * (w1 - w0) + max(place - _LAST, 0.0) * (w10 - w9)
 
 
-@kernel
+@inlined
 def setpoint(p_d, moment, flow, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the set-point that acts [Pa]."""
     here = enters < 0.5
@@ -56,7 +56,7 @@ def setpoint(p_d, moment, flow, enters, against, lag, low, high, crowd, w0, w1, 
     return p_d
 
 
-@kernel
+@inlined
 def flow(q, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the pressure rate that the valves' flow makes [Pa/s]."""
     here = abs(enters - 1.0) < 0.5
@@ -66,7 +66,7 @@ def flow(q, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, 
     return q
 
 
-@kernel
+@inlined
 def velocity_gain(
     gain, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
 ):
@@ -78,7 +78,7 @@ def velocity_gain(
     return gain
 
 
-@kernel
+@inlined
 def chamber(rate, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the outlet pressure's rate [Pa/s]: more of it, or less what leaks to ambient."""
     added, leaked = abs(enters - 3.0) < 0.5, abs(enters - 4.0) < 0.5
@@ -88,7 +88,7 @@ def chamber(rate, moment, passed, enters, against, lag, low, high, crowd, w0, w1
     return rate
 
 
-@kernel
+@inlined
 def signal(p, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return what the pressure's sensor reads [Pa]."""
     here = enters > 4.5
@@ -98,7 +98,7 @@ def signal(p, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2
     return p
 
 
-@kernel
+@inlined
 def evolve(moment, q, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the rate of the lagged flow [Pa/s^2]."""
     return ((q - passed) / lag,)

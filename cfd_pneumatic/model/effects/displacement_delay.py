@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 SHORTEST = 0.02
 """What is less may be a matter of the pressure's clock: that is what `transport_delay` says below zero [s]."""
@@ -11,7 +11,7 @@ SHORTEST = 0.02
 _OF_A_FILTER = 0.05  # that a search starts from [s]
 
 
-@kernel
+@inlined
 def displacement(x, moment, delay):
     """Return the piston's displacement [m], as far as its speed tells what is not reported yet."""
     return x + delay * moment.rate

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 
-@kernel
+@inlined
 def displacement(x, moment, lag):
     """Return the piston's displacement [m]."""
     return x + lag * moment.rate

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import DELAYS, OFFSETS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 
-@kernel
+@inlined
 def setpoint(p_d, moment, passed, slope, lag):
     """Return the set-point that acts [Pa]."""
     return p_d - slope * passed
 
 
-@kernel
+@inlined
 def evolve(moment, flow, passed, slope, lag):
     """Return the rate of the lagged flow [Pa/s^2]."""
     return ((flow - passed) / lag,)

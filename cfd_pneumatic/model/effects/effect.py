@@ -2,7 +2,7 @@
 What an effect is: a small file that says its name, its parameters and where it enters the model.
 
 A module of this package that defines `EFFECT` is an effect; nothing else has to know of it. It enters the model through
-functions with names from `FUNCTIONS`, compiled by `kernel`. Each takes the value that it changes and returns the
+functions with names from `FUNCTIONS`, compiled by `inlined`. Each takes the value that it changes and returns the
 changed one; then come the `Moment`, the effect's own states (`EFFECT.states` of them) and its own parameters, in their
 order.
 

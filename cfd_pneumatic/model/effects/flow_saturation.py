@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 
-@kernel
+@inlined
 def flow(value, moment, charge, exhaust):
     """Return the pressure rate that the flow makes [Pa/s]."""
     return min(max(value, -exhaust), charge)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import LOADS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 
-@kernel
+@inlined
 def force(value, moment, offset):
     """Return what the sensor reads [N]."""
     return value + offset

@@ -3,39 +3,39 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import STIFFNESS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import where
 
 ADIABATIC = 1.4
 """Ratio of the specific heats of air [-]."""
 
 
-@kernel
+@inlined
 def flow(value, moment, heat, loss):
     """Return the pressure rate that the flow makes [Pa/s]: warm air that leaves takes more pressure with it."""
     warm = where(value > 0.0, 0.0, where(loss > 0.0, heat, 0.0))
     return value / (1.0 - warm / moment.p)
 
 
-@kernel
+@inlined
 def cooling(moment, heat, loss):
     """Return the rate at which the walls take pressure [Pa/s]: the less air there is to be cooled, the quicker."""
     return loss * heat * moment.ambient / (moment.p - heat)
 
 
-@kernel
+@inlined
 def chamber(rate, moment, heat, loss):
     """Return the outlet pressure's rate [Pa/s]."""
     return rate - cooling(moment, heat, loss)
 
 
-@kernel
+@inlined
 def evolve(moment, rate, heat, loss):
     """Return the rate at which pressure due to temperature, p (1 - T_wall / T), builds up and goes [Pa/s]."""
     return (warming(moment, rate, heat, loss, ADIABATIC),)
 
 
-@kernel
+@inlined
 def warming(moment, rate, heat, loss, exponent):
     """Return that rate [Pa/s] where a fast change has some exponent: 1.4 for air without walls."""
     thinned = min(rate, -moment.swept)  # air that comes in is as warm as the wall: it brings no heat

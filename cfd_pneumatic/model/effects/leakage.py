@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import OFFSETS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.flow_function import passed
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import where
 
 
-@kernel
+@inlined
 def chamber(rate, moment, conductance, orifice):
     """Return the outlet pressure's rate [Pa/s]."""
     through_hole = moment.p * passed(moment.ambient / moment.p)

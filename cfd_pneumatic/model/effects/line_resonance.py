@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 
 from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import where
 
 
-@kernel
+@inlined
 def signal(p, moment, reading, slope, frequency, damping):
     """Return what the sensor reads [Pa]."""
     return where(frequency >= HIGHEST, p, reading)
 
 
-@kernel
+@inlined
 def evolve(moment, p, reading, slope, frequency, damping):
     """Return the rates of the reading [Pa/s] and of its slope [Pa/s^2]."""
     omega = where(frequency >= HIGHEST, 0.0, 2.0 * math.pi * frequency)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import where
 
 NONE = 1e-5
@@ -17,7 +17,7 @@ A quicker one is taken to be as slow as that; what it settles to, and the mass o
 """
 
 
-@kernel
+@inlined
 def evolve(moment, valves, drop, resistance, volume):
     """Return the rate of the pressure drop along the line [Pa/s]."""
     both = 1.0 + volume
@@ -26,7 +26,7 @@ def evolve(moment, valves, drop, resistance, volume):
     return (where(resistance < NONE, 0.0, rate),)
 
 
-@kernel
+@inlined
 def flow(valves, moment, drop, resistance, volume):
     """Return the pressure rate that the flow through the line makes [Pa/s]: what the outlet does not keep."""
     (rate,) = evolve(moment, valves, drop, resistance, volume)
@@ -34,7 +34,7 @@ def flow(valves, moment, drop, resistance, volume):
     return where(resistance < NONE, valves, through)
 
 
-@kernel
+@inlined
 def outlet(p, moment, valves, drop, resistance, volume):
     """Return the pressure at the regulator's outlet [Pa]."""
     return p + drop

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import PLAYS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 
-@kernel
+@inlined
 def displacement(x, moment, play, width):
     """Return the piston's displacement [m]; it becomes the play's state."""
     return min(max(play, x - width), x + width)

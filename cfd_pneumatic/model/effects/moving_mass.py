@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 
 from cfd_pneumatic.model.effects.effect import LOADS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""
 
 
-@kernel
+@inlined
 def force(value, moment, mass, inclination):
     """Return the contact force [N], less inertia and weight."""
     return value - mass * (moment.acceleration + GRAVITY * math.sin(inclination))

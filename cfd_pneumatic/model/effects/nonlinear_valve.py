@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanewise import power
 
 REFERENCE = 1e3
@@ -15,7 +15,7 @@ ROUNDING = 50.0
 """Error below which the power law becomes linear, so that its slope stays finite at zero [Pa]."""
 
 
-@kernel
+@inlined
 def error(value, moment, exponent):
     """Return the error [Pa] at which a linear valve would pass the same flow."""
     size = math.sqrt(value * value + ROUNDING * ROUNDING) / REFERENCE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.flow_function import passed
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import where
 from cfd_pneumatic.model.lanewise import power
 
@@ -15,13 +15,13 @@ SMALLEST = 0.1
 """Share of the choked flow that always passes: a supply below the pressure would make the gains infinite [-]."""
 
 
-@kernel
+@inlined
 def velocity_gain(k_x, moment, strength, supply, exponent):
     """Return K_x [Pa/m], proportional to absolute pressure."""
     return k_x * power(moment.p / REFERENCE, strength)
 
 
-@kernel
+@inlined
 def flow(value, moment, strength, supply, exponent):
     """Return the pressure rate that the flow makes [Pa/s]."""
     charging = max(passed(moment.p / supply), SMALLEST) / max(passed(REFERENCE / supply), SMALLEST)
@@ -30,7 +30,7 @@ def flow(value, moment, strength, supply, exponent):
     return value * power(where(value < 0.0, exhausting, charging), strength)
 
 
-@kernel
+@inlined
 def time_constant(tau, moment, strength, supply, exponent):
     """Return tau [s], inverse to the density in the aspirator tube, equation (4)."""
     return tau * power(2.0 * REFERENCE / (moment.p + moment.p_f), strength)

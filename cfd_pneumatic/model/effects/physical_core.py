@@ -12,7 +12,7 @@ import math
 
 from cfd_pneumatic.model.effects import heat_transfer
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import some, where
 from cfd_pneumatic.model.lanewise import exp, log, power
 
@@ -45,7 +45,7 @@ STARTING_SHARE = 1e-6
 """A silencer and an entrance that hardly matter, which a search starts from [1/Pa]."""
 
 
-@kernel
+@inlined
 def passed(upstream, downstream, critical):
     """Return what passes a hole, as the upstream pressure of which as much is choked, equation (1) by ISO 6358 [Pa]."""
     unchoked = max(downstream - critical * upstream, 0.0) / (1.0 - critical)
@@ -53,7 +53,7 @@ def passed(upstream, downstream, critical):
     return math.sqrt(max(upstream * upstream - unchoked * unchoked, least * least))
 
 
-@kernel
+@inlined
 def hold(moment, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring):
     """
     Return what stays the same while the set-point and the piston's speed do.
@@ -70,14 +70,14 @@ def hold(moment, pressure, position, supply, b, opens, vents, n, loss, control, 
     return pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 
 
-@kernel
+@inlined
 def density(moment, pressure, position, n):
     """Return the volume at the reference, K_x = n p A / V there by equation (12), against the chamber's [-]."""
     stiff = n * pressure
     return stiff / max(stiff + moment.k_x * (moment.x - position), SMALLEST_VOLUME * stiff)
 
 
-@kernel
+@inlined
 def error(
     value, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
@@ -88,7 +88,7 @@ def error(
     return value
 
 
-@kernel
+@inlined
 def velocity_gain(
     k_x, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
@@ -96,7 +96,7 @@ def velocity_gain(
     return k_x * (moment.p / pressure) * density(moment, pressure, position, n)
 
 
-@kernel
+@inlined
 def flow(
     value, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
@@ -107,7 +107,7 @@ def flow(
     return value * share * moment.p / (moment.p - where(exhausts, heat * warmth, 0.0))
 
 
-@kernel
+@inlined
 def time_constant(
     tau, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
@@ -116,7 +116,7 @@ def time_constant(
     return tau * (1.0 + entering) * pressure / (moment.p + moment.p_f)
 
 
-@kernel
+@inlined
 def chamber(
     rate, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
@@ -125,7 +125,7 @@ def chamber(
     return rate - control * moment.sensing * dense - heat_transfer.cooling(moment, heat, dense * walls)
 
 
-@kernel
+@inlined
 def evolve(
     moment, rate, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import OFFSETS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanewise import tanh
 
 
-@kernel
+@inlined
 def chamber(rate, moment, conductance, position, width, speed, end, direction):
     """Return the outlet pressure's rate [Pa/s]."""
     opening = 0.5 * (1.0 + tanh(end * (moment.x - position) / width))

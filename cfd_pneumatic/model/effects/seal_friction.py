@@ -9,24 +9,24 @@ from __future__ import annotations
 import math
 
 from cfd_pneumatic.model.effects.effect import FRICTIONS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 
-@kernel
+@inlined
 def force(value, moment, stretch, coulomb, per_pressure, viscous, presliding):
     """Return the contact force [N], less what the seals hold back."""
     gauge = moment.p - moment.ambient + moment.opposing - moment.ambient
     return value - max(coulomb + per_pressure * gauge, 0.0) * stretch - viscous * moment.rate
 
 
-@kernel
+@inlined
 def stretched(travel, stretch, presliding):
     """Return a seal's stretch, -1 to 1, behind a travel one way: exact, as Dahl's model is linear in it."""
     direction = math.copysign(1.0, travel)
     return direction + (stretch - direction) * math.exp(-abs(travel) / presliding)
 
 
-@kernel
+@inlined
 def slide(travel, stretch, coulomb, per_pressure, viscous, presliding):
     """Return the seal's stretch, -1 to 1."""
     return (stretched(travel, stretch, presliding),)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import where
 
 
-@kernel
+@inlined
 def signal(p, moment, reading, lag):
     """Return what the sensor reads [Pa]."""
     return where(lag <= SHORTEST, p, reading)
 
 
-@kernel
+@inlined
 def evolve(moment, p, reading, lag):
     """Return the rate of the reading [Pa/s]."""
     return (where(lag <= SHORTEST, 0.0, (p - reading) / lag),)

@@ -11,17 +11,17 @@ import math
 
 from cfd_pneumatic.model.effects.effect import FRICTIONS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.effects.seal_friction import stretched
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 
-@kernel
+@inlined
 def force(value, moment, stretch, breakaway, speed, presliding):
     """Return the contact force [N], less what slow seals hold back."""
     share = moment.rate / speed
     return value - breakaway * stretch * math.exp(-share * share)
 
 
-@kernel
+@inlined
 def slide(travel, stretch, breakaway, speed, presliding):
     """Return the seal's stretch, -1 to 1."""
     return (stretched(travel, stretch, presliding),)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanewise import wave
 
 
-@kernel
+@inlined
 def setpoint(p_d, moment, in_phase, quadrature, frequency):
     """Return the set-point that acts [Pa]."""
     sine, cosine = wave(frequency * moment.time)

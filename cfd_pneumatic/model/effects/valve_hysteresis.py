@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import PLAYS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 
-@kernel
+@inlined
 def error(value, moment, play, width):
     """Return the error [Pa] that reaches the valves; it becomes the play's state at the end of a step."""
     return min(max(play, value - width), value + width)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import STIFFNESS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import kernel
+from cfd_pneumatic.model.kernel import inlined
 
 SMALLEST = 0.05
 """Share of the volume at x = 0 that is always left [-]."""
 
 
-@kernel
+@inlined
 def velocity_gain(k_x, moment, slope):
     """Return K_x [Pa/m], inverse to the volume."""
     return k_x / max(1.0 + slope * moment.x, SMALLEST)
 
 
-@kernel
+@inlined
 def flow(value, moment, slope):
     """Return the pressure rate that the flow makes [Pa/s], inverse to the volume."""
     return value / max(1.0 + slope * moment.x, SMALLEST)
