@@ -7,6 +7,7 @@ One process at a time compiles what a folder keeps; others that want the same wa
 from __future__ import annotations
 
 import fcntl
+import gc
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -80,12 +81,24 @@ def _alone(compile_: Callable[[Any], Any], folder: str | None) -> Callable[[Any]
             try:
                 if _depth > 1 or folder is None:
                     return compile_(signature)
-                with _locked(Path(folder)):
+                with _locked(Path(folder)), _uncollected():
                     return compile_(signature)
             finally:
                 _depth -= 1
 
     return compile_alone
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Keep Python from looking for garbage, of which a compiler makes little among much else: a seventh of its time."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 @contextmanager
