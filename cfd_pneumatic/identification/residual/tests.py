@@ -15,6 +15,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter
 from scipy.special import betaincinv, fdtri
 
@@ -182,7 +183,7 @@ def _common(innovations: Sequence[Array], regressors: Sequence[Regressors], coef
 
 
 def _slow_parts(residuals: Sequence[Array], regressors: Sequence[Regressors]) -> tuple[Array, Array]:
-    """Return the residuals and the inputs, of long recordings the sums of neighbours of both."""
+    """Return the residuals and the inputs, of long recordings the sums of neighbours, but for a few at the end."""
     count = sum(one.size for one in residuals)
     width = min(one.width(count) for one in regressors)
     together = count / _SLOW_SAMPLES if count > 2 * _SLOW_SAMPLES else 1.0
@@ -191,7 +192,13 @@ def _slow_parts(residuals: Sequence[Array], regressors: Sequence[Regressors]) ->
         edges = np.linspace(0, residual.size, max(1, round(residual.size / together)) + 1).astype(np.intp)
         parts.append(np.add.reduceat(residual, edges[:-1]))
         columns.append(own.sums(edges, width))
-    return np.concatenate(parts), np.concatenate(columns, axis=1).T
+    kept = _quick(sum(part.size for part in parts))
+    return np.concatenate(parts)[:kept], np.concatenate(columns, axis=1).T[:kept]
+
+
+def _quick(length: int) -> int:
+    """Return the next smaller length whose Fourier transform is quick, a hundredth less at most in all that matters."""
+    return next(one for one in range(length, 0, -1) if next_fast_len(one, real=True) == one)
 
 
 def _orthogonal(columns: Array) -> Array:
