@@ -87,46 +87,20 @@ def _pointer(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequen
     return builder.bitcast(builder.gep(array.data, [values[1]]), _FLOATS.as_pointer())
 
 
-@_built
-def power_of_two(typing_context: Any, whole: types.Type) -> tuple[Any, Build]:
+def power_of_two(whole: float) -> float:
     """Return two to the power of whole numbers from -1022 to 1023."""
-
-    def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
-        number, bits = _kinds(values[0])
-        digits = builder.bitcast(builder.fadd(values[0], _all(number, 1.5 * 2.0**_DIGITS)), bits)
-        return builder.bitcast(builder.shl(builder.add(digits, _all(bits, _BIAS)), _all(bits, _DIGITS)), number)
-
-    return whole(whole), code
+    return math.ldexp(1.0, int(whole))
 
 
-@_built
-def exponent(typing_context: Any, x: types.Type) -> tuple[Any, Build]:
+def exponent(x: float) -> float:
     """Return the whole power of two by which normal positive numbers differ from their `mantissa`."""
-
-    def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
-        number, bits = _kinds(values[0])
-        power = builder.lshr(_above_root_half(builder, values[0]), _all(bits, _DIGITS))
-        shifted = builder.bitcast(builder.or_(power, _all(bits, _TWO_TO_THE_DIGITS)), number)
-        return builder.fsub(shifted, _all(number, 2.0**_DIGITS + _BIAS))
-
-    return x(x), code
+    digits, power = math.frexp(x)
+    return float(power if digits >= math.sqrt(0.5) else power - 1)
 
 
-@_built
-def mantissa(typing_context: Any, x: types.Type) -> tuple[Any, Build]:
+def mantissa(x: float) -> float:
     """Return normal positive numbers times the power of two that brings them between the roots of a half and of two."""
-
-    def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
-        number, bits = _kinds(values[0])
-        digits = builder.and_(_above_root_half(builder, values[0]), _all(bits, 2**_DIGITS - 1))
-        return builder.bitcast(builder.add(digits, _all(bits, _ROOT_HALF)), number)
-
-    return x(x), code
-
-
-def _above_root_half(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
-    _, bits = _kinds(value)
-    return builder.add(builder.bitcast(value, bits), _all(bits, _ONE - _ROOT_HALF))
+    return math.ldexp(x, -int(exponent(x)))
 
 
 def _kinds(value: ir.Value) -> tuple[ir.Type, ir.Type]:
@@ -164,10 +138,11 @@ def _spread(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
     return builder.shuffle_vector(first, nowhere, ir.Constant(ir.VectorType(_INDEX, COUNT), None))
 
 
-def _of_one(function: Callable[..., Any], build: Build) -> None:
-    """Let compiled functions call a function with lanes, as LLVM's builder makes it."""
-    type_callable(function)(lambda context: lambda own: LANES if own == LANES else None)
-    lower_builtin(function, LANES)(lambda context, builder, signature, values: build(builder, *values))
+def _of_one(function: Callable[..., Any], build: Build, kinds: Sequence[types.Type] = (LANES,)) -> None:
+    """Let compiled functions call a function with lanes, or with what else it takes, as LLVM's builder makes it."""
+    type_callable(function)(lambda context: lambda own: own if own in kinds else None)
+    for kind in kinds:
+        lower_builtin(function, kind)(lambda context, builder, signature, values: build(builder, *values))
 
 
 def _of_two(function: Callable[..., Any], build: Build, result: types.Type = LANES) -> None:
@@ -247,3 +222,31 @@ def _some_of_flags(context: Any, builder: ir.IRBuilder, signature: Any, values: 
 @lower_builtin(some, types.Boolean)
 def _some(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
     return values[0]
+
+
+def _power_of_two(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
+    number, bits = _kinds(value)
+    digits = builder.bitcast(builder.fadd(value, _all(number, 1.5 * 2.0**_DIGITS)), bits)
+    return builder.bitcast(builder.shl(builder.add(digits, _all(bits, _BIAS)), _all(bits, _DIGITS)), number)
+
+
+def _exponent(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
+    number, bits = _kinds(value)
+    power = builder.lshr(_above_root_half(builder, value), _all(bits, _DIGITS))
+    shifted = builder.bitcast(builder.or_(power, _all(bits, _TWO_TO_THE_DIGITS)), number)
+    return builder.fsub(shifted, _all(number, 2.0**_DIGITS + _BIAS))
+
+
+def _mantissa(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
+    number, bits = _kinds(value)
+    digits = builder.and_(_above_root_half(builder, value), _all(bits, 2**_DIGITS - 1))
+    return builder.bitcast(builder.add(digits, _all(bits, _ROOT_HALF)), number)
+
+
+def _above_root_half(builder: ir.IRBuilder, value: ir.Value) -> ir.Value:
+    _, bits = _kinds(value)
+    return builder.add(builder.bitcast(value, bits), _all(bits, _ONE - _ROOT_HALF))
+
+
+for _function, _of_bits in ((power_of_two, _power_of_two), (exponent, _exponent), (mantissa, _mantissa)):
+    _of_one(_function, _of_bits, (LANES, types.float64))
