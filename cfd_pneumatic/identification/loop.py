@@ -76,7 +76,8 @@ def close_loop(
         if found.model.model.parts:
             after = _fitted(before, found.model.model)
             alternatives |= _confounded(after)
-        if CURVE in channel.effects and not explained(candidates.residual_tests(found.model)):
+        more_is_left = not explained(candidates.residual_tests(found.model)) and not _is_explained(after)
+        if CURVE in channel.effects and more_is_left:
             with_law = _with_law(candidates, found.model, before, after)
             if with_law is not None:
                 after, unknown = with_law
@@ -117,6 +118,11 @@ def close_loop(
         unknown=unknown,
     )
     return after, conclusion
+
+
+def _is_explained(fit: Fit) -> bool:
+    """Return whether what a fit to train and validation leaves is as noise would be."""
+    return explained(fit.likelihood.tests(fit.model, fit.likelihood.noise(fit.model)))
 
 
 def _with_law(candidates: Candidates, found: Candidate, before: Fit, after: Fit) -> tuple[Fit, Shape] | None:

@@ -21,7 +21,7 @@ from cfd_pneumatic.parallel import each
 
 Array = NDArray[np.float64]
 
-_REFINED = 2  # of an effect's starts
+_REFINED = 2  # of the starts of an effect or a core
 _PROMISING = 4  # effects that are fitted to the end at least
 _LONG = 2500  # grid steps
 _EXCERPT = 5000  # grid steps of each recording that rough fits are of
@@ -103,13 +103,18 @@ class Candidates:
         self.baseline = self.finished(search(self.train, begin, *_FINE).model, begin)
 
     def with_core(self, candidate: Candidate, name: str) -> Candidate:
-        """Return a candidate with another core, fitted from each of its starts, without effects that are in it."""
+        """
+        Return a candidate with another core, without effects that are in it.
+
+        It is fitted roughly from each of the core's starts, and from the best to the end.
+        """
         core = self.channel.cores[name]
         effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}
         starts = core.starts(self._data(candidate))
         begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
-        rough = min(each(lambda one: search(self._excerpt, one, *_ROUGH), begins), key=lambda one: one.cost)
-        return self.finished(self._fine(rough.model).model, candidate.model)
+        rough = sorted(each(lambda one: search(self._excerpt, one, *_ROUGH), begins), key=lambda one: one.cost)
+        fine = each(lambda one: self._fine(one.model), rough[:_REFINED])
+        return self.finished(min(fine, key=lambda one: one.cost).model, candidate.model)
 
     def names(self, candidate: Candidate) -> list[str]:
         """Return the effects that these recordings may tell beside a candidate's."""

@@ -14,7 +14,7 @@ from cfd_pneumatic.model.effects import heat_transfer
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import some, where
-from cfd_pneumatic.model.lanewise import exp, log, power
+from cfd_pneumatic.model.lanewise import exp, log
 
 SMALLEST_FLOW = 0.05
 """Share of the choked flow that always passes: an orifice's slope is infinite where the pressures are equal [-]."""
@@ -25,24 +25,24 @@ SMALLEST_VOLUME = 0.05
 SLOWEST_LOSS = 0.01
 """Walls that take longer are none: then the change of state is polytropic, as the paper has it [1/s]."""
 
-STARTING_LOSSES = (0.3, 5.0, 30.0)
-"""Walls that a search starts from [1/s]."""
-
-IN_A_ROW = 2.5
-"""
-Exponent with which the resistances of two orifices in a row add up [-].
-
-It is 2 where nothing chokes and 3 where all does (ISO 6358-3); in between, flows are right within 5 %.
-"""
-
 STARTING_STIRRING = 3.0
 """Motion that hardly adds to the walls, which a search starts from [s/m]."""
+
+SMALLEST_RISE = 1e3
+"""Rise above the reference that recordings are taken to have at least [Pa]."""
 
 FAST = 0.1
 """Speed from which on motion stirs no more: else no step would be short enough [m/s]."""
 
-STARTING_SHARE = 1e-6
-"""A silencer and an entrance that hardly matter, which a search starts from [1/Pa]."""
+STARTING_ENTRANCE = HIDDEN_SILENCER = 1e-6
+"""An entrance and a silencer that hardly matter, which a search starts from [1/Pa]."""
+
+STARTING_SILENCER = 0.6
+"""
+What a silencer that a search starts from passes, at most, of what the relief valve does [-].
+
+Behind a valve that is choked a wider one is not seen at all.
+"""
 
 
 @inlined
@@ -51,6 +51,30 @@ def passed(upstream, downstream, critical):
     unchoked = max(downstream - critical * upstream, 0.0) / (1.0 - critical)
     least = SMALLEST_FLOW * upstream
     return math.sqrt(max(upstream * upstream - unchoked * unchoked, least * least))
+
+
+@inlined
+def between(opened, upstream, downstream, critical):
+    """
+    Return the pressure between two orifices in a row, of which the first is opened so many times as far [Pa].
+
+    By the ellipse of ISO 6358 the flows' squares are quadratic in it: a x^2 + b x + c grows through zero where both
+    orifices pass the same. Each is choked, and its flow's ellipse left out, or not.
+    """
+    flow = (opened * upstream) * (opened * upstream)  # squared, where the first is choked
+    ellipse = 1.0 / ((1.0 - critical) * (1.0 - critical))
+    edge = critical * upstream  # below it the first is choked
+    low = max(downstream - critical * edge, 0.0)
+    first = where(flow > edge * edge - ellipse * low * low, ellipse, 0.0) * opened * opened
+    edge = downstream / critical  # above it the second is choked
+    high = max(edge - critical * upstream, 0.0)
+    second = where(flow - first * high * high < edge * edge, ellipse, 0.0)
+    a = 1.0 - second * critical * critical + first
+    b = 2.0 * critical * (second * downstream - first * upstream)
+    c = critical * critical * first * upstream * upstream - second * downstream * downstream - flow
+    root = math.sqrt(max(b * b - 4.0 * a * c, 0.0))
+    ahead = b > 0.0  # where the one form of the root would lose digits the other does not
+    return where(ahead, -2.0 * c, root - b) / where(ahead, b + root, 2.0 * a)
 
 
 @inlined
@@ -82,9 +106,10 @@ def error(
     value, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
     """Return the error [Pa] that would let as much out if no silencer stood behind the relief valve."""
-    throttled = silencer * max(-value, 0.0)
-    if some(throttled > 0.0):
-        value *= power(1.0 + throttled * throttled * math.sqrt(throttled), -1.0 / IN_A_ROW)
+    opened = silencer * max(-value, 0.0)
+    if some(opened > 0.0):
+        behind = between(opened, moment.p, moment.ambient, b)
+        value *= passed(moment.p, behind, b) / passed(moment.p, moment.ambient, b)
     return value
 
 
@@ -138,9 +163,10 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     """Return the middle of what was recorded as the reference, beside walls of several kinds."""
     position, pressure = 0.5 * (data['x_low'] + data['x_high']), data['level']
     supply = 2.0 * data['highest_pressure']
+    seen = STARTING_SILENCER / max(data['highest_pressure'] - pressure, SMALLEST_RISE)
     return [
-        (pressure, position, supply, *EFFECT.null[3:7], loss, 0.01, STARTING_SHARE, STARTING_SHARE, STARTING_STIRRING)
-        for loss in STARTING_LOSSES
+        (pressure, position, supply, *EFFECT.null[3:7], loss, 0.01, silencer, STARTING_ENTRANCE, STARTING_STIRRING)
+        for loss, silencer in ((0.3, HIDDEN_SILENCER), (5.0, HIDDEN_SILENCER), (30.0, HIDDEN_SILENCER), (5.0, seen))
     ]
 
 
@@ -220,7 +246,7 @@ EFFECT = Effect(
             0.0,
             1e-3,
             0.0,
-            'inverse of the error at which the relief valve passes what the silencer behind it does',
+            'inverse of the error at which the relief valve is opened as far as the silencer behind it',
         ),
         EffectParameter(
             'entrance',
