@@ -197,7 +197,7 @@ def _slow_parts(residuals: Sequence[Array], regressors: Sequence[Regressors]) ->
 
 
 def _quick(length: int) -> int:
-    """Return the next smaller length whose Fourier transform is quick, a hundredth less at most in all that matters."""
+    """Return the longest length up to one whose Fourier transform is quick: a few hundredths less at most."""
     return next(one for one in range(length, 0, -1) if next_fast_len(one, real=True) == one)
 
 
