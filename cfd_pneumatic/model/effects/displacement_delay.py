@@ -8,7 +8,7 @@ from cfd_pneumatic.model.kernel import inlined
 SHORTEST = 0.02
 """What is less may be a matter of the pressure's clock: that is what `transport_delay` says below zero [s]."""
 
-_OF_A_FILTER = 0.05  # that a search starts from [s]
+_OF_FILTERS = (0.05, 0.1)  # that a search starts from: by a stroke's time off, none finds the way [s]
 
 
 @inlined
@@ -18,8 +18,8 @@ def displacement(x, moment, delay):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return what a sensor takes that averages."""
-    return [(_OF_A_FILTER,)]
+    """Return what sensors take that average."""
+    return [(delay,) for delay in _OF_FILTERS]
 
 
 EFFECT = Effect(
