@@ -55,9 +55,18 @@ def test_its_numbers_are_the_devices():
     assert length == pytest.approx(chamber.rest_volume / chamber.area + told['position'].value, rel=0.03)
 
 
-@pytest.mark.parametrize('effect', ['positional_leakage', 'sensor_lag'])
-def test_what_is_wrong_with_a_device_of_full_physics_is_named(effect):
-    drawn, found = closed(effect, 'orifices')
+@pytest.mark.parametrize(
+    ('effect', 'make', 'seed'),
+    [
+        ('positional_leakage', 'orifices', 11),
+        ('sensor_lag', 'orifices', 11),
+        ('transport_delay', 'silencer', 102),  # as exactly as two orifices in a row are
+        ('displacement_delay', 'stirred_walls', 104),  # by 87 ms, which is longer than a stroke takes
+        ('valve_hysteresis', 'stirred_walls', 104),  # beside which the core is stuck at first
+    ],
+)
+def test_what_is_wrong_with_a_device_of_full_physics_is_named(effect, make, seed):
+    drawn, found = closed(effect, make, seed=seed)
     findings = found.cylinders['cylinder_a'].findings
     assert findings.core == 'physical'
     assert findings.effects == (effect,)

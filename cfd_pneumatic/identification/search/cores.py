@@ -8,6 +8,8 @@ as well, unless by effects that the other core holds anyway.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from cfd_pneumatic.identification.data.options import LINEAR, PHYSICAL
 from cfd_pneumatic.identification.residual.autoregression import autoregression
 from cfd_pneumatic.identification.residual.tests import explained
@@ -38,6 +40,9 @@ def searched(candidates: Candidates, core: str) -> SearchResult:
         return found  # what the linear core explains with one effect is not looked for elsewhere
     begin = min(begins, key=lambda one: one.rss)
     beside = SearchResult(begin, {}, ()) if _leaves_noise(candidates, begin) else Search(candidates, begin).run()
+    if beside.model.effects and not _leaves_noise(candidates, beside.model):
+        again = candidates.with_core(beside.model, names[0])  # from its starts: its many numbers may be stuck
+        beside = replace(beside, model=min(beside.model, again, key=lambda one: one.rss))
     if not _preferred(candidates, beside.model, found.model):
         return found
     known = {name: others for name, others in found.alternatives.items() if name in begin.effects}
