@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 import signal
+import time
 from itertools import count
 from pathlib import Path
 
@@ -77,6 +78,8 @@ def test_a_simulator_that_hears_the_recording_again_answers_bit_for_bit(graph: G
         with graph.run('recorder_node', recorder(bag, *topics)) as process:
             graph.until(lambda: process.stderr.count('recording /') == len(topics))
             graph.until(lambda: sim.piston_out.get_subscription_count() == 2)
+            graph.until(lambda: all(graph.node.count_subscribers(f'{original}/{topic}') == 2 for topic in sim.heard))
+            time.sleep(1.0)  # until the simulator has met the recorder, too, which nobody else is told
             sim.restart()
             for index, (stamp, position) in enumerate(zip(stamps.tolist(), np.cumsum(steps).tolist())):
                 for cylinder, value in enumerate(changes.get(index, ())):
