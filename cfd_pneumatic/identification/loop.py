@@ -76,8 +76,7 @@ def close_loop(
         if found.model.model.parts:
             after = _fitted(before, found.model.model)
             alternatives |= _confounded(after)
-        more_is_left = not explained(candidates.residual_tests(found.model)) and not _is_explained(after)
-        if CURVE in channel.effects and more_is_left:
+        if CURVE in channel.effects and not (explained(candidates.residual_tests(found.model)) or _is_explained(after)):
             with_law = _with_law(candidates, found.model, before, after)
             if with_law is not None:
                 after, unknown = with_law

@@ -106,7 +106,7 @@ class Candidates:
         """
         Return a candidate with another core, without effects that are in it.
 
-        It is fitted roughly from each of the core's starts, and from the best to the end.
+        It is fitted roughly from each of the core's starts, and from the two best to the end.
         """
         core = self.channel.cores[name]
         effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}

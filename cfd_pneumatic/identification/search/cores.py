@@ -25,7 +25,7 @@ def searched(candidates: Candidates, core: str) -> SearchResult:
         return linear.run()
     alone = candidates.with_core(candidates.baseline, names[0])
     if core == PHYSICAL:
-        return Search(candidates, alone).run()
+        return _beside(candidates, alone, names[0])
     if _leaves_noise(candidates, alone):
         singles = linear.step(candidates.baseline).candidates.values()
         if all(_preferred(candidates, alone, one) for one in singles):
@@ -39,14 +39,25 @@ def searched(candidates: Candidates, core: str) -> SearchResult:
     if enough and not any(_preferred(candidates, one, found.model) for one in begins):
         return found  # what the linear core explains with one effect is not looked for elsewhere
     begin = min(begins, key=lambda one: one.rss)
-    beside = SearchResult(begin, {}, ()) if _leaves_noise(candidates, begin) else Search(candidates, begin).run()
-    if beside.model.effects and not _leaves_noise(candidates, beside.model):
-        again = candidates.with_core(beside.model, names[0])  # from its starts: its many numbers may be stuck
-        beside = replace(beside, model=min(beside.model, again, key=lambda one: one.rss))
+    beside = SearchResult(begin, {}, ()) if _leaves_noise(candidates, begin) else _beside(candidates, begin, names[0])
     if not _preferred(candidates, beside.model, found.model):
         return found
     known = {name: others for name, others in found.alternatives.items() if name in begin.effects}
     return SearchResult(beside.model, {**known, **beside.alternatives}, found.tried + beside.tried)
+
+
+def _beside(candidates: Candidates, begin: Candidate, core: str) -> SearchResult:
+    """
+    Return what is found beside a core.
+
+    Where more than noise is left beside effects, the core is fitted once more from its starts: its many numbers may be
+    stuck.
+    """
+    found = Search(candidates, begin).run()
+    if not found.model.effects or _leaves_noise(candidates, found.model):
+        return found
+    again = candidates.with_core(found.model, core)
+    return replace(found, model=min(found.model, again, key=lambda one: one.rss))
 
 
 def _leaves_noise(candidates: Candidates, one: Candidate) -> bool:

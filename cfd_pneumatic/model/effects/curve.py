@@ -47,23 +47,32 @@ def _height(moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6,
 
 
 @inlined
+def _entering(place, enters, moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
+    """Return the height of the curve if it enters at this place, else nothing; not computed where none does."""
+    height = 0.0 * moment.p
+    here = abs(enters - place) < 0.5
+    if some(here):
+        height = where(
+            here, _height(moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10), 0.0
+        )
+    return height
+
+
+@inlined
 def setpoint(p_d, moment, flow, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the set-point that acts [Pa]."""
-    here = enters < 0.5
-    if some(here):
-        height = _height(moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-        p_d += where(here, height, 0.0)
-    return p_d
+    return p_d + _entering(
+        0.0, enters, moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
+    )
 
 
 @inlined
 def flow(q, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the pressure rate that the valves' flow makes [Pa/s]."""
-    here = abs(enters - 1.0) < 0.5
-    if some(here):
-        height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-        q *= 1.0 + where(here, height, 0.0)
-    return q
+    return q * (
+        1.0
+        + _entering(1.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
+    )
 
 
 @inlined
@@ -71,31 +80,30 @@ def velocity_gain(
     gain, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
 ):
     """Return K_x [Pa/m]."""
-    here = abs(enters - 2.0) < 0.5
-    if some(here):
-        height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-        gain *= 1.0 + where(here, height, 0.0)
-    return gain
+    return gain * (
+        1.0
+        + _entering(2.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
+    )
 
 
 @inlined
 def chamber(rate, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return the outlet pressure's rate [Pa/s]: more of it, or less what leaks to ambient."""
-    added, leaked = abs(enters - 3.0) < 0.5, abs(enters - 4.0) < 0.5
-    if some(abs(enters - 3.5) < 1.0):
-        height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-        rate += where(added, height, 0.0) - where(leaked, height, 0.0) * (moment.p - moment.ambient)
-    return rate
+    added = _entering(
+        3.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
+    )
+    leaks = _entering(
+        4.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
+    )
+    return rate + added - leaks * (moment.p - moment.ambient)
 
 
 @inlined
 def signal(p, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
     """Return what the pressure's sensor reads [Pa]."""
-    here = enters > 4.5
-    if some(here):
-        height = _height(moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-        p += where(here, height, 0.0)
-    return p
+    return p + _entering(
+        5.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
+    )
 
 
 @inlined

@@ -8,7 +8,7 @@ from cfd_pneumatic.model.kernel import inlined
 SHORTEST = 0.02
 """What is less may be a matter of the pressure's clock: that is what `transport_delay` says below zero [s]."""
 
-_OF_FILTERS = (0.05, 0.1)  # that a search starts from: by a stroke's time off, none finds the way [s]
+_OF_FILTERS = (0.05, 0.1)  # that a search starts from: too far off, none finds its way [s]
 
 
 @inlined

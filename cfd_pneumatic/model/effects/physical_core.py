@@ -37,11 +37,11 @@ FAST = 0.1
 STARTING_ENTRANCE = HIDDEN_SILENCER = 1e-6
 """An entrance and a silencer that hardly matter, which a search starts from [1/Pa]."""
 
-STARTING_SILENCER = 0.6
+STARTING_OPENING = 0.6
 """
-What a silencer that a search starts from passes, at most, of what the relief valve does [-].
+How far the relief valve opens, at most, against a silencer that a search starts from [-].
 
-Behind a valve that is choked a wider one is not seen at all.
+Behind a choked valve a silencer is not seen before that is the critical ratio.
 """
 
 
@@ -73,8 +73,8 @@ def between(opened, upstream, downstream, critical):
     b = 2.0 * critical * (second * downstream - first * upstream)
     c = critical * critical * first * upstream * upstream - second * downstream * downstream - flow
     root = math.sqrt(max(b * b - 4.0 * a * c, 0.0))
-    ahead = b > 0.0  # where the one form of the root would lose digits the other does not
-    return where(ahead, -2.0 * c, root - b) / where(ahead, b + root, 2.0 * a)
+    # of the root's two forms the one that keeps its digits
+    return where(b > 0.0, -2.0 * c, root - b) / where(b > 0.0, b + root, 2.0 * a)
 
 
 @inlined
@@ -163,7 +163,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
     """Return the middle of what was recorded as the reference, beside walls of several kinds."""
     position, pressure = 0.5 * (data['x_low'] + data['x_high']), data['level']
     supply = 2.0 * data['highest_pressure']
-    seen = STARTING_SILENCER / max(data['highest_pressure'] - pressure, SMALLEST_RISE)
+    seen = STARTING_OPENING / max(data['highest_pressure'] - pressure, SMALLEST_RISE)
     return [
         (pressure, position, supply, *EFFECT.null[3:7], loss, 0.01, silencer, STARTING_ENTRANCE, STARTING_STIRRING)
         for loss, silencer in ((0.3, HIDDEN_SILENCER), (5.0, HIDDEN_SILENCER), (30.0, HIDDEN_SILENCER), (5.0, seen))
