@@ -1,5 +1,5 @@
 """
-Reading the YAML files that people write: mappings and parameter files.
+Reading the YAML files that people write, mappings and parameter files, and bounding those that libraries read.
 
 This is the only door through which YAML comes in. It makes plain values only, and what it makes is bounded by the bytes
 of the file: an alias may not unfold to more.
@@ -68,30 +68,35 @@ def _loaded(text: str) -> Any:
         node = loader.get_single_node()
         if node is None:
             return None
-        if _unfolded(node, {}) > MOST_NODES:
-            raise InputError(f'unfolds to more than {MOST_NODES:,} values: write out what is needed, without aliases')
+        check_unfolding(node)
         return loader.construct_document(node)
     finally:
         loader.dispose()
 
 
-def _unfolded(node: yaml.Node, sizes: dict[int, int]) -> int:
+def check_unfolding(node: Any) -> None:
+    """Raise InputError where a node, of PyYAML or its kin, unfolds to too much or holds a key twice."""
+    if _unfolded(node, {}) > MOST_NODES:
+        raise InputError(f'unfolds to more than {MOST_NODES:,} values: write out what is needed, without aliases')
+
+
+def _unfolded(node: Any, sizes: dict[int, int]) -> int:
     """Return how many values a node unfolds to; refuse a key that is there twice, of which PyYAML takes the last."""
     if id(node) not in sizes:
         sizes[id(node)] = MOST_NODES + 1  # while it is counted: an alias that holds itself has no end
-        children = list(node.value) if isinstance(node, yaml.SequenceNode) else []
-        if isinstance(node, yaml.MappingNode):
+        children = list(node.value) if node.id == 'sequence' else []
+        if node.id == 'mapping':
             _refuse_twins(node)
             children = [one for pair in node.value for one in pair]
         sizes[id(node)] = min(1 + sum(_unfolded(one, sizes) for one in children), MOST_NODES + 1)
     return sizes[id(node)]
 
 
-def _refuse_twins(node: yaml.MappingNode) -> None:
+def _refuse_twins(node: Any) -> None:
     lines: dict[tuple[str, str], int] = {}
     for key, _ in node.value:
-        if isinstance(key, yaml.ScalarNode):
-            name, line = (key.tag, key.value), key.start_mark.line + 1
+        if key.id == 'scalar':
+            name, line = (str(key.tag), key.value), key.start_mark.line + 1
             if name in lines:
                 raise InputError(
                     f'line {line}: the key {key.value!r} stands in line {lines[name]} already: leave one out'

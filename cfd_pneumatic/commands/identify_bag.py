@@ -48,7 +48,10 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--output', metavar='DIR', type=Path, required=True, help='folder for the results')
     parser.add_argument(
-        '--mapping', metavar='FILE', type=Path, help='YAML file that says what the topics or columns are'
+        '--mapping',
+        metavar='FILE',
+        type=Path,
+        help='YAML file that says what the topics or columns are; `csv_to_bag --help` shows one',
     )
     parser.add_argument(
         '--namespace',

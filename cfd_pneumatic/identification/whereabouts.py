@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.result import ChannelResult, Comparison
+from cfd_pneumatic.identification.wording import number, percent
 
 Array = NDArray[np.float64]
 
 _BINS = 24  # of equally many samples
 _LEAST_SHARE = 0.02  # of the residual's power: less is not told
+_MOST_SIGNALS = 3  # that are told
 _STANDS = 0.05  # of the usual speed: slower has no direction
 
 SUGGESTIONS: Mapping[str, str] = MappingProxyType(
@@ -67,6 +69,20 @@ def dependences(result: ChannelResult) -> list[Dependence]:
     shared = [name for name in signals[0] if all(name in one for one in signals)]
     found = [_dependence(name, np.concatenate([one[name] for one in signals]), residual) for name in shared]
     return sorted((one for one in found if one.share >= _LEAST_SHARE), key=lambda one: -one.share)
+
+
+def remainder(result: ChannelResult) -> str:
+    """Return in a sentence or two how large what is left is, where it lives, and what that suggests to look at."""
+    size, small = result.rmse(1), result.quantity.small
+    noise, span = size / result.noise.std, size / result.span
+    text = f'What is left is {number(size / small.si, 3)} {small.unit}, {number(noise, 2)} times the noise and '
+    text += f'{percent(span)} of the span.'
+    found = dependences(result)
+    if not found:
+        return f'{text} It goes with none of position, speed, pressure and time alone.'
+    others = ', '.join(f'{one.on} ({percent(one.share)})' for one in found[1:_MOST_SIGNALS])
+    text += f' It goes most with {found[0].on} ({percent(found[0].share)} of its power)'
+    return f'{text}{f", then with {others}" if others else ""}: look at {found[0].suggestion}.'
 
 
 def _signals(result: ChannelResult, comparison: Comparison) -> Iterator[tuple[str, Array]]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+from typing import TYPE_CHECKING
 
-from cfd_pneumatic.identification.result import ChannelResult
-from cfd_pneumatic.identification.verdict import Conclusion
-from cfd_pneumatic.identification.whereabouts import dependences
 from cfd_pneumatic.model.effects import CORES, EFFECTS
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.identification.verdict import Conclusion
 
 TITLES = {'cylinder_a': 'Cylinder A', 'cylinder_b': 'Cylinder B', 'force': 'Contact force'}
 """Of what was identified."""
@@ -51,7 +52,6 @@ TESTS = {
 }
 """Tests of a residual by what one hopes for."""
 
-_MOST_SIGNALS = 3  # that are told
 _SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 
 
@@ -75,20 +75,6 @@ def qualified(findings: Conclusion) -> str:
     if findings.doubted:
         return ', in doubt: look into the warning first'
     return ', with a hypothesis' if findings.status == 'hypothesis' else ''
-
-
-def remainder(result: ChannelResult) -> str:
-    """Return in a sentence or two how large what is left is, where it lives, and what that suggests to look at."""
-    size, small = result.rmse(1), result.quantity.small
-    noise, span = size / result.noise.std, size / result.span
-    text = f'What is left is {number(size / small.si, 3)} {small.unit}, {number(noise, 2)} times the noise and '
-    text += f'{percent(span)} of the span.'
-    found = dependences(result)
-    if not found:
-        return f'{text} It goes with none of position, speed, pressure and time alone.'
-    others = ', '.join(f'{one.on} ({percent(one.share)})' for one in found[1:_MOST_SIGNALS])
-    text += f' It goes most with {found[0].on} ({percent(found[0].share)} of its power)'
-    return f'{text}{f", then with {others}" if others else ""}: look at {found[0].suggestion}.'
 
 
 def title_of_test(name: str) -> str:

@@ -11,7 +11,8 @@ from rich.text import Text
 
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.wording import percent, qualified, remainder, sentence, verdict
+from cfd_pneumatic.identification.whereabouts import remainder
+from cfd_pneumatic.identification.wording import percent, qualified, sentence, verdict
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.units import PSI

@@ -13,6 +13,7 @@ from cfd_pneumatic.identification import ChannelResult, Estimate, Identification
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.identification.search.stepwise import Trial
+from cfd_pneumatic.identification.whereabouts import remainder
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.notices import NOTE, WARNING
@@ -94,7 +95,7 @@ def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
         'not_drawn': [comparison.name for comparison in result.comparisons[_MOST_RECORDINGS:]],
         'errors': list(_errors(result)),
         'live': live,
-        'remainder': wording.remainder(result),
+        'remainder': remainder(result),
         'rounds': [_round(trials) for trials in findings.rounds],
         'tests': _tests(findings.tests_before, findings.tests_after),
         'parameters': list(_gain_rows(result)),

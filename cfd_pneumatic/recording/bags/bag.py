@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
+from warnings import catch_warnings, simplefilter
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1.reader import decompressors
 from rosbags.rosbag2 import Reader as Ros2Reader
+from ruamel.yaml import YAML
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, OneByOne, Span
@@ -31,6 +33,7 @@ from cfd_pneumatic.recording.bags.storages import (
     storage_of,
 )
 from cfd_pneumatic.recording.wording import counted, reason_of
+from cfd_pneumatic.yaml_files import check_unfolding
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -183,11 +186,13 @@ class Bag:
         files = sorted(file for file in self.path.iterdir() if file.suffix in SUFFIXES)
         if (self.path / METADATA).exists():
             try:
-                _check_metadata(self.path / METADATA)
                 for packed in self.path.glob('*.zstd'):  # rosbags would unpack them whole
                     check_file(packed)
                 if not any(_storage(file).flaw(file) for file in files):
-                    storages = self._enter(Ros2Reader(self.path))
+                    with catch_warnings():
+                        simplefilter('ignore')  # of anchors that are there twice
+                        _check_metadata(self.path / METADATA)
+                        storages = self._enter(Ros2Reader(self.path))
                     for file in files:
                         self._note_unmerged(file)
                     return storages
@@ -330,7 +335,7 @@ def _check_metadata(file: Path) -> None:
     if len(content) > _LARGEST_METADATA:
         raise InputError(f'has more than {_LARGEST_METADATA // 2**20} MiB')
     if _ANCHOR.search(content):
-        raise InputError('has YAML aliases, which no recorder writes')
+        check_unfolding(YAML(typ='safe').compose(content))
 
 
 def _storage(file: Path) -> Storage:
