@@ -36,6 +36,8 @@ LIMITS = '--stroke 3e-3 --speed 0.1 --pressures 35e3 70e3 --duration 20 --wanted
 TOGETHER = 5
 """Nodes that start at once."""
 
+CORES = pytest.mark.parametrize('core', ['auto', 'linear'])
+
 
 def program(name: str, *arguments: str | Path) -> list[str]:
     """Return the command of an installed program."""
@@ -97,17 +99,21 @@ def identified(benchmark, table, name: str, arguments: Sequence[str | Path], out
     table.append(f'  {"; ".join(f"{when:.2f} s {what}" for what, when in middle)}')
 
 
-def test_rig(benchmark, table, folder):
-    identified(benchmark, table, 'identify_bag, a minute of the rig', [folder / 'rig'], folder / 'output')
+@CORES
+def test_rig(benchmark, table, folder, core):
+    arguments = [folder / 'rig', '--core', core]
+    identified(benchmark, table, f'identify_bag, a minute of the rig, --core {core}', arguments, folder / 'output')
 
 
+@CORES
 @pytest.mark.parametrize('run', ['O-ring257_3bar', 'Kidney_2bar'])
-def test_measured(benchmark, table, folder, run):
+def test_measured(benchmark, table, folder, run, core):
     recording = DATA / f'{run}.csv'
     if not recording.is_file():
         pytest.skip('the measured recordings are not to be had here')
     mapping = ROOT / 'config' / 'pneumatic_actuator.yaml'
-    identified(benchmark, table, f'identify_bag, {run}', [recording, '--mapping', mapping], folder / 'output')
+    arguments = [recording, '--mapping', mapping, '--core', core]
+    identified(benchmark, table, f'identify_bag, {run}, --core {core}', arguments, folder / 'output')
 
 
 def test_plan(benchmark, table, folder):

@@ -90,11 +90,16 @@ def effects_of(row: Row) -> list[str]:
     return list(filter(None, (row.get('effects') or '').split(';')))
 
 
+def named_by(row: Row) -> list[str]:
+    """Return the effects that a row names, and the law that was drawn."""
+    return [*effects_of(row), *filter(None, [row.get('law')])]
+
+
 def named_on_all(plant: Sequence[Device]) -> list[str]:
-    """Return the effects that every device's last bags show: these are the set-up's rather than one device's."""
+    """Return the effects and laws that every device's last bags show: the set-up's rather than one device's."""
     if len(plant) < FEWEST_DEVICES:
         return []
-    shown = [{name for part in device.parts for name in effects_of(part.now)} for device in plant]
+    shown = [{name for part in device.parts for name in named_by(part.now)} for device in plant]
     return sorted(set.intersection(*shown))
 
 

@@ -6,7 +6,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,9 @@ from cfd_pneumatic.identification import wording
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.plant.chart import Curve, drift_chart
-from cfd_pneumatic.plant.history import Change, Device, Part, devices, effects_of, named_on_all
+from cfd_pneumatic.plant.history import Change, Device, Part, devices, named_by, named_on_all
 from cfd_pneumatic.plant.table import CSV_FILE, PARQUET_FILE, Row, column_of
+from cfd_pneumatic.plant.trend import trend_of
 from cfd_pneumatic.reporting.template import rendered
 
 TEMPLATES = Path(__file__).parent / 'templates'
@@ -49,6 +50,7 @@ class Drift:
 def index_page(rows: Sequence[Row]) -> str:
     """Return the page on all rows, which are in the order of the table."""
     plant = sorted(devices(rows), key=lambda device: _natural(device.name))
+    told = [_device(rank, device) for rank, device in enumerate(plant, start=1)]
     return rendered(
         TEMPLATE,
         TEMPLATES,
@@ -56,8 +58,9 @@ def index_page(rows: Sequence[Row]) -> str:
         bags=sum(len(device.bags) for device in plant),
         begin=_date(min((row['time'] for row in rows if row.get('time')), default=None)),
         end=_date(max((row['time'] for row in rows if row.get('time')), default=None)),
-        devices=[_device(rank, device) for rank, device in enumerate(plant, start=1)],
+        devices=told,
         changed=sum(bool(device.changes) for device in plant),
+        drifting=[(one, part, trend) for one in told for part in one['parts'] for trend in part['trends']],
         failures=[row for device in plant for row in device.failures],
         tally=_tally(plant),
         common=[wording.spoken(name) for name in named_on_all(plant)],
@@ -102,18 +105,28 @@ def _device(rank: int, device: Device) -> dict[str, Any]:
 def _part(part: Part) -> dict[str, Any]:
     changed = [part.rows.index(change.after) for change in part.changes]
     places = _places(part.rows)
+    drifts = list(_drifts(part.rows))
     return {
         'name': part.name,
         'now': part.now,
         'what': said(part.now),
-        'charts': [_chart(drift, places, changed) for drift in _drifts(part.rows)],
+        'charts': [_chart(drift, places, changed) for drift in drifts],
+        'trends': list(_trends(drifts, places)),
         'span': [_date(part.rows[0].get('time')), _date(part.rows[-1].get('time'))],
     }
 
 
+def _trends(drifts: Sequence[Drift], places: Sequence[float]) -> Iterator[dict[str, Any]]:
+    """Yield what drifts, beside the effects where there are any, with where it began and where it is."""
+    for drift in drifts:
+        found = trend_of(places, drift.tracks[-1].values)
+        if found is not None:
+            yield {'name': drift.name, 'description': drift.description, 'unit': drift.unit, **asdict(found)}
+
+
 def said(row: Row) -> str:
-    """Return a verdict in words, with the effects that it names."""
-    effects = ' and '.join(map(wording.spoken, effects_of(row)))
+    """Return a verdict in words, with the effects and the law that it names."""
+    effects = ' and '.join(map(wording.spoken, named_by(row)))
     verdict = wording.verdict(row['verdict'])
     doubt = f' (in doubt: {row["warnings"].replace(";", ", ")})' if row.get('warnings') else ''
     return f'{verdict}: {effects}{doubt}' if effects else f'{verdict}{doubt}'

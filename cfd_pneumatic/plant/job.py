@@ -12,6 +12,7 @@ from typing import Any
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import made_aside, write_text
 from cfd_pneumatic.identification import identify
+from cfd_pneumatic.identification.wording import LAW_VARIABLES
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
@@ -148,13 +149,14 @@ def _findings(part: Mapping[str, Any]) -> Row:
         for effect, ones in part['effect_parameters'].items()
         for name, one in ones.items()
     }
-    ratio = part['after_over_before']
+    ratio, law = part['after_over_before'], part['unknown']
     return {
         'verdict': part['verdict'],
         'status': part['status'],
         'reason': part['why'],
         'effects': ';'.join(part['effects']),
         'alternatives': ';'.join(rivals),
+        'law': law and f'{law["enters"]} by {LAW_VARIABLES[law["against"]]}',
         'effect_parameters': json.dumps(parameters) if parameters else None,
         'after_over_before': ratio and ratio['ratio'],
     }

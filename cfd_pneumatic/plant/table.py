@@ -96,6 +96,7 @@ COLUMNS = (
     Column('warnings', 'text', 'which mistakes the bag looks like, by semicolons'),
     Column('effects', 'text', 'effects that the model lacks, by semicolons'),
     Column('alternatives', 'text', 'effects that the recording cannot tell from those, by semicolons'),
+    Column('law', 'text', 'where a law that is none of the effects enters, and what it depends on'),
     Column('judged_on', 'text', 'samples that the errors are those of: test, or all where there is no test part'),
     *_error_columns(),
     Column('after_over_before', 'number', 'error with the effects over the error without'),

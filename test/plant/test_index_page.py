@@ -11,6 +11,7 @@ from identified import closed, with_force
 
 from cfd_pneumatic.plant.index_page import index_page, said
 from cfd_pneumatic.plant.job import failure, rows_of
+from cfd_pneumatic.plant.table import column_of
 from cfd_pneumatic.reporting import report_data
 
 OVERFLOWING = """
@@ -54,6 +55,21 @@ def test_the_sums_come_first(page):
 def test_what_every_device_shows_is_the_set_ups(page):
     assert 'Every device shows droop and seal friction. What all have is likely the set-up’s' in text_of(page)
     assert 'Every device shows' not in index_page(rows_for(2, 6))
+
+
+def test_a_value_that_drifts_is_told_with_where_it_was_and_is(page):
+    rows = rows_for(2, 10)
+    worn = [row for row in rows if row['device'] == 'cell_2' and row['part'] == 'cylinder_b']
+    for age, row in enumerate(worn):
+        row[column_of('tau', 's')] = 0.010 + 0.001 * age
+    assert 'Drifting' not in text_of(page)
+    assert re.search(r'Unit cell_2 Cylinder B tau 0.0100 0.0190 s ', text_of(index_page(rows)))
+
+
+def test_a_law_that_was_drawn_is_named(page):
+    (row, *_) = rows_for(1, 1)
+    row |= {'verdict': 'shape_found', 'effects': '', 'law': 'flow by displacement'}
+    assert said(row) == 'An unknown law, drawn: flow by displacement'
 
 
 def test_a_bag_in_doubt_is_said_to_be(page):
