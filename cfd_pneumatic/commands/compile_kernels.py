@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from compileall import compile_dir
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -32,6 +33,7 @@ def compile_all(arguments: Sequence[str] | None = None) -> None:
             print('another process compiles: waiting for it', flush=True)
         waits = True
 
+    compile_dir(Path(__file__).parents[1], quiet=2)  # else each start does, where Python may not write, as in images
     with announced(told.append, wait):
         _use_everything()
     if not told:

@@ -155,9 +155,8 @@ TABLE_1_ROWS = (
 
 
 def _mean_of_repeats(rows: tuple[tuple[float, ...], ...]) -> OperatingPoints:
-    values = np.array(rows)
-    pressures = np.unique(values[:, 0])
-    return _rows(*(tuple(values[values[:, 0] == pressure].mean(axis=0)) for pressure in pressures))
+    pressures = sorted({row[0] for row in rows})
+    return _rows(*(tuple(np.mean([row for row in rows if row[0] == pressure], axis=0)) for pressure in pressures))
 
 
 TABLE_1 = _mean_of_repeats(TABLE_1_ROWS)
