@@ -38,6 +38,7 @@ except ImportError:  # before Jazzy
 _SPIN_FOR = 0.2  # EventsExecutor's own spin() does not return on a signal; spin_once with a limit does [s]
 _SHUTDOWN = 1.0  # how long callbacks may take to end [s]
 _BAD_INPUT = 2
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
 
 _HINTS = {
@@ -99,6 +100,7 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
         return _BAD_INPUT
     finally:
         rclpy.try_shutdown()
+        ending.over()
     return 0
 
 
@@ -126,7 +128,7 @@ class _Ending:
     def __init__(self) -> None:
         self.asked = False
         self.made = Event()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in _ENDING:
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
                 signal.signal(number, self._ask)
         heard, told = os.pipe()
@@ -138,6 +140,11 @@ class _Ending:
         self.asked = True
         if not self.made.is_set():
             os._exit(0)
+
+    def over(self) -> None:
+        """Be deaf from now on: Python itself, as it ends, would let another signal end it with its own exit code."""
+        for number in _ENDING:
+            signal.signal(number, signal.SIG_IGN)
 
     def _listen(self, heard: int) -> None:
         """Do so where the main thread is in machine code, as the compiler's, and does not hear a signal."""

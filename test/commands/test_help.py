@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 
@@ -58,14 +59,19 @@ def test_once_compiled_nothing_is_compiled_again(examples, tmp_path):
     """What a first start would compile, whichever program it is of."""
     folder, cache = examples.folder, {'NUMBA_CACHE_DIR': str(tmp_path), 'PYTHONPATH': str(ROOT)}
     environment = os.environ | cache
-    said = [
-        subprocess.run([sys.executable, '-c', program], cwd=folder, env=environment, capture_output=True, text=True)
-        for program in (COMPILE, COMPILE, RUN)
-    ]
-    assert [one.returncode for one in said] == [0, 0, 0], said
-    assert said[0].stdout == f'compiled: the machine code is kept below {tmp_path}\n'
-    assert said[1].stdout == 'everything is compiled already\n'
-    assert said[2].stderr == ''
+
+    def start(program):
+        command = [sys.executable, '-c', program]
+        return subprocess.Popen(command, cwd=folder, env=environment, stdout=PIPE, stderr=PIPE, text=True)
+
+    started = [start(COMPILE)]
+    said = [started[0].communicate()]
+    started += [start(COMPILE), start(RUN)]
+    said += [one.communicate() for one in started[1:]]
+    assert [one.returncode for one in started] == [0, 0, 0], said
+    assert said[0][0] == f'compiled: the machine code is kept below {tmp_path}\n', said
+    assert said[1][0] == 'everything is compiled already\n', said
+    assert said[2][1] == ''
 
 
 def test_the_examples_work(examples):

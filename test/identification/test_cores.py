@@ -10,12 +10,14 @@ from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.rig import surface_following
 from cfd_pneumatic.rig.panel import draw, oracle_rmse
 
 
 @cache
 def closed(effect, make, schedule='out_and_back', seed=11, core='auto'):
-    drawn = draw(effect, schedule, seed, make=make)
+    planned = surface_following(70e3, 1.4e-3, duration=20.0, seed=seed) if schedule == 'surface_following' else schedule
+    drawn = draw(effect, planned, seed, make=make)
     return drawn, identify([recording_of(drawn)], Options(close_loop=True, core=core))
 
 
@@ -38,13 +40,14 @@ def test_full_physics_is_no_missing_effect(make, schedule):
         'physical',
         (),
     )
+    assert result.findings.unknown is None
     assert rms(result) <= 1.02 * oracle_rmse(drawn)
     assert result.findings.ratio < 0.6
     assert 'physical core' in result.findings.why.replace('_', ' ')
 
 
 def test_its_numbers_are_the_devices():
-    drawn, found = closed(None, 'walls')
+    drawn, found = closed(None, 'walls', 'out_and_back')
     told = found.cylinders['cylinder_a'].parameters('physical_core')
     rig = drawn.truth.device.rig
     chamber = rig.cylinder_a
@@ -59,7 +62,6 @@ def test_its_numbers_are_the_devices():
     ('effect', 'make', 'seed'),
     [
         ('positional_leakage', 'orifices', 11),
-        ('sensor_lag', 'orifices', 11),
         ('transport_delay', 'silencer', 102),  # as exactly as two orifices in a row are
         ('displacement_delay', 'stirred_walls', 104),  # by 87 ms, which is longer than a stroke takes
         ('valve_hysteresis', 'stirred_walls', 104),  # beside which the core is stuck at first
@@ -81,7 +83,7 @@ def test_a_part_is_not_blamed_beside_another_for_physics():
     assert (findings.core, findings.effects) == ('physical', ('transport_delay',))
 
 
-@pytest.mark.parametrize('effect', ['volume_variation', 'operating_point', 'heat_transfer'])
+@pytest.mark.parametrize('effect', ['volume_variation', 'operating_point'])
 def test_a_device_of_the_papers_law_keeps_its_effects(effect):
     _, found = closed(effect, None, seed=2)
     findings = found.cylinders['cylinder_a'].findings
@@ -91,7 +93,7 @@ def test_a_device_of_the_papers_law_keeps_its_effects(effect):
 
 def test_a_healthy_device_of_the_papers_law_needs_no_other_core():
     findings = closed(None, None)[1].cylinders['cylinder_a'].findings
-    assert (findings.verdict, findings.core) == ('no_missing_effect', 'linear')
+    assert (findings.verdict, findings.core, findings.unknown) == ('no_missing_effect', 'linear', None)
 
 
 def test_a_core_can_be_asked_for():
@@ -105,7 +107,7 @@ def test_a_core_can_be_asked_for():
 
 
 def test_the_supply_is_above_what_was_recorded():
-    drawn, found = closed(None, 'orifices', 'surface_following', seed=104)
+    drawn, found = closed(None, 'orifices', 'surface_following')
     supply = found.cylinders['cylinder_a'].parameters('physical_core')['supply']
     assert supply.value is None or supply.value > np.max(drawn.recording.pressures[:, 0])
 
@@ -119,7 +121,7 @@ def test_at_one_set_point_data_sheets_stand_in():
 
 
 def test_what_was_identified_is_what_its_file_simulates(tmp_path):
-    drawn, found = closed(None, 'walls')
+    drawn, found = closed(None, 'walls', 'out_and_back')
     identified_device(found).save(tmp_path / 'parameters.yaml')
     device = Device.load(tmp_path / 'parameters.yaml')
     assert list(device.model.cylinders['cylinder_a'].effects) == ['physical_core']

@@ -27,6 +27,7 @@ from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.verdict import VERDICTS, not_added, part_errors, verdict_of
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording
+from cfd_pneumatic.rig import surface_following
 from cfd_pneumatic.rig.panel import draw, force_oracle_rmse
 
 AREA = 1.14e-3
@@ -63,8 +64,14 @@ def close(experiments, area, factor=1.0, library=FORCE_EFFECTS):
     )
 
 
+def drawn_with(effects, schedule, seed):
+    """Return a draw; a surface is followed for a third of a minute."""
+    planned = surface_following(duration=20.0, seed=seed) if schedule == 'surface_following' else schedule
+    return draw(effects, planned, seed)
+
+
 def closed(effects, schedule, seed, area=AREA, **options):
-    drawn = draw(effects, schedule, seed)
+    drawn = drawn_with(effects, schedule, seed)
     return drawn, close(experiments_of([both_cylinders(drawn)]), area, **options)
 
 
@@ -112,7 +119,7 @@ def test_the_effect_that_is_there_is_named(effect, schedule):
 
 
 def test_parameters_are_found_again():
-    (experiment,) = experiments_of([both_cylinders(draw(None, 'surface_following', 22))])
+    (experiment,) = experiments_of([both_cylinders(drawn_with(None, 'surface_following', 22))])
     truth = {'seal_friction': (2.0, 1e-5, 10.0, 1e-4), 'force_offset': (-1.5,)}
     closure = close([made_of(experiment, truth, noise=0.1)], 1.0e-3)
     assert closure.verdict == 'effect_added'
@@ -198,7 +205,7 @@ def test_an_effect_that_is_not_known_is_unexplained():
 
 
 def test_a_force_sensor_that_trails_is_unexplained():
-    (experiment,) = experiments_of([both_cylinders(draw(None, 'surface_following', 25))])
+    (experiment,) = experiments_of([both_cylinders(drawn_with(None, 'surface_following', 25))])
     trailing = replace(experiment, measured=np.roll(experiment.measured, 4))
     closure = close([trailing], AREA)
     assert closure.verdict == 'unexplained'

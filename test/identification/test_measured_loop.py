@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from drawn import CHANNEL, experiments_of, model
 from measured import MAPPING, ROOT, needs_measured_data
+from reference import AMBIENT
 
-from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.fit.fit import fit, search
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.loop import close_loop
@@ -19,9 +20,9 @@ AT_AN_END = {'heat_transfer', 'volume_variation', 'nonlinear_valve'}
 GAINS = np.array([2e6, 10.0, 5.0, 0.02])
 
 
-def experiments_from(*names):
+def experiments_from(*names, channel=CHANNEL):
     mapping = read_mapping(MAPPING)
-    return experiments_of([read_recording(ROOT / f'{name}.csv', mapping=mapping) for name in names])
+    return experiments_of([read_recording(ROOT / f'{name}.csv', mapping=mapping) for name in names], channel)
 
 
 def nrmse_of_test_part(experiments, pressures):
@@ -95,8 +96,8 @@ def test_gains_that_follow_the_pressure_suit_four_pressures_at_once():
 
 def test_effects_that_do_worse_on_the_validation_part_are_no_alternatives():
     """Seal friction and Stribeck friction are far apart there, however much of the force each of them takes."""
-    recording = read_recording(ROOT / 'friction' / 'O-ring257_3bar.csv', mapping=read_mapping(MAPPING))
-    (force,) = identify([recording], Options(close_loop=True)).closed[1:]
-    assert force.findings.verdict == 'unexplained'
-    assert force.findings.effects == ('seal_friction',)
-    assert force.findings.alternatives == {'seal_friction': ()}
+    force = Force(None, 1.0, AMBIENT)
+    _, closure = close_loop(fit(force, experiments_from('friction/O-ring257_3bar', channel=force)))
+    assert closure.verdict == 'unexplained'
+    assert closure.effects == ('seal_friction',)
+    assert closure.alternatives == {'seal_friction': ()}

@@ -11,15 +11,13 @@ from cfd_pneumatic.recording import CylinderSignals, Signal, recording_of
 from cfd_pneumatic.rig import device_named, record, surface_following
 
 
-def read_with(shift, **levels):
-    """Return what is warned of in a healthy device of full physics, its pressures and set-points shifted [Pa]."""
-    schedule = surface_following(duration=40.0, seed=3, **levels)
-    recording = recording_of(record(schedule, device_named('real', ''), seed=3))
-    cylinders = {
-        name: CylinderSignals(*(Signal(own.times, own.values + shift) for own in (one.pressure, one.setpoint)))
-        for name, one in recording.cylinders.items()
-    }
-    found = identify([replace(recording, cylinders=cylinders, force=None)], Options(close_loop=True))
+def read_with(shift, duration=30.0, **levels):
+    """Return what is warned of cylinder A of a healthy device of full physics, pressure and set-point shifted [Pa]."""
+    schedule = surface_following(duration=duration, seed=3, **levels)
+    one = recording_of(record(schedule, device_named('real', ''), seed=3))
+    own = one.cylinders['cylinder_a']
+    shifted = CylinderSignals(*(Signal(signal.times, signal.values + shift) for signal in (own.pressure, own.setpoint)))
+    found = identify([replace(one, cylinders={'cylinder_a': shifted}, force=None)], Options(close_loop=True))
     return [one for one in found.notices if one.level == WARNING]
 
 
@@ -27,13 +25,13 @@ def read_with(shift, **levels):
     ('shift', 'levels', 'said', 'true'),
     [
         (AMBIENT, {}, 'gauge', 'absolute'),
-        (-AMBIENT, {'setpoint': 1.6e5, 'setpoint_b': 1.3e5}, 'absolute', 'gauge'),
+        (-AMBIENT, {'duration': 15.0, 'setpoint': 1.6e5, 'setpoint_b': 1.3e5}, 'absolute', 'gauge'),
     ],
 )
 def test_what_is_explained_with_an_atmosphere_more_or_less_has_another_reference(shift, levels, said, true):
-    found = read_with(shift, **levels)
-    assert {one.code for one in found} == {'reference_suspect'}
-    assert all(f'{true} ones that are said to be {said}' in one.message for one in found)
+    (found,) = read_with(shift, **levels)
+    assert found.code == 'reference_suspect'
+    assert f'{true} ones that are said to be {said}' in found.message
 
 
 def test_what_is_explained_as_it_is_read_is_no_suspect():

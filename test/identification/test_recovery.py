@@ -7,12 +7,16 @@ quantisation are the rig's. Developed on seeds 0 to 199; these are others.
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 import pytest
-from drawn import CHANNEL, experiments_of, model, whole
+from drawn import CHANNEL, model, whole
 from reference import AMBIENT, INCH, PSI, pressure, step_like, step_like_rate
 
 from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.procedure import prepared
 from cfd_pneumatic.model.parameters import NAMES, TABLE_1_ROWS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Sensors
@@ -21,6 +25,7 @@ from cfd_pneumatic.units import PSI_PER_INCH
 SEEDS = range(1000, 1100)
 SAMPLES = 350
 PERIOD = 2e-3
+TIMES = np.arange(SAMPLES) * PERIOD
 LAST_BEFORE_TRIGGER = 49 * PERIOD
 STEP_DURATION = 12e-3
 AMPLITUDE = 60e-3 * INCH
@@ -31,9 +36,18 @@ def step_recording(times, displacement, pressures):
     return Recording('step', 0, Signal(times, displacement), {'cylinder_a': cylinder}, None, ())
 
 
-def fit_recording(recording, initial):
-    experiments = [whole(one) for one in experiments_of([recording])]
+def fit_data(data, initial):
+    experiments = [whole(one) for one in data.experiments(CHANNEL)]
     return fit(CHANNEL, experiments, None if initial is None else model(initial))
+
+
+@cache
+def moved(seed):
+    """Return when a seed's step begins [s], and its measured displacement, smoothed, still without a pressure."""
+    rng = np.random.default_rng(seed)
+    start = LAST_BEFORE_TRIGGER + PERIOD * rng.random()  # the trigger comes anywhere within a sample
+    measured = Sensors().measure_displacement(step_like(start, STEP_DURATION, AMPLITUDE)(TIMES), rng)
+    return start, prepared([step_recording(TIMES, measured, np.zeros(SAMPLES))])
 
 
 @pytest.fixture(scope='module')
@@ -45,19 +59,15 @@ def fits():
 def fits_of_row(row):
     psig, k_x, *others = row
     truth = np.array([k_x * PSI_PER_INCH, *others])
-    times = np.arange(SAMPLES) * PERIOD
-    sources = [np.random.default_rng([seed, int(1e4 * k_x)]) for seed in SEEDS]
-    # the trigger comes anywhere within a sample
-    starts = LAST_BEFORE_TRIGGER + PERIOD * np.array([rng.random() for rng in sources])
-    pressures = pressure(truth, step_like_rate(starts, STEP_DURATION, AMPLITUDE), AMBIENT + psig * PSI, times)
-    sensors = Sensors()
+    starts, motions = zip(*map(moved, SEEDS))
+    rate = step_like_rate(np.array(starts), STEP_DURATION, AMPLITUDE)
+    pressures = pressure(truth, rate, AMBIENT + psig * PSI, TIMES, steps=10)
     found = []
-    for rng, start, exact in zip(sources, starts, pressures.T):
-        displacement = step_like(start, STEP_DURATION, AMPLITUDE)(times)
-        recording = step_recording(
-            times, sensors.measure_displacement(displacement, rng), sensors.measure_pressure(exact, rng)
-        )
-        found.append(fit_recording(recording, truth * 3.0 ** rng.choice([-1.0, 1.0], 4)))
+    for seed, data, exact in zip(SEEDS, motions, pressures.T):
+        rng = np.random.default_rng([seed, int(1e4 * k_x)])
+        displacement = data.recordings[0].displacement.values
+        recording = step_recording(TIMES, displacement, Sensors().measure_pressure(exact, rng))
+        found.append(fit_data(replace(data, recordings=(recording,)), truth * 3.0 ** rng.choice([-1.0, 1.0], 4)))
     return truth, found
 
 
@@ -90,16 +100,13 @@ def test_95_percent_intervals_hold_the_truth_as_often_as_they_say(fits, index, c
 
 def test_a_step_that_only_charges_tells_no_discharging_gain():
     """The paper's Table 2 has no K_v: nothing discharged in its small steps."""
-    times = np.arange(SAMPLES) * PERIOD
     truth = [7.0 * PSI_PER_INCH, 25.0, 20.0, 0.0005]  # K_sv tau well below 1/4: no overshoot
     rng = np.random.default_rng(1)
-    exact = pressure(truth, step_like_rate(0.1, STEP_DURATION, 17e-3 * INCH), AMBIENT + 5.0 * PSI, times)
-    displacement = step_like(0.1, STEP_DURATION, 17e-3 * INCH)(times)
+    exact = pressure(truth, step_like_rate(0.1, STEP_DURATION, 17e-3 * INCH), AMBIENT + 5.0 * PSI, TIMES)
+    displacement = step_like(0.1, STEP_DURATION, 17e-3 * INCH)(TIMES)
     sensors = Sensors()
-    found = fit_recording(
-        step_recording(times, sensors.measure_displacement(displacement, rng), sensors.measure_pressure(exact, rng)),
-        None,
-    )
+    measured = sensors.measure_displacement(displacement, rng), sensors.measure_pressure(exact, rng)
+    found = fit_data(prepared([step_recording(TIMES, *measured)]), None)
     k_v = found.estimates[NAMES.index('k_v')]
     assert not k_v.identifiable
     assert k_v.value is None

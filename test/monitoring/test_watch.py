@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from patrolled import EPOCH, LEARNED, SETTINGS, Patrol, Sample, Spoil, close_loop
+from patrolled import EPOCH, LEARNED, SETTINGS, Patrol, Sample, Spoil, close_loop, learned
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.monitoring import Finding, departed, diagnosed
@@ -48,7 +48,7 @@ def test_a_healthy_device_gives_no_alarm_and_a_leak_is_named_with_its_size() -> 
 
 
 def test_while_nothing_moves_the_words_say_at_rest() -> None:
-    patrol = Patrol().go_on(LEARNED)
+    patrol = learned()
     held: list[Sample] = []
 
     def resting(sample: Sample) -> Sample:
@@ -63,7 +63,7 @@ def test_while_nothing_moves_the_words_say_at_rest() -> None:
 
 
 def test_a_sensor_that_lags_is_told_by_its_energy() -> None:
-    patrol = Patrol().go_on(LEARNED).let(sensor_lag=1e-3).go_on(3.0)
+    patrol = learned().let(sensor_lag=1e-3).go_on(3.0)
     departure = patrol.watch.departure('cylinder_a')
     assert not departure.level
     assert departed(departure).startswith('cylinder A parts from its model by ')
@@ -107,7 +107,7 @@ def back(sample: Sample) -> Sample:
 def test_a_fault_of_the_feed_is_named_as_such_and_the_test_begins_anew_behind_it(
     spoil: Spoil, kind: str, words: str
 ) -> None:
-    patrol = Patrol().go_on(LEARNED)
+    patrol = learned()
     patrol.go_on(4.0, spoil)
     assert kind in patrol.kinds
     assert any(why.startswith(words) for why in patrol.faults), patrol.faults
@@ -121,7 +121,7 @@ def test_a_fault_of_the_feed_is_named_as_such_and_the_test_begins_anew_behind_it
 
 
 def test_an_alarm_ends_where_its_topic_falls_silent_and_comes_back_with_another_clock() -> None:
-    watch = Patrol().go_on(LEARNED).let(leak_conductance=1e-10).go_on(3.0).watch
+    watch = learned().let(leak_conductance=1e-10).go_on(3.0).watch
     assert 'cylinder_a' in watch.alarms
     later = SETTINGS.timeout + 1.0
     now = LEARNED + 3.0 + later

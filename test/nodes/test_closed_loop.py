@@ -14,11 +14,14 @@ from pathlib import Path
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from graph import PATIENCE, Graph, ros_arguments, unique_namespace
-from sensor_msgs.msg import FluidPressure
+from sensor_msgs.msg import FluidPressure, JointState
 
 from cfd_pneumatic.convention import CYLINDERS, PISTON_STATE, pressure_topic, setpoint_applied_topic, setpoint_topic
 from cfd_pneumatic.nodes.messages import nanoseconds
-from cfd_pneumatic.rig import Sensors, out_and_back
+from cfd_pneumatic.recording import recording_of, write_recording
+from cfd_pneumatic.rig import Sensors, surface_following
+from cfd_pneumatic.rig import record as rig_record
+from cfd_pneumatic.rig.panel.specimen import draw_specimen
 
 UNDECLARED = {'effects_a.leak_conductance': 1e-10}
 """A hole in cylinder A, which lowers its pressure at rest by 160 to 230 Pa, some 0.4 % of the set-point."""
@@ -30,32 +33,41 @@ import numpy as np
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.rig_node import RigNode
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
-specimen, _ = draw_specimen(np.random.default_rng(7))
-specimen = specimen.with_changes(json.loads(sys.argv[1]))
+specimen, _ = draw_specimen(np.random.default_rng(int(sys.argv[1])))
+specimen = specimen.with_changes(json.loads(sys.argv[2]))
 sys.exit(run('rig_node', partial(RigNode, specimen.rig)))
 """
 """A program: `rig_node` with a device drawn at random, and something wrong with it."""
+DRAWN = 7
 
 SENSORS = Sensors()
 NOISE = math.hypot(SENSORS.pressure_noise, SENSORS.step(SENSORS.pressure_range) / math.sqrt(12.0))
 """Of a pressure sensor, converter and all [Pa]."""
 
-SCHEDULE = out_and_back().with_return()
+DURATION = 3.0
+SCHEDULE = surface_following(duration=DURATION).with_return()
 RECORDED = 0.98  # of it: the recording has to end at rest
 WINDOW = SCHEDULE.duration  # over which the residual is taken [s]
 SETTLING = 0.5  # [s]
 MOST = 1.3
-"""Live residual over noise, where nothing is missing: with the true parameters 1.03 to 1.14 over the schedule, for a
-stamp strays by 50 us, in which the pressure rises by 300 Pa when the set-point steps."""
+"""Live residual over noise, where nothing is missing: a little above 1, for a stamp strays by 50 us, in which the
+pressure rises by 300 Pa when the set-point steps."""
 
 LONGEST_FIT = 600.0  # on a busy machine [s]
 
 
 @contextmanager
 def device(namespace: str) -> Iterator[None]:
-    """Run the device, which plays its schedule over and over as soon as simulator and recorder listen."""
-    settings = {'schedule': 'out_and_back', 'repeat': True, 'start_subscribers': 2, 'start_delay': 1.0}
-    program = [sys.executable, '-c', DEVICE, json.dumps(UNDECLARED), *ros_arguments(namespace, settings)]
+    """Run the device, which plays its schedule over and over once simulator, recorder and the test listen."""
+    settings = {
+        'schedule': 'surface_following',
+        'schedule_duration': DURATION,
+        'repeat': True,
+        'start_subscribers': 3,
+        'start_delay': 0.5,
+    }
+    told = [str(DRAWN), json.dumps(UNDECLARED)]
+    program = [sys.executable, '-c', DEVICE, *told, *ros_arguments(namespace, settings)]
     process = subprocess.Popen(program, stderr=subprocess.DEVNULL)
     try:
         yield
@@ -79,6 +91,11 @@ class Residual:
     @property
     def samples(self) -> int:
         return len(self._heard[0][0])
+
+    @property
+    def first(self) -> int:
+        """The first stamp [ns]."""
+        return nanoseconds(self._heard[0][0][0].header.stamp)
 
     @property
     def now(self) -> int:
@@ -111,8 +128,10 @@ def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found
         for cylinder in CYLINDERS
         for topic in (setpoint_topic(cylinder), setpoint_applied_topic(cylinder), pressure_topic(cylinder))
     ]
-    bag, output = tmp_path / 'bag', tmp_path / 'identified'
-    identify = {'bags': f'[{bag}]', 'output_dir': output, 'apply_to': sim}
+    earlier, bag, output = tmp_path / 'earlier', tmp_path / 'bag', tmp_path / 'identified'
+    specimen = draw_specimen(np.random.default_rng(DRAWN))[0].with_changes(UNDECLARED)
+    write_recording(earlier, recording_of(rig_record(SCHEDULE, specimen.rig, seed=1), epoch=10**18))
+    identify = {'bags': f'[{earlier}]', 'output_dir': output, 'apply_to': sim}
     record = {'output': bag, 'topics': f'[{real}/{PISTON_STATE},{",".join(topics)}]'}
 
     def identified(report: str) -> DiagnosticStatus:
@@ -130,13 +149,16 @@ def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found
     with (
         graph.run('sim_node', ros_arguments(simulator, remaps=inputs)),
         graph.run('identifier_node', ros_arguments(own, identify)),
+        graph.run('recorder_node', ros_arguments(parameters=record)) as recorder,
         device(real),
     ):
-        with graph.run('recorder_node', ros_arguments(parameters=record)):
-            graph.until(lambda: residual.samples > RECORDED * SCHEDULE.samples)
+        graph.get(sim, 'area')  # it has started
         identified('report.json')
-        before_a, before_b = residual.over_noise(residual.now)
-        graph.set(identifier, close_loop=True)
+        graph.listen(JointState, f'{real}/{PISTON_STATE}')
+        graph.until(lambda: residual.samples > RECORDED * SCHEDULE.samples)
+        recorder.stop()
+        before_a, before_b = residual.over_noise(residual.first)
+        assert graph.set_atomically(identifier, bags=[str(bag)], close_loop=True).successful
         status = identified('report.html')
         after_a, after_b = residual.over_noise(residual.now)
     print(f'live residual over noise: A {before_a:.2f}, then {after_a:.2f}; B {before_b:.2f}, then {after_b:.2f}')

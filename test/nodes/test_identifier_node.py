@@ -28,6 +28,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SETPOINT = 10 * PSI
 GAINS = (5e6, 15.0, 30.0, 0.01)
 """So slow that the pressure does not overshoot: the piston only ever moves out, and nothing excites K_v."""
+UNSET = {'bags': [''], 'output_dir': '', 'apply_to': '', 'split': '60/20/20', 'area': 0.0, 'geometric_factor': 0.0}
 
 
 @pytest.fixture(scope='module')
@@ -67,6 +68,10 @@ class Identifier:
     def __init__(self, graph: Graph, process: Process, name: str) -> None:
         self.graph, self.process, self.name = graph, process, name
 
+    def set(self, **parameters: object) -> None:
+        """Set these parameters, and those that tests set to what they were."""
+        assert self.graph.set_atomically(self.name, **(UNSET | parameters)).successful
+
     def identify(self) -> None:
         answer = self.graph.trigger(f'{self.name}/identify')
         assert answer.success, answer.message
@@ -96,6 +101,12 @@ def identifier(graph: Graph, **parameters: object) -> Iterator[Identifier]:
         yield Identifier(graph, process, f'{namespace}/identifier_node')
 
 
+@pytest.fixture(scope='module')
+def node(graph: Graph) -> Iterator[Identifier]:
+    with identifier(graph) as node:
+        yield node
+
+
 @contextmanager
 def earlier_results(folder: Path) -> Iterator[Path]:
     """Put results into a folder that have to outlive what happens."""
@@ -107,19 +118,13 @@ def earlier_results(folder: Path) -> Iterator[Path]:
     assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(names, 'earlier')
 
 
-def listed(*bags: Path) -> str:
-    return f'[{",".join(map(str, bags))}]'
-
-
-def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, tmp_path: Path) -> None:
+def test_a_bag_is_identified_and_set_on_the_simulator(
+    graph: Graph, node: Identifier, bag: Path, tmp_path: Path
+) -> None:
     output, simulator = tmp_path / 'out', unique_namespace()
     target = f'{simulator}/sim_node'
-    with (
-        graph.run('sim_node', ros_arguments(simulator)),
-        identifier(
-            graph, bags=listed(bag), output_dir=output, apply_to=target, area=7e-4, geometric_factor=1.5
-        ) as node,
-    ):
+    with graph.run('sim_node', ros_arguments(simulator)):
+        node.set(bags=[str(bag)], output_dir=str(output), apply_to=target, area=7e-4, geometric_factor=1.5)
         effects = ('cylinder_a.leakage', 'cylinder_b.leakage', 'contact_force.force_offset')
         switches = [f'{effect}.enabled' for effect in effects]
         assert graph.set_atomically(target, **dict.fromkeys(switches, True)).successful
@@ -159,7 +164,9 @@ def test_a_bag_is_identified_and_set_on_the_simulator(graph: Graph, bag: Path, t
         node.status(f'done. See {output}/report.json')
 
 
-def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(graph: Graph, bag: Path, tmp_path: Path) -> None:
+def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(
+    graph: Graph, node: Identifier, bag: Path, tmp_path: Path
+) -> None:
     namespace = unique_namespace()
 
     def serve(name: str, knows: set[str] | None) -> None:
@@ -177,58 +184,58 @@ def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(graph: Gra
 
     serve('stubborn', None)
     serve('stranger', {'use_sim_time'})
-    with identifier(graph, bags=listed(bag), output_dir=tmp_path) as node:
+    own, nobody = {'bags': f'[{bag}]', 'output_dir': tmp_path / 'own'}, f'{namespace}/nobody'
+    with identifier(graph, apply_to=nobody, **own) as patient:  # which waits for its target meanwhile
+        patient.identify()
         for target, words in (
             ('stubborn', f'{namespace}/stubborn refused the parameters: not today'),
             ('stranger', f'{namespace}/stranger (parameter apply_to) is no sim_node'),
-            ('nobody', f'{namespace}/nobody (parameter apply_to) is not there'),
         ):
-            assert graph.set(node.name, apply_to=f'{namespace}/{target}').successful
+            node.set(bags=[str(bag)], output_dir=str(tmp_path), apply_to=f'{namespace}/{target}')
             node.identify()
             assert node.status(words).level == DiagnosticStatus.ERROR
-        assert node.result()['schema'] == 1, 'the report is there all the same'
+        assert patient.status(f'{nobody} (parameter apply_to) is not there').level == DiagnosticStatus.ERROR
+        assert patient.result()['schema'] == 1, 'the report is there all the same'
 
 
-def test_what_cannot_begin_is_refused_with_the_reason(graph: Graph, bag: Path, tmp_path: Path) -> None:
-    with identifier(graph) as node:
-        for parameters, reason in (
-            ({}, "parameter 'bags' is empty"),
-            ({'bags': [str(tmp_path / 'none')]}, "parameter 'output_dir' is empty"),
-            ({'output_dir': str(tmp_path)}, "none (parameter 'bags') does not exist"),
-            ({'bags': [str(bag)], 'apply_to': 'no node'}, "parameter 'apply_to' is 'no node'"),
-        ):
-            for name, value in parameters.items():
-                assert graph.set(node.name, **{name: value}).successful
-            answer = graph.trigger(f'{node.name}/identify')
-            assert not answer.success
-            assert answer.message.startswith('refused: ')
-            assert reason in answer.message
-        assert not graph.trigger(f'{node.name}/cancel').success
+def test_what_cannot_begin_is_refused_with_the_reason(
+    graph: Graph, node: Identifier, bag: Path, tmp_path: Path
+) -> None:
+    bags, output = [str(bag)], str(tmp_path)
+    for parameters, reason in (
+        ({}, "parameter 'bags' is empty"),
+        ({'bags': bags}, "parameter 'output_dir' is empty"),
+        ({'bags': [str(tmp_path / 'none')], 'output_dir': output}, "none (parameter 'bags') does not exist"),
+        ({'bags': bags, 'output_dir': output, 'apply_to': 'no node'}, "parameter 'apply_to' is 'no node'"),
+    ):
+        node.set(**parameters)
+        answer = graph.trigger(f'{node.name}/identify')
+        assert not answer.success
+        assert answer.message.startswith('refused: ')
+        assert reason in answer.message
+    assert not graph.trigger(f'{node.name}/cancel').success
 
 
-def test_a_bad_bag_is_an_error_with_its_reason(graph: Graph, bag: Path, tmp_path: Path) -> None:
+def test_a_bad_bag_is_an_error_with_its_reason(node: Identifier, bag: Path, tmp_path: Path) -> None:
     bad = tmp_path / 'bad'
     bad.mkdir()
-    with (
-        earlier_results(tmp_path / 'out') as output,
-        identifier(graph, bags=listed(bag, bad), output_dir=output) as node,
-    ):
+    with earlier_results(tmp_path / 'out') as output:
+        node.set(bags=[str(bag), str(bad)], output_dir=str(output))
         node.identify()
         status = node.status('identify_bag: error: ')
         assert status.level == DiagnosticStatus.ERROR
         assert str(bad) in status.message
         assert 'Traceback' not in status.message
-        graph.set(node.name, bags=[str(bag)])
-        graph.set(node.name, split='60/40')
+        node.set(bags=[str(bag)], output_dir=str(output), split='60/40')
         node.identify()
         assert "'60/40' is not three numbers" in node.status('60/40').message
 
 
-def test_cancel_ends_the_fit_at_once_and_leaves_earlier_outputs(graph: Graph, bag: Path, tmp_path: Path) -> None:
-    with (
-        earlier_results(tmp_path / 'out') as output,
-        identifier(graph, bags=listed(*[bag] * 30), output_dir=output) as node,
-    ):
+def test_cancel_ends_the_fit_at_once_and_leaves_earlier_outputs(
+    graph: Graph, node: Identifier, bag: Path, tmp_path: Path
+) -> None:
+    with earlier_results(tmp_path / 'out') as output:
+        node.set(bags=[str(bag)] * 30, output_dir=str(output))
         for percent in (0.0, 20.0):  # while it starts, and in its midst
             node.identify()
             node.progress(percent)
@@ -236,15 +243,13 @@ def test_cancel_ends_the_fit_at_once_and_leaves_earlier_outputs(graph: Graph, ba
             assert node.status('cancelled').level == DiagnosticStatus.WARN
 
 
-def test_an_interrupt_ends_node_and_fit(graph: Graph, bag: Path, tmp_path: Path) -> None:
-    with (
-        earlier_results(tmp_path / 'out') as output,
-        identifier(graph, bags=listed(*[bag] * 30), output_dir=output) as node,
-    ):
+def test_an_interrupt_ends_node_and_fit(node: Identifier, bag: Path, tmp_path: Path) -> None:
+    with earlier_results(tmp_path / 'out') as output:
+        node.set(bags=[str(bag)] * 30, output_dir=str(output))
         node.identify()
-        node.progress(20.0)
+        node.progress(0.0)
         (fit,) = children(node.process.pid)
-        node.process.stop(signal.SIGINT)
+        node.process.stop(signal.SIGINT)  # the last that the file's tests want of it
         assert not Path(f'/proc/{fit}').exists()
 
 

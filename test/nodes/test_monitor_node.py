@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import signal
+import struct
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
-from graph import MILLISECOND, PATIENCE, Graph, Process, refusals, ros_arguments, unique_namespace
+from graph import MILLISECOND, PATIENCE, QUEUE, Graph, Process, ros_arguments, unique_namespace
+from rclpy.exceptions import InvalidParameterValueException
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64
 
@@ -35,7 +41,7 @@ from cfd_pneumatic.convention import (
 )
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.identification import identify
-from cfd_pneumatic.nodes.messages import nanoseconds, stamp_message
+from cfd_pneumatic.nodes.messages import stamp_message
 from cfd_pneumatic.nodes.monitor_node import MonitorNode
 from cfd_pneumatic.recording import recording_of
 from cfd_pneumatic.rig import Sensors, record, surface_following
@@ -54,7 +60,7 @@ sys.exit(run('rig_node', partial(RigNode, draw_specimen(np.random.default_rng(7)
 """A program: `rig_node` with a device that is as the paper's model."""
 
 MEASURED = (PISTON_STATE, *map(setpoint_topic, CYLINDERS), *map(pressure_topic, CYLINDERS), MEASURED_FORCE)
-SETTINGS = {'block': 0.05, 'learning': 6.0, 'diagnosis_window': 12.0}
+SETTINGS = {'block': 0.05, 'learning': 3.0, 'diagnosis_window': 10.0}
 LONGEST_DIAGNOSIS = 600.0
 """On a busy machine, to which a diagnosis leaves its turn [s]."""
 
@@ -112,13 +118,31 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+def listen(graph: Graph, message_type: type, topic: str) -> list[bytes]:
+    """Return a list that messages are appended to as they come: to read each takes longer than to write it."""
+    heard: list[bytes] = []
+    graph.node.create_subscription(message_type, topic, heard.append, QUEUE, raw=True)
+    return heard
+
+
+def meanwhile(graph: Graph, monitor: str, part: str) -> str:
+    """Return what a monitor has said of a part since it was last waited for."""
+    return graph.until(lambda: [one.message for one in graph.diagnostics if one.name == f'{monitor}: {part}'])[-1]
+
+
+def stamp_of(message: bytes) -> int:
+    """Return the stamp that a message begins with [ns]."""
+    seconds, rest = struct.unpack_from('<iI', message, 4)
+    return seconds * 10**9 + rest
+
+
 def test_a_leak_that_appears_is_named_while_no_sample_is_lost(graph: Graph, identified: Path) -> None:
     real, own = unique_namespace(), unique_namespace()
     monitor = f'{own}/monitor_node'
-    pistons = graph.listen(JointState, f'{real}/{PISTON_STATE}')
-    predicted = graph.listen(FluidPressure, f'{own}/{PREDICTED}{pressure_topic("cylinder_a")}')
-    residuals = {name: graph.listen(FluidPressure, f'{own}/{residual_topic(name)}') for name in CYLINDERS}
-    forces = graph.listen(WrenchStamped, f'{own}/{residual_topic(CONTACT_FORCE)}')
+    pistons = listen(graph, JointState, f'{real}/{PISTON_STATE}')
+    predicted = listen(graph, FluidPressure, f'{own}/{PREDICTED}{pressure_topic("cylinder_a")}')
+    residuals = {name: listen(graph, FluidPressure, f'{own}/{residual_topic(name)}') for name in CYLINDERS}
+    forces = listen(graph, WrenchStamped, f'{own}/{residual_topic(CONTACT_FORCE)}')
 
     def status(part: str, words: str) -> DiagnosticStatus:
         return graph.next_diagnostics(monitor, lambda one: one.name.endswith(part) and words in one.message)
@@ -135,10 +159,11 @@ def test_a_leak_that_appears_is_named_while_no_sample_is_lost(graph: Graph, iden
         assert graph.set(f'{real}/rig_node', faults=LEAK).successful
         alarm = status('cylinder_a', 'cylinder A loses ')
         assert alarm.level == DiagnosticStatus.WARN
-        assert alarm.message.endswith('more than its model on the average: is being diagnosed')
+        what = r'cylinder A loses \d+ Pa more than its model (on the average|at rest): is being diagnosed'
+        assert re.fullmatch(what, alarm.message), 'as the piston moves or rests just then'
         named = sooner_or_later('cylinder_a', 'looks like leakage (conductance ')
         assert named.level == DiagnosticStatus.ERROR
-        assert status('cylinder_b', '').message == 'agrees with its model'
+        assert meanwhile(graph, monitor, 'cylinder_b') == 'agrees with its model'
         rig.send_signal(signal.SIGSTOP)
         silent = status('feed', 'piston_state has been silent for ')
         assert silent.level == DiagnosticStatus.ERROR
@@ -147,13 +172,13 @@ def test_a_leak_that_appears_is_named_while_no_sample_is_lost(graph: Graph, iden
         workers = children(process.pid)
         assert workers
     graph.until(lambda: have_ended(workers))
-    stamps = [nanoseconds(message.header.stamp) for message in pistons]
+    stamps = [stamp_of(message) for message in pistons]
     for heard in (predicted, *residuals.values(), forces):
-        answered = {nanoseconds(message.header.stamp) for message in heard}
+        answered = {stamp_of(message) for message in heard}
         first = stamps.index(min(answered))
         assert [stamp for stamp in stamps[first : first + len(answered)] if stamp not in answered] == []
-        assert len(answered) > 5000
-    healthy = [message.fluid_pressure for message in residuals['cylinder_b'][1000:]]
+        assert len(answered) > 3000
+    healthy = [deserialize_message(one, FluidPressure).fluid_pressure for one in residuals['cylinder_b'][1000:]]
     assert np.std(healthy) == pytest.approx(Sensors().pressure_noise, rel=0.2)
 
 
@@ -187,10 +212,36 @@ class Driver:
                 time.sleep(0.01)
 
 
-def test_faults_of_the_feed_are_named_and_the_watch_goes_on(graph: Graph) -> None:
-    source, own = unique_namespace(), unique_namespace()
-    driver = Driver(graph, source)
-    monitor = f'{own}/monitor_node'
+class Monitor(NamedTuple):
+    """A running monitor beside a driver."""
+
+    process: Process
+    name: str
+    source: str
+    driver: Driver
+
+
+@pytest.fixture(scope='module')
+def monitors(graph: Graph) -> Iterator[dict[str, Monitor]]:
+    """Yield monitors that start at once, by whether their feed is lossless; they need not end well."""
+    # what a reliable publisher sends again after an overrun takes a minute
+    topics = (PISTON_STATE, *map(pressure_topic, CYLINDERS))
+    running = {}
+    for kind in ('lossless', 'lossy'):
+        source, own = unique_namespace(), unique_namespace()
+        once = {f'qos_overrides.{source}/{topic}.subscription.reliability': 'best_effort' for topic in topics}
+        arguments = beside(own, source, timeout=2.0, **(once if kind == 'lossy' else {}))
+        process = Process('monitor_node', arguments)
+        running[kind] = Monitor(process, f'{own}/monitor_node', source, Driver(graph, source))
+    try:
+        yield running
+    finally:
+        for one in running.values():
+            one.process.reap()
+
+
+def test_faults_of_the_feed_are_named_and_the_watch_goes_on(graph: Graph, monitors: dict[str, Monitor]) -> None:
+    process, monitor, _, driver = monitors['lossless']
 
     def status(part: str, words: str, stuck: float | None = None) -> DiagnosticStatus:
         return graph.next_diagnostics(
@@ -199,30 +250,28 @@ def test_faults_of_the_feed_are_named_and_the_watch_goes_on(graph: Graph) -> Non
             doing=lambda: driver.publish(0.1, stuck),
         )
 
-    with graph.run('monitor_node', beside(own, source, timeout=2.0)):
-        driver.meet()
-        graph.next_diagnostics(monitor, lambda one: 'no cylinder_a/pressure yet' in one.message)
-        driver.publish(8.0)
-        status('cylinder_a', 'agrees with its model')
-        level = AMBIENT_PRESSURE + 10 * PSI
-        stuck = status('feed', f'cylinder_a/pressure is stuck at {level:.6g} Pa', stuck=level)
-        assert stuck.level == DiagnosticStatus.ERROR
-        status('feed', 'following piston_state')
-        driver.stamp += 3_600_000 * MILLISECOND
-        jumped = status('feed', 'the clock of piston_state jumped ahead by 3.6e+03 s')
-        assert jumped.level == DiagnosticStatus.WARN
-        driver.stamp -= 7_200_000 * MILLISECOND
-        status('feed', 'the clock of piston_state jumped back by 7.2e+03 s')
-        status('feed', 'following piston_state')
-        assert status('cylinder_a', '').message == 'agrees with its model'
-        assert graph.trigger(f'{monitor}/learn').success
-        assert 'learning' in status('cylinder_b', 'learning').message
+    driver.meet()
+    graph.next_diagnostics(monitor, lambda one: 'no cylinder_a/pressure yet' in one.message)
+    driver.publish(4.0)
+    status('cylinder_a', 'agrees with its model')
+    level = AMBIENT_PRESSURE + 10 * PSI
+    stuck = status('feed', f'cylinder_a/pressure is stuck at {level:.6g} Pa', stuck=level)
+    assert stuck.level == DiagnosticStatus.ERROR
+    status('feed', 'following piston_state')
+    driver.stamp += 3_600_000 * MILLISECOND
+    jumped = status('feed', 'the clock of piston_state jumped ahead by 3.6e+03 s')
+    assert jumped.level == DiagnosticStatus.WARN
+    driver.stamp -= 7_200_000 * MILLISECOND
+    status('feed', 'the clock of piston_state jumped back by 7.2e+03 s')
+    status('feed', 'following piston_state')
+    assert meanwhile(graph, monitor, 'cylinder_a') == 'agrees with its model'
+    assert graph.trigger(f'{monitor}/learn').success
+    assert 'learning' in status('cylinder_b', 'learning').message
+    process.stop()
 
 
-def test_what_has_gone_wrong_since_the_last_report_is_a_warning(graph: Graph) -> None:
-    source, own = unique_namespace(), unique_namespace()
-    monitor = f'{own}/monitor_node'
-    driver = Driver(graph, source)
+def test_what_has_gone_wrong_since_the_last_report_is_a_warning(graph: Graph, monitors: dict[str, Monitor]) -> None:
+    process, monitor, source, driver = monitors['lossy']
     force_out = graph.publisher(WrenchStamped, f'{source}/{MEASURED_FORCE}')
 
     def feed(words: str, doing: Callable[[], None] = lambda: None) -> DiagnosticStatus:
@@ -239,53 +288,51 @@ def test_what_has_gone_wrong_since_the_last_report_is_a_warning(graph: Graph) ->
 
     def overrun() -> None:
         os.kill(process.pid, signal.SIGSTOP)
-        driver.publish(2.0)
+        driver.publish(1.0)
         os.kill(process.pid, signal.SIGCONT)
 
-    # what a reliable publisher sends again after an overrun takes a minute
-    topics = (PISTON_STATE, *map(pressure_topic, CYLINDERS))
-    once = {f'qos_overrides.{source}/{topic}.subscription.reliability': 'best_effort' for topic in topics}
-    with graph.run('monitor_node', beside(own, source, timeout=2.0, **once)) as process:
-        driver.meet()
-        graph.until(force_out.get_subscription_count)
-        feed('following piston_state', lambda: driver.piston_out.publish(JointState(name=['elbow'], position=[0.0])))
-        refusals = feed('ignored measurements', refused)
-        assert (refusals.level, 'since the last report' in refusals.message) == (DiagnosticStatus.WARN, True)
-        assert feed('lost messages', overrun).level == DiagnosticStatus.WARN
-        feed('following piston_state')
-        best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        graph.node.create_publisher(Float64, f'{source}/{setpoint_topic("cylinder_a")}', best_effort)
-        feed('QoS mismatches')
+    driver.meet()
+    graph.until(force_out.get_subscription_count)
+    feed('following piston_state', lambda: driver.piston_out.publish(JointState(name=['elbow'], position=[0.0])))
+    refusals = feed('ignored measurements', refused)
+    assert (refusals.level, 'since the last report' in refusals.message) == (DiagnosticStatus.WARN, True)
+    assert feed('lost messages', overrun).level == DiagnosticStatus.WARN
+    feed('following piston_state')
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    graph.node.create_publisher(Float64, f'{source}/{setpoint_topic("cylinder_a")}', best_effort)
+    feed('QoS mismatches')
 
 
-def test_the_process_for_diagnoses_ends_with_a_node_that_is_killed(graph: Graph) -> None:
-    process = Process('monitor_node', ros_arguments(unique_namespace()))
-    try:
-        graph.until(lambda: 'ready for piston_state' in process.stderr)
-        workers = children(process.pid)
-        assert workers
-    finally:
-        process.reap()
+def test_the_process_for_diagnoses_ends_with_a_node_that_is_killed(graph: Graph, monitors: dict[str, Monitor]) -> None:
+    process = monitors['lossy'].process
+    graph.until(lambda: 'ready for piston_state' in process.stderr)
+    workers = children(process.pid)
+    assert workers
+    assert 'Traceback' not in process.stderr, process.stderr
+    os.kill(process.pid, signal.SIGKILL)
     graph.until(lambda: have_ended(workers))
 
 
-def test_what_cannot_be_watched_by_is_refused_in_one_line() -> None:
-    (refusal,) = refusals('monitor_node', [ros_arguments(parameters={'false_alarm_interval': 1.0})])
-    assert 'false_alarm_interval' in refusal
-
-
-def test_every_parameter_is_described() -> None:
+@pytest.fixture
+def ros() -> Iterator[None]:
     rclpy.init()
+    yield
+    rclpy.shutdown()
+
+
+@pytest.mark.usefixtures('ros')
+def test_what_cannot_be_watched_by_is_refused() -> None:
+    with pytest.raises(InvalidParameterValueException, match='false_alarm_interval'):
+        MonitorNode(parameter_overrides=[Parameter('false_alarm_interval', value=1.0)])
+
+
+@pytest.mark.usefixtures('ros')
+def test_every_parameter_is_described() -> None:
     node = MonitorNode()
-    try:
-        own = [
-            name for name in node._parameters if not name.startswith(('qos_overrides', 'use_sim_time', 'start_type'))
-        ]
-        assert {'false_alarm_interval', 'learning', 'cylinder_a.k_x', 'cylinder_b.leakage.enabled'} <= set(own)
-        for descriptor in node.describe_parameters(own):
-            assert len(descriptor.description) > 15, descriptor.name
-            if descriptor.floating_point_range:
-                assert descriptor.description.endswith(']'), f'{descriptor.name} has no unit'
-    finally:
-        node.destroy_node()
-        rclpy.shutdown()
+    own = [name for name in node._parameters if not name.startswith(('qos_overrides', 'use_sim_time', 'start_type'))]
+    assert {'false_alarm_interval', 'learning', 'cylinder_a.k_x', 'cylinder_b.leakage.enabled'} <= set(own)
+    for descriptor in node.describe_parameters(own):
+        assert len(descriptor.description) > 15, descriptor.name
+        if descriptor.floating_point_range:
+            assert descriptor.description.endswith(']'), f'{descriptor.name} has no unit'
+    node.destroy_node()

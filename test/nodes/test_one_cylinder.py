@@ -13,6 +13,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS, MEASURED_FORCE, PISTON_STATE, pressure_topic
 from cfd_pneumatic.nodes.messages import stamp_message
+from cfd_pneumatic.nodes.sim_node import SimNode
 from cfd_pneumatic.recording import Recording, recording_of, write_recording
 from cfd_pneumatic.rig import RigParameters, record, surface_following
 from cfd_pneumatic.rig.parameters import with_changes
@@ -54,7 +55,8 @@ def test_the_simulated_force_is_the_measured_one(
     bag, recording = recorded(tmp_path, present, linkage)
     assert identify_bag([str(bag), '--output', str(tmp_path), '--progress=none', *told]) == 0
     namespace = unique_namespace()
-    with graph.run('sim_node', [*ros_arguments(namespace), '--params-file', str(tmp_path / 'parameters.yaml')]):
+    arguments = ['--ros-args', '--params-file', str(tmp_path / 'parameters.yaml')]
+    with graph.run_here(SimNode(context=graph.context, namespace=namespace, cli_args=arguments)):
         sim = SimClient(graph, namespace, cylinders=[present]).meet()
         assert recording.force is not None
         samples = zip(recording.displacement.times[:PLAYED], recording.displacement.values)

@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from itertools import product
 from pathlib import Path
 
@@ -25,6 +27,8 @@ PROGRAM = """
 import os, signal, sys, time
 from rclpy.node import Node
 from cfd_pneumatic.nodes.program import run
+
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # where nohup runs the tests, it is ignored
 
 class Ended(Node):
     def __init__(self):
@@ -69,66 +73,95 @@ def is_heeded(pid: int, number: signal.Signals) -> bool:
     return bool(int(caught, 16) >> (number - 1) & 1)
 
 
-@pytest.mark.parametrize(('name', 'while_made'), list(product(('SIGTERM', 'SIGINT', 'SIGHUP'), (True, False))))
-def test_a_signal_at_a_bad_moment_ends_it_without_a_complaint(name: str, while_made: bool) -> None:
-    program = PROGRAM.format(name=name, while_made=while_made)
-    ended = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=False)
-    said = '' if while_made else 'what has to be finished is finished\n'
-    assert (ended.returncode, ended.stdout) == (0, said), ended.stderr
-    assert [line for line in ended.stderr.splitlines() if 'worked' not in line] == []
+def used(pid: int) -> float:
+    """Return how much CPU time a process has used [s]."""
+    fields = Path(f'/proc/{pid}/stat').read_text(encoding='ascii').rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_in_the_middle_of_machine_code(number: signal.Signals) -> None:
-    with subprocess.Popen(
-        [sys.executable, '-c', BUSY], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as busy:
-        assert busy.stdout is not None
-        busy.stdout.readline()
-        began = time.monotonic()
-        busy.send_signal(number)
-        _, said = busy.communicate(timeout=PATIENCE)
-    assert (busy.returncode, said) == (0, '')
-    assert time.monotonic() - began < 15.0, 'it slept on'
+def test_a_signal_at_a_bad_moment_ends_it_without_a_complaint() -> None:
+    def ended(case: tuple[str, bool]) -> subprocess.CompletedProcess[str]:
+        program = PROGRAM.format(name=case[0], while_made=case[1])
+        return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=False)
+
+    cases = list(product(('SIGTERM', 'SIGINT', 'SIGHUP'), (True, False)))
+    with ThreadPoolExecutor() as workers:
+        for case, one in zip(cases, workers.map(ended, cases)):
+            said = '' if case[1] else 'what has to be finished is finished\n'
+            assert (one.returncode, one.stdout) == (0, said), (case, one.stderr)
+            assert [line for line in one.stderr.splitlines() if 'worked' not in line] == [], case
 
 
-@pytest.mark.parametrize('module', NODES)
-def test_a_signal_at_any_moment_of_the_start_ends_it_silently(graph: Graph, tmp_path: Path, module: str) -> None:
-    """From its first own line, while samples come at 500 Hz, until it runs."""
-    namespace = unique_namespace()
-    out = graph.publisher(JointState, f'{namespace}/{PISTON_STATE}')
-    for index in range(8):
-        needed = {'topics': f'[{namespace}/{PISTON_STATE}]', 'output': tmp_path / f'bag_{index}'}
-        arguments = ros_arguments(namespace, needed if module == 'recorder_node' else {})
-        with subprocess.Popen(
-            [BIN / module, *arguments], stderr=subprocess.PIPE, text=True, start_new_session=True
-        ) as process:
-            graph.until(lambda process=process: is_heeded(process.pid, signal.SIGTERM))
-            until = time.monotonic() + 0.2 * index  # [s]
-            while time.monotonic() < until:
+def test_a_signal_ends_it_in_the_middle_of_machine_code() -> None:
+    numbers = signal.SIGINT, signal.SIGTERM
+    with ExitStack() as stack:
+        start = [sys.executable, '-c', BUSY]
+        pipes = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE, 'text': True}
+        nodes = [stack.enter_context(subprocess.Popen(start, **pipes)) for _ in numbers]
+        for node, number in zip(nodes, numbers):
+            node.stdout.readline()
+            began = time.monotonic()
+            node.send_signal(number)
+            _, said = node.communicate(timeout=PATIENCE)
+            assert (node.returncode, said) == (0, '')
+            assert time.monotonic() - began < 15.0, 'it slept on'
+
+
+@pytest.mark.parametrize('moment', [0.0, 0.12, 0.24, 0.36, 0.48, 0.6, 0.72])
+def test_a_signal_at_any_moment_of_the_start_ends_it_silently(graph: Graph, tmp_path: Path, moment: float) -> None:
+    """From its first own line, while samples come at 500 Hz, until it runs: once it has used so much CPU time [s]."""
+    processes, outs = [], []
+    with ExitStack() as stack:
+        for module in NODES:
+            topic = f'{unique_namespace()}/{PISTON_STATE}'
+            outs.append(graph.publisher(JointState, topic))
+            needed = {'topics': f'[{topic}]', 'output': tmp_path / 'bag'} if module == 'recorder_node' else {}
+            start = [BIN / module, *ros_arguments(topic.rpartition('/')[0], needed)]
+            one = subprocess.Popen(start, stderr=subprocess.PIPE, text=True, start_new_session=True)
+            processes.append(stack.enter_context(one))
+        starting, late = dict(enumerate(processes)), time.monotonic() + 10.0
+        while starting:
+            for out in outs:
                 out.publish(JointState(name=['piston'], position=[0.0]))
-                time.sleep(0.002)
-            os.killpg(process.pid, (signal.SIGINT, signal.SIGTERM)[index % 2])  # as a terminal does
-            _, said = process.communicate(timeout=PATIENCE)
-        usual = ('[INFO]', 'zero stamp', 'never seen')
-        assert process.returncode == 0
-        assert [line for line in said.splitlines() if not any(word in line for word in usual)] == []
+            for number, one in [*starting.items()]:
+                due = used(one.pid) >= moment or time.monotonic() > late  # it may have nothing more to do
+                if due and is_heeded(one.pid, signal.SIGTERM):
+                    kind = signal.SIGINT, signal.SIGTERM
+                    os.killpg(one.pid, kind[(number + round(moment / 0.12)) % 2])  # as a terminal does
+                    del starting[number]
+            assert time.monotonic() < late + PATIENCE, 'a signal is not heeded'
+            time.sleep(0.002)
+        for module, one in zip(NODES, processes):
+            _, said = one.communicate(timeout=PATIENCE)
+            usual = ('[INFO]', 'zero stamp', 'never seen')
+            assert one.returncode == 0, module
+            assert [line for line in said.splitlines() if not any(word in line for word in usual)] == [], module
 
 
-@pytest.mark.parametrize('module', NODES)
-def test_a_parameter_that_nobody_declared_is_warned_about(graph: Graph, tmp_path: Path, module: str) -> None:
+def test_signals_that_go_on_change_nothing() -> None:
+    """As from somebody who keeps Ctrl-C down; the last of them come while Python itself ends."""
+    start = [BIN / 'sim_node', *ros_arguments(unique_namespace(), {})]
+    with subprocess.Popen(start, stderr=subprocess.PIPE, text=True) as one:
+        assert any('ready' in line for line in one.stderr)
+        while one.poll() is None:
+            one.send_signal(signal.SIGINT)
+            time.sleep(0.001)
+        assert (one.returncode, one.stderr.read()) == (0, '')
+
+
+def test_a_parameter_that_nobody_declared_is_warned_about_and_one_without_a_name_refused(
+    graph: Graph, tmp_path: Path
+) -> None:
     given = {'cylinder_a.taau': 0.1, 'frame': 'cfd', 'topics': '[/nothing]', 'output': tmp_path / 'bag'}
-    with graph.run(module, ros_arguments(unique_namespace(), given)) as process:
-        graph.until(lambda: 'parameter frame is none of this node' in process.stderr)
-        if module in ('sim_node', 'monitor_node'):
-            assert 'cylinder_a.taau is none of this node, and has no effect: did you mean cylinder_a.tau?' in (
-                process.stderr
-            )
-
-
-def test_a_parameter_without_a_name_is_refused(graph: Graph) -> None:
     namespace = unique_namespace()
-    with graph.run('sim_node', ros_arguments(namespace, {})):
+    with ExitStack() as stack:
+        nodes = {module: stack.enter_context(graph.run(module, ros_arguments(namespace, given))) for module in NODES}
+        for module, process in nodes.items():
+            graph.until(lambda process=process: 'parameter frame is none of this node' in process.stderr)
+            if module in ('sim_node', 'monitor_node'):
+                assert 'cylinder_a.taau is none of this node, and has no effect: did you mean cylinder_a.tau?' in (
+                    process.stderr
+                )
         assert not graph.set(f'{namespace}/sim_node', **{'': math.nan}).successful
 
 
@@ -139,8 +172,7 @@ def test_without_a_home_it_ends_in_one_line() -> None:
     assert (ended.returncode, ended.stderr) == (2, line)
 
 
-@pytest.mark.parametrize('module', NODES)
-def test_what_ros_has_against_a_node_is_one_line(tmp_path: Path, module: str) -> None:
+def test_what_ros_has_against_a_node_is_one_line(tmp_path: Path) -> None:
     enclave = tmp_path / 'enclaves' / 'cell'
     enclave.mkdir(parents=True)
     for file in ('identity_ca.cert', 'cert', 'key', 'permissions_ca.cert'):
@@ -152,16 +184,19 @@ def test_what_ros_has_against_a_node_is_one_line(tmp_path: Path, module: str) ->
         'ROS_SECURITY_STRATEGY': 'Enforce',
         'ROS_SECURITY_KEYSTORE': str(tmp_path),
     }
-    needed = ['-p', 'topics:=[/nothing]', '-p', f'output:={tmp_path / "bag"}'] if module == 'recorder_node' else []
-    for enclave_name, why in (('/cell', 'ROS cannot make the node'), ('/missing', 'does not exist')):
-        ended = subprocess.run(
-            [BIN / module, '--ros-args', '--enclave', enclave_name, *needed],
-            env=os.environ | secured,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
-        (line,) = ended.stderr.splitlines()
-        assert ended.returncode == 2
-        assert line.startswith(f'{module}: error: ')
-        assert why in line
+    recorded = ['-p', 'topics:=[/nothing]', '-p', f'output:={tmp_path / "bag"}']
+
+    def ended(case: tuple[str, str]) -> subprocess.CompletedProcess[str]:
+        module, enclave_name = case
+        needed = recorded if module == 'recorder_node' else []
+        start = [BIN / module, '--ros-args', '--enclave', enclave_name, *needed]
+        return subprocess.run(start, env=os.environ | secured, stderr=subprocess.PIPE, text=True, check=False)
+
+    # ROS looks for the enclave before there is a node, whichever that is
+    cases = [*((module, '/cell') for module in NODES), ('sim_node', '/missing')]
+    with ThreadPoolExecutor() as workers:
+        for case, one in zip(cases, workers.map(ended, cases)):
+            (line,) = one.stderr.splitlines()
+            assert one.returncode == 2, case
+            assert line.startswith(f'{case[0]}: error: ')
+            assert ('does not exist' if case[1] == '/missing' else 'ROS cannot make the node') in line

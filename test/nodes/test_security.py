@@ -27,8 +27,7 @@ def cell(graph: Graph, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Gra
             redirected = {topic: f'{DEVICE}/{topic}' for topic in HEARD.get(profile.program, ())}
             parameters = {'use_sim_time': True, **given.get(profile.program, {})}
             stack.enter_context(graph.run(profile.program, ros_arguments(profile.namespace, parameters, redirected)))
-        for profile in PROFILES:
-            graph.get(profile.name, 'use_sim_time')  # answers once its topics are open
+        graph.await_answers(*(profile.name for profile in PROFILES))
         yield graph
 
 

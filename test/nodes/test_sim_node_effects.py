@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, pressure_topic
 from cfd_pneumatic.model import TABLE_1, Cylinder, DeviceModel, ForceGeometry, LiveDevice, composed, propagation
 from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS, PRESSURE_EFFECTS
+from cfd_pneumatic.nodes import sim_node
 from cfd_pneumatic.nodes.messages import nanoseconds
 from cfd_pneumatic.nodes.sim_node import SimNode
 from cfd_pneumatic.units import PSI
@@ -87,11 +88,11 @@ def assert_follows(sim: SimClient, live: LiveDevice, samples: list[tuple[int, fl
 @pytest.fixture(scope='module')
 def node(graph: Graph) -> Iterator[SimNode]:
     """Return a node in this process, so that a test can look into its compiler."""
-    node = SimNode(context=graph.context, namespace=unique_namespace())
-    graph.executor.add_node(node)
-    yield node
-    graph.executor.remove_node(node)
-    node.destroy_node()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sim_node, '_DIAGNOSTICS_PERIOD', 0.1)
+        made = SimNode(context=graph.context, namespace=unique_namespace())
+    with graph.run_here(made) as node:
+        yield node
 
 
 @pytest.fixture(scope='module')

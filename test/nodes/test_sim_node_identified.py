@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from graph import Graph, SimClient, ros_arguments, unique_namespace
+from graph import Graph, SimClient, unique_namespace
 from identified import closed
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, pressure_topic
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.model import LiveDevice
+from cfd_pneumatic.nodes import sim_node
 from cfd_pneumatic.nodes.sim_node import SimNode
 from cfd_pneumatic.reporting import PARAMETER_FILE, write_report
 
@@ -36,7 +37,9 @@ def test_it_simulates_the_pressure_of_the_report(graph: Graph, tmp_path: Path) -
 
 
 @pytest.mark.parametrize('present', [CYLINDERS, CYLINDERS[:1]])
-def test_it_answers_what_the_device_simulates_live(graph: Graph, tmp_path: Path, present: tuple[str, ...]) -> None:
+def test_it_answers_what_the_device_simulates_live(
+    graph: Graph, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, present: tuple[str, ...]
+) -> None:
     """Over the middleware, sample by sample and set-point by set-point, through a step of the set-point."""
     found = replace(closed(), channels={name: closed().channels[name] for name in present})
     device, file = identified_device(found), tmp_path / PARAMETER_FILE
@@ -47,7 +50,9 @@ def test_it_answers_what_the_device_simulates_live(graph: Graph, tmp_path: Path,
     answers = device.simulate(piece, raw=True)
     setpoints = {name: piece.cylinders[name].setpoint for name in present}
     namespace = unique_namespace()
-    with graph.run('sim_node', [*ros_arguments(namespace), '--params-file', str(file)]):
+    monkeypatch.setattr(sim_node, '_DIAGNOSTICS_PERIOD', 0.1)
+    arguments = ['--ros-args', '--params-file', str(file)]
+    with graph.run_here(SimNode(context=graph.context, namespace=namespace, cli_args=arguments)):
         sim = SimClient(graph, namespace, cylinders=present).meet()
         commanded = {}
         for index, (time, position) in enumerate(zip(piece.displacement.times, piece.displacement.values)):

@@ -29,8 +29,7 @@ def cell(graph) -> Graph:
     with ExitStack() as stack:
         for namespace, (name, parameters) in NODES.items():
             stack.enter_context(graph.run(name, ros_arguments(namespace, parameters)))
-        for namespace, (name, _) in NODES.items():
-            graph.get(f'{namespace}/{name}', 'use_sim_time')  # answers once its topics are open
+        graph.await_answers(*(f'{namespace}/{name}' for namespace, (name, _) in NODES.items()))
         yield graph
 
 

@@ -18,7 +18,7 @@ from cfd_pneumatic.rig import paper_step, record
 FIRST = 1_700_000_000_000_000_000
 SHIFT = 8 * 3600 * 10**9
 
-SHIFTS = 12
+SHIFTS = 8
 """Of each of the three devices of the small plant: so many that a run can be interrupted."""
 
 BAGS = 3 * SHIFTS
@@ -27,10 +27,9 @@ PROGRAM = [sys.executable, '-m', 'cfd_pneumatic.commands.identify_bag']
 
 
 @cache
-def step(seed: int, *, alone: bool = False) -> Recording:
-    """Return a short recording of the virtual rig, or of its cylinder A alone."""
-    whole = recording_of(record(paper_step(setpoint=34.5e3), seed=seed), 'step')
-    return replace(whole, cylinders={'cylinder_a': whole.cylinders['cylinder_a']}, force=None) if alone else whole
+def step(seed: int) -> Recording:
+    """Return a short recording of the virtual rig."""
+    return recording_of(record(paper_step(setpoint=34.5e3), seed=seed), 'step')
 
 
 def still() -> Recording:
@@ -47,12 +46,12 @@ def write_shift(path: Path, recording: Recording, shift: int) -> Path:
     return path
 
 
-def write_plant(folder: Path, devices: int, shifts: int, *, alone: bool = False) -> Path:
-    """Write bags as FOLDER/cell_1/shift_1; neighbours differ, and may hold cylinder A alone."""
+def write_plant(folder: Path, devices: int, shifts: int) -> Path:
+    """Write bags as FOLDER/cell_1/shift_1; neighbours differ."""
     for device in range(devices):
         for shift in range(shifts):
             path = folder / f'cell_{device + 1}' / f'shift_{shift + 1}'
-            write_shift(path, step((device + shift) % 4, alone=alone), shift)
+            write_shift(path, step((device + shift) % 4), shift)
     return folder
 
 

@@ -34,7 +34,8 @@ def limit(_):
 
 @pytest.fixture(scope='module')
 def client():
-    with local_cluster(2) as one:
+    # a job is given up after it has killed two workers, not four
+    with dask.config.set({'distributed.scheduler.allowed-failures': 1}), local_cluster(2) as one:
         one.run(os.getpid)
         yield one
 
@@ -55,9 +56,10 @@ def test_a_worker_that_takes_longer_than_dask_waits_to_begin_anew_is_waited_for(
     def is_kept():
         assert slow.cluster.workers, 'it was given up for good'
 
-    with local_cluster(1) as slow:
+    # by Dask's own settings it waits for 15 s
+    with dask.config.set({'distributed.deploy.lost-worker-timeout': '0.1s'}), local_cluster(1) as slow:
         slow.run(os.getpid)
-        with dask.config.set({'distributed.worker.preload': ['import time; time.sleep(17)\n']}):
+        with dask.config.set({'distributed.worker.preload': ['import time; time.sleep(1)\n']}):
             jobs = [tmp_path / 'once', 1]
             assert dict(results(slow, work, jobs, is_kept)) == {job: 2 * str(job) for job in jobs}
 

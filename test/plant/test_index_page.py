@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from urllib.parse import unquote
 
 import pytest
@@ -20,9 +21,13 @@ OVERFLOWING = """
 OPEN_ALL = "document.querySelectorAll('details').forEach(one => { one.open = true; })"
 
 
+@cache
+def report():
+    return report_data(with_force(closed()))
+
+
 def rows_for(devices, shifts):
     """Return rows of a plant: droop in cylinder A of all, which appears half-way in cell_1; its last bag fails."""
-    report = report_data(with_force(closed()))
     rows = []
     for device in range(1, devices + 1):
         for shift in range(shifts):
@@ -30,7 +35,7 @@ def rows_for(devices, shifts):
             if device == 1 and shift == shifts - 1:
                 rows.append({**about, **failure('is damaged: <b>badly</b>')})
                 continue
-            for row in rows_of(report, FIRST + shift * SHIFT, f'cell_{device}/shift_{shift}/report.html'):
+            for row in rows_of(report(), FIRST + shift * SHIFT, f'cell_{device}/shift_{shift}/report.html'):
                 if device == 1 and shift < shifts // 2 and row['part'] == 'cylinder_a':
                     gone = {'effects': '', 'alternatives': '', 'effect_parameters': None}
                     row = {**row, **gone, 'verdict': 'no_missing_effect'}

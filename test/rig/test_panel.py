@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from functools import cache
 from itertools import product
 
 import numpy as np
 import pytest
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.rig import RigParameters, Sensors
+from cfd_pneumatic.rig import RigParameters, Sensors, surface_following
 from cfd_pneumatic.rig.panel import (
     CLASSES,
     EFFECTS,
@@ -30,7 +31,7 @@ from cfd_pneumatic.rig.panel import (
     oracle_rmse,
     strengths,
 )
-from cfd_pneumatic.rig.panel.drawing import motion_of
+from cfd_pneumatic.rig.panel.drawing import draw_schedule, motion_of
 from cfd_pneumatic.rig.panel.situation import Situation
 from cfd_pneumatic.rig.panel.specimen import Clock, Specimen
 
@@ -56,13 +57,19 @@ FORCE_FLOOR = float(
 HIDDEN_IN_A_STEP = {'lost_motion', 'operating_point', 'volume_variation', 'fast_clock'}
 """Effects that it takes more than the paper's step to see."""
 
-FOLLOWING = draw(None, 'surface_following', 3)
-"""A healthy device for a minute."""
+FOLLOWING = draw(None, surface_following(duration=20.0, seed=3), 3)
+"""A healthy device for a third of a minute."""
 
 
 def same(one: Draw, other: Draw) -> bool:
     """Say whether two recordings hold the same to the last bit."""
     return all(np.array_equal(getattr(one.recording, name), getattr(other.recording, name)) for name in READ)
+
+
+@cache
+def healthy(schedule: str, seed: int, make: str | None = None) -> Draw:
+    """Return a healthy device's draw."""
+    return draw(None, schedule, seed, make=make)
 
 
 def strongest(name: str, schedule: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> Draw:
@@ -77,23 +84,26 @@ def strongest(name: str, schedule: str, seed: int, monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize('name', EFFECTS)
 def test_a_recording_does_not_say_what_is_wrong(name: str) -> None:
     """An effect changes readings, but nothing else about a recording."""
-    drawn, healthy = draw(name, 'paper_step', 5), draw(None, 'paper_step', 5)
-    assert vars(drawn.recording).keys() == vars(healthy.recording).keys() == set(READ)
+    drawn, twin = draw(name, 'paper_step', 5), healthy('paper_step', 5)
+    assert vars(drawn.recording).keys() == vars(twin.recording).keys() == set(READ)
     for field in READ:
-        values, expected = getattr(drawn.recording, field), getattr(healthy.recording, field)
+        values, expected = getattr(drawn.recording, field), getattr(twin.recording, field)
         assert type(values) is np.ndarray
         assert values.dtype == expected.dtype == float
         assert values.shape == expected.shape
         assert np.all(np.isfinite(values))
-    assert np.array_equal(drawn.recording.times, healthy.recording.times)
-    assert np.array_equal(drawn.recording.setpoints, healthy.recording.setpoints)
+    assert np.array_equal(drawn.recording.times, twin.recording.times)
+    assert np.array_equal(drawn.recording.setpoints, twin.recording.setpoints)
     assert drawn.truth.effects == (name,)
     assert drawn.truth.strengths.keys() == {name}
-    assert drawn.truth.healthy == healthy.truth.device
+    assert drawn.truth.healthy == twin.truth.device
 
 
 def test_a_seed_draws_the_same_again_and_another_something_else() -> None:
-    assert same(FOLLOWING, draw(None, 'surface_following', 3))
+    for schedule in SCHEDULES:
+        planned, again = (draw_schedule(schedule, np.random.default_rng(1)) for _ in range(2))
+        assert np.array_equal(planned.positions, again.positions)
+        assert np.array_equal(planned.setpoints, again.setpoints)
     for schedule in ('paper_step', 'out_and_back'):
         first, again, other = (draw('leakage', schedule, seed) for seed in (1, 1, 2))
         assert same(first, again)
@@ -160,9 +170,9 @@ def test_a_clock_is_late_or_fast() -> None:
 
 @pytest.mark.parametrize('seed', range(3))
 def test_a_delay_shifts_the_pressure(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn, healthy = strongest('transport_delay', 'out_and_back', seed, monkeypatch), draw(None, 'out_and_back', seed)
+    drawn = strongest('transport_delay', 'out_and_back', seed, monkeypatch)
     samples = 1000 * drawn.truth.changes['clock.delay'] / 2
-    late, early = drawn.recording.pressures[:, 0], healthy.recording.pressures[:, 0]
+    late, early = drawn.recording.pressures[:, 0], healthy('out_and_back', seed).recording.pressures[:, 0]
     lags = range(-12, 13)
     errors = [np.std(np.roll(early, lag) - late) for lag in lags]
     assert lags[int(np.argmin(errors))] == pytest.approx(samples, abs=0.75)
@@ -184,10 +194,10 @@ def test_a_healthy_device_follows_the_papers_model(seed: int) -> None:
 
 @pytest.mark.parametrize('make', MAKES)
 def test_a_make_is_a_device_of_all_physics_whatever_is_wrong_with_it(make: str) -> None:
-    healthy, leaking = (draw(effect, 'out_and_back', 3, make=make) for effect in (None, 'leakage'))
-    assert oracle_rmse(healthy) < 1.3 * FLOOR
-    assert healthy.truth.gains == leaking.truth.gains
-    assert healthy.truth.device == leaking.truth.healthy
+    twin, leaking = healthy('out_and_back', 3, make), draw('leakage', 'out_and_back', 3, make=make)
+    assert oracle_rmse(twin) < 1.3 * FLOOR
+    assert twin.truth.gains == leaking.truth.gains
+    assert twin.truth.device == leaking.truth.healthy
     linear = Specimen(
         leaking.truth.healthy.rig._replace(
             cylinder_a=leaking.truth.healthy.rig.cylinder_a._replace(pressure_dependence=0.0, position_dependence=0.0)
@@ -195,13 +205,13 @@ def test_a_make_is_a_device_of_all_physics_whatever_is_wrong_with_it(make: str) 
         approach=leaking.truth.healthy.approach,
     )
     frozen, whole = (
-        one.put_through(motion_of(healthy.truth.schedule))[0].pressures for one in (linear, healthy.truth.device)
+        one.put_through(motion_of(twin.truth.schedule))[0].pressures for one in (linear, twin.truth.device)
     )
     assert np.max(np.abs(frozen - whole)) > 10.0 * FLOOR
 
 
 def test_makes_differ_and_more_than_a_third_go_ways_of_their_own() -> None:
-    recorded = {make: draw(None, 'out_and_back', 3, make=make).truth.samples.pressures[:, 0] for make in MAKES}
+    recorded = {make: healthy('out_and_back', 3, make).truth.samples.pressures[:, 0] for make in MAKES}
     for one, other in itertools.combinations(recorded, 2):
         assert np.max(np.abs(recorded[one] - recorded[other])) > 0.1 * FLOOR, (one, other)
     assert set(OWN_WAYS) < set(MAKES)
@@ -212,7 +222,7 @@ def test_makes_differ_and_more_than_a_third_go_ways_of_their_own() -> None:
 
 @pytest.mark.parametrize('schedule', SCHEDULES)
 def test_a_recording_begins_at_rest(schedule: str) -> None:
-    drawn = FOLLOWING if schedule == 'surface_following' else draw(None, schedule, 3)
+    drawn = FOLLOWING if schedule == 'surface_following' else healthy(schedule, 3)
     samples = drawn.truth.samples
     assert samples.pressures[0] == pytest.approx(samples.setpoints[0], abs=0.01)
     assert samples.displacement[0] == samples.velocity[0] == 0.0
@@ -226,7 +236,7 @@ def test_a_recording_begins_at_rest(schedule: str) -> None:
 def test_the_oracle_of_a_long_recording_leaves_the_noise() -> None:
     assert oracle_rmse(FOLLOWING) == pytest.approx(FLOOR, rel=0.03)
     for seed in range(3):
-        assert oracle_rmse(draw(None, 'out_and_back', seed)) == pytest.approx(FLOOR, rel=0.1)
+        assert oracle_rmse(healthy('out_and_back', seed)) == pytest.approx(FLOOR, rel=0.1)
 
 
 def test_the_oracles_residual_gives_the_floor_of_a_part() -> None:
@@ -260,10 +270,10 @@ def test_a_strong_effect_can_be_seen_and_is_known_to_the_oracle(name: str, monke
 
 @pytest.mark.parametrize('name', [*ON_FORCE, *STRANGE_FORCE])
 def test_an_effect_on_the_force_can_be_seen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn, healthy = strongest(name, 'out_and_back', 1, monkeypatch), draw(None, 'out_and_back', 1)
-    assert np.array_equal(drawn.recording.pressures, healthy.recording.pressures)
+    drawn, twin = strongest(name, 'out_and_back', 1, monkeypatch), healthy('out_and_back', 1)
+    assert np.array_equal(drawn.recording.pressures, twin.recording.pressures)
     assert force_oracle_rmse(drawn) == pytest.approx(FORCE_FLOOR, rel=0.2 if name == 'bent_cell' else 0.05)
-    assert force_baseline_rmse(healthy) == pytest.approx(force_oracle_rmse(healthy))
+    assert force_baseline_rmse(twin) == pytest.approx(force_oracle_rmse(twin))
     assert force_baseline_rmse(drawn) > 3.0 * force_oracle_rmse(drawn)
 
 
