@@ -125,6 +125,15 @@ def test_a_line_is_found(kind, frequency, share):
     assert power('line', line, kind) >= 0.9
 
 
+@pytest.mark.parametrize(('cycles', 'share', 'passed'), [(900, 0.03, False), (900, 0.005, True), (2, 0.01, True)])
+def test_in_a_long_record_a_line_has_to_matter_and_slow_wandering_is_none(cycles, share, passed):
+    """A fifth of what these hold would stand out of the spectrum of so many samples."""
+    turns = np.linspace(0.0, cycles, 30_000, endpoint=False)
+    noise = STD * np.random.default_rng(5).standard_normal(turns.size)
+    spectrum = module._periodogram(noise + scaled(np.sin(2.0 * np.pi * turns), share))
+    assert module._line_test([[spectrum]]).passed == passed
+
+
 @pytest.mark.parametrize(('kind', 'size'), [('white', 0.5), ('coloured', 2.0)])
 def test_a_drift_is_found(kind, size):
     """From -size to size, in standard deviations; of 1.0 in coloured noise half are found."""

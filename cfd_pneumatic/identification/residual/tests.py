@@ -34,6 +34,7 @@ _MATERIAL_BESIDE = 0.08  # of the noise's variance, beside a core or effects: 4 
 _SHIFTED = 0.005  # share of the shifts whose inputs may explain more
 _MATERIAL_LIKENESS = 0.04  # squared correlations with neighbours, altogether
 _MATERIAL_LEVEL = 0.015  # share of it that is slow
+_MATERIAL_LINE = 0.01  # share of it that one line has
 _SEED = 1  # of the simulated thresholds
 _SIMULATIONS = 100
 _QUANTILE = 4.0  # standard deviations
@@ -222,10 +223,15 @@ def _directions(triangle: Array) -> tuple[Array, int]:
 
 
 def _line_test(spectra: Sequence[Sequence[Array]]) -> Test:
-    """Ask whether one line stands out of the spectrum beside it, which is smooth in autoregressive noise."""
+    """
+    Ask whether one line stands out of the spectrum beside it, which is smooth in autoregressive noise.
+
+    The slowest ordinates are the level's.
+    """
     worst, count = min(map(_line_ratio, spectra))
     # an ordinate is exponential, and its neighbours' median spreads it a little
-    threshold = _MEDIAN_SPREAD * math.log(max(count, 1) / SIGNIFICANCE)
+    significant = _MEDIAN_SPREAD * math.log(max(count, 1) / SIGNIFICANCE)
+    threshold = max(significant, _MATERIAL_LINE * count)
     return Test('line', worst, threshold, 'largest line of the spectrum over its neighbours')
 
 
@@ -236,7 +242,7 @@ def _line_ratio(spectra: Sequence[Array]) -> tuple[float, int]:
         if power.size > 2 * _SLOW:
             window = min(_NEIGHBOURS, power.size // 2 * 2 - 1)
             beside = median_filter(power, size=window, mode='reflect') / math.log(2.0)
-            worst = max(worst, float(np.max(power / beside)))
+            worst = max(worst, float(np.max((power / beside)[_SLOW:])))
             count += power.size
     return worst, count
 
