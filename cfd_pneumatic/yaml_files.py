@@ -50,7 +50,12 @@ def read_yaml(path: Path) -> Any:
 
 
 class _Loader(yaml.SafeLoader):
-    """Makes plain values only, and no number that is longer than a processor's."""
+    """Makes plain values only, and no number that is longer than a processor's; an anchor may come twice, as in 1.2."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if not self.check_event(yaml.AliasEvent):
+            self.anchors.pop(self.peek_event().anchor, None)  # type: ignore[no-untyped-call]
+        return super().compose_node(parent, index)
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
         value: int = super().construct_yaml_int(node)
@@ -62,41 +67,40 @@ class _Loader(yaml.SafeLoader):
 _Loader.add_constructor('tag:yaml.org,2002:int', _Loader.construct_yaml_int)
 
 
-def _loaded(text: str) -> Any:
+def check_unfolding(text: str) -> None:
+    """Raise InputError where YAML unfolds to too much or holds a key twice, and yaml.YAMLError where it is none."""
+    _loaded(text, build=False)
+
+
+def _loaded(text: str, build: bool = True) -> Any:
+    """Return what YAML holds, where it is bounded and to be built."""
     loader = _Loader(text)
     try:
         node = loader.get_single_node()
-        if node is None:
-            return None
-        check_unfolding(node)
-        return loader.construct_document(node)
+        if node is not None and _unfolded(node, {}) > MOST_NODES:
+            raise InputError(f'unfolds to more than {MOST_NODES:,} values: write out what is needed, without aliases')
+        return loader.construct_document(node) if build and node is not None else None
     finally:
         loader.dispose()
 
 
-def check_unfolding(node: Any) -> None:
-    """Raise InputError where a node, of PyYAML or its kin, unfolds to too much or holds a key twice."""
-    if _unfolded(node, {}) > MOST_NODES:
-        raise InputError(f'unfolds to more than {MOST_NODES:,} values: write out what is needed, without aliases')
-
-
-def _unfolded(node: Any, sizes: dict[int, int]) -> int:
+def _unfolded(node: yaml.Node, sizes: dict[int, int]) -> int:
     """Return how many values a node unfolds to; refuse a key that is there twice, of which PyYAML takes the last."""
     if id(node) not in sizes:
         sizes[id(node)] = MOST_NODES + 1  # while it is counted: an alias that holds itself has no end
-        children = list(node.value) if node.id == 'sequence' else []
-        if node.id == 'mapping':
+        children = list(node.value) if isinstance(node, yaml.SequenceNode) else []
+        if isinstance(node, yaml.MappingNode):
             _refuse_twins(node)
             children = [one for pair in node.value for one in pair]
         sizes[id(node)] = min(1 + sum(_unfolded(one, sizes) for one in children), MOST_NODES + 1)
     return sizes[id(node)]
 
 
-def _refuse_twins(node: Any) -> None:
+def _refuse_twins(node: yaml.MappingNode) -> None:
     lines: dict[tuple[str, str], int] = {}
     for key, _ in node.value:
-        if key.id == 'scalar':
-            name, line = (str(key.tag), key.value), key.start_mark.line + 1
+        if isinstance(key, yaml.ScalarNode):
+            name, line = (key.tag, key.value), key.start_mark.line + 1
             if name in lines:
                 raise InputError(
                     f'line {line}: the key {key.value!r} stands in line {lines[name]} already: leave one out'

@@ -39,6 +39,7 @@ _CHANGED = 3.0  # times as large an error after a change as before, or the rever
 _ABOVE_NOISE = 2.0  # times the noise: what is smaller has not changed anything that matters
 _STEPS = 0.5  # share of what is left without a set-point that a staircase explains
 _LEAST_STEP = 5.0  # times the noise
+_LAG = 'displacement_lag'  # as good as a delay
 _TOLD_BY_FORCE = 0.05  # change of the force's error
 _MOST_TOLD = 5
 _MOST_STEPS = 40
@@ -104,8 +105,8 @@ def _of_delay(
 ) -> Iterator[Notice]:
     """Ask whether the pressure comes before the piston, or the displacement late, and what the force says of it."""
     for name in result.found.model.effects:
-        what = result.channel.effects[name].late
-        estimate = result.parameters(name).get('delay') if what else None
+        what = 'displacement' if name == _LAG else result.channel.effects[name].late
+        estimate = next(iter(result.parameters(name).values()), None) if what else None
         if estimate is None or estimate.value is None or estimate.interval is None:
             continue
         early, late = what == 'reading', abs(estimate.value)

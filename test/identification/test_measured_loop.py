@@ -8,6 +8,7 @@ from drawn import CHANNEL, experiments_of, model
 from measured import MAPPING, ROOT, needs_measured_data
 from reference import AMBIENT
 
+from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.fit.fit import fit, search
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
@@ -69,6 +70,16 @@ def test_a_healthy_seal_does_not_leak(run):
     if 'positional_leakage' in closure.effects:
         assert set(closure.alternatives['positional_leakage']) & AT_AN_END
     assert after <= 3.0
+
+
+def test_a_lag_of_the_displacement_is_judged_as_a_delay_is():
+    """Here the force says that it stands for something else."""
+    recording = read_recording(ROOT / 'friction/KDN_1bar.csv', mapping=read_mapping(MAPPING))
+    found = identify([recording], Options(close_loop=True))
+    conclusion = found.channels['cylinder_a'].conclusion
+    assert (conclusion.effects, conclusion.status) == (('displacement_lag',), 'hypothesis')
+    (told,) = (one for one in found.notices if one.code == 'size_suspect')
+    assert 'makes the error of the force grow' in told.fix
 
 
 def test_the_repeat_with_the_kidney_seal_names_no_leak_for_sure():
