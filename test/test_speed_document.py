@@ -130,7 +130,7 @@ def test_answers_count_when_they_were_watched_long_enough():
 
 def test_the_document_says_what_is_missed_and_what_was_not_measured(tmp_path):
     run, output = tmp_path / 'benchmark.json', tmp_path / 'speed.md'
-    slow = {'test_plan': (3.1, {'seconds': 3.1, 'units': 3.1}), 'test_rig': None}
+    slow = {'test_plan': (3.1, {'seconds': 3.1, 'units': 3.1}), 'test_rig[auto]': None}
     run.write_text(json.dumps(told(**{'test_fit[3600000]': (1.75, {}), 'test_a_plant[1]': None, READ: None, **slow})))
     output.write_text('# Old\n\n## Notes\n\nBy hand.\n')
     assert document.main(['--benchmark', str(run), '--output', str(output)]) == 0

@@ -132,7 +132,6 @@ def test_a_bag_is_identified_and_set_on_the_simulator(
         second = graph.trigger(f'{node.name}/identify')
         assert not second.success
         assert second.message == 'refused: an identification is running; ~/cancel ends it'
-        node.progress(0.0)
         status = node.status(f'parameters set on {target}')
         assert f', but cylinder_b.enabled is true there: start it with {output}/parameters.yaml.' in status.message
         assert status.level == DiagnosticStatus.WARN
