@@ -152,16 +152,15 @@ def week(name: str, days: float) -> list[object]:
     grown, interval = slope(rows, 'own')
     node.destroy_node()
     spans = [span(rows, key) for key in ('threads', 'descriptors')]
-    warm, last = rows[len(rows) // 10], rows[-1]
     return [
         f'`{name}`',
         f'{len(rows) / 24:.2g}',
         f'{passed.samples:,} ({passed.messages:,})',
         f'{passed.samples - counts["samples"]:,}',
         f'{counts["resets"]:,}',
-        f'{warm["pss"] / 1024:.1f} to {last["pss"] / 1024:.1f}',
+        f'{rows[0]["pss"] / 1024:.1f} to {rows[-1]["pss"] / 1024:.1f}',
         f'{24 * grown:+.1f} ± {24 * interval:.1f}',
-        f'{warm["objects"]:,} to {last["objects"]:,}',
+        f'{rows[len(rows) // 10]["objects"]:,} to {rows[-1]["objects"]:,}',
         *spans,
         f'{(time.monotonic() - began) / 60.0:.0f}',
     ]

@@ -62,6 +62,7 @@ def test_its_numbers_are_the_devices():
     ('effect', 'make', 'seed'),
     [
         ('positional_leakage', 'orifices', 11),
+        ('sensor_lag', 'orifices', 11),
         ('transport_delay', 'silencer', 102),  # as exactly as two orifices in a row are
         ('displacement_delay', 'stirred_walls', 104),  # by 87 ms, which is longer than a stroke takes
         ('valve_hysteresis', 'stirred_walls', 104),  # beside which the core is stuck at first

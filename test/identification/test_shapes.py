@@ -23,7 +23,7 @@ MOMENT = Moment(0.0, 0.0, 0.0, 2e5, 2e5, 1e5)
 
 
 LAWS = {
-    'bulge': ('orifices', 4, surface_following(82e3, 1.6e-3, setpoint_steps=18e3, duration=30.0, seed=489564409)),
+    'bulge': ('orifices', 0, 'surface_following'),
     'rushing_air': (None, 0, surface_following(60e3, 1.5e-3, setpoint_steps=20e3, duration=12.0, seed=0)),
 }
 """Makes and seeds of their devices, and a motion that shows them."""
