@@ -190,7 +190,7 @@ class ModelNode(Node):
 
     def _on_lost(self, topic: str, lost: int) -> None:
         self._health.counts[LOST] += lost
-        self._health.warn(f'{lost} messages on {topic} were lost: they come faster than they are taken')
+        self._health.warn(f'messages on {topic} are lost: they come faster than they are taken')
 
     def _on_mismatch(self, topic: str, publishers: int, policy: str) -> None:
         self._health.counts[MISMATCHED] += publishers

@@ -99,7 +99,7 @@ class RecorderNode(Node):
 
     def _on_lost(self, topic: str, lost: int) -> None:
         self._lost += lost
-        self._warnings.warn(f'{lost} messages on {topic} were lost: they come faster than they are written')
+        self._warnings.warn(f'messages on {topic} are lost: they come faster than they are written')
 
     def destroy_node(self) -> None:
         """Complete the bag; where the disk is full, leave what is written."""

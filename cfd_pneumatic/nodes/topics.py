@@ -103,7 +103,6 @@ class Counting:
         self._callback, self._on_lost, self._publishers = callback, on_lost, publishers
         self._expected: list[int] = []  # last the number of whoever was heard last
         self._queue = queue
-        self._shed = 0
         self.__signature__ = signature(lambda message, info: None)  # by which rclpy sees that it wants both
 
     def __call__(self, *given: Any) -> None:
@@ -113,11 +112,8 @@ class Counting:
         if number is not None:  # else the middleware does not tell
             self._count(number)
             if self._queue is not None and self._queue.stands(info['received_timestamp']) and number % _KEPT:
-                self._shed += 1
+                self._on_lost(1)
                 return
-        if self._shed:
-            self._on_lost(self._shed)
-            self._shed = 0
         self._callback(message)
 
     def _count(self, number: int) -> None:

@@ -265,8 +265,8 @@ class Bags(Kind):
             with Bag(path) as bag:
                 self._opened = True
                 found, notes = ours(bag), bag.notes
-        except InputError:
-            if expected == written.messages and self._changes:
+        except InputError as error:  # a value that holds itself has no end, and rosbags may happen not to follow it
+            if expected == written.messages and self._changes and 'unfolds to more than' not in str(error):
                 raise Fault('refused, though the bag is whole and rosbags reads it') from None
             raise
         if one.whole and notes:

@@ -145,7 +145,7 @@ def test_what_is_lost_is_said(graph: Graph, tmp_path: Path) -> None:
                 sent += 1
                 out.publish(Float64(data=float(sent)))
 
-        graph.until(lambda: f'messages on {namespace}/fast were lost' in process.stderr, doing=burst)
+        graph.until(lambda: f'messages on {namespace}/fast are lost' in process.stderr, doing=burst)
         out.wait_for_all_acked()
         process.stop()
         written = [message.data for message in read_bag(bag)[f'{namespace}/fast']]

@@ -12,7 +12,7 @@ from graph import Graph, ros_arguments
 
 from cfd_pneumatic.convention import MONITOR_INPUTS, SIM_INPUTS
 from cfd_pneumatic.model import TABLE_1
-from cfd_pneumatic.nodes.topics import Queue
+from cfd_pneumatic.nodes.topics import Counting, Queue
 from cfd_pneumatic.rig import SCHEDULES, schedule_named
 from studies.layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
 
@@ -68,3 +68,20 @@ def test_what_waits_too_long_is_shed_until_little_waits():
     assert stands(0.1)
     assert not stands(0.0)
     assert not stands(0.1)
+
+
+def test_whatever_is_shed_is_told_though_nothing_comes_after_it():
+    lost: list[int] = []
+    taken: list[int] = []
+    count = Counting(taken.append, lost.append, lambda: 1, Queue())
+
+    def send(numbers: range) -> None:
+        for number in numbers:
+            received = time.time_ns() - 300_000_000
+            count(number, {'publication_sequence_number': number, 'received_timestamp': received})
+
+    send(range(1, 20))
+    time.sleep(1.1)
+    send(range(20, 39))
+    assert taken == [*range(1, 20), 20, 30]
+    assert sum(lost) + len(taken) == 38
