@@ -80,6 +80,7 @@ setup(
             'dask_certificate = cfd_pneumatic.start:dask_certificate',
             'identifier_node = cfd_pneumatic.start:identifier_node',
             'identify_bag = cfd_pneumatic.start:identify_bag',
+            'leak_test = cfd_pneumatic.start:leak_test',
             'plan_experiment = cfd_pneumatic.start:plan_experiment',
             'record_rig = cfd_pneumatic.start:record_rig',
             'monitor_node = cfd_pneumatic.start:monitor_node',

@@ -40,6 +40,17 @@ force: {column: load_N, unit: N}
 END
 csv_to_bag press.csv --mapping press.yaml --output press_bag
 """,
+    'leak_test': """\
+awk 'BEGIN {
+    print "t_s,p_kPa"
+    for (k = 0; k <= 1200; k++) printf "%.1f,%.3f\\n", 0.1 * k, 600 * exp(-4e-4 * k) + 0.2 * sin(k * k)
+}' > decay.csv
+cat > decay.yaml <<END
+table: {time: {column: t_s, unit: s}, delimiter: comma, header_rows: 1}
+cylinder_a: {pressure: {column: p_kPa, unit: kPa, reference: gauge}}
+END
+leak_test decay.csv --mapping decay.yaml --output decay_told
+""",
     'dask_certificate': """\
 dask_certificate certificate
 """,

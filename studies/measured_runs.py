@@ -15,8 +15,10 @@ from pathlib import Path
 import numpy as np
 from rich.progress import track
 
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import ChannelResult, Options, identify
+from cfd_pneumatic.identification.decay import decay_of
 from cfd_pneumatic.notices import WARNING, Notice
 from cfd_pneumatic.recording import read_mapping, read_recording
 from studies.documents import notes_in, table
@@ -60,8 +62,26 @@ def _line(run: str, result: ChannelResult) -> tuple[str, ...]:
     )
 
 
-def document(said: Sequence[Said], notes: str) -> str:
-    """Return the table of runs, and what was noticed on them."""
+def leaks_of(path: Path) -> list[tuple[str, ...]]:
+    """Return what `leak_test` says of a pressure decay, a line for each law."""
+    recording = read_recording(path, mapping=read_mapping(ROOT / 'config' / 'pressure_decay.yaml'))
+    decay = decay_of(recording.cylinders['cylinder_a'].pressure, AMBIENT_PRESSURE)
+    return [
+        (
+            path.stem,
+            leak.law,
+            ' to '.join(f'{1e6 * one:.3g}' for one in leak.interval),
+            f'{1e-3 * leak.settling:.3g} in {leak.time_constant:.3g} s' if leak.settling else '',
+            f'{leak.error / decay.noise:.2f}',
+            'excluded' if leak.excluded else 'possible',
+            f'{1e-3 * decay.tells_below[0]:.0f}' if decay.tells_below else '',
+        )
+        for leak in decay.leaks
+    ]
+
+
+def document(said: Sequence[Said], leaks: Sequence[tuple[str, ...]], notes: str) -> str:
+    """Return the table of runs, what was noticed on them, and that of the pressure decays."""
     header = (
         'run',
         'channel',
@@ -98,6 +118,25 @@ def document(said: Sequence[Said], notes: str) -> str:
                 [(run, f'`{it.code}`', it.message, it.fix) for run, it in noticed if it.level == WARNING],
             ),
             '',
+            '## Pressure decays',
+            '',
+            'What `leak_test --mapping config/pressure_decay.yaml` says of chambers behind a shut valve. Each law is '
+            'fitted to the first half, and errs on the second as the table says. The last column: to which gauge '
+            'pressure a chamber would have to empty for the laws to be told apart.',
+            '',
+            table(
+                (
+                    'chamber',
+                    'law',
+                    'conductance [1e-6/s], 95 %',
+                    'settles by [kPa]',
+                    'error, over the noise',
+                    'is it',
+                    'told below [kPa]',
+                ),
+                leaks,
+            ),
+            '',
             notes,
         ]
     )
@@ -121,10 +160,11 @@ def main() -> int:
     if not runs:
         print(f'measured_runs: no runs in {DATA}: set CFD_PNEUMATIC_DATA to the folder that holds them')
         return 2
+    leaks = [line for path in sorted((DATA / 'chamber_decay').glob('*.csv')) for line in leaks_of(path)]
     os.environ['OMP_NUM_THREADS'] = '1'  # read by the new processes
     with ProcessPoolExecutor(2, multiprocessing.get_context('spawn')) as pool:
         said = list(track(pool.map(said_of, runs), description='measured runs', total=len(runs)))
-    write_text(DOCUMENT, document(said, notes_in(DOCUMENT)))
+    write_text(DOCUMENT, document(said, leaks, notes_in(DOCUMENT)))
     return 0
 
 

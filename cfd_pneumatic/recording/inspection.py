@@ -73,7 +73,7 @@ def _sampling(role: str, signal: Signal) -> str:
 def doubts(recording: Recording, ambient_pressure: float) -> list[Notice]:
     """Return which mistakes a recording looks like, and what has to be assumed of it."""
     return [
-        *_of_motion(recording.displacement),
+        *(() if recording.rests else _of_motion(recording.displacement)),
         *(
             notice
             for name, own in recording.cylinders.items()
@@ -87,10 +87,11 @@ def duplicates(recordings: Sequence[Recording]) -> Iterator[Notice]:
     """Yield which recordings hold the same data."""
     for index, one in enumerate(recordings):
         for other in recordings[:index]:
-            if _same(one.displacement, other.displacement):
+            (role, _, own), (_, _, others) = (next(held.signals()) for held in (one, other))
+            if _same(own, others):
                 yield warning(
                     'duplicate_recording',
-                    f'{one.name} holds the same displacement as {other.name}',
+                    f'{one.name} holds the same {role} as {other.name}',
                     'leave one out: twice the same data make standard errors too small',
                 )
 
@@ -186,6 +187,12 @@ def _whose(name: str, own: CylinderSignals, cylinders: Mapping[str, CylinderSign
 
 
 def _assumptions(recording: Recording) -> Iterator[Notice]:
+    if recording.rests:
+        yield note(
+            'displacement_assumed',
+            'no displacement was recorded: a piston at rest is assumed',
+            'record the displacement if it moves',
+        )
     for name, own in recording.cylinders.items():
         if own.setpoint is None:
             yield note(

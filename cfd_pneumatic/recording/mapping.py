@@ -24,7 +24,8 @@ _OF_DEVICE = tuple(role.name for role in ROLES.values() if not role.of_cylinder)
 _DELIMITERS = {'space': None, 'whitespace': None, 'tab': '\t', 'comma': ',', 'semicolon': ';'}
 
 TOP_KEYS = {
-    **{name: f'the {name}{", needed" if name == "displacement" else ""}' for name in _OF_DEVICE},
+    **{name: f'the {name}' for name in _OF_DEVICE},
+    'displacement': 'the displacement; without it the piston is taken to be at rest',
     **dict.fromkeys(CYLINDERS, 'its `pressure`, which is needed, and `setpoint` or `setpoint_applied`'),
     'others': 'measured channels of your own, by names of your own',
     'table': 'layout of the table; without it the mapping is for bags',
@@ -57,7 +58,7 @@ TOPIC_KEYS = {
 """Further keys of a signal in a bag."""
 
 TABLE_KEYS = {
-    'time': '`column` and `unit` of the time; needed',
+    'time': '`column` and `unit` of the time, needed; `thousands` if a character groups its digits, as in 119.141.000',
     'delimiter': f'one character, or one of {", ".join(_DELIMITERS)}; white space if not given',
     'header_rows': 'rows before the numbers, the last of which names the columns; 0 if not given',
     'skip_rows': 'rows of numbers to leave out at the beginning; 0 if not given',
@@ -207,7 +208,6 @@ class _Entry:
 def _mapping(path: Path, root: _Entry) -> ChannelMapping:
     root.check_keys(*TOP_KEYS)
     table = _table(root.inner('table')) if 'table' in root else None
-    root.inner('displacement')
     channels = [_channel(root.inner(role), role, None, table) for role in _OF_DEVICE if role in root]
     for cylinder in CYLINDERS:
         if cylinder in root:
@@ -236,7 +236,7 @@ def _is_folder(path: Path) -> bool:
 def _table(entry: _Entry) -> TableFormat:
     entry.check_keys(*TABLE_KEYS)
     time = entry.inner('time')
-    time.check_keys('column', 'unit')
+    time.check_keys('column', 'unit', 'thousands')
     delimiter = entry.text('delimiter') if 'delimiter' in entry else 'space'
     delimiter_ = _DELIMITERS.get(delimiter, delimiter)
     if delimiter_ is not None and len(delimiter_) != 1:
@@ -244,6 +244,7 @@ def _table(entry: _Entry) -> TableFormat:
     return TableFormat(
         time=time.column(),
         time_unit=time.unit('time'),
+        thousands=time.text('thousands') if 'thousands' in time else '',
         delimiter=None if delimiter_ == ' ' else delimiter_,
         header_rows=entry.count('header_rows'),
         skip_rows=entry.count('skip_rows'),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import overload
@@ -154,7 +154,7 @@ def _preferred(channels: Sequence[SignalSource]) -> list[SignalSource]:
 
 
 def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambient_pressure: float) -> Recording:
-    """Make a recording of samples, at least of the displacement and of one pressure."""
+    """Make a recording of samples, at least of one pressure; without a displacement the piston is at rest."""
     units = {(one.channel.role, one.channel.cylinder): one.channel.unit for one in samples}
     cleaned = {(one.channel.role, one.channel.cylinder): _clean(one, ambient_pressure) for one in samples}
     epoch = min(int(one.times[0]) for one in cleaned.values())
@@ -171,8 +171,8 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
         if pressure is not None:
             setpoint = signal('setpoint_applied', cylinder) or signal('setpoint', cylinder)
             cylinders[cylinder] = CylinderSignals(pressure, setpoint)
-    displacement = signal('displacement')
-    assert displacement is not None
+    moved = signal('displacement')
+    displacement = _at_rest(cylinders) if moved is None else moved
     _check_overlap(displacement, cylinders)
     health = [*notes, *(note for one in cleaned.values() for note in one.notes)]
     own = {field.name for field in fields(Recording)}
@@ -182,8 +182,21 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
         if role == OTHER or (role in ROLES and not ROLES[role].of_cylinder and role not in own)
     }
     return Recording(
-        printable(name), epoch, displacement, cylinders, signal('force'), tuple(map(printable, health)), others
+        name=printable(name),
+        epoch=epoch,
+        displacement=displacement,
+        cylinders=cylinders,
+        force=signal('force'),
+        health=tuple(map(printable, health)),
+        others=others,
+        rests=moved is None,
     )
+
+
+def _at_rest(cylinders: Mapping[str, CylinderSignals]) -> Signal:
+    """Return the displacement of a piston that rests at zero, at the times of the longest pressure."""
+    longest = max((one.pressure for one in cylinders.values()), key=lambda signal: float(np.ptp(signal.times)))
+    return Signal(longest.times, np.zeros(len(longest)))
 
 
 def _seconds_since(epoch: int, times: NDArray[np.int64]) -> NDArray[np.float64]:

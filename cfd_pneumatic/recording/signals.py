@@ -109,6 +109,8 @@ class Recording:
         What was amiss and how it was treated, for people to read.
     others : Mapping
         Further signals, by the names that a mapping gives them [SI].
+    rests : bool
+        Whether no displacement was recorded: the piston is taken to be at rest.
 
     """
 
@@ -119,6 +121,7 @@ class Recording:
     force: Signal | None
     health: tuple[str, ...]
     others: Mapping[str, Signal] = field(default_factory=dict)
+    rests: bool = False
 
     def __repr__(self) -> str:
         """Return what it is."""
@@ -134,7 +137,8 @@ class Recording:
 
     def signals(self) -> Iterator[tuple[str, str | None, Signal]]:
         """Yield the signals that there are, with their roles, see `convention.ROLES`, and cylinders."""
-        yield 'displacement', None, self.displacement
+        if not self.rests:
+            yield 'displacement', None, self.displacement
         for cylinder, own in self.cylinders.items():
             yield 'pressure', cylinder, own.pressure
             if own.setpoint is not None:

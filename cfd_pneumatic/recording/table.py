@@ -36,6 +36,8 @@ class TableFormat:
         Column of the time: its name, or its number from 1 on.
     time_unit : float
         Unit of the time [s].
+    thousands : str
+        What groups the digits of the time; empty where nothing does.
     delimiter : str or None
         Between columns; None for white space.
     header_rows : int
@@ -47,6 +49,7 @@ class TableFormat:
 
     time: str | int
     time_unit: float
+    thousands: str = ''
     delimiter: str | None = None
     header_rows: int = 0
     skip_rows: int = 0
@@ -72,7 +75,16 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
         first = next(lines, None)
         if first is None:
             raise InputError('holds no samples')
-        rows = np.loadtxt(chain([first], lines), delimiter=layout.delimiter, usecols=columns, ndmin=2)
+        rows = np.loadtxt(
+            chain([first], lines),
+            delimiter=layout.delimiter,
+            usecols=columns,
+            ndmin=2,
+            converters={columns[0]: lambda text: float(text.replace(layout.thousands, ''))}
+            if layout.thousands
+            else None,
+            encoding='utf-8',
+        )
     except (ValueError, IndexError) as error:
         raise InputError(f'cannot be read as a table of numbers: {reason_of(error)}; {_CHECK}') from error
     rows = rows[layout.skip_rows :]

@@ -61,28 +61,21 @@ def _choose(topics: Mapping[str, Topic], namespace: str | None) -> str:
             return chosen
         others = f'; namespaces that do: {_list(fitting)}' if fitting else ''
         raise InputError(
-            f'no {PISTON_STATE} and {pressures} in the namespace {chosen or "/"}{others}; '
-            f'the topics are {list_topics(topics)}'
+            f'no {pressures} in the namespace {chosen or "/"}{others}; the topics are {list_topics(topics)}'
         )
     if not fitting:
-        raise InputError(
-            f'no {PISTON_STATE} and {pressures} in one namespace: give a mapping file for the topics that there are: '
-            f'{list_topics(topics)}'
-        )
+        raise InputError(f'no {pressures}: give a mapping file for the topics that there are: {list_topics(topics)}')
     if len(fitting) > 1:
         raise InputError(f'several devices are recorded: choose a namespace, one of {_list(fitting)}')
     return fitting[0]
 
 
 def _fitting(topics: Iterable[str]) -> set[str]:
-    """Return the namespaces with a displacement and a pressure."""
+    """Return the namespaces with a pressure; where there are such, only those with a displacement, too."""
     names = set(topics)
-    namespaces = {name[: -len(PISTON_STATE) - 1] for name in names if name.endswith(f'/{PISTON_STATE}')}
-    return {
-        namespace
-        for namespace in namespaces
-        if any(f'{namespace}/{pressure_topic(cylinder)}' in names for cylinder in CYLINDERS)
-    }
+    ends = [f'/{pressure_topic(cylinder)}' for cylinder in CYLINDERS]
+    measured = {name.removesuffix(end) for name in names for end in ends if name.endswith(end)}
+    return {namespace for namespace in measured if f'{namespace}/{PISTON_STATE}' in names} or measured
 
 
 def _channel(topics: Mapping[str, Topic], namespace: str, role: Role, cylinder: str | None) -> SignalSource | None:

@@ -284,8 +284,8 @@ def test_a_topic_whose_name_or_type_is_no_text_is_refused_or_left_out(tmp_path, 
         database.execute(change, ['%/setpoint'])
     assert len(read_recording(file).displacement) == 20
     with closing(sqlite3.connect(file)) as database, database:
-        database.execute(change, ['%piston_state'])
-    assert 'piston_state' in refused(read_recording, file)
+        database.execute(change, ['%/pressure'])
+    assert 'pressure' in refused(read_recording, file)
 
 
 # sqlite3

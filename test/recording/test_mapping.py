@@ -96,7 +96,7 @@ def test_the_mapping_of_the_measured_data_is_valid():
 BAD = {
     'no entry': ('', 'must hold keys and values, not None'),
     'a list': ('[1, 2]', 'must hold keys and values, not [1, 2]'),
-    'no displacement': ('force: {topic: a, unit: N}', 'displacement is missing'),
+    'no signal': ('force: {topic: a, unit: N}', 'cylinder_a is missing: give the pressure of a cylinder'),
     'no pressure': ('displacement: {topic: a, unit: m}', 'cylinder_a is missing: give the pressure of a cylinder'),
     'only a set-point': (
         'displacement: {topic: a, unit: m}\ncylinder_b: {setpoint: {topic: a, unit: Pa, reference: gauge}}',

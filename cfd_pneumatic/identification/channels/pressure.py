@@ -54,6 +54,7 @@ _LEAST_FLOW = 10.0  # that a limit may be drawn from [Pa/s]
 _LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone stays below
 _MOST_STEPS = 100.0  # in a sample: what is quicker runs away in them, and no search goes there
 _SHORTEST_GAP = 1e-9  # [s]
+_SHORTEST_STROKE = 1e-5  # that effects along the stroke are tried over, whatever the piston does [m]
 _APART = 1.05  # times the lowest set-point: where they are nearer, no dependence on the pressure is told
 _OFFSET, _START = range(2)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
@@ -415,7 +416,7 @@ class Pressure(Channel):
             'level': float(np.mean(pressures)),
             'highest_pressure': float(np.max(pressures)),
             'x_low': float(np.min(displacement)),
-            'x_high': float(np.max(displacement)),
+            'x_high': max(float(np.max(displacement)), float(np.min(displacement)) + _SHORTEST_STROKE),
             'speed': speed_of(one.times, one.inputs['displacement']),
             'lag': lag_of(one.sample_times, one.measured, simulated[longest]),
             'period': shortest_period(experiments),

@@ -28,7 +28,7 @@ from cfd_pneumatic.identification.data.smoother import Samples, likeliest
 from cfd_pneumatic.identification.data.split import MOTION, stroke_times
 from cfd_pneumatic.identification.data.stamps import overlapping, regular_clock
 from cfd_pneumatic.parallel import each
-from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
 
@@ -304,10 +304,12 @@ def observed_motion(recording: Recording) -> tuple[Motion, Array]:
     """
     Return the smoothed displacement and the times at which its strokes begin and end.
 
+    Of a piston at rest these are the times at which a set-point changes, and the end.
+
     Raises
     ------
     InputError
-        If the recording is too short, nothing moves in it, or its numbers are no displacements.
+        If the recording is too short, nothing moves and no set-point changes, or its numbers are no displacements.
 
     """
     signal = recording.displacement
@@ -317,12 +319,42 @@ def observed_motion(recording: Recording) -> tuple[Motion, Array]:
             f'record at least {FEWEST_SAMPLES}'
         )
     check_range(f'{recording.name}: the displacement', signal.values, _LARGEST, 'm')
-    motion = smooth_motion(signal.times, signal.values)
-    strokes = stroke_times(motion.times, motion.displacement, motion.noise)
-    travel = float(np.ptp(signal.values))
-    if strokes.size == 0 or travel <= MOTION * motion.noise:
+    why = 'no displacement was recorded'
+    if not recording.rests:
+        motion = smooth_motion(signal.times, signal.values)
+        strokes = stroke_times(motion.times, motion.displacement, motion.noise)
+        travel = float(np.ptp(signal.values))
+        if strokes.size and travel > MOTION * motion.noise:
+            return motion, strokes
+        why = f'the piston does not move (range {travel * 1e3:.3g} mm, noise {motion.noise * 1e3:.3g} mm)'
+    changes = _changes(recording)
+    if not changes.size:
         raise InputError(
-            f'{recording.name}: the piston does not move (range {travel * 1e3:.3g} mm, '
-            f'noise {motion.noise * 1e3:.3g} mm): record strokes of the piston'
+            f'{recording.name}: {why}, and no set-point changes: record strokes of the piston, or steps of the '
+            'set-point; what a pressure tells that falls behind a shut valve, `leak_test` says'
         )
-    return motion, strokes
+    return _resting(signal), np.append(changes, signal.times[-1])
+
+
+def _changes(recording: Recording) -> Array:
+    """Return when a set-point changes while the displacement is known [s]."""
+    changed = [one.setpoint.times[1:] for one in recording.cylinders.values() if one.setpoint is not None]
+    first, last = recording.displacement.times[[0, -1]].tolist()
+    return _after(first, last, np.unique(np.concatenate([np.empty(0), *changed])))
+
+
+def _resting(signal: Signal) -> Motion:
+    """Return a displacement that never changes."""
+    still = np.zeros(len(signal))
+    return Motion(
+        times=signal.times,
+        displacement=still + np.median(signal.values),
+        rate=still,
+        acceleration=still,
+        reach=0.0,
+        noise=0.0,
+        uncertainty=0.0,
+        order=2,
+        deviance=0.0,
+        stamps=signal.times,
+    )
