@@ -26,6 +26,7 @@ _WIDTH = 720.0
 _ENDS = 5  # samples
 _PRESSURES = 30  # at which the rate is told
 _MINUTE = 60.0  # [s]
+_LONG = 120.0  # minutes, from which on hours are said
 
 
 def write_decays(decays: Mapping[str, Decay], folder: Path) -> list[Path]:
@@ -95,11 +96,17 @@ def _sentences(name: str, decay: Decay) -> list[str]:
         gauge, time = decay.tells_below
         lines.append(
             f'Which law it is this fall does not tell: let it fall to {1e-3 * gauge:.4g} kPa gauge, '
-            f'for about {time / _MINUTE:.2g} min.'
+            f'for about {_long(time)}.'
         )
     given = {'enabled': 'true', 'conductance': f'{best.conductance:.4g}', 'orifice': f'{LAWS[best.law]:.1f}'}
     lines.append('For sim_node: ' + ' '.join(f'-p {name}.leakage.{key}:={value}' for key, value in given.items()))
     return lines
+
+
+def _long(seconds: float) -> str:
+    """Return a time in a unit that suits it."""
+    minutes = seconds / _MINUTE
+    return f'{minutes:.0f} min' if minutes < _LONG else f'{minutes / 60.0:.1f} h'
 
 
 def _data(decay: Decay) -> dict[str, Any]:
