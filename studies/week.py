@@ -158,7 +158,7 @@ def week(name: str, days: float) -> list[object]:
         f'{passed.samples:,} ({passed.messages:,})',
         f'{passed.samples - counts["samples"]:,}',
         f'{counts["resets"]:,}',
-        f'{rows[0]["pss"] / 1024:.1f} to {rows[-1]["pss"] / 1024:.1f}',
+        f'{rows[0]["own"] / 1024:.1f} to {rows[-1]["own"] / 1024:.1f}',
         f'{24 * grown:+.1f} ± {24 * interval:.1f}',
         f'{rows[len(rows) // 10]["objects"]:,} to {rows[-1]["objects"]:,}',
         *spans,
@@ -167,7 +167,7 @@ def week(name: str, days: float) -> list[object]:
 
 
 HEADING = (
-    'node', 'days', 'samples (messages)', 'unanswered', 'resets', 'memory [MiB]', 'grows by [KiB/day]',
+    'node', 'days', 'samples (messages)', 'unanswered', 'resets', 'own memory [MiB]', 'grows by [KiB/day]',
     'blocks of Python', 'threads', 'descriptors', 'took [min]',
 )  # fmt: skip
 

@@ -1,0 +1,196 @@
+"""
+How often the 95 % intervals of the gains hold the truth, and where the estimates lie: `make coverage`.
+
+The truth is made of equations (8) and (12) by Runge and Kutta's method, from displacements that are smooth functions of
+time: nothing of the package's model is in it. Each of the paper's rows takes turns. The sensors are the rig's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import track
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.files import write_text
+from cfd_pneumatic.identification.channels.pressure import Pressure
+from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.procedure import prepared
+from cfd_pneumatic.model.parameters import NAMES, TABLE_1_ROWS
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.rig import Sensors
+from cfd_pneumatic.units import INCH, PSI, PSI_PER_INCH
+from studies.documents import notes_in, table
+from studies.provenance import ROOT, machine
+
+Array = NDArray[np.float64]
+Motion = Callable[[Array], Array]
+
+DOCUMENT = ROOT / 'docs' / 'coverage.md'
+CHANNEL = Pressure('cylinder_a', AMBIENT_PRESSURE)
+PERIOD = 2e-3  # [s]
+BEFORE = 49 * PERIOD  # the trigger [s]
+STEP = 60e-3 * INCH  # [m]
+SURFACE = 0.8e-3  # standard deviation [m]
+FREQUENCIES = (0.2, 8.0)  # of a surface [Hz]
+WAVES = 12
+SUBSTEPS = 20  # of a sample
+TOGETHER = 20  # recordings that are simulated side by side
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of recording: its motion, its length in samples, and the bits of its converters, 0 for none."""
+
+    name: str
+    motion: Callable[[np.random.Generator], tuple[Motion, Motion]]
+    samples: int
+    bits: int
+
+
+def _steps(times: Sequence[float], durations: Sequence[float]) -> tuple[Motion, Motion]:
+    """Return displacement and rate of steps out and back, each half a cosine."""
+
+    def phase(at: Array, begin: float, duration: float) -> Array:
+        return np.clip((at - begin) / duration, 0.0, 1.0)
+
+    def displacement(at: Array) -> Array:
+        found = np.zeros_like(at)
+        for rank, (begin, duration) in enumerate(zip(times, durations)):
+            found += (-1.0) ** rank * 0.5 * STEP * (1.0 - np.cos(np.pi * phase(at, begin, duration)))
+        return found
+
+    def rate(at: Array) -> Array:
+        found = np.zeros_like(at)
+        for rank, (begin, duration) in enumerate(zip(times, durations)):
+            found += (-1.0) ** rank * 0.5 * STEP * np.pi / duration * np.sin(np.pi * phase(at, begin, duration))
+        return found
+
+    return displacement, rate
+
+
+def step(rng: np.random.Generator) -> tuple[Motion, Motion]:
+    """Return the paper's step, of 3 to 7 samples."""
+    return _steps([BEFORE + PERIOD * rng.random()], [PERIOD * rng.uniform(3.0, 7.0)])
+
+
+def strokes(rng: np.random.Generator) -> tuple[Motion, Motion]:
+    """Return strokes out and back, as quick, with rests of 0.25 to 0.45 s."""
+    begins = BEFORE + np.cumsum(rng.uniform(0.25, 0.45, 8))
+    return _steps(begins.tolist(), (PERIOD * rng.uniform(3.0, 7.0, begins.size)).tolist())
+
+
+def surface(rng: np.random.Generator) -> tuple[Motion, Motion]:
+    """Return the motion over a surface: waves of all lengths."""
+    omega = 2.0 * np.pi * np.exp(rng.uniform(*np.log(FREQUENCIES), WAVES))
+    phase, height = rng.uniform(0.0, 2.0 * np.pi, WAVES), SURFACE * math.sqrt(2.0 / WAVES)
+
+    def displacement(at: Array) -> Array:
+        return height * np.sin(np.multiply.outer(at, omega) + phase).sum(axis=-1)
+
+    def rate(at: Array) -> Array:
+        return height * (omega * np.cos(np.multiply.outer(at, omega) + phase)).sum(axis=-1)
+
+    return displacement, rate
+
+
+KINDS = [
+    Kind(f'{name}, {"rounded to 12 bits" if bits else "not rounded"}', motion, samples, bits)
+    for name, motion, samples in (('a step', step, 350), ('strokes', strokes, 1750), ('a surface', surface, 4000))
+    for bits in (12, 0)
+]
+
+
+def pressures(gains: Array, setpoint: float, rates: Sequence[Motion], samples: int) -> Array:
+    """Return pressures from rest, shape (samples, rates) [Pa]."""
+    k_x, k_sv, k_v, tau = gains.tolist()
+    h = PERIOD / SUBSTEPS
+    halves = 0.5 * h * np.arange(2 * SUBSTEPS * (samples - 1) + 1)
+    forcing = k_x * np.column_stack([rate(halves) for rate in rates])
+
+    def slope(state: Array, swept: Array) -> Array:
+        p, p_f = state
+        error = setpoint - p_f
+        return np.array([np.where(error > 0.0, k_sv, k_v) * error - swept, (p - p_f) / tau])
+
+    state = np.full((2, len(rates)), setpoint)
+    found = [state[0]]
+    for begin in range(0, len(halves) - 1, 2):
+        first, middle, last = forcing[begin : begin + 3]
+        a = slope(state, first)
+        b = slope(state + 0.5 * h * a, middle)
+        c = slope(state + 0.5 * h * b, middle)
+        d = slope(state + h * c, last)
+        state = state + h / 6.0 * (a + 2.0 * (b + c) + d)
+        if (begin + 2) % (2 * SUBSTEPS) == 0:
+            found.append(state[0])
+    return np.array(found)
+
+
+def scored(job: tuple[int, int]) -> tuple[int, Array]:
+    """Return the kind, and for some seeds by how many standard errors each gain is off, shape (seeds, gains)."""
+    kind, first = KINDS[job[0]], job[1]
+    psig, k_x, *others = TABLE_1_ROWS[first // TOGETHER % len(TABLE_1_ROWS)]
+    gains = np.array([k_x * PSI_PER_INCH, *others])
+    draws = [np.random.default_rng([job[0], seed]) for seed in range(first, first + TOGETHER)]
+    displacements, rates = zip(*(kind.motion(rng) for rng in draws))
+    exact = pressures(gains, AMBIENT_PRESSURE + psig * PSI, rates, kind.samples)
+    times, sensors = PERIOD * np.arange(kind.samples), Sensors(bits=kind.bits)
+    rows = []
+    for displacement, pressure, rng in zip(displacements, exact.T, draws):
+        moved = Signal(times, sensors.measure_displacement(displacement(times), rng))
+        cylinder = CylinderSignals(Signal(times, sensors.measure_pressure(pressure, rng)), None)
+        recording = Recording('made', 0, moved, {CHANNEL.name: cylinder}, None, ())
+        found = fit(CHANNEL, prepared([recording]).experiments(CHANNEL))
+        rows.append(
+            [
+                math.nan if one.value is None or not one.std else (one.value - gain) / one.std
+                for one, gain in zip(found.estimates, gains.tolist())
+            ]
+        )
+    return job[0], np.array(rows)
+
+
+def line(name: str, off: Array) -> tuple[str, ...]:
+    """Return a kind's line: how often each gain is held, and the mean, in standard errors."""
+    held = [f'{100.0 * np.mean(np.abs(one[np.isfinite(one)]) < _REACH):.1f}' for one in off.T]
+    means = [f'{np.nanmean(one):+.2f}' for one in off.T]
+    return name, str(len(off)), *held, *means
+
+
+_REACH = 1.96  # standard errors: half a 95 % interval of many samples
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Fit the recordings, write the table."""
+    parser = argparse.ArgumentParser(prog='coverage', description=__doc__)
+    parser.add_argument('--seeds', type=int, nargs=2, default=(0, 1000), metavar=('FIRST', 'END'), help='of each kind')
+    first, end = parser.parse_args(arguments).seeds
+    jobs = [(kind, seed) for kind in range(len(KINDS)) for seed in range(first, end, TOGETHER)]
+    with ProcessPoolExecutor(2, get_context('spawn')) as pool:
+        scores = list(track(pool.map(scored, jobs), description='coverage', total=len(jobs)))
+    lines = [
+        line(one.name, np.concatenate([off for kind, off in scores if kind == rank])) for rank, one in enumerate(KINDS)
+    ]
+    header = ('recordings', 'how many', *(f'{name} held [%]' for name in NAMES), *(f'{name} off' for name in NAMES))
+    page = (
+        '# Coverage\n\n'
+        'How often the 95 % intervals of the gains hold the truth, and by how many standard errors the estimates are off '
+        'in the mean. The truth is of another integrator and of smooth motions, sampled at 2 ms; the six rows of the '
+        f"paper's Table 1 in turn, seeds {first} to {end - 1}. Written by `make coverage`.\n\n"
+        f'- Machine: {machine()}\n\n{table(header, lines)}\n\n{notes_in(DOCUMENT)}'
+    )
+    write_text(DOCUMENT, page)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
