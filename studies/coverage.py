@@ -43,6 +43,7 @@ SURFACE = 0.8e-3  # standard deviation [m]
 FREQUENCIES = (0.2, 8.0)  # of a surface [Hz]
 WAVES = 12
 SUBSTEPS = 20  # of a sample
+LEAD = 100  # samples before the recording begins: a surface is under way then
 TOGETHER = 20  # recordings that are simulated side by side
 
 
@@ -110,10 +111,10 @@ KINDS = [
 
 
 def pressures(gains: Array, setpoint: float, rates: Sequence[Motion], samples: int) -> Array:
-    """Return pressures from rest, shape (samples, rates) [Pa]."""
+    """Return pressures at samples, from rest some time before the first, shape (samples, rates) [Pa]."""
     k_x, k_sv, k_v, tau = gains.tolist()
     h = PERIOD / SUBSTEPS
-    halves = 0.5 * h * np.arange(2 * SUBSTEPS * (samples - 1) + 1)
+    halves = 0.5 * h * np.arange(2 * SUBSTEPS * (LEAD + samples - 1) + 1) - LEAD * PERIOD
     forcing = k_x * np.column_stack([rate(halves) for rate in rates])
 
     def slope(state: Array, swept: Array) -> Array:
@@ -132,7 +133,7 @@ def pressures(gains: Array, setpoint: float, rates: Sequence[Motion], samples: i
         state = state + h / 6.0 * (a + 2.0 * (b + c) + d)
         if (begin + 2) % (2 * SUBSTEPS) == 0:
             found.append(state[0])
-    return np.array(found)
+    return np.array(found[LEAD:])
 
 
 def scored(job: tuple[int, int]) -> tuple[int, Array]:
@@ -183,9 +184,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     header = ('recordings', 'how many', *(f'{name} held [%]' for name in NAMES), *(f'{name} off' for name in NAMES))
     page = (
         '# Coverage\n\n'
-        'How often the 95 % intervals of the gains hold the truth, and by how many standard errors the estimates are off '
-        'in the mean. The truth is of another integrator and of smooth motions, sampled at 2 ms; the six rows of the '
-        f"paper's Table 1 in turn, seeds {first} to {end - 1}. Written by `make coverage`.\n\n"
+        'How often the 95 % intervals of the gains hold the truth, and by how many standard errors the estimates are '
+        'off in the mean. The truth is of another integrator and of smooth motions, sampled at 2 ms; the six rows of '
+        f"the paper's Table 1 in turn, seeds {first} to {end - 1}. Written by `make coverage`.\n\n"
         f'- Machine: {machine()}\n\n{table(header, lines)}\n\n{notes_in(DOCUMENT)}'
     )
     write_text(DOCUMENT, page)

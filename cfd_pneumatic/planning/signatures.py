@@ -177,6 +177,7 @@ def _motion_of(proposal: Proposal, sensing: Sensing) -> Motion:
         reach=float(np.ptp(proposal.displacement)),
         noise=sensing.displacement_noise,
         uncertainty=sensing.displacement_noise,
+        rate_uncertainty=0.0,
         order=2,
         deviance=0.0,
         stamps=proposal.times,

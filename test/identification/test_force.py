@@ -205,7 +205,7 @@ def test_standard_errors_are_what_the_scatter_is():
             samples=np.arange(times.size),
             measured=noisy,
             part=np.zeros(times.size, dtype=np.int8),
-            motion=Motion(times, x, rate, acceleration, 8e-3, 0.0, 0.0, 3, 0.0, times),
+            motion=Motion(times, x, rate, acceleration, 8e-3, 0.0, 0.0, 0.0, 3, 0.0, times),
             starts_at_rest=False,
         )
         effects = {'force_offset': (0.0,), 'seal_friction': (1.0, 1e-6, 1.0, 1e-4)}

@@ -6,7 +6,7 @@ import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 
@@ -343,6 +343,11 @@ class Channel(ABC):
     def sensitivity(self, model: Model) -> float:
         """Return by how much the displacement's error reaches the signal [SI/m]."""
 
+    def rate_sensitivity(self, model: Model) -> float:
+        """Return by how much the error of the displacement's rate reaches the signal [SI s/m]."""
+        del model
+        return 0.0
+
     @abstractmethod
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
         """Return what the residual may depend on: inputs, what the model makes of them, and their products."""
@@ -453,11 +458,12 @@ class Channel(ABC):
         At rest the simulated signal need not be right but for a level and a trend.
         """
         rests: list[Array] = []
-        variances, roundings, sizes = [], [], []
+        variances, roundings, blurs, sizes = [], [], [], []
         for one, values in zip(experiments, simulated):
             residual = one.measured - values
             blurred = self.sensitivity(model) * one.motion.uncertainty
             variances.append(sample_noise(one.sample_times, residual) ** 2 + blurred**2)
+            blurs.append((self.rate_sensitivity(model) * one.motion.rate_uncertainty) ** 2)
             immaterial = self.immaterial * float(np.ptp(one.measured))
             roundings.append(rounding_step(one.measured) ** 2 / 12.0 + immaterial**2)
             sizes.append(residual.size)
@@ -471,7 +477,8 @@ class Channel(ABC):
             runs = [run[: run.size - self.lead] for run in runs]
             rests += [run - np.mean(run) for run in runs]
         white = math.sqrt(float(np.average(variances, weights=sizes)))
-        return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
+        found = noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
+        return replace(found, blur=math.sqrt(float(np.average(blurs, weights=sizes))))
 
 
 def stepped(row: Array, slots: Indices, steps: Array) -> Array:

@@ -330,6 +330,11 @@ class Pressure(Channel):
         """Return K_x [Pa/m]."""
         return displacement_sensitivity(model.parameters)
 
+    def rate_sensitivity(self, model: Model) -> float:
+        """Return K_x times the time by which the displacement is made to run ahead [Pa s/m]."""
+        ahead = sum(values[0] for name, values in model.parts.items() if self.effects[name].looks_ahead)
+        return self.sensitivity(model) * ahead
+
     def precision(self, experiment: Experiment, simulated: Array) -> Array:
         """
         Return the inverse of each sample's standard deviation, relative to a sample at rest.

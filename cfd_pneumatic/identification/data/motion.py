@@ -61,6 +61,8 @@ class Motion:
         Standard deviation of the measured displacement's noise [m].
     uncertainty
         Root mean square of the smoothed displacement's standard errors [m].
+    rate_uncertainty
+        Likewise of its rate [m/s].
     order
         2 where the motion is likelier one of white acceleration, 3 where one of white jerk.
     deviance
@@ -78,6 +80,7 @@ class Motion:
     reach: float
     noise: float
     uncertainty: float
+    rate_uncertainty: float
     order: int
     deviance: float
     stamps: Array
@@ -258,16 +261,16 @@ def _joined(
         acceleration=np.empty(size),
     )
 
-    def smooth(place: tuple[slice, slice]) -> float:
+    def smooth(place: tuple[slice, slice]) -> tuple[float, float]:
         own, window = place
         motion = _smoothed(times[window], measured[window], (known.order,))
         inner = motion.part(slice(own.start - window.start, own.stop - window.start))
         found.displacement[own], found.rate[own] = inner.displacement, inner.rate
         found.acceleration[own] = inner.acceleration
-        return motion.uncertainty
+        return motion.uncertainty, motion.rate_uncertainty
 
-    uncertainty = math.sqrt(np.mean(np.square(each(smooth, windows))))
-    return replace(found, reach=float(np.ptp(found.displacement)), uncertainty=uncertainty)
+    uncertainty, of_rate = np.sqrt(np.mean(np.square(each(smooth, windows)), axis=0)).tolist()
+    return replace(found, reach=float(np.ptp(found.displacement)), uncertainty=uncertainty, rate_uncertainty=of_rate)
 
 
 def _after(begin: float, end: float, times: Array) -> Array:
@@ -285,6 +288,7 @@ def _smoothed(times: Array, measured: Array, orders: Sequence[int] = _ORDERS) ->
     best = min(found, key=lambda smoother: smoother.deviance)
     mean, variance = best.smooth()
     noise = scale * best.noise
+    spread = np.sqrt(np.mean(np.clip(variance, 0.0, [1.0, np.inf]), axis=0)).tolist()
     displacement = measured[0] + scale * mean[:, 0]
     return Motion(
         times=times,
@@ -293,7 +297,8 @@ def _smoothed(times: Array, measured: Array, orders: Sequence[int] = _ORDERS) ->
         acceleration=scale / unit**2 * mean[:, 2],
         reach=float(np.ptp(displacement)),
         noise=noise,
-        uncertainty=noise * math.sqrt(np.mean(np.clip(variance, 0.0, 1.0))),
+        uncertainty=noise * spread[0],
+        rate_uncertainty=noise / unit * spread[1],
         order=best.order,
         deviance=best.deviance,
         stamps=times,
@@ -354,6 +359,7 @@ def _resting(signal: Signal) -> Motion:
         reach=0.0,
         noise=0.0,
         uncertainty=0.0,
+        rate_uncertainty=0.0,
         order=2,
         deviance=0.0,
         stamps=signal.times,

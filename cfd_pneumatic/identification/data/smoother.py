@@ -111,7 +111,7 @@ def _filter(order, steps, measured, density, mean, covariance):
 @compiler(error_model='numpy', nogil=True)
 def _smooth(order, steps, measured, density, mean, covariance):
     """
-    Turn filtered means, and the covariances' xx, into smoothed ones, in place, down to sample number `order`.
+    Turn filtered means, and the covariances' xx and vv, into smoothed ones, in place, down to sample number `order`.
 
     The adjoint pass of Bryson and Frazier (Bierman, 1973), which inverts no covariance. Returns what all samples from
     that one on add to the mean of the one before it and take from its covariance, once multiplied by that covariance
@@ -134,6 +134,12 @@ def _smooth(order, steps, measured, density, mean, covariance):
         if order == 2:
             mean[i, 2] = density[i - 1] * p_v
         covariance[i, 0] -= pulled
+        r_x, r_v, r_a = covariance[i, 1], covariance[i, 3], covariance[i, 4]
+        covariance[i, 3] -= (
+            r_x * (n_xx * r_x + n_xv * r_v + n_xa * r_a)
+            + r_v * (n_xv * r_x + n_vv * r_v + n_va * r_a)
+            + r_a * (n_xa * r_x + n_va * r_v + n_aa * r_a)
+        )
         # back over the sample
         xx, xv, xa, vv, va, aa = covariance[i - 1]
         x, v, a = mean[i - 1]
@@ -239,14 +245,14 @@ class Smoother:
         return float(log_sum + self._degrees * math.log(max(variance, 1e-300)) + misfit), math.sqrt(variance)
 
     def smooth(self) -> tuple[Array, Array]:
-        """Return the smoothed (x, x', x''), shape (n, 3), and the variance of x in units of the noise's, shape (n,)."""
+        """Return the smoothed (x, x', x''), shape (n, 3), and variances of x and x' by the noise's, shape (n, 2)."""
         samples = self._samples
         self._filter(self._density)
         push, pull = _smooth(self.order, samples.steps, samples.values, self._density, samples.mean, samples.covariance)
         _Opening(self.order, samples.steps, self._density).finish(
             samples.values, samples.mean, samples.covariance, np.array(push), np.array(pull)
         )
-        return samples.mean, samples.covariance[:, 0]
+        return samples.mean, samples.covariance[:, [0, 3]]
 
     def sudden(self) -> Array:
         """
@@ -321,7 +327,7 @@ class _Opening:
         covariance[last] = spread[np.triu_indices(3)]
 
     def finish(self, measured: Array, mean: Array, covariance: Array, push: Array, pull: Array) -> None:
-        """Write the smoothed states, and their displacements' variances."""
+        """Write the smoothed states, and the variances of their displacements and rates."""
         order = self.order
         filtered = _matrix(covariance[order - 1], order)
         last = mean[order - 1, :order] + filtered @ push[:order]
@@ -333,7 +339,7 @@ class _Opening:
         if order == 2:
             mean[1, 2] = self._density[0] * push[1]  # as in `_smooth`; before the first sample nothing drives
         spread = passed @ last_spread @ passed.T + self._driven - gain @ self._driven[self._at_samples]
-        covariance[:order, 0] = np.diag(spread)[self._at_samples]
+        covariance[:order, 0], covariance[:order, 3] = np.diag(spread)[self._at_samples], np.diag(spread)[1::order]
 
 
 def _transition(order: int, step: float) -> Array:

@@ -76,6 +76,9 @@ class Noise:
         sensor's noise can be.
     rounded
         Whether most of it is the converter's rounding, which depends on the signal.
+    blur
+        What the rate of the displacement, as far as it is not known, adds while the piston moves [signal's unit]; no
+        part of `std`.
 
     """
 
@@ -84,6 +87,7 @@ class Noise:
     uncertainty: float
     known: bool
     rounded: bool
+    blur: float = 0.0
 
 
 def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) -> Noise:

@@ -115,13 +115,14 @@ def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise
     innovations = [whitened(residual, coefficients) for residual in residuals]
     spectra = [list(map(_periodogram, series)) for series in (residuals, _forgotten(residuals))]
     beside = _MATERIAL_BESIDE * min((noise.std / _size(residuals)) ** 2, 1.0) if refined else 0.0
-    material = max(_MATERIAL, beside)
+    blurred = noise.blur**2 / (noise.blur**2 + noise.std**2) if noise.blur else 0.0
+    material = max(_MATERIAL, beside, blurred)
     tests = [
         _inputs_test(innovations, regressors, coefficients, material),
         _slow_inputs_test(residuals, regressors, material),
         _line_test(spectra),
         _level_test(spectra, sum(residual.size for residual in residuals)),
-        _whiteness_test(residuals, noise),
+        _whiteness_test(residuals, noise, beside),
         _size_test(residuals, noise),
     ]
     if noise.rounded:  # what rounding leaves depends on the signal: only its size tells
@@ -286,11 +287,16 @@ def _periodogram(residual: Array) -> Array:
     return power
 
 
-def _whiteness_test(residuals: Sequence[Array], noise: Noise) -> Test:
-    """Ljung and Box's test, against what noise as at rest makes."""
+def _whiteness_test(residuals: Sequence[Array], noise: Noise, material: float) -> Test:
+    """
+    Ljung and Box's test, against what noise as at rest makes.
+
+    What makes a `material` share of the residual, however slow it is, correlates neighbours by that share at most.
+    """
     lengths = [min(residual.size, _LONGEST_SIMULATED) for residual in residuals]
     significant = _significant_likeness(tuple(lengths), tuple(noise.coefficients.tolist()))
-    threshold = significant * (1.0 + 3.0 * noise.uncertainty) + _MATERIAL_LIKENESS * sum(lengths)
+    likeness = max(_MATERIAL_LIKENESS, _LAGS_WHITE * material**2)
+    threshold = significant * (1.0 + 3.0 * noise.uncertainty) + likeness * sum(lengths)
     statistic = _ljung_box([residual[:length] for residual, length in zip(residuals, lengths)])
     what = "likeness of neighbouring residuals, Ljung and Box's Q"
     return Test('ljung_box', statistic, threshold, what, noise.known and noise.coefficients.size == 0)

@@ -10,11 +10,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from cfd_pneumatic.identification.data.options import LINEAR, PHYSICAL
+from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.autoregression import autoregression
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.stepwise import TIE, Search, SearchResult, alike
+from cfd_pneumatic.identification.search.stepwise import ALIKE, TIE, Search, SearchResult
+
+_MUCH = 3.0  # times the noise
 
 
 def searched(candidates: Candidates, core: str) -> SearchResult:
@@ -38,8 +43,13 @@ def searched(candidates: Candidates, core: str) -> SearchResult:
     enough = _leaves_noise(candidates, found.model) and len(found.model.effects) <= 1
     if enough and not any(_preferred(candidates, one, found.model) for one in begins):
         return found  # what the linear core explains with one effect is not looked for elsewhere
-    begin = min(begins, key=lambda one: one.rss)
+    begins.sort(key=lambda one: one.rss)
+    begin = begins[0]
     beside = SearchResult(begin, {}, ()) if _leaves_noise(candidates, begin) else _beside(candidates, begin, names[0])
+    for other in begins[1:]:
+        if _leaves_much(candidates, beside.model):  # the way there may have led astray
+            again = _beside(candidates, other, names[0])
+            begin, beside = min((begin, beside), (other, again), key=lambda pair: pair[1].model.rss)
     if not _preferred(candidates, beside.model, found.model):
         return found
     known = {name: others for name, others in found.alternatives.items() if name in begin.effects}
@@ -64,6 +74,10 @@ def _leaves_noise(candidates: Candidates, one: Candidate) -> bool:
     return explained(candidates.residual_tests(one))
 
 
+def _leaves_much(candidates: Candidates, one: Candidate) -> bool:
+    return any(test.name == 'noise_floor' and test.statistic > _MUCH for test in candidates.residual_tests(one))
+
+
 def _preferred(candidates: Candidates, one: Candidate, other: Candidate) -> bool:
     """
     Return whether a model with another core is preferred to one with the linear core.
@@ -85,6 +99,12 @@ def _preferred(candidates: Candidates, one: Candidate, other: Candidate) -> bool
         for model, unknowns in ((one, charged), (other, other.unknowns))
     ]
     if is_instead:
-        return criteria[0] < criteria[1] + TIE and alike(one, other)
+        return criteria[0] < criteria[1] + TIE and _squares(candidates, one) < ALIKE**2 * _squares(candidates, other)
     errors = one.validation_rmse, other.validation_rmse
     return criteria[0] < criteria[1] and (errors[0] is None or errors[1] is None or errors[0] < errors[1])
+
+
+def _squares(candidates: Candidates, one: Candidate) -> float:
+    """Return the sum of squares that a model leaves of train and validation."""
+    unseen = sum(np.count_nonzero(run.part == PARTS.index('validation')) for run in candidates.learn.experiments)
+    return one.rss + (unseen * one.validation_rmse**2 if one.validation_rmse is not None else 0.0)

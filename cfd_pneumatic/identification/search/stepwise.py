@@ -39,7 +39,7 @@ _LEAST_BIC_UNSEEN = 20.0  # where there is no validation part to agree
 _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by each further one
 _LEAST_DROP_OF_MORE = 0.10  # of train or validation, beside a core or more than noise: little finds a name by chance
 _BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
-_ALIKE = 1.05  # times an effect's error, at which a rival is named where more than noise is left
+ALIKE = 1.05  # times an effect's error, at which a rival is named where more than noise is left
 _SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
 _MOST_EFFECTS = 3
 _MOST_EFFECTS_UNSEEN = 2  # where there is no validation part: a single step
@@ -328,7 +328,7 @@ def _foretelling(lead: str, worthy: Sequence[str], candidates: Mapping[str, Cand
     """Return the effect that foretells the validation part best, where it does so better than the lead."""
     errors = {name: one.validation_rmse for name, one in candidates.items() if one.validation_rmse is not None}
     best = min(worthy, key=lambda name: errors.get(name, math.inf))
-    return best if lead in errors and _ALIKE * errors[best] < errors[lead] else lead
+    return best if lead in errors and ALIKE * errors[best] < errors[lead] else lead
 
 
 def small_enough(tests: Sequence[Test]) -> bool:
@@ -340,8 +340,8 @@ def small_enough(tests: Sequence[Test]) -> bool:
 def alike(rival: Candidate, own: Candidate) -> bool:
     """Return whether a rival is as good on data that it was not fitted to; without such data, nearly so on its own."""
     if rival.validation_rmse is None or own.validation_rmse is None:
-        return rival.rss < _ALIKE**2 * own.rss
-    return rival.validation_rmse < _ALIKE * own.validation_rmse
+        return rival.rss < ALIKE**2 * own.rss
+    return rival.validation_rmse < ALIKE * own.validation_rmse
 
 
 def _dropped(error: float | None, reference: float | None) -> float:

@@ -27,5 +27,6 @@ EFFECT = Effect(
     shown_at=500.0,
     seen_against='pressure rate',
     families=(DELAYS,),
+    looks_ahead=True,
     rank=40,
 )

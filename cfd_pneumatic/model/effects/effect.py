@@ -192,6 +192,8 @@ class Effect:
         Whether the cylinder may rest off the set-point, so that its first pressure has to be fitted.
     late
         What comes late by its one parameter [s], `reading` or `displacement`: recordings are looked up at another time.
+    looks_ahead
+        Whether the displacement runs ahead by its first parameter [s], at its rate: that rate's noise comes with it.
     quickens
         Returns how many times faster than the gains say the cylinder may be, from an absolute pressure [Pa], a
         displacement [m], K_x [Pa/m] and its parameters.
@@ -244,6 +246,7 @@ class Effect:
     moves_rest: bool = False
     rests_anywhere: bool = False
     late: Literal['', 'reading', 'displacement'] = ''
+    looks_ahead: bool = False
     quickens: Callable[..., float] | None = field(default=None, repr=False)
     fastest: Callable[..., float] | None = field(default=None, repr=False)
     of_time: bool = False
