@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from cfd_pneumatic.units import INCH, PSI, PSI_PER_INCH
 from studies.documents import notes_in, table
 from studies.provenance import ROOT, machine
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 Motion = Callable[[Array], Array]
 
 DOCUMENT = ROOT / 'docs' / 'coverage.md'
@@ -91,7 +92,7 @@ def strokes(rng: np.random.Generator) -> tuple[Motion, Motion]:
 
 def surface(rng: np.random.Generator) -> tuple[Motion, Motion]:
     """Return the motion over a surface: waves of all lengths."""
-    omega = 2.0 * np.pi * np.exp(rng.uniform(*np.log(FREQUENCIES), WAVES))
+    omega = 2.0 * np.pi * np.exp(rng.uniform(math.log(FREQUENCIES[0]), math.log(FREQUENCIES[1]), WAVES))
     phase, height = rng.uniform(0.0, 2.0 * np.pi, WAVES), SURFACE * math.sqrt(2.0 / WAVES)
 
     def displacement(at: Array) -> Array:
@@ -144,7 +145,8 @@ def scored(job: tuple[int, int]) -> tuple[int, Array]:
     draws = [np.random.default_rng([job[0], seed]) for seed in range(first, first + TOGETHER)]
     displacements, rates = zip(*(kind.motion(rng) for rng in draws))
     exact = pressures(gains, AMBIENT_PRESSURE + psig * PSI, rates, kind.samples)
-    times, sensors = PERIOD * np.arange(kind.samples), Sensors(bits=kind.bits)
+    times: Array = PERIOD * np.arange(kind.samples)
+    sensors = Sensors(bits=kind.bits)
     rows = []
     for displacement, pressure, rng in zip(displacements, exact.T, draws):
         moved = Signal(times, sensors.measure_displacement(displacement(times), rng))

@@ -82,8 +82,22 @@ def test_smooths_a_surface_followed_at_500_hz(seed):
     assert np.std(error) < 0.65e-6
     assert np.std(error) == pytest.approx(motion.uncertainty, rel=0.15)
     assert np.std(motion.rate - rate) < 0.01 * np.std(rate)
+    assert np.std(motion.rate - rate) == pytest.approx(motion.rate_uncertainty, rel=0.35)
     assert np.std(motion.acceleration - acceleration) < 0.1 * np.std(acceleration)
     assert motion.knots().size < 1.05 * times.size
+
+
+@pytest.mark.parametrize('order', [2, 3])
+def test_standard_errors_are_those_of_a_motion_that_white_noise_drives(order):
+    rng, period, noise, fine = np.random.default_rng(order), 2e-3, 1e-6, 50
+    course = 0.5 ** (3 - order) * rng.normal(size=20_000 * fine) * (10.0, 600.0)[order - 2]
+    for _ in range(order - 1):
+        course = np.cumsum(course - course.mean()) * (period / fine)
+    rate, truth = course[::fine], np.append(0.0, np.cumsum(course)[:-1] * (period / fine))[::fine]
+    times = period * np.arange(truth.size)
+    motion = smooth_motion(times, truth + noise * rng.normal(size=truth.size))
+    assert np.std(motion.displacement - truth) == pytest.approx(motion.uncertainty, rel=0.1)
+    assert np.std(motion.rate - rate) == pytest.approx(motion.rate_uncertainty, rel=0.1)
 
 
 def test_derivatives_between_samples_are_the_motions():
