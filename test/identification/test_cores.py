@@ -77,6 +77,15 @@ def test_what_is_wrong_with_a_device_of_full_physics_is_named(effect, make, seed
     assert rms(found.cylinders['cylinder_a']) <= 1.05 * oracle_rmse(drawn)
 
 
+def test_where_much_is_left_the_search_is_begun_from_the_core_alone():
+    """Three effects beside the linear core lead astray, and are named without it."""
+    _, found = closed('flow_saturation', 'walls', seed=120)
+    result = found.cylinders['cylinder_a']
+    assert result.findings.core == 'physical'
+    assert result.findings.effects == ('flow_saturation',)
+    assert rms(result) < 0.1 * result.rms(0)
+
+
 def test_a_part_is_not_blamed_beside_another_for_physics():
     """With the linear core a late pressure and a saturated valve leave noise; a silencer is no saturated valve."""
     _, found = closed('transport_delay', 'silencer')
