@@ -35,7 +35,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test check properties fuzz crash soak overload week mistakes measured-runs demo benchmark speed-document benchmark-effects benchmark-laws paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
+.PHONY: help setup test check properties fuzz crash soak overload week mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -58,6 +58,9 @@ fuzz: $(VENV)/.with-fuzz  ## change valid inputs at random, and see what readers
 
 measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measured_runs.md; a minute
 	$(PY) -m studies.measured_runs
+
+coverage: $(VENV)/.ready  ## how often intervals hold the truth, write docs/coverage.md; ten minutes
+	$(PY) -m studies.coverage $(ARGS)
 
 crash: $(VENV)/.ready  ## kill programs at each call that changes a name, and fill their disk; needs strace; 20 minutes
 	$(PY) -m studies.crashes $(ARGS)

@@ -33,6 +33,17 @@ def test_columns_by_number(tmp_path):
     np.testing.assert_allclose(found.cylinders['cylinder_a'].pressure.values, 101_325 + np.array([2e5, 2.5e5, 3e5]))
 
 
+def test_thousands_of_times_may_be_grouped(tmp_path):
+    mapping = "table: {time: {column: 1, unit: us, thousands: '.'}, delimiter: semicolon}\n"
+    mapping += 'cylinder_a: {pressure: {column: 2, unit: bar, reference: gauge}}\n'
+    found = read(tmp_path, '0.000;2.5\n273.000;2.4\n119.141.000;2.3\n', mapping)
+    pressure = found.cylinders['cylinder_a'].pressure
+    np.testing.assert_allclose(pressure.times, [0.0, 0.273, 119.141])
+    np.testing.assert_allclose(pressure.values, 101_325 + np.array([2.5e5, 2.4e5, 2.3e5]))
+    assert found.rests
+    assert not found.displacement.values.any()
+
+
 def test_columns_by_name_and_a_delimiter(tmp_path):
     mapping = """\
 table: {time: {column: t, unit: s}, delimiter: comma, header_rows: 2, skip_rows: 1}
