@@ -16,6 +16,7 @@ __version__ = '0.2.0'
 
 OFFERED = (
     'CylinderSignals',
+    'Decay',
     'Device',
     'InputError',
     'Limits',
@@ -24,6 +25,7 @@ OFFERED = (
     'Result',
     'Sensing',
     'Signal',
+    'decay_of',
     'identify',
     'plan',
     'read_mapping',

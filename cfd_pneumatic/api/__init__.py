@@ -3,6 +3,7 @@
 from cfd_pneumatic.api.result import Result, identify
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.decay import Decay, decay_of
 from cfd_pneumatic.planning import Limits, Plan, Sensing, plan
 from cfd_pneumatic.recording import (
     CylinderSignals,
@@ -15,6 +16,7 @@ from cfd_pneumatic.recording import (
 
 __all__ = [
     'CylinderSignals',
+    'Decay',
     'Device',
     'InputError',
     'Limits',
@@ -23,6 +25,7 @@ __all__ = [
     'Result',
     'Sensing',
     'Signal',
+    'decay_of',
     'identify',
     'plan',
     'read_mapping',
