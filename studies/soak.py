@@ -348,21 +348,22 @@ def report(path: Path) -> str:
             by_name.setdefault(row['name'], []).append(row)
     for name, own in by_name.items():
         warm = [row for row in own if row['at'] > WARMING * last]
-        grown, interval = slope(own, 'pss')
+        grown, interval = slope([row for row in own if row['at'] > 0.5 * last], 'own')
         spans = [span(warm, key) for key in KINDS]
         core = np.mean([_core(one) for one in _lives(own)])
         lines.append(
             (
                 name,
-                f'{warm[0]["pss"] / 1024:.1f}',
-                f'{warm[-1]["pss"] / 1024:.1f}',
+                f'{warm[0]["own"] / 1024:.1f}',
+                f'{warm[-1]["own"] / 1024:.1f}',
                 f'{grown / 1024:+.2f} ± {interval / 1024:.2f}',
                 *spans,
                 f'{core:.0%}',
             )
         )
     memory = table(
-        ('process', 'memory at first [MiB]', 'at last [MiB]', 'grows by [MiB/h]', *KINDS, 'of a core'), lines
+        ('process', 'own memory at first [MiB]', 'at last [MiB]', 'in the second half [MiB/h]', *KINDS, 'of a core'),
+        lines,
     )
     lines = []
     for name in ANSWERS:

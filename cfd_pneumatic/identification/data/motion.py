@@ -324,28 +324,31 @@ def observed_motion(recording: Recording) -> tuple[Motion, Array]:
             f'record at least {FEWEST_SAMPLES}'
         )
     check_range(f'{recording.name}: the displacement', signal.values, _LARGEST, 'm')
-    why = 'no displacement was recorded'
-    if not recording.rests:
-        motion = smooth_motion(signal.times, signal.values)
-        strokes = stroke_times(motion.times, motion.displacement, motion.noise)
-        travel = float(np.ptp(signal.values))
-        if strokes.size and travel > MOTION * motion.noise:
-            return motion, strokes
-        why = f'the piston does not move (range {travel * 1e3:.3g} mm, noise {motion.noise * 1e3:.3g} mm)'
-    changes = _changes(recording)
-    if not changes.size:
+    if recording.rests:
+        return _resting(signal), np.append(_changes(recording), signal.times[-1])
+    motion = smooth_motion(signal.times, signal.values)
+    strokes = stroke_times(motion.times, motion.displacement, motion.noise)
+    travel = float(np.ptp(signal.values))
+    if strokes.size == 0 or travel <= MOTION * motion.noise:
         raise InputError(
-            f'{recording.name}: {why}, and no set-point changes: record strokes of the piston, or steps of the '
-            'set-point; what a pressure tells that falls behind a shut valve, `leak_test` says'
+            f'{recording.name}: the piston does not move (range {travel * 1e3:.3g} mm, '
+            f'noise {motion.noise * 1e3:.3g} mm): record strokes of the piston, or leave the displacement out of the '
+            'mapping where it rests on purpose'
         )
-    return _resting(signal), np.append(changes, signal.times[-1])
+    return motion, strokes
 
 
 def _changes(recording: Recording) -> Array:
-    """Return when a set-point changes while the displacement is known [s]."""
+    """Return when a set-point changes while the pressure of a piston at rest is known [s]."""
     changed = [one.setpoint.times[1:] for one in recording.cylinders.values() if one.setpoint is not None]
     first, last = recording.displacement.times[[0, -1]].tolist()
-    return _after(first, last, np.unique(np.concatenate([np.empty(0), *changed])))
+    changes = _after(first, last, np.unique(np.concatenate([np.empty(0), *changed])))
+    if not changes.size:
+        raise InputError(
+            f'{recording.name}: no displacement was recorded, and no set-point changes: record strokes of the piston, '
+            'or steps of the set-point; what a pressure tells that falls behind a shut valve, `leak_test` says'
+        )
+    return changes
 
 
 def _resting(signal: Signal) -> Motion:
@@ -353,7 +356,7 @@ def _resting(signal: Signal) -> Motion:
     still = np.zeros(len(signal))
     return Motion(
         times=signal.times,
-        displacement=still + np.median(signal.values),
+        displacement=still,
         rate=still,
         acceleration=still,
         reach=0.0,

@@ -33,6 +33,7 @@ _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what d
 _RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
 _LAGS = (0.03, 0.1, 0.3)  # of the flow [s]
 _EVEN, _CROWDS = 1e6, (0.3, 0.1, 0.03)  # how knots lie in a range, and about nothing moving
+_LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
 _ASKED = 20_000  # grid steps of each recording
 _FITTED = 4  # of the most promising
@@ -248,7 +249,7 @@ def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
     found = []
     for against, places in _ASKED_FOR.items():
         low, high = ranges[against]
-        if high > low:
+        if high - low > _LEAST_VISITED:
             forms = _FORMS.get(against, ((_LAGS[0], _EVEN),))
             found += [
                 Slot(enters, against, lag, low, high, crowd, units[enters])
