@@ -232,6 +232,10 @@ def shortest_period(experiments: Sequence[Experiment]) -> float:
 
 
 def rests_at_start(motion: Motion) -> bool:
-    """Return whether the piston stands still at the start of a recording."""
+    """
+    Return whether the piston stands still at the start of a recording that moves it.
+
+    One that never does may begin anywhere: what moves there is the set-point, perhaps a moment before.
+    """
     opening = motion.displacement[:10]
-    return bool(np.ptp(opening) <= max(MOTION * motion.noise, 2e-3 * motion.reach))
+    return motion.reach > 0.0 and bool(np.ptp(opening) <= max(MOTION * motion.noise, 2e-3 * motion.reach))
