@@ -40,6 +40,7 @@ from cfd_pneumatic.model.effects.curve import CURVE
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60
+_IDLE = 1.01  # times the sum of squares, up to which an effect that is taken out did nothing
 
 
 def close_loop(
@@ -74,7 +75,8 @@ def close_loop(
         found = searched(candidates, core)
         alternatives, tried = dict(found.alternatives), found.tried
         if found.model.model.parts:
-            after = _fitted(before, found.model.model)
+            after = _fitted(before, _without_idle(before, found.model.model))
+            alternatives = {name: others for name, others in alternatives.items() if name in after.model.effects}
             alternatives |= _confounded(after)
         if CURVE in channel.effects and not (explained(candidates.residual_tests(found.model)) or _is_explained(after)):
             with_law = _with_law(candidates, found.model, before, after)
@@ -162,6 +164,25 @@ def with_core(before: Fit) -> Fit:
         return before
     candidates = Candidates(before.likelihood, before.model)
     return _fitted(before, candidates.with_core(candidates.baseline, names[0]).model)
+
+
+def _without_idle(before: Fit, model: Model) -> Model:
+    """
+    Return a model without effects that do nothing beside the others, as one at its null.
+
+    They were added where the fit before them was stuck, and freed it.
+    """
+    telling = before.likelihood.representative()
+
+    def squares(one: Model) -> float:
+        return sum(float(run @ run) for run in telling.residuals(telling.simulate(one)))
+
+    most = _IDLE * squares(model)
+    for name in list(model.effects):
+        others = replace(model, effects={other: own for other, own in model.effects.items() if other != name})
+        if others.effects and squares(others) < most:
+            model = others
+    return model
 
 
 def _fitted(before: Fit, rough: Model) -> Fit:
