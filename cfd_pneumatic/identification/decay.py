@@ -36,6 +36,7 @@ LARGEST_ERROR, LARGEST_RATIO = 2.0, 1.5
 """Times the noise, and times the least error of a law, beyond which an error on the second half excludes a law."""
 
 _FEWEST_SAMPLES = 50
+_LEAST_NOISE = 1e-3  # of a pressure that was computed, and not measured [Pa]
 _LOWEST = 1e3  # that the pressure has to lie above ambient [Pa]
 _HEADROOM = 1.2  # times the highest gauge pressure
 _NEAR_AMBIENT = 1e-4  # times the highest gauge pressure, down to which a fall is computed
@@ -138,19 +139,21 @@ def decay_of(signal: Signal, ambient_pressure: float) -> Decay:
     Raises
     ------
     InputError
-        If there are too few samples, or the pressure is not above ambient.
+        If there are too few samples, or the pressure never changes or is not above ambient.
 
     """
+    if len(signal) < _FEWEST_SAMPLES:
+        raise InputError(f'{len(signal)} samples are too few: record at least {_FEWEST_SAMPLES}')
     times, pressure = signal.times - signal.times[0], np.asarray(signal.values)
-    if times.size < _FEWEST_SAMPLES:
-        raise InputError(f'{times.size} samples are too few: record at least {_FEWEST_SAMPLES}')
+    if np.ptp(pressure) == 0.0:
+        raise InputError(f'never changes ({pressure[0]:g} Pa): is its sensor connected?')
     gauge = pressure - ambient_pressure
     if float(np.median(gauge)) < _LOWEST:
         raise InputError(
             f'is mostly {1e-3 * float(np.median(gauge)):.4g} kPa above ambient: check its reference and its unit, '
             'or take the part before the chamber is empty'
         )
-    noise = float(np.std(np.diff(pressure))) / math.sqrt(2.0)
+    noise = max(float(np.std(np.diff(pressure))) / math.sqrt(2.0), _LEAST_NOISE)
     falls = {law: _Fall(law, ambient_pressure, float(np.max(gauge))) for law in LAWS}
     fits = [_fitted(fall, times, pressure) for fall in falls.values()]
     limit = min(LARGEST_ERROR * noise, LARGEST_RATIO * max(min(one.error for one in fits), noise))

@@ -80,7 +80,9 @@ def _sentences(name: str, decay: Decay) -> list[str]:
     """Return what the laws come to."""
     best, possible = decay.best, [leak.law for leak in decay.leaks if not leak.excluded]
     if not possible:
-        return ['None of these laws describes the second half: is the valve shut all the time, and the air dry?']
+        return [
+            'None of these laws describes the second half: is the valve shut all the time? --begin and --end say when.'
+        ]
     lines = []
     if best.settling:
         lines.append(
@@ -91,7 +93,7 @@ def _sentences(name: str, decay: Decay) -> list[str]:
         lines.append(f'A leak is not told: its conductance is at most {best.interval[1]:.3g} 1/s.')
         return lines
     lost = _MINUTE * best.conductance * rate_of(best.law, best.start, decay.ambient_pressure)
-    lines.append(f'At the start {1e-3 * lost:.3g} kPa are lost in a minute.')
+    lines.append(f'At the start the pressure falls by {1e-3 * lost:.3g} kPa per minute.')
     if len(possible) > 1 and decay.tells_below is not None:
         gauge, time = decay.tells_below
         lines.append(

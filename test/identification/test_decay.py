@@ -78,8 +78,10 @@ def test_a_pressure_that_holds_has_no_leak():
 @pytest.mark.parametrize(
     ('signal', 'message'),
     [
+        (Signal(TIMES[:0], TIMES[:0]), '0 samples are too few'),
         (Signal(TIMES[:20], np.full(20, 3e5)), '20 samples are too few'),
-        (Signal(TIMES, np.full(TIMES.size, 1e5)), 'kPa above ambient: check its reference'),
+        (Signal(TIMES, np.full(TIMES.size, 3e5)), 'never changes'),
+        (Signal(TIMES, 1e5 + TIMES), 'kPa above ambient: check its reference'),
     ],
 )
 def test_what_tells_nothing_is_refused(signal, message):
