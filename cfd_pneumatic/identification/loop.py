@@ -40,6 +40,7 @@ from cfd_pneumatic.model.effects.curve import CURVE
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60
+_DOES_NOTHING = 'does nothing beside the others'
 _IDLE = 1.01  # times the sum of squares, up to which an effect that is taken out did nothing
 
 
@@ -76,7 +77,12 @@ def close_loop(
         alternatives, tried = dict(found.alternatives), found.tried
         if found.model.model.parts:
             after = _fitted(before, _without_idle(before, found.model.model))
-            alternatives = {name: others for name, others in alternatives.items() if name in after.model.effects}
+            idle = found.model.effects.keys() - after.model.effects.keys()
+            alternatives = {name: others for name, others in alternatives.items() if name not in idle}
+            tried = tuple(
+                replace(one, accepted=False, why=_DOES_NOTHING) if one.effect in idle and one.accepted else one
+                for one in tried
+            )
             alternatives |= _confounded(after)
         if CURVE in channel.effects and not (explained(candidates.residual_tests(found.model)) or _is_explained(after)):
             with_law = _with_law(candidates, found.model, before, after)
