@@ -14,7 +14,7 @@ import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -84,7 +84,7 @@ class Aside:
         self.path = path
         self._folder, self._lock = _locked_folder(path)
         self.made = self._folder / path.name
-        if _others(path, self._folder) and alone:
+        if take_away_left(path.parent, (path.name,), self._folder.name) and alone:
             self.close()
             raise InputError(f'{path} is being written by another run: wait for it, or choose another name')
 
@@ -176,15 +176,26 @@ def make_folder(folder: Path) -> None:
             pass
 
 
-def _prefix(path: Path) -> str:
-    return f'.{path.name}~'  # which is in no name of ours
+def take_away_left(folder: Path, names: Collection[str], own: str = '') -> bool:
+    """
+    Take away what runs that were killed left aside.
 
+    Parameters
+    ----------
+    folder, names
+        Where, and of the files and folders whose successors they made.
+    own
+        Name of a folder aside that stays.
 
-def _others(path: Path, own: Path) -> bool:
-    """Take away what was left aside by who doesn't run any more; return whether somebody does."""
+    Returns
+    -------
+    bool
+        Whether a run that lives makes one of them.
+
+    """
     somebody = False
-    for left in path.parent.glob(f'{_escaped(_prefix(path))}*'):
-        if left.name == own.name:
+    for left in _entries(folder):
+        if left.name == own or _successor(left.name) not in names:
             continue
         with suppress(OSError):
             lock = os.open(left, os.O_RDONLY | os.O_NOFOLLOW)
@@ -198,14 +209,22 @@ def _others(path: Path, own: Path) -> bool:
     return somebody
 
 
-def _escaped(text: str) -> str:
-    return ''.join(f'[{one}]' if one in '*?[' else one for one in text)
+def _entries(folder: Path) -> list[Path]:
+    try:
+        return list(folder.iterdir())
+    except OSError:  # it is not there, or one may not look into it
+        return []
+
+
+def _successor(aside: str) -> str | None:
+    """Return the name of what is made in a folder aside, by its name."""
+    return aside[1:].rpartition('~')[0] if aside.startswith('.') else None
 
 
 def _locked_folder(path: Path) -> tuple[Path, int]:
     """Return a new folder beside a path, and its lock, which tells others that it is in use."""
     while True:
-        folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=_prefix(path)))
+        folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=f'.{path.name}~'))
         with suppress(FileNotFoundError):  # somebody took it for one that was left
             lock = os.open(folder, os.O_RDONLY)
             if _locked(lock) and folder.exists():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from distributed import Client, KilledWorker
 
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import write_text
+from cfd_pneumatic.files import take_away_left, write_text
 from cfd_pneumatic.plant.bags import PlantBag
 from cfd_pneumatic.plant.cluster import results
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
@@ -94,6 +95,7 @@ def survey(
 
     """
     jobs = {_job(bag, settings, folder): bag for bag in bags}
+    _clear(jobs)
     rows: list[Row] = []
     todo = []
     for job, bag in jobs.items():
@@ -121,6 +123,15 @@ def survey(
 def _job(bag: PlantBag, settings: Settings, folder: Path) -> Job:
     path = bag.path.absolute()
     return Job(path, folder.absolute() / bag.folder, settings, fingerprint(path, settings))
+
+
+def _clear(jobs: Iterable[Job]) -> None:
+    """Take away what workers that died left aside: of a bag that was done, nobody else would."""
+    names = defaultdict(set)
+    for job in jobs:
+        names[job.folder.parent].add(job.folder.name)
+    for folder, those in names.items():
+        take_away_left(folder, those)
 
 
 class _Tally:

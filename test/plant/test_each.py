@@ -121,11 +121,14 @@ def test_bags_that_fail_are_rows_the_others_finish_and_what_is_mended_is_done_ag
     write_shift(torn, step(0), 0)
     old = {path: path.stat().st_ino for path in output.rglob('shift_*/row.json')}
     assert len(old) == 2
+    (output / 'cell_1' / '.shift_1~left' / 'shift_1').mkdir(parents=True)  # by a worker that died when it was done
+    (output / 'cell_1' / '.mine~').touch()
     said, found = rows()
     assert said.startswith('8 bags of 4 devices, 4 failed; ')
     mended = {str(torn), str(barred)}
     assert {row['verdict'] for row in found if row['bag'] in mended} == {'fitted'}
     assert {path: path.stat().st_ino for path in old} == old
+    assert [path.name for path in asides(output)] == ['.mine~']
 
 
 def test_a_folder_of_another_run_and_an_address_of_no_scheduler_are_refused(small, tmp_path):
