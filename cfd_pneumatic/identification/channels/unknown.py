@@ -16,7 +16,7 @@ _FEWEST_PERIODS = 0.5  # in the longest experiment: with fewer, a period can't b
 
 _AT_AN_END = 0.1  # of the stroke: a place closer to an end has no other side to be told from
 _SHORT = 0.5  # of the stroke: over more of it nothing opens and shuts
-_LEAST_SUPPLY = 1.2  # of the highest pressure that was recorded: a valve with less behind it would hardly pass air
+_LEAST_SUPPLY = 1.05  # of the highest pressure that was recorded: a valve with less behind it would hardly pass air
 
 
 @dataclass(frozen=True)
