@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import multiprocessing
 import os
 import sys
@@ -21,7 +20,9 @@ from cfd_pneumatic.identification import ChannelResult, Options, identify
 from cfd_pneumatic.identification.decay import decay_of
 from cfd_pneumatic.notices import WARNING, Notice
 from cfd_pneumatic.recording import read_mapping, read_recording
+from studies import predictions
 from studies.documents import notes_in, table
+from studies.predictions import noise, recording_of_run
 from studies.provenance import ROOT, machine
 
 DATA = Path(os.environ.get('CFD_PNEUMATIC_DATA', ROOT.parent / 'shared' / 'data')) / 'pneumatic_actuator'
@@ -39,14 +40,12 @@ class Said:
 
 def said_of(path: Path) -> Said:
     """Identify a run and close the loop."""
-    recording = read_recording(path, mapping=read_mapping(ROOT / 'config' / 'pneumatic_actuator.yaml'))
-    found = identify([recording], Options(close_loop=True))
+    found = identify([recording_of_run(path)], Options(close_loop=True))
     return Said(path.stem, tuple(_line(path.stem, one) for one in found.closed), found.notices)
 
 
 def _line(run: str, result: ChannelResult) -> tuple[str, ...]:
     findings = result.findings
-    noise = float(np.std(np.diff(result.comparisons[0].experiment.measured))) / math.sqrt(2.0)
     share = [100.0 * errors[result.judged_on].rmse / result.span for errors in (result.before, result.after)]
     alternatives = sorted({one for some in findings.alternatives.values() for one in some})
     return (
@@ -58,7 +57,7 @@ def _line(run: str, result: ChannelResult) -> tuple[str, ...]:
         ', '.join(alternatives),
         f'{share[0]:.2f}',
         f'{share[1]:.2f}',
-        f'{result.rmse(1) / noise:.2f}',
+        f'{result.rmse(1) / noise(result.experiments[0].measured):.2f}',
     )
 
 
@@ -80,8 +79,8 @@ def leaks_of(path: Path) -> list[tuple[str, ...]]:
     ]
 
 
-def document(said: Sequence[Said], leaks: Sequence[tuple[str, ...]], notes: str) -> str:
-    """Return the table of runs, what was noticed on them, and that of the pressure decays."""
+def document(said: Sequence[Said], leaks: Sequence[tuple[str, ...]], together: str, notes: str) -> str:
+    """Return the table of runs, what was noticed on them, what one model makes of many, and the pressure decays."""
     header = (
         'run',
         'channel',
@@ -118,6 +117,8 @@ def document(said: Sequence[Said], leaks: Sequence[tuple[str, ...]], notes: str)
                 [(run, f'`{it.code}`', it.message, it.fix) for run, it in noticed if it.level == WARNING],
             ),
             '',
+            together,
+            '',
             '## Pressure decays',
             '',
             'What `leak_test --mapping config/pressure_decay.yaml` says of chambers behind a shut valve. Each law is '
@@ -138,6 +139,7 @@ def document(said: Sequence[Said], leaks: Sequence[tuple[str, ...]], notes: str)
             ),
             '',
             notes,
+            '',
         ]
     )
 
@@ -164,7 +166,7 @@ def main() -> int:
     os.environ['OMP_NUM_THREADS'] = '1'  # read by the new processes
     with ProcessPoolExecutor(2, multiprocessing.get_context('spawn')) as pool:
         said = list(track(pool.map(said_of, runs), description='measured runs', total=len(runs)))
-    write_text(DOCUMENT, document(said, leaks, notes_in(DOCUMENT)))
+    write_text(DOCUMENT, document(said, leaks, predictions.document(DATA), notes_in(DOCUMENT)))
     return 0
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.readings import left_of_force, other_reference
+from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import Recording, Signal
@@ -39,6 +40,7 @@ _CHANGED = 3.0  # times as large an error after a change as before, or the rever
 _ABOVE_NOISE = 2.0  # times the noise: what is smaller has not changed anything that matters
 _STEPS = 0.5  # share of what is left without a set-point that a staircase explains
 _LEAST_STEP = 5.0  # times the noise
+_SEVERAL = 3  # recordings: of two none is the odd one
 _LAG = 'displacement_lag'  # as good as a delay
 _TOLD_BY_FORCE = 0.05  # change of the force's error
 _MOST_TOLD = 5
@@ -66,6 +68,8 @@ def doubts(
         found.append(other_reading)
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in other_reference(one, options)]
+    if not any_warning(found):
+        found += [notice for one in results.values() if one.conclusion for notice in _of_a_stranger(one)]
     if not any_warning(found):
         for name, one in cylinders.items():
             assumed = [held.cylinders[name].setpoint is None for held in recordings if name in held.cylinders]
@@ -193,6 +197,21 @@ def _of_changes(result: ChannelResult) -> Iterator[Notice]:
                 f'{one.name}, {result.name}: the error is {before / small.si:.3g} {small.unit} before t = {when:.1f} s '
                 f'and {after / small.si:.3g} {small.unit} after it',
                 'something changed there, the device or its work: identify the two pieces on their own',
+            )
+
+
+def _of_a_stranger(result: ChannelResult) -> Iterator[Notice]:
+    """Ask whether one recording of several is of another device, once the loop was closed: one core may not fit all."""
+    noises = [max(sample_noise(one.times, one.experiment.measured), 1e-300) for one in result.comparisons]
+    errors = [_rms(one.residual(1)) / noise for one, noise in zip(result.comparisons, noises)]
+    usual = float(np.median(errors))
+    for one, error in zip(result.comparisons, errors):
+        if len(errors) >= _SEVERAL and error > _CHANGED * max(usual, 1.0):
+            yield warning(
+                'recording_differs',
+                f'{one.name}, {result.name}: the error is {error:.2g} times the noise of its samples, and {usual:.2g} '
+                'times in the other recordings',
+                'another device, supply or work: identify it on its own, and the others without it',
             )
 
 

@@ -11,7 +11,8 @@ from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data.tolerance import tolerance_from, tolerated
 from cfd_pneumatic.identification.verdict import VERDICTS
 from cfd_pneumatic.recording import CylinderSignals, Signal
-from cfd_pneumatic.rig import surface_following
+from cfd_pneumatic.recording import recording_of as sampled_recording
+from cfd_pneumatic.rig import device_named, out_and_back, record, surface_following
 from cfd_pneumatic.rig.panel import draw, draw_textbook, oracle_rmse
 
 
@@ -95,6 +96,19 @@ def test_a_tolerance_is_written_with_its_unit():
     for wrong in ('300', 'Pa', '-1N', '1 psi', '1e3Pa', ''):
         with pytest.raises(InputError, match='give Pa, N or percent of the span, as 300Pa, 2N or 1%'):
             tolerance_from([wrong])
+
+
+@pytest.mark.parametrize('odd', [None, 1])
+def test_a_recording_of_another_device_is_told_from_the_others(odd):
+    devices = [device_named('paper', 'effects_a.leak_conductance=1e-9' if one == odd else '') for one in range(3)]
+    recordings = [
+        replace(sampled_recording(record(out_and_back(), device, seed=seed)), name=f'run_{seed}', force=None)
+        for seed, device in enumerate(devices)
+    ]
+    notices = identify(recordings, Options(close_loop=True)).notices
+    told = [one.message for one in notices if one.code == 'recording_differs']
+    assert all(message.startswith(f'run_{odd}, cylinder_a: the error is ') for message in told)
+    assert len(told) == (odd is not None)
 
 
 def test_the_test_part_decides_nothing():

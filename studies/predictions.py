@@ -1,0 +1,178 @@
+"""One model for many measured runs: of all at once, of a pressure that it never saw, of the same again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise, permutations
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import least_squares
+from scipy.signal import find_peaks
+
+from cfd_pneumatic.identification import ChannelResult, Identification, Options, identify
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.recording import Recording, read_mapping, read_recording
+from studies.documents import table
+from studies.provenance import ROOT
+
+Array = NDArray[np.float64]
+
+CYLINDER = 'cylinder_a'
+SEALS = ('KDN', 'NAP310', 'O-ring257')
+PRESSURES = (1, 3, 5, 7)  # [bar]
+UNSEEN = 3  # [bar]
+LEARNT = 0.2  # of a run of the pressure that was not seen: what its set-point is fitted to
+SMOOTHED = 5  # samples, where the piston turns
+
+
+def recording_of_run(path: Path) -> Recording:
+    """Return a measured run."""
+    return read_recording(path, mapping=read_mapping(ROOT / 'config' / 'pneumatic_actuator.yaml'))
+
+
+def noise(measured: Array) -> float:
+    """Return the noise from sample to sample, the standard deviation of the differences over the root of 2."""
+    return float(np.std(np.diff(measured))) / math.sqrt(2.0)
+
+
+def rms(values: Array) -> float:
+    """Return the root of the mean square of what is finite."""
+    return math.sqrt(float(np.nanmean(values**2)))
+
+
+def identified(*runs: Path) -> Identification:
+    """Return what the pressures of some runs tell together."""
+    recordings = [replace(recording_of_run(path), force=None) for path in runs]
+    return identify(recordings, Options(close_loop=True))
+
+
+def predicted(of: ChannelResult, run: ChannelResult, learnt: float = 1.0) -> float:
+    """
+    Return the error of one run's model in another run, over its noise, where only the set-point is fitted.
+
+    Parameters
+    ----------
+    of, run
+        Whose model, and which run.
+    learnt
+        Share of the run that its set-point is fitted to; the rest is scored, or all of it where that is 1.
+
+    """
+    likelihood, (experiment,) = run.fit.likelihood, run.experiments
+    model = replace(of.found.model, own=run.fit.model.own)
+    count = round(learnt * experiment.measured.size)
+    scale = noise(experiment.measured)
+
+    def left(setpoint: Array) -> Array:
+        own = model.own.copy()
+        own[0, 0] = setpoint[0]
+        return (likelihood.simulate(replace(model, own=own))[0] - experiment.measured) / scale
+
+    begin = [float(model.own[0, 0])]
+    found = least_squares(lambda setpoint: left(setpoint)[:count], begin, x_scale=1e3, diff_step=1e-4)
+    return rms(left(found.x)[count if learnt < 1.0 else 0 :])
+
+
+def mean_stroke(of: Experiment, run: Experiment) -> float:
+    """Return the error of one run's mean stroke in another run, over its noise, moved by a constant."""
+    strokes = {way: _mean([one for other, one in _strokes(of) if other == way]) for way in (False, True)}
+    left = np.concatenate([one - strokes[way] for way, one in _strokes(run)])
+    return rms(left - np.nanmean(left)) / noise(run.measured)
+
+
+def _mean(strokes: Sequence[Array]) -> Array:
+    """Return the mean over strokes where there is one; NaN elsewhere."""
+    there = np.isfinite(strokes)
+    total = np.sum(np.where(there, strokes, 0.0), axis=0)
+    count = np.sum(there, axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def document(data: Path) -> str:
+    """Return the tables, of the runs in a folder."""
+    friction, rerun = data / 'friction', data / 'rerun'
+    runs = sorted([*friction.glob('*.csv'), *rerun.glob('*.csv')])
+    alone = {path.stem: identified(path).channels[CYLINDER] for path in runs if not path.stem.startswith('Kidney')}
+    all_runs = identified(*(path for path in runs if path.stem in alone))
+    odd = [one.message for one in all_runs.notices if one.code == 'recording_differs']
+    others = {name: one for name, one in alone.items() if not any(name in message for message in odd)}
+    together = identified(*(path for path in runs if path.stem in others))
+    return '\n'.join(
+        [
+            '## Many runs, one model',
+            '',
+            'Errors over the noise from sample to sample, of the pressure; the force is left out.',
+            '',
+            f'All {len(alone)} runs of the three healthy seals, identified together. Said: {"; ".join(odd)}. The other '
+            f'{len(others)} together tell {_told(together.channels[CYLINDER])}.',
+            '',
+            table(('run', 'alone, test part', 'together, test part'), _together(others, together.channels[CYLINDER])),
+            '',
+            f'Runs at {UNSEEN} bar, predicted by the model of the others of that seal, identified together. Their '
+            f'set-point alone is fitted, to the first {LEARNT:.0%}, which is not scored.',
+            '',
+            table(('seal', f'at {UNSEEN} bar', 'effects beside the core'), _unseen(friction, alone)),
+            '',
+            'Reruns, predicted by the model of another, or by its mean stroke; one constant is fitted.',
+            '',
+            table(('run', 'by that of', 'model', 'mean stroke'), _reruns(rerun, alone)),
+        ]
+    )
+
+
+def _told(together: ChannelResult) -> str:
+    """Return the numbers beside the gains that are told, in words."""
+    return ', '.join(
+        f'`{part}.{name}` {one.value:.4g} {one.unit.strip("-")} ({one.interval[0]:.4g} to {one.interval[1]:.4g})'
+        for part in together.added
+        for name, one in together.parameters(part).items()
+        if one.value is not None and one.interval is not None and one.interval[0] < one.interval[1]
+    )
+
+
+def _together(alone: Mapping[str, ChannelResult], together: ChannelResult) -> Iterator[tuple[str, ...]]:
+    for (name, one), comparison in zip(alone.items(), together.comparisons):
+        scale = noise(comparison.experiment.measured)
+        errors = one.rmse(1), rms(comparison.residual(1)[together.judged(comparison)])
+        yield name, *(f'{error / scale:.2f}' for error in errors)
+
+
+def _unseen(friction: Path, alone: Mapping[str, ChannelResult]) -> Iterator[tuple[str, ...]]:
+    for seal in SEALS:
+        others = [friction / f'{seal}_{pressure}bar.csv' for pressure in PRESSURES if pressure != UNSEEN]
+        model = identified(*others).channels[CYLINDER]
+        error = predicted(model, alone[f'{seal}_{UNSEEN}bar'], LEARNT)
+        yield seal, f'{error:.2f}', ', '.join(model.findings.effects)
+
+
+def _reruns(rerun: Path, alone: Mapping[str, ChannelResult]) -> Iterator[tuple[str, ...]]:
+    for pressure in (3, 7):
+        names = sorted(path.stem for path in rerun.glob(f'*_{pressure}bar.csv'))
+        for of, run in permutations(names, 2):
+            stroke = mean_stroke(alone[of].experiments[0], alone[run].experiments[0])
+            yield run, of, f'{predicted(alone[of], alone[run]):.2f}', f'{stroke:.2f}'
+
+
+_PHASES = np.arange(0.0, 10.0, 0.01)  # since shortly before the piston turned [s]
+_BEFORE = 0.3  # that a stroke is taken to begin before the piston has turned [s]
+
+
+def _strokes(one: Experiment) -> list[tuple[bool, Array]]:
+    """Return the pressure from each turn of the piston to the next, NaN after it, and whether it then goes inwards."""
+    times, position = one.sample_times, gaussian_filter1d(one.at_samples('displacement'), SMOOTHED)
+    stroke = float(np.ptp(position))
+    turns = sorted(
+        (float(times[index]), inwards)
+        for inwards in (False, True)
+        for index in find_peaks(position if inwards else -position, prominence=0.3 * stroke)[0]
+    )
+    found = []
+    for (first, inwards), (last, _) in pairwise(turns):
+        phases = np.where(last - first > _PHASES, _PHASES - _BEFORE, np.nan)
+        found.append((inwards, np.interp(first + phases, times, one.measured)))
+    return found
