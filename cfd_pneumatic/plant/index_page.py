@@ -63,7 +63,7 @@ def index_page(rows: Sequence[Row]) -> str:
         drifting=[(one, part, trend) for one in told for part in one['parts'] for trend in part['trends']],
         failures=[row for device in plant for row in device.failures],
         tally=_tally(plant),
-        common=[wording.spoken(name) for name in named_on_all(plant)],
+        common=list(_common(plant)),
         files=(CSV_FILE, PARQUET_FILE),
     )
 
@@ -88,6 +88,26 @@ def _tally(plant: Sequence[Device]) -> list[dict[str, Any]]:
         for verdict in _VERDICTS
         if verdicts[verdict]
     ]
+
+
+def _common(plant: Sequence[Device]) -> Iterator[str]:
+    """Yield what every device shows, in words, with how large it is: what is the same everywhere is not one device's."""
+    for name in named_on_all(plant):
+        sizes = []
+        for parameter in EFFECTS[name].parameters if name in EFFECTS else ():
+            column = f'{name}.{parameter.name}'
+            told = [_sizes(part.now).get(column, {}).get('value') for device in plant for part in device.parts]
+            values = [one for one in told if one is not None]
+            if values and not parameter.choice:
+                ends = dict.fromkeys(wording.number(one, 3) for one in (min(values), max(values)))
+                sizes.append(f'{parameter.name} {" to ".join(ends)} {parameter.unit.strip("-")}'.rstrip())
+        yield wording.spoken(name) + (f' ({", ".join(sizes)})' if sizes else '')
+
+
+def _sizes(row: Row) -> dict[str, Any]:
+    """Return the parameters of the effects that a row names."""
+    found: dict[str, Any] = json.loads(row.get('effect_parameters') or '{}')
+    return found
 
 
 def _device(rank: int, device: Device) -> dict[str, Any]:
@@ -197,7 +217,7 @@ def _track(rows: Sequence[Row], key: str, column: str, std: str = '') -> Curve |
 
 def _effect_drifts(rows: Sequence[Row]) -> Iterator[Drift]:
     """Yield the parameters of the effects that were found in any bag."""
-    found = [json.loads(row.get('effect_parameters') or '{}') for row in rows]
+    found = [_sizes(row) for row in rows]
     for full in dict.fromkeys(name for one in found for name in one):
         effect, _, name = full.partition('.')
         parameter = next(one for one in EFFECTS[effect].parameters if one.name == name)
