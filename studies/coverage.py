@@ -189,7 +189,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         'How often the 95 % intervals of the gains hold the truth, and by how many standard errors the estimates are '
         'off in the mean. The truth is of another integrator and of smooth motions, sampled at 2 ms; the six rows of '
         f"the paper's Table 1 in turn. Written by `make coverage ARGS='--seeds {first} {end}'`.\n\n"
-        f'- Machine: {machine()}\n\n{table(header, lines)}\n\n{notes_in(DOCUMENT)}'
+        f'- Machine: {machine()}\n\n{table(header, lines)}\n\n{notes_in(DOCUMENT)}\n'
     )
     write_text(DOCUMENT, page)
     return 0

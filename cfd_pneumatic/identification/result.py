@@ -181,7 +181,7 @@ class ChannelResult:
         """Return the residuals without (0) or with effects (1) as they are tested: weighted, before the test part."""
         simulated = [(one.before, one.after)[which] for one in self.comparisons]
         weights = (self.fit, self.found)[which].likelihood.precisions(simulated)
-        return [(one.residual(which) * weight)[one.experiment.fitted] for one, weight in zip(self.comparisons, weights)]
+        return [(one.residual(which) * weight)[one.experiment.counts] for one, weight in zip(self.comparisons, weights)]
 
     def rmse(self, which: int) -> float:
         """Return the error without (0) or with effects (1), on the part on which they are compared [SI]."""

@@ -84,7 +84,7 @@ def test_smooths_a_surface_followed_at_500_hz(seed):
     assert np.std(motion.rate - rate) < 0.01 * np.std(rate)
     assert np.std(motion.rate - rate) == pytest.approx(motion.rate_uncertainty, rel=0.35)
     assert np.std(motion.acceleration - acceleration) < 0.1 * np.std(acceleration)
-    assert motion.knots().size < 1.05 * times.size
+    assert motion.knots().size < 2.4 * times.size
 
 
 @pytest.mark.parametrize('order', [2, 3])
@@ -138,7 +138,7 @@ def test_a_step_between_rests_is_not_smeared_and_its_rests_are_smoothed(start, n
     if noise > 0.0:
         assert np.std(motion.displacement - truth) < 0.35 * noise
         assert motion.noise == pytest.approx(noise, rel=0.1)
-    assert motion.knots().size < 1.2 * times.size
+    assert motion.knots().size < 1.3 * times.size
 
 
 @pytest.mark.parametrize('off', [5e-4, -5e-4, 1e-3])

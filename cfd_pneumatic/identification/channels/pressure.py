@@ -27,7 +27,7 @@ from cfd_pneumatic.identification.data.experiment import Block, Experiment, rest
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_range
-from cfd_pneumatic.identification.data.split import Split
+from cfd_pneumatic.identification.data.split import PARTS, Split
 from cfd_pneumatic.identification.residual.noise import sample_noise, stamp_jitter
 from cfd_pneumatic.identification.residual.regressors import Regressors
 from cfd_pneumatic.identification.residual.shape import lag_of, speed_of, strongest_frequency
@@ -53,6 +53,7 @@ _SMOOTHED = 25  # samples
 _LEAST_FLOW = 10.0  # that a limit may be drawn from [Pa/s]
 _LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone stays below
 _MOST_STEPS = 100.0  # in a sample: what is quicker runs away in them, and no search goes there
+_SENSED = 0.03  # after which a sensed pressure that nobody knew at the start is forgotten, three times its lag [s]
 _SHORTEST_GAP = 1e-9  # [s]
 _SHORTEST_STROKE = 1e-5  # that effects along the stroke are tried over, whatever the piston does [m]
 _APART = 1.05  # times the lowest set-point: where they are nearer, no dependence on the pressure is told
@@ -107,15 +108,18 @@ class Pressure(Channel):
         seen = pressure[: np.searchsorted(sampled, split.bounds[1])]
         level = float(np.median(seen if seen.size else pressure))
         times, inputs = self.driven(motion, level if signals.setpoint is None else signals.setpoint, sampled)
+        at_rest, part = rests_at_start(motion), split.part_of(sampled)
+        known = sampled >= sampled[0] + _SENSED
         return Experiment(
             recording=recording.name,
             times=times,
             inputs=inputs,
             samples=np.searchsorted(times, sampled),
             measured=pressure,
-            part=split.part_of(sampled),
+            part=part,
             motion=motion,
-            starts_at_rest=rests_at_start(motion),
+            starts_at_rest=at_rest,
+            chosen=None if at_rest else known & (part < PARTS.index('test')),
         )
 
     def driven(self, motion: Motion, setpoint: Signal | float, sampled: Array) -> tuple[Array, dict[str, Array]]:

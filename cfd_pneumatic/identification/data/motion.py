@@ -34,7 +34,8 @@ Array = NDArray[np.float64]
 
 _ORDERS = (2, 3)  # how often white noise is integrated to give the displacement
 _MOST_PIECES = 8  # of one sample step
-_FINEST_BEND = 3e-4  # of the stroke that a straight line may be off
+_BEND_OF_NOISE = 0.1  # that a straight line may be off: it is the same in all samples, which noise is not
+_BEND_OF_STROKE = 3e-5
 _LONG = 200_000  # samples, more than which are smoothed in windows
 _WINDOW = 65_536  # samples that are smoothed together
 _MARGIN = 4_096  # samples on either side of them, more than a smoother remembers
@@ -137,7 +138,7 @@ class Motion:
 
     def knots(self) -> Array:
         """
-        Return times between which a straight line follows the displacement to within its noise [s].
+        Return times between which a straight line follows the displacement well within its noise [s].
 
         These are the sample times and, where the motion bends in between (a step of a few samples), evenly spaced ones
         inside a sample step. A bend of a small share of the stroke is let be, whatever the noise: the displacement at
@@ -148,7 +149,7 @@ class Motion:
         acceleration = _derivative(self._pieces, 2)
         sharpest = np.maximum(np.abs(acceleration[-1]), np.abs(np.polyval(acceleration, steps)))
         bend = sharpest * steps**2 / 8.0
-        tolerance = max(self.noise, _FINEST_BEND * self.reach)
+        tolerance = max(_BEND_OF_NOISE * self.noise, _BEND_OF_STROKE * self.reach)
         pieces = np.ones(steps.size, dtype=np.intp)
         if tolerance > 0.0:
             pieces = np.clip(np.ceil(np.sqrt(bend / tolerance)), 1, _MOST_PIECES).astype(np.intp)
