@@ -91,7 +91,7 @@ def _tally(plant: Sequence[Device]) -> list[dict[str, Any]]:
 
 
 def _common(plant: Sequence[Device]) -> Iterator[str]:
-    """Yield what every device shows, in words, with how large it is: what is the same everywhere is not one device's."""
+    """Yield what every device shows, in words, and how large it is: what is the same everywhere is the set-up's."""
     for name in named_on_all(plant):
         sizes = []
         for parameter in EFFECTS[name].parameters if name in EFFECTS else ():

