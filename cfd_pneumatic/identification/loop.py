@@ -201,8 +201,14 @@ def _fitted(before: Fit, rough: Model) -> Fit:
 
 
 def _summary(before: Fit, model: Model) -> Fit:
-    """Return a fitted model summed up: parameters that were not identifiable without effects are not with them."""
+    """
+    Return a fitted model summed up.
+
+    Parameters that were not identifiable without effects are not with them; another core may tell them.
+    """
     after = summary(before.likelihood, model)
+    if model.core:
+        return after
     unidentifiable = {one.name: one for one in before.estimates if not one.identifiable}
     return replace(after, estimates=tuple(unidentifiable.get(one.name, one) for one in after.estimates))
 
