@@ -292,7 +292,7 @@ def _autocorrelation_picture(result: ChannelResult) -> Picture:
 
 def _fitted_input(result: ChannelResult, name: str) -> list[Array]:
     """Return an input on train and validation without its mean; nothing where the channel has no such input."""
-    runs = [one.inputs[name][one.experiment.fitted] for one in result.comparisons if name in one.inputs]
+    runs = [one.inputs[name][one.experiment.counts] for one in result.comparisons if name in one.inputs]
     return [run - np.mean(run) for run in runs if run.size > 2]
 
 
