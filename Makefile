@@ -56,10 +56,10 @@ properties: $(VENV)/.ready  ## run the property tests on random examples, twice 
 fuzz: $(VENV)/.with-fuzz  ## change valid inputs at random, and see what readers and nodes make of them; 2 minutes
 	$(PY) -m studies.fuzz $(ARGS)
 
-measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measured_runs.md; a minute
+measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measured_runs.md; five minutes
 	$(PY) -m studies.measured_runs
 
-coverage: $(VENV)/.ready  ## how often intervals hold the truth, write docs/coverage.md; ten minutes
+coverage: $(VENV)/.ready  ## how often intervals hold the truth, write docs/coverage.md; half an hour
 	$(PY) -m studies.coverage $(ARGS)
 
 crash: $(VENV)/.ready  ## kill programs at each call that changes a name, and fill their disk; needs strace; 20 minutes
