@@ -21,7 +21,7 @@ from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.complement import Complement
-from cfd_pneumatic.identification.search.cores import searched
+from cfd_pneumatic.identification.search.cores import core_for_memory, searched
 from cfd_pneumatic.identification.search.shapes import Drawn, drawn
 from cfd_pneumatic.identification.search.shapes import fitted as fitted_curve
 from cfd_pneumatic.identification.search.stepwise import Trial
@@ -71,9 +71,9 @@ def close_loop(
     alternatives: dict[str, tuple[str, ...]] = {}
     tried: tuple[Trial, ...] = ()
     unknown: Shape | None = None
-    if searching and shortage is None and not explained(tests):
+    if searching and shortage is None and not all(one.passed for one in tests):
         candidates = Candidates(likelihood, before.model)
-        found = searched(candidates, core)
+        found = core_for_memory(candidates, core) if explained(tests) else searched(candidates, core)
         alternatives, tried = dict(found.alternatives), found.tried
         if found.model.model.parts:
             after = _fitted(before, _without_idle(before, found.model.model))

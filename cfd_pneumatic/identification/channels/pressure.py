@@ -56,7 +56,7 @@ _MOST_STEPS = 100.0  # in a sample: what is quicker runs away in them, and no se
 _SENSED = 0.03  # after which a sensed pressure that is not known at the start is forgotten [s]
 _SHORTEST_GAP = 1e-9  # [s]
 _SHORTEST_STROKE = 1e-5  # that effects along the stroke are tried over, whatever the piston does [m]
-_APART = 1.05  # times the lowest set-point: where they are nearer, no dependence on the pressure is told
+_APART = 1.01  # times the lowest set-point: where they are nearer, no dependence on the pressure is told
 _OFFSET, _START = range(2)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
 
@@ -193,8 +193,9 @@ class Pressure(Channel):
 
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
         """Return what a core takes from data sheets, as recordings at one pressure don't tell it."""
-        levels = np.concatenate([one.inputs['setpoint'] + model.own[one.index, _OFFSET] for one in experiments])
-        if float(np.max(levels)) >= _APART * float(np.min(levels)):
+        counted = [one.at_samples('setpoint')[one.counts] + model.own[one.index, _OFFSET] for one in experiments]
+        levels = np.concatenate(counted)
+        if levels.size and float(np.max(levels)) >= _APART * float(np.min(levels)):
             return {}
         reason = 'recordings at one set-point do not tell it: it stands as a data sheet has it'
         return {

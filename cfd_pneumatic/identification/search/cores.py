@@ -56,6 +56,21 @@ def searched(candidates: Candidates, core: str) -> SearchResult:
     return SearchResult(beside.model, {**known, **beside.alternatives}, found.tried + beside.tried)
 
 
+def core_for_memory(candidates: Candidates, core: str) -> SearchResult:
+    """
+    Return the core of what looks like noise with a memory beside the linear one.
+
+    Sensors have such noise, and so has physics that no test of the inputs names: where the other core takes it away,
+    it was no noise.
+    """
+    names = list(candidates.channel.cores)
+    if core != LINEAR and names:
+        alone = candidates.with_core(candidates.baseline, names[0])
+        if _leaves_noise(candidates, alone) and _preferred(candidates, alone, candidates.baseline):
+            return SearchResult(alone, {}, ())
+    return SearchResult(candidates.baseline, {}, ())
+
+
 def _beside(candidates: Candidates, begin: Candidate, core: str) -> SearchResult:
     """
     Return what is found beside a core.
