@@ -20,6 +20,7 @@ from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.stepwise import ALIKE, TIE, Search, SearchResult
 
 _MUCH = 3.0  # times the noise
+_CLEARLY = 0.95  # of another's squares, of which those of the validation part were not fitted
 
 
 def searched(candidates: Candidates, core: str) -> SearchResult:
@@ -97,8 +98,9 @@ def _preferred(candidates: Candidates, one: Candidate, other: Candidate) -> bool
     """
     Return whether a model with another core is preferred to one with the linear core.
 
-    It is where the criterion and the validation part say so. Where the core takes the place of effects, of some that it
-    holds anyway or of one of several, a tie will do, and it is not charged for its own numbers, which data sheets have.
+    It is where the validation part says so, and either the criterion or both parts together do. Where the core takes
+    the place of effects, of some that it holds anyway or of one of several, a tie will do, and it is not charged for
+    its own numbers, which data sheets have.
     """
     if not one.model.core:  # it ran away
         return False
@@ -116,7 +118,10 @@ def _preferred(candidates: Candidates, one: Candidate, other: Candidate) -> bool
     if is_instead:
         return criteria[0] < criteria[1] + TIE and _squares(candidates, one) < ALIKE**2 * _squares(candidates, other)
     errors = one.validation_rmse, other.validation_rmse
-    return criteria[0] < criteria[1] and (errors[0] is None or errors[1] is None or errors[0] < errors[1])
+    if errors[0] is None or errors[1] is None:
+        return criteria[0] < criteria[1]
+    clearly = _squares(candidates, one) < _CLEARLY * _squares(candidates, other)
+    return errors[0] < errors[1] and (clearly or criteria[0] < criteria[1])
 
 
 def _squares(candidates: Candidates, one: Candidate) -> float:
