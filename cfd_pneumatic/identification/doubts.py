@@ -209,7 +209,7 @@ def _of_a_stranger(result: ChannelResult) -> Iterator[Notice]:
         if len(errors) >= _SEVERAL and error > _CHANGED * max(usual, 1.0):
             yield warning(
                 'recording_differs',
-                f'{one.name}, {result.name}: the error is {error:.2g} times the noise of its samples, and {usual:.2g} '
+                f'{one.name}, {result.name}: the error is {error:.3g} times the noise of its samples, and {usual:.3g} '
                 'times in the other recordings',
                 'another device, supply or work: identify it on its own, and the others without it',
             )
