@@ -110,11 +110,13 @@ def _of_delay(
     """Ask whether the pressure comes before the piston, or the displacement late, and what the force says of it."""
     for name in result.found.model.effects:
         what = 'displacement' if name == _LAG else result.channel.effects[name].late
-        estimate = next(iter(result.parameters(name).values()), None) if what else None
-        if estimate is None or estimate.value is None or estimate.interval is None:
+        if not what:
             continue
-        early, late = what == 'reading', abs(estimate.value)
-        if early and estimate.interval[1] >= 0.0:
+        size = result.found.model.effects[name][0]
+        estimate = next(iter(result.parameters(name).values()))
+        _, high = estimate.interval or (size, size)  # none where the search ends at a bound
+        early, late = what == 'reading', abs(size)
+        if high >= 0.0 if early else estimate.value is None:
             continue
         message = f'{result.name}: the displacement seems to come {1e3 * late:.3g} ms late'
         if early:
