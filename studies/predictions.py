@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise, permutations
 from pathlib import Path
@@ -28,6 +28,8 @@ PRESSURES = (1, 3, 5, 7)  # [bar]
 UNSEEN = 3  # [bar]
 LEARNT = 0.2  # of a run of the pressure that was not seen: what its set-point is fitted to
 SMOOTHED = 5  # samples, where the piston turns
+BEFORE = 0.3  # that a stroke is taken to begin before the piston has turned [s]
+PHASES = np.arange(0.0, 10.0, 0.01)  # since a stroke began [s]
 
 
 def recording_of_run(path: Path) -> Recording:
@@ -80,17 +82,12 @@ def predicted(of: ChannelResult, run: ChannelResult, learnt: float = 1.0) -> flo
 
 def mean_stroke(of: Experiment, run: Experiment) -> float:
     """Return the error of one run's mean stroke in another run, over its noise, moved by a constant."""
-    strokes = {way: _mean([one for other, one in _strokes(of) if other == way]) for way in (False, True)}
+    strokes = {}
+    for way in (False, True):
+        ones = np.ma.masked_invalid([one for other, one in _strokes(of) if other == way])
+        strokes[way] = ones.mean(axis=0).filled(np.nan)
     left = np.concatenate([one - strokes[way] for way, one in _strokes(run)])
     return rms(left - np.nanmean(left)) / noise(run.measured)
-
-
-def _mean(strokes: Sequence[Array]) -> Array:
-    """Return the mean over strokes where there is one; NaN elsewhere."""
-    there = np.isfinite(strokes)
-    total = np.sum(np.where(there, strokes, 0.0), axis=0)
-    count = np.sum(there, axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def document(data: Path) -> str:
@@ -158,10 +155,6 @@ def _reruns(rerun: Path, alone: Mapping[str, ChannelResult]) -> Iterator[tuple[s
             yield run, of, f'{predicted(alone[of], alone[run]):.2f}', f'{stroke:.2f}'
 
 
-_PHASES = np.arange(0.0, 10.0, 0.01)  # since shortly before the piston turned [s]
-_BEFORE = 0.3  # that a stroke is taken to begin before the piston has turned [s]
-
-
 def _strokes(one: Experiment) -> list[tuple[bool, Array]]:
     """Return the pressure from each turn of the piston to the next, NaN after it, and whether it then goes inwards."""
     times, position = one.sample_times, gaussian_filter1d(one.at_samples('displacement'), SMOOTHED)
@@ -173,6 +166,6 @@ def _strokes(one: Experiment) -> list[tuple[bool, Array]]:
     )
     found = []
     for (first, inwards), (last, _) in pairwise(turns):
-        phases = np.where(last - first > _PHASES, _PHASES - _BEFORE, np.nan)
+        phases = np.where(last - first > PHASES, PHASES - BEFORE, np.nan)
         found.append((inwards, np.interp(first + phases, times, one.measured)))
     return found

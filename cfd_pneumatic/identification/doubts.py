@@ -116,7 +116,8 @@ def _of_delay(
         estimate = next(iter(result.parameters(name).values()))
         _, high = estimate.interval or (size, size)  # none where the search ends at a bound
         early, late = what == 'reading', abs(size)
-        if high >= 0.0 if early else estimate.value is None:
+        is_told = high < 0.0 if early else estimate.value is not None
+        if not is_told:
             continue
         message = f'{result.name}: the displacement seems to come {1e3 * late:.3g} ms late'
         if early:

@@ -141,9 +141,10 @@ class Motion:
         Return times between which a straight line follows the displacement well within its noise [s].
 
         These are the sample times and, where the motion bends in between (a step of a few samples), evenly spaced ones
-        inside a sample step. A bend of a small share of the stroke is let be, whatever the noise: the displacement at
-        the knots has no part in it, so that it moves the pressure between them by that share of what the stroke does,
-        and at them by the even smaller part that the regulator makes good within one step.
+        inside a sample step. Bends are off the same way in many samples, and would count where noise averages out. A
+        bend of a small share of the stroke is let be, whatever the noise: the displacement at the knots has no part in
+        it, so that it moves the pressure between them by that share of what the stroke does, and at them by the even
+        smaller part that the regulator makes good within one step.
         """
         steps = np.diff(self.times)
         acceleration = _derivative(self._pieces, 2)
