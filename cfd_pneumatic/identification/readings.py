@@ -32,6 +32,9 @@ from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
 _DOUBTFUL = 0.3  # share of a pressure's spread that a model may leave of it; what is read rightly leaves far less
 _BETTER = 0.5  # of what the recordings leave as they are read: what another way leaves at most
+_NO_BETTER = (
+    1.3  # of the squares that recordings leave as they are read: no rough fit of another reference with more ends
+)
 _LONGEST = 20_000  # samples that other ways are tried on
 _ROUGH = (1e-3, 30)  # tolerance and evaluations
 
@@ -71,10 +74,13 @@ def other_reference(result: ChannelResult, options: Options) -> Iterator[Notice]
     if not follows_inputs(conclusion.tests_after):
         return
 
+    left_as_found = result.fit.likelihood.residuals(result.found.simulated)
+    most = _NO_BETTER * float(np.mean(np.concatenate(left_as_found) ** 2))
+
     def by_core(experiments: Sequence[Experiment]) -> tuple[bool, float]:
         candidates = Candidates(replace(result.fit.likelihood, experiments=tuple(experiments)), result.fit.model)
         (name, *_) = result.channel.cores
-        found = candidates.with_core(candidates.baseline, name)
+        found = candidates.with_core(candidates.baseline, name, most)
         return explained(candidates.residual_tests(found)), found.rss
 
     for said, true, shift in (('gauge', 'absolute', -1.0), ('absolute', 'gauge', 1.0)):

@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -79,11 +80,13 @@ def _written(identification: Identification, folder: Path, full: bool) -> Writte
     parameters.write_text(f'{run_line(run)}\n{device.text}', encoding='utf-8')
     files, complete = [parameters], []
     if identification.closed:
-        page.write_text(report_page(identification, live, run), encoding='utf-8')
         compared = compare_files(identification, folder)
-        complete = [
-            write_comparison(path, identification, index, run, full=full) for index, path in enumerate(compared)
-        ]
+        with ThreadPoolExecutor(1) as beside:  # bags are written by what is compiled, which lets the page be made
+            text = beside.submit(report_page, identification, live, run)
+            complete = [
+                write_comparison(path, identification, index, run, full=full) for index, path in enumerate(compared)
+            ]
+        page.write_text(text.result(), encoding='utf-8')
         files += [page, *compared]
     data |= {'run': run, 'files': {path.name: checksum(path) for path in files}}
     report.write_text(json.dumps(data, indent=2, allow_nan=False) + '\n', encoding='utf-8')

@@ -25,7 +25,7 @@ _REFINED = 2  # of the starts of an effect or a core
 _PROMISING = 4  # effects that are fitted to the end at least
 _LONG = 2500  # grid steps
 _EXCERPT = 5000  # grid steps of each recording that rough fits are of
-_LONGER_EXCERPT = 40_000  # that fits are brought close on where everything is more than twice as much
+_LONGER_EXCERPT = 10_000  # that fits are brought close on where everything is more than twice as much
 _FITTED_OF_LONG = 8  # effects
 _RIVALLING = 0.3  # of what the best one takes: what is fitted to the end of long recordings
 _ALIKE = 0.7  # of what its best start takes: starts whose rough fits may change places
@@ -102,19 +102,21 @@ class Candidates:
         self._known_tests: dict[Candidate, list[Test]] = {}
         self.baseline = self.finished(search(self.train, begin, *_FINE).model, begin)
 
-    def with_core(self, candidate: Candidate, name: str) -> Candidate:
+    def with_core(self, candidate: Candidate, name: str, most: float = math.inf) -> Candidate:
         """
         Return a candidate with another core, without effects that are in it.
 
-        It is fitted roughly from each of the core's starts, and from the two best to the end.
+        It is fitted roughly from each of the core's starts, and from the two best to the end; not where the mean square
+        of what it leaves roughly is above `most`.
         """
         core = self.channel.cores[name]
         effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}
         starts = core.starts(self._data(candidate))
         begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
         rough = sorted(each(lambda one: search(self._excerpt, one, *_ROUGH), begins), key=lambda one: one.cost)
-        fine = each(lambda one: self._fine(one.model), rough[:_REFINED])
-        return self.finished(min(fine, key=lambda one: one.cost).model, candidate.model)
+        promises = rough[0].cost <= most * self._excerpt.samples
+        best = self._fine([one.model for one in rough[:_REFINED]]) if promises else rough[0]
+        return self.finished(best.model, candidate.model)
 
     def names(self, candidate: Candidate) -> list[str]:
         """Return the effects that these recordings may tell beside a candidate's."""
@@ -155,9 +157,9 @@ class Candidates:
         )
         before = self._cost_of_excerpt(candidate)
         promising = self._rivals(candidate, rough, before)
-        refined = {name: self._refined(rough[name], before) for name in promising}
-        best = rough | _best_first(_fitted(refined, self._fine))
-        found = [best[name][0].model for name in begins]
+        fine = each(lambda name: self._fine(self._refined(rough[name], before)), promising)
+        best = {name: some[0] for name, some in rough.items()} | dict(zip(promising, fine))
+        found = [best[name].model for name in begins]
         return dict(zip(begins, each(lambda one: self.finished(one, candidate.model), found)))
 
     def without(self, candidate: Candidate, *names: str) -> Candidate:
@@ -263,11 +265,15 @@ class Candidates:
             others = [one for one in others if before - one.cost > _ALIKE * (before - best.cost)]
         return [one.model for one in (best, *others)]
 
-    def _fine(self, begin: Model) -> Optimum:
-        """Return a model fitted to the end."""
-        if self._longer_excerpt is not None:  # the steps of a long way are taken where they are cheap
-            begin = search(self._longer_excerpt, begin, *_FINE).model
-        return search(self.train, begin, *_FINE)
+    def _fine(self, begins: Sequence[Model]) -> Optimum:
+        """Return the best fit to the end; of long recordings the steps of a long way are taken where they are cheap."""
+        if self._longer_excerpt is not None:
+            begins = [self._best_of(self._longer_excerpt, begins).model]
+        return self._best_of(self.train, begins)
+
+    def _best_of(self, likelihood: Likelihood, begins: Sequence[Model]) -> Optimum:
+        """Return the best of fits from models."""
+        return min(each(lambda one: search(likelihood, one, *_FINE), begins), key=lambda one: one.cost)
 
 
 def _is_finite(simulated: Sequence[Array]) -> bool:
