@@ -8,7 +8,9 @@ as well, unless by effects that the other core holds anyway.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.stepwise import ALIKE, TIE, Search, SearchResult
 
+_NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 _MUCH = 3.0  # times the noise
 _CLEARLY = 0.95  # of another's squares, of which those of the validation part were not fitted
 
@@ -39,11 +42,11 @@ def searched(candidates: Candidates, core: str) -> SearchResult:
     found = linear.run()
     begins = [alone]
     if found.model.effects:
-        beside_found = candidates.with_core(found.model, names[0])
-        begins.append(Search(candidates, alone).pruned(beside_found))
+        begins.append(candidates.with_core(found.model, names[0]))
     enough = _leaves_noise(candidates, found.model) and len(found.model.effects) <= 1
-    if enough and not any(_preferred(candidates, one, found.model) for one in begins):
+    if enough and not any(_preferred(candidates, one, found.model, found.alternatives) for one in begins):
         return found  # what the linear core explains with one effect is not looked for elsewhere
+    begins = [alone, *(Search(candidates, alone).pruned(one) for one in begins[1:])]
     begins.sort(key=lambda one: one.rss)
     begin = begins[0]
     beside = SearchResult(begin, {}, ()) if _leaves_noise(candidates, begin) else _beside(candidates, begin, names[0])
@@ -51,7 +54,7 @@ def searched(candidates: Candidates, core: str) -> SearchResult:
         if _leaves_much(candidates, beside.model):  # the way there may have led astray
             again = _beside(candidates, other, names[0])
             begin, beside = min((begin, beside), (other, again), key=lambda pair: pair[1].model.rss)
-    if not _preferred(candidates, beside.model, found.model):
+    if not _preferred(candidates, beside.model, found.model, found.alternatives):
         return found
     known = {name: others for name, others in found.alternatives.items() if name in begin.effects}
     return SearchResult(beside.model, {**known, **beside.alternatives}, found.tried + beside.tried)
@@ -94,13 +97,15 @@ def _leaves_much(candidates: Candidates, one: Candidate) -> bool:
     return any(test.name == 'noise_floor' and test.statistic > _MUCH for test in candidates.residual_tests(one))
 
 
-def _preferred(candidates: Candidates, one: Candidate, other: Candidate) -> bool:
+def _preferred(
+    candidates: Candidates, one: Candidate, other: Candidate, alternatives: Mapping[str, tuple[str, ...]] = _NONE
+) -> bool:
     """
     Return whether a model with another core is preferred to one with the linear core.
 
     It is where the validation part says so, and either the criterion or both parts together do. Where the core takes
-    the place of effects, of some that it holds anyway or of one of several, a tie will do, and it is not charged for
-    its own numbers, which data sheets have.
+    the place of effects, of some that it holds anyway or whose `alternatives` it holds or of one of several, or leaves
+    noise where the other doesn't, a tie will do, and it is not charged for its own numbers, which data sheets have.
     """
     if not one.model.core:  # it ran away
         return False
@@ -108,8 +113,9 @@ def _preferred(candidates: Candidates, one: Candidate, other: Candidate) -> bool
     (core,) = (candidates.channel.effects[name] for name in one.model.core)
     coefficients = autoregression(min((one, other), key=lambda model: model.rss).residuals)
     more = set(other.effects) - set(one.effects)
-    several = len(other.effects) > max(len(one.effects), 1) and _leaves_noise(candidates, one)
-    is_instead = (bool(more) and more <= set(core.covers)) or several
+    is_held = bool(more) and all({name, *alternatives.get(name, ())} & set(core.covers) for name in more)
+    several = len(other.effects) > max(len(one.effects), 1)
+    is_instead = is_held or ((several or not _leaves_noise(candidates, other)) and _leaves_noise(candidates, one))
     charged = one.unknowns - (len(core.parameters) if is_instead else 0)
     criteria = [
         train.criterion(model.residuals, unknowns, coefficients)

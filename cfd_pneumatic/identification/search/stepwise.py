@@ -230,7 +230,7 @@ class Search:
             validation = candidate.validation_rmse
             reason = objection(gain, drop, len(model.effects), validation, reference)
             most = max(drop, _dropped(validation, reference))
-            little = model.effects and most < _LEAST_DROP_OF_MORE
+            little = model.model.parts and most < _LEAST_DROP_OF_MORE
             if reason is None and little:
                 reason = self._too_little(candidate)
             objections[name] = reason
@@ -245,7 +245,7 @@ class Search:
         return Step(candidates, ranked, tuple(leads), trials)
 
     def _too_little(self, candidate: Candidate) -> str | None:
-        """Return why a further effect that takes little is not worth adding, or None: it is chance, or the core's."""
+        """Return why an effect that takes little beside others or a core is not worth adding, or None."""
         least = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %'
         if candidate.model.core:
             return f'{least}, as the numbers of the core might'
