@@ -16,7 +16,7 @@ import numpy as np
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.data.options import AUTO, LINEAR, PHYSICAL
 from cfd_pneumatic.identification.data.tolerance import Tolerance
-from cfd_pneumatic.identification.fit.fit import Fit, search, summary
+from cfd_pneumatic.identification.fit.fit import Fit, as_data_sheets, search, summary
 from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
@@ -194,7 +194,9 @@ def _without_idle(before: Fit, model: Model) -> Model:
 def _fitted(before: Fit, rough: Model) -> Fit:
     """Return what was found fitted to the end; as it was found where that runs away."""
     likelihood = before.likelihood
-    model = search(likelihood, rough, _NEAR_ENOUGH / likelihood.samples, _MOST_EVALUATIONS).model
+    how = _NEAR_ENOUGH / likelihood.samples, _MOST_EVALUATIONS
+    found = search(likelihood, rough, *how)
+    model = (as_data_sheets(likelihood, found, *how) if found.model.core else found).model
     if not all(np.all(np.isfinite(values)) for values in likelihood.simulate(model)):
         model = rough
     return _summary(before, model)

@@ -27,6 +27,8 @@ from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+UNTOLD = 'the recordings do not tell it: it stands as a data sheet has it'
+
 Effects = Mapping[str, tuple[float, ...]]
 """Parameters of each effect that is on, by its name."""
 
@@ -113,6 +115,8 @@ class Model:
         How many of them were searched.
     core
         What stands in the linear core's place, by its name with its parameters; empty where nothing does.
+    untold
+        Names of the core's parameters that are held as a data sheet has them.
 
     """
 
@@ -121,6 +125,7 @@ class Model:
     own: Array
     unknowns: int = 0
     core: Effects = field(default_factory=dict)
+    untold: frozenset[str] = frozenset()
 
     @classmethod
     def of_parts(cls, parameters: Array, parts: Effects, own: Array, unknowns: int = 0) -> Model:
@@ -279,8 +284,8 @@ class Channel(ABC):
 
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
         """Return why parameters of the model, and of its effects, are held and not searched, by their names."""
-        del experiments, model
-        return {}
+        del experiments
+        return dict.fromkeys(model.untold, UNTOLD)
 
     def check(
         self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model, estimates: Sequence[Estimate]
@@ -447,6 +452,8 @@ class Channel(ABC):
                         upper,
                         scale,
                         parameter.logarithmic,
+                        expected=math.log(parameter.null) if parameter.logarithmic else parameter.null,
+                        spread=parameter.spread,
                     )
                 )
         return found

@@ -195,10 +195,11 @@ class Pressure(Channel):
         """Return what a core takes from data sheets, as recordings at one pressure don't tell it."""
         counted = [one.at_samples('setpoint')[one.counts] + model.own[one.index, _OFFSET] for one in experiments]
         levels = np.concatenate(counted)
+        held = dict(super().held(experiments, model))
         if levels.size and float(np.max(levels)) >= _APART * float(np.min(levels)):
-            return {}
+            return held
         reason = 'recordings at one set-point do not tell it: it stands as a data sheet has it'
-        return {
+        return held | {
             f'{core}.{one.name}': reason
             for core in model.core
             for one in self.effects[core].parameters

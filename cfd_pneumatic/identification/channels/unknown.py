@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -38,6 +39,8 @@ class Unknown:
         Whether it is.
     passing
         Whether it is forgotten soon: where a recording began.
+    expected, spread
+        What is known of it beforehand, mean and standard deviation [unit; of the logarithm where it is searched].
 
     """
 
@@ -49,6 +52,8 @@ class Unknown:
     scale: float
     logarithmic: bool = False
     passing: bool = False
+    expected: float = 0.0
+    spread: float = math.inf
 
 
 def bounds_of(parameter: EffectParameter, experiments: Sequence[Experiment]) -> tuple[float, float]:

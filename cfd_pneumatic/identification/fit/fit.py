@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
+from scipy.special import chdtri, stdtrit
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Model
+from cfd_pneumatic.identification.channels.channel import UNTOLD, Channel, Estimate, Model
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.fit.levenberg import least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
@@ -28,6 +29,7 @@ FINE = (1e-9, 200)
 
 _EXCERPT = 10_000  # grid steps that starts are chosen on
 _CONFIDENCE = 0.95
+_AS_KNOWN = 0.7  # of the spread that is known beforehand: a number that recordings tell no better, they don't tell
 _AT_BOUND = 1e-3  # of what is searched
 _SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not determined
 
@@ -84,9 +86,31 @@ def fit(channel: Channel, experiments: Sequence[Experiment], initial: Model | No
     if len(starts) > 1 or alike.excerpt(_EXCERPT) is not alike:
         part = alike.excerpt(_EXCERPT)
         start = min(each(lambda one: search(part, one, *ROUGH), starts), key=lambda found: found.cost).model
-    first = search(alike, start, *FINE).model
+    first = _begun_on_either_side(alike, search(alike, start, *FINE).model)
     weighed = alike.weighed(alike.simulate(first))
     return summary(weighed, first if weighed is alike else search(weighed, first, *FINE).model)
+
+
+def _begun_on_either_side(likelihood: Likelihood, model: Model) -> Model:
+    """
+    Return a fitted model, its recordings begun above the set-point or below it, as each fits better.
+
+    A pressure that begins under way charges or vents: either side has a minimum of its own.
+    """
+    channel, experiments = likelihood.channel, likelihood.experiments
+    begun = [one.slot for one in channel.unknowns(experiments, model) if one.passing]
+    if not begun:
+        return model
+    row = channel.row(model)
+    row[begun] *= -1.0
+    other = search(likelihood, channel.model(row, tuple(model.parts)), *FINE).model
+    left = [[float(run @ run) for run in likelihood.residuals(likelihood.simulate(one))] for one in (model, other)]
+    is_better = np.array(left[1]) < np.array(left[0])
+    own = model.own.copy()
+    for one, better in zip(experiments, is_better):
+        if better:
+            own[one.index] = other.own[one.index]
+    return search(likelihood, replace(other if is_better.all() else model, own=own), *FINE).model
 
 
 class Optimum(NamedTuple):
@@ -171,6 +195,66 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
     return Fit(model, tuple(estimates), own, tuple(simulated), likelihood)
 
 
+def as_data_sheets(likelihood: Likelihood, found: Optimum, tolerance: float, evaluations: int) -> Optimum:
+    """
+    Return a fitted model, fitted again with what recordings don't tell of its core held as data sheets have it.
+
+    All that a data sheet may leave out is held, where the recordings' likelihood doesn't contradict that; else as many
+    of these numbers as they don't contradict together.
+    """
+    sheet = dict(_data_sheet(likelihood.channel, found.model))
+    for names in (frozenset(sheet), _untold(likelihood, found.model, sheet)):
+        core = {
+            name: tuple(
+                sheet[full] if (full := f'{name}.{one.name}') in names else value
+                for one, value in zip(likelihood.channel.effects[name].parameters, values)
+            )
+            for name, values in found.model.core.items()
+        }
+        held = search(likelihood, replace(found.model, core=core, untold=names), tolerance, evaluations)
+        if likelihood.samples * math.log(held.cost / found.cost) < chdtri(max(len(names), 1), 1.0 - _CONFIDENCE):
+            return held
+    return found
+
+
+def _data_sheet(channel: Channel, model: Model) -> Iterator[tuple[str, float]]:
+    """Yield what a data sheet says of a core's numbers that may be nothing at all, by their names."""
+    for core in model.core:
+        for one in channel.effects[core].parameters:
+            if one.null == one.lower:
+                yield f'{core}.{one.name}', one.null
+
+
+def _untold(likelihood: Likelihood, model: Model, sheet: Mapping[str, float]) -> frozenset[str]:
+    """Return the names of as many numbers as recordings don't contradict a data sheet of together, by Wald's test."""
+    unknowns = Unknowns(likelihood.channel, likelihood.experiments, model)
+    units = unknowns.scales(unknowns.start)
+    away = {
+        index: float(unknowns.start[index]) - sheet[one.name] / units[index]
+        for index, one in enumerate(unknowns.table)
+        if one.name in sheet
+    }
+    untold = [index for index, distance in away.items() if distance == 0.0]
+    fisher = _information(likelihood, unknowns, likelihood.simulate(model))
+    free = np.array([index for index in range(len(unknowns.table)) if index not in untold], dtype=np.intp)
+    covariance = np.zeros_like(fisher.normal)
+    covariance[np.ix_(free, free)] = fisher.covariance(max(fisher.size - free.size, 1), free)
+
+    def contradiction(some: list[int]) -> float:
+        distance = np.array([away[index] for index in some])
+        return float(distance @ np.linalg.lstsq(covariance[np.ix_(some, some)], distance)[0])
+
+    asked = [index for index in away if index not in untold]
+    chosen: list[int] = []
+    while asked:
+        least, index = min((contradiction([*chosen, one]), one) for one in asked)
+        if least > chdtri(len(chosen) + 1, 1.0 - _CONFIDENCE):
+            break
+        chosen.append(index)
+        asked.remove(index)
+    return frozenset(unknowns.table[index].name for index in (*untold, *chosen))
+
+
 def _information(likelihood: Likelihood, unknowns: Unknowns, simulated: Sequence[Array]) -> Information:
     """Return what the residuals tell about the unknowns, as they are searched."""
 
@@ -180,7 +264,8 @@ def _information(likelihood: Likelihood, unknowns: Unknowns, simulated: Sequence
             jacobian[:, own] = rows[1:].T
             yield jacobian
 
-    return information(jacobians(), [run for run in likelihood.residuals(simulated) if run.size])
+    found = information(jacobians(), [run for run in likelihood.residuals(simulated) if run.size])
+    return found.beside_prior(unknowns.precision)
 
 
 def _unidentifiable(likelihood: Likelihood, unknowns: Unknowns, fisher: Information) -> dict[int, str]:
@@ -229,7 +314,9 @@ def _standard_errors(
     errors = stds * unknowns.scales(unknowns.start)
     values = unknowns.row(unknowns.start)[unknowns.slots]
     for index, one in enumerate(unknowns.table):
-        if '.' in one.name and errors[index] > abs(values[index]):
+        if stds[index] > _AS_KNOWN * one.spread / (1.0 if one.logarithmic else one.scale):
+            reasons.setdefault(index, UNTOLD)
+        elif '.' in one.name and errors[index] > abs(values[index]):
             reasons.setdefault(index, 'these recordings tell the effect, but not this parameter')
     return errors
 

@@ -52,6 +52,21 @@ class Quadratic:
         products = gram(rows)
         return cls(float(products[0, 0]), products[0, 1:], products[1:, 1:])
 
+    def beside_prior(self, away: Array, precision: Array, count: int) -> Quadratic:
+        """
+        Return it beside what is known of the point: how far it is from what is expected, and how precisely that is.
+
+        Times 1 + q / n with q = sum(precision away^2), as n log(sum) + q falls where the residuals' variance is not
+        known.
+        """
+        slope, variance = precision * away, self.total / count
+        factor = 1.0 + float(away @ slope) / count
+        return Quadratic(
+            factor * self.total,
+            factor * self.gradient + variance * slope,
+            factor * self.normal + variance * np.diag(precision),
+        )
+
     @property
     def is_finite(self) -> bool:
         """Whether the model has not run away."""

@@ -68,6 +68,7 @@ class Unknowns:
         self.parts = tuple(model.parts)
         self.slots = np.array([one.slot for one in self.table], dtype=np.intp)
         self._channel = channel
+        self._untold = model.untold
         self._row = channel.row(model)
         for name in channel.held(experiments, model):
             effect, _, parameter = name.partition('.')
@@ -80,6 +81,8 @@ class Unknowns:
         self.lower, self.upper = (
             self._inward(np.array([getattr(one, side) for one in self.table])) for side in ('lower', 'upper')
         )
+        self._expected = np.array([one.expected for one in self.table]) / self._units
+        self.precision = (self._units / np.array([one.spread for one in self.table])) ** 2
         self._of = {one.index: self._concerning(channel.own_slots(one.index), channel.shared) for one in experiments}
         self.start = np.clip(self._inward(self._row[self.slots]), self.lower, self.upper)
 
@@ -96,6 +99,10 @@ class Unknowns:
     def longest_step(self) -> Array:
         """Farthest that a search may go at once: a factor of seven where it searches a logarithm, shape (k,)."""
         return np.where(self._logarithmic, _LONGEST_STEP, np.inf)
+
+    def away(self, point: Array) -> Array:
+        """Return how far each is from what is expected of it, where something is, shape (k,)."""
+        return np.where(self.precision > 0.0, point - self._expected, 0.0)
 
     def _inward(self, values: Array) -> Array:
         with np.errstate(divide='ignore', invalid='ignore'):
@@ -115,7 +122,7 @@ class Unknowns:
 
     def model(self, point: Array) -> Model:
         """Return the model at a point."""
-        return self._channel.model(self.row(point), self.parts, self.count)
+        return replace(self._channel.model(self.row(point), self.parts, self.count), untold=self._untold)
 
 
 @dataclass(frozen=True)
@@ -259,7 +266,8 @@ class Likelihood:
             total += here.total
             gradient[own] += here.gradient
             normal[np.ix_(own, own)] += here.normal
-        return Quadratic(total, gradient, normal)
+        here = Quadratic(total, gradient, normal)
+        return here.beside_prior(unknowns.away(point), unknowns.precision, max(self.samples, 1))
 
     def rows(self, unknowns: Unknowns, point: Array) -> Iterator[tuple[Array, Indices]]:
         """

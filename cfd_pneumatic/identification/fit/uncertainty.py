@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,12 @@ class Information:
     scores: Array | None
     power: float
     size: int
+
+    def beside_prior(self, precision: Array) -> Information:
+        """Return it beside what is known of each unknown beforehand, as precisely as said, shape (k,)."""
+        known = np.diag(precision) * (self.power / self.size)
+        scores = None if self.scores is None else self.scores + known * (self.power / self.size)
+        return replace(self, normal=self.normal + known, scores=scores)
 
     def covariance(self, degrees: int, free: NDArray[np.intp] | None = None) -> Array:
         """

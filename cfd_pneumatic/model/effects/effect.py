@@ -26,6 +26,7 @@ however many these are.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
@@ -142,6 +143,9 @@ class EffectParameter:
         Whether it is a `place` on the stroke or a `length` of it: no search leaves what was recorded.
     least
         What no search goes below, where that is not `lower` [unit].
+    spread
+        By how much devices are known to differ from `null`: a standard deviation [unit; none where it is searched in
+        its logarithm].
 
     """
 
@@ -157,6 +161,7 @@ class EffectParameter:
     is_supply: bool = False
     on_stroke: Literal['', 'place', 'length'] = ''
     least: float | None = None
+    spread: float = math.inf
 
 
 Data = Mapping[str, float]

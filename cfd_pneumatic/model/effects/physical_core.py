@@ -25,6 +25,9 @@ SMALLEST_VOLUME = 0.05
 SLOWEST_LOSS = 0.01
 """Walls that take longer are none: then the change of state is polytropic, as the paper has it [1/s]."""
 
+STARTING_SUPPLY = 1.2
+"""Times the highest pressure: where a data sheet's supply is lower, a search starts from that [-]."""
+
 STARTING_STIRRING = 3.0
 """Motion that hardly adds to the walls, which a search starts from [s/m]."""
 
@@ -162,7 +165,7 @@ def evolve(
 def starts(data: Data) -> list[tuple[float, ...]]:
     """Return the middle of what was recorded as the reference, beside walls of several kinds."""
     position, pressure = 0.5 * (data['x_low'] + data['x_high']), data['level']
-    supply = 2.0 * data['highest_pressure']
+    supply = max(EFFECT.null[2], STARTING_SUPPLY * data['highest_pressure'])
     seen = STARTING_OPENING / max(data['highest_pressure'] - pressure, SMALLEST_RISE)
     return [
         (pressure, position, supply, *EFFECT.null[3:7], loss, 0.01, silencer, STARTING_ENTRANCE, STARTING_STIRRING)
@@ -209,12 +212,10 @@ EFFECT = Effect(
             8e5,
             'absolute supply pressure',
             logarithmic=True,
-            of_pressure=True,
             is_supply=True,
+            spread=0.3,
         ),
-        EffectParameter(
-            'critical_ratio', '-', 0.1, 0.6, 0.4, 'pressure ratio at which the valves choke', of_pressure=True
-        ),
+        EffectParameter('critical_ratio', '-', 0.1, 0.6, 0.4, 'pressure ratio at which the valves choke', spread=0.2),
         EffectParameter(
             'supply_growth',
             '-',
@@ -223,6 +224,7 @@ EFFECT = Effect(
             0.0,
             "exponent of the set-point in the supply valve's gain",
             of_pressure=True,
+            spread=1.0,
         ),
         EffectParameter(
             'relief_growth',
@@ -232,8 +234,9 @@ EFFECT = Effect(
             0.0,
             "exponent of the set-point in the relief valve's gain",
             of_pressure=True,
+            spread=1.0,
         ),
-        EffectParameter('exponent', '-', 1.0, 1.4, 1.3, 'polytropic exponent of a fast change'),
+        EffectParameter('exponent', '-', 1.0, 1.4, 1.3, 'polytropic exponent of a fast change', spread=0.2),
         EffectParameter(
             'wall_loss', '1/s', 0.0, 1e3, 0.0, 'inverse of the time constant m c_v / (h A), at ambient pressure'
         ),
