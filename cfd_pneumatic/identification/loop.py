@@ -16,7 +16,8 @@ import numpy as np
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.data.options import AUTO, LINEAR, PHYSICAL
 from cfd_pneumatic.identification.data.tolerance import Tolerance
-from cfd_pneumatic.identification.fit.fit import Fit, as_data_sheets, search, summary
+from cfd_pneumatic.identification.fit.data_sheets import as_data_sheets
+from cfd_pneumatic.identification.fit.fit import Fit, search, summary
 from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates

@@ -10,6 +10,7 @@ from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.identification.channels.channel import UNTOLD
 from cfd_pneumatic.recording import recording_of as sampled_recording
 from cfd_pneumatic.rig import device_named, record, surface_following
 from cfd_pneumatic.rig.panel import draw, oracle_rmse
@@ -66,6 +67,22 @@ def test_its_numbers_are_the_devices():
     assert told['exponent'].value == pytest.approx(1.4, abs=0.03)  # air that exchanges heat is adiabatic at first
     length = 1.4 * told['pressure'].value / found.cylinders['cylinder_a'].found.model.parameters[0]
     assert length == pytest.approx(chamber.rest_volume / chamber.area + told['position'].value, rel=0.03)
+
+
+def test_what_recordings_do_not_tell_of_it_stands_as_data_sheets_have_it():
+    """Two orifices and a polytropic chamber have no walls and no silencer: the gains don't make up for any."""
+    _, found = closed(None, 'orifices')
+    model = found.cylinders['cylinder_a'].found.model
+    told = found.cylinders['cylinder_a'].parameters('physical_core')
+    absent = {name for name, one in told.items() if one.reason == UNTOLD}
+    assert absent >= {'wall_loss', 'silencer', 'stirring'}
+    parameters = {one.name: one for one in found.cylinders['cylinder_a'].channel.effects['physical_core'].parameters}
+    for name, value in zip(parameters, model.core['physical_core']):
+        if name in absent and parameters[name].null == parameters[name].lower:
+            assert value == 0.0
+    _, walls = closed(None, 'walls')
+    told = walls.cylinders['cylinder_a'].parameters('physical_core')
+    assert told['wall_loss'].value > 3.0 * told['wall_loss'].std
 
 
 @pytest.mark.parametrize(

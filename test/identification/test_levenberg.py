@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares as scipys
-from scipy.optimize import lsq_linear
+from scipy.optimize import lsq_linear, minimize
 
 from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
 
@@ -246,3 +246,25 @@ def test_a_step_that_goes_far_too_far_is_soon_short_enough(start):
     risen = totals[1:] > np.minimum.accumulate(totals)[:-1]
     longest = max(map(len, ''.join('x' if one else ' ' for one in risen).split()))
     assert longest <= 3
+
+
+@given(seed=st.integers(0, 99), spread=st.floats(0.5, 10.0))
+def test_beside_what_is_known_beforehand_it_ends_where_both_are_likeliest(seed, spread):
+    """Against a general minimiser of the logarithm of the likelihood, the residuals' variance profiled out."""
+    rng = np.random.default_rng(seed)
+    matrix, target = rng.standard_normal((200, 2)), 3.0 * rng.standard_normal(200)
+    expected, precision = np.array([1.0, 0.0]), np.array([spread**-2.0, 0.0])  # of the second nothing is known
+
+    def evaluate(point):
+        rows = np.vstack([matrix @ point - target, matrix.T])
+        return Quadratic.of(rows).beside_prior(point - expected, precision, target.size)
+
+    found, _ = minimum(evaluate, np.zeros(2), np.full(2, -np.inf), np.full(2, np.inf), 1e-12, 100)
+    likeliest = minimize(
+        lambda at: target.size * np.log(np.sum((matrix @ at - target) ** 2)) + precision @ (at - expected) ** 2,
+        np.zeros(2),
+        method='Nelder-Mead',
+        options={'xatol': 1e-9, 'fatol': 1e-12},
+    )
+    error = 3.0 / np.sqrt(target.size)
+    assert found == pytest.approx(likeliest.x, abs=0.05 * error)

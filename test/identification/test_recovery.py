@@ -29,6 +29,8 @@ TIMES = np.arange(SAMPLES) * PERIOD
 LAST_BEFORE_TRIGGER = 49 * PERIOD
 STEP_DURATION = 12e-3
 AMPLITUDE = 60e-3 * INCH
+LEAD = 200  # samples before a recording begins that the device is under way
+SETPOINT = AMBIENT + 10.0 * PSI
 
 
 def step_recording(times, displacement, pressures):
@@ -114,3 +116,22 @@ def test_a_step_that_only_charges_tells_no_discharging_gain():
     assert k_v.interval is None
     assert 'shrink' in k_v.reason
     assert found.estimates[NAMES.index('k_x')].identifiable
+
+
+@pytest.mark.parametrize('seed', [40, 48])
+def test_a_recording_that_begins_under_way_is_fitted_from_either_side_of_the_set_point(seed):
+    """A pressure above the set-point vents, one below it is charged: a fit that begins on one side stays there."""
+    _, k_x, *others = TABLE_1_ROWS[2]
+    truth = np.array([k_x * PSI_PER_INCH, *others])
+    rng = np.random.default_rng(seed)
+    omega, phase, height = 2.0 * np.pi * np.geomspace(0.2, 8.0, 12), rng.uniform(0.0, 2.0 * np.pi, 12), 0.3e-3
+    times = np.arange(-LEAD, 4 * SAMPLES) * PERIOD
+    exact = pressure(truth, lambda at: height * (omega * np.cos(omega * at + phase)).sum(), SETPOINT, times, steps=10)
+    moved = height * np.sin(omega * times[:, None] + phase).sum(axis=1)
+    sensors = Sensors(bits=0)
+    measured = sensors.measure_displacement(moved, rng), sensors.measure_pressure(exact, rng)
+    recording = step_recording(times[LEAD:], *(one[LEAD:] for one in measured))
+    found = fit(CHANNEL, prepared([recording]).experiments(CHANNEL))
+    left = (recording.cylinders['cylinder_a'].pressure.values - found.simulated[0])[LEAD:]
+    assert np.sqrt(np.mean(left**2)) < 1.05 * sensors.pressure_noise
+    assert [one.value for one in found.estimates] == pytest.approx(truth, rel=0.02)

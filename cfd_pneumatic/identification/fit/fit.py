@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri, stdtrit
+from scipy.special import stdtrit
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import UNTOLD, Channel, Estimate, Model
@@ -27,8 +26,10 @@ ROUGH = (1e-4, 40)
 FINE = (1e-9, 200)
 """The same of a fit whose numbers are reported."""
 
+CONFIDENCE = 0.95
+"""Of intervals and tests [-]."""
+
 _EXCERPT = 10_000  # grid steps that starts are chosen on
-_CONFIDENCE = 0.95
 _AS_KNOWN = 0.7  # of the spread that is known beforehand: a number that recordings tell no better, they don't tell
 _AT_BOUND = 1e-3  # of what is searched
 _SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not determined
@@ -168,7 +169,7 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
     channel, experiments = likelihood.channel, likelihood.experiments
     simulated = likelihood.simulate(model)
     unknowns = Unknowns(channel, experiments, model)
-    fisher = _information(likelihood, unknowns, simulated)
+    fisher = information_of(likelihood, unknowns, simulated)
     degrees = fisher.size - len(unknowns.table)
     if degrees < 1:
         raise InputError(
@@ -178,7 +179,7 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
     reasons = _unidentifiable(likelihood, unknowns, fisher)
     stds = _standard_errors(channel, unknowns, fisher, degrees, reasons)
     std_of = dict(zip(unknowns.slots.tolist(), stds.tolist()))
-    quantile = float(stdtrit(degrees, 0.5 + 0.5 * _CONFIDENCE))
+    quantile = float(stdtrit(degrees, 0.5 + 0.5 * CONFIDENCE))
     why = {unknowns.table[index].slot: reason for index, reason in reasons.items()}
     row = channel.row(model)
     held = channel.held(experiments, model)
@@ -195,67 +196,7 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
     return Fit(model, tuple(estimates), own, tuple(simulated), likelihood)
 
 
-def as_data_sheets(likelihood: Likelihood, found: Optimum, tolerance: float, evaluations: int) -> Optimum:
-    """
-    Return a fitted model, fitted again with what recordings don't tell of its core held as data sheets have it.
-
-    All that a data sheet may leave out is held, where the recordings' likelihood doesn't contradict that; else as many
-    of these numbers as they don't contradict together.
-    """
-    sheet = dict(_data_sheet(likelihood.channel, found.model))
-    for names in (frozenset(sheet), _untold(likelihood, found.model, sheet)):
-        core = {
-            name: tuple(
-                sheet[full] if (full := f'{name}.{one.name}') in names else value
-                for one, value in zip(likelihood.channel.effects[name].parameters, values)
-            )
-            for name, values in found.model.core.items()
-        }
-        held = search(likelihood, replace(found.model, core=core, untold=names), tolerance, evaluations)
-        if likelihood.samples * math.log(held.cost / found.cost) < chdtri(max(len(names), 1), 1.0 - _CONFIDENCE):
-            return held
-    return found
-
-
-def _data_sheet(channel: Channel, model: Model) -> Iterator[tuple[str, float]]:
-    """Yield what a data sheet says of a core's numbers that may be nothing at all, by their names."""
-    for core in model.core:
-        for one in channel.effects[core].parameters:
-            if one.null == one.lower:
-                yield f'{core}.{one.name}', one.null
-
-
-def _untold(likelihood: Likelihood, model: Model, sheet: Mapping[str, float]) -> frozenset[str]:
-    """Return the names of as many numbers as recordings don't contradict a data sheet of together, by Wald's test."""
-    unknowns = Unknowns(likelihood.channel, likelihood.experiments, model)
-    units = unknowns.scales(unknowns.start)
-    away = {
-        index: float(unknowns.start[index]) - sheet[one.name] / units[index]
-        for index, one in enumerate(unknowns.table)
-        if one.name in sheet
-    }
-    untold = [index for index, distance in away.items() if distance == 0.0]
-    fisher = _information(likelihood, unknowns, likelihood.simulate(model))
-    free = np.array([index for index in range(len(unknowns.table)) if index not in untold], dtype=np.intp)
-    covariance = np.zeros_like(fisher.normal)
-    covariance[np.ix_(free, free)] = fisher.covariance(max(fisher.size - free.size, 1), free)
-
-    def contradiction(some: list[int]) -> float:
-        distance = np.array([away[index] for index in some])
-        return float(distance @ np.linalg.lstsq(covariance[np.ix_(some, some)], distance)[0])
-
-    asked = [index for index in away if index not in untold]
-    chosen: list[int] = []
-    while asked:
-        least, index = min((contradiction([*chosen, one]), one) for one in asked)
-        if least > chdtri(len(chosen) + 1, 1.0 - _CONFIDENCE):
-            break
-        chosen.append(index)
-        asked.remove(index)
-    return frozenset(unknowns.table[index].name for index in (*untold, *chosen))
-
-
-def _information(likelihood: Likelihood, unknowns: Unknowns, simulated: Sequence[Array]) -> Information:
+def information_of(likelihood: Likelihood, unknowns: Unknowns, simulated: Sequence[Array]) -> Information:
     """Return what the residuals tell about the unknowns, as they are searched."""
 
     def jacobians() -> Iterator[Array]:
