@@ -119,7 +119,7 @@ def test_a_signal_at_any_moment_of_the_start_ends_it_silently(graph: Graph, tmp_
             start = [BIN / module, *ros_arguments(topic.rpartition('/')[0], needed)]
             one = subprocess.Popen(start, stderr=subprocess.PIPE, text=True, start_new_session=True)
             processes.append(stack.enter_context(one))
-        starting, late = dict(enumerate(processes)), time.monotonic() + 10.0
+        starting, late = dict(enumerate(processes)), time.monotonic() + 3.0
         while starting:
             for out in outs:
                 out.publish(JointState(name=['piston'], position=[0.0]))
