@@ -48,9 +48,25 @@ def test_what_is_not_identifiable_is_planned_for(tutorial):
         assert report['cylinders']['cylinder_b']['not_visible'] == unseen
 
 
+def test_a_law_that_nobody_knows_is_drawn_and_drawn_again_over_a_larger_range(tutorial):
+    said = ' '.join(tutorial.said['A law that nobody knows'].split())
+    verdict = r'cylinder_a: An unknown law, drawn[.] .*? with it the error falls to (\d+) %, and what is left is noise'
+    assert re.search(verdict, said)[1] == re.search(verdict, TEXT)[1]
+    assert 'cylinder_b: Nothing missing. Flows, stiffness and sensing follow' in said
+    reports = [json.loads((tutorial.folder / name / 'report.json').read_text()) for name in ('bent', 'bent_again')]
+    first, again = (report['cylinders']['cylinder_a']['unknown'] for report in reports)
+    assert (first['enters'], first['against']) == (again['enters'], again['against']) == ('sensing', 'p')
+    slope, _, place = re.fullmatch(r'([\d.]+) max\((p) - ([\d.e+]+), 0\)', first['formula']).groups()
+    assert float(slope) == pytest.approx(0.1, abs=0.002)
+    assert f'{float(place):.1e}' in TEXT
+    reach = [one['curve']['at'][-1] - one['curve']['at'][0] for one in (first, again)]
+    assert reach[1] / reach[0] > 2.0
+    assert 'max(z - b, 0.0)' in (tutorial.folder / 'bent_sensor.py').read_text()
+
+
 def test_every_program_that_runs_on_is_one_of_ours():
     started = [block.text.split()[0] for block in blocks() if block.language == 'bash']
-    assert started == ['rig_node', 'sim_node', 'monitor_node', 'python3']
+    assert started == ['rig_node', 'sim_node', 'monitor_node', 'python3', 'rig_node', 'sim_node']
 
 
 def test_the_picture_is_small():

@@ -12,8 +12,10 @@ from drawn import recording_of
 
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.identification import ChannelResult, Identification, Options, identify
+from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.model.effects import Moment
 from cfd_pneumatic.model.effects.curve import CURVE
+from cfd_pneumatic.planning import Limits, plan
 from cfd_pneumatic.reporting import draft_effect
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.rig import surface_following
@@ -85,7 +87,10 @@ def test_it_stands_in_the_report_and_runs_in_the_device() -> None:
     sizes = {len(law['curve'][name]) for name in ('at', 'value', 'low', 'high')}
     assert len(sizes) == 1
     assert sizes.pop() > 20
-    device = identified_device(identification).model
+    found = identified_device(identification)
+    planned = plan(found, Limits(stroke=3e-3, speed=0.1, pressures=(35e3, 70e3), duration=8.0))
+    assert {one.name for one in planned.parameters if one.name in NAMES or CURVE in one.name} == set(NAMES)
+    device = found.model
     assert device.a is not None
     assert device.a.effects[CURVE] == identification.cylinders['cylinder_a'].found.model.effects[CURVE]
 
