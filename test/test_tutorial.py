@@ -61,7 +61,10 @@ def test_a_law_that_nobody_knows_is_drawn_and_drawn_again_over_a_larger_range(tu
     assert f'{float(place):.1e}' in TEXT
     reach = [one['curve']['at'][-1] - one['curve']['at'][0] for one in (first, again)]
     assert reach[1] / reach[0] > 2.0
-    assert 'max(z - b, 0.0)' in (tutorial.folder / 'bent_sensor.py').read_text()
+    draft = (tutorial.folder / 'bent_sensor.py').read_text()
+    assert 'max(z - b, 0.0)' in draft
+    assert "EffectParameter('height', '-'" in draft
+    assert "EffectParameter('place', 'Pa'" in draft
 
 
 def test_every_program_that_runs_on_is_one_of_ours():

@@ -33,12 +33,15 @@ class Formula:
         As an effect's function has it, of the variable `z` and of its numbers' names.
     numbers
         A height `a`, and as far as there are these a place `b` and a length `c` of the variable, in SI units.
+    power
+        Of the variable, by which the height is told.
 
     """
 
     text: str
     code: str
     numbers: Mapping[str, float]
+    power: int = 0
 
 
 @dataclass(frozen=True)
@@ -184,4 +187,4 @@ def _written(form: Form, numbers: Sequence[float], height: float, middle: float,
     place = told.get('b', 0.0)
     shift = f'{variable} {"-" if place > 0.0 else "+"} {abs(place):.4g}'
     text = form.text.format(a=f'{told["a"]:.4g}', z=variable, shift=shift, c=f'{told.get("c", 1.0):.4g}')
-    return Formula(text, form.code, {name: told[name] for name in f'a{form.has}'})
+    return Formula(text, form.code, {name: told[name] for name in f'a{form.has}'}, form.power)

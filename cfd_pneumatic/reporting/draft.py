@@ -87,7 +87,7 @@ def _drafted(law: Shape, name: str, where: str) -> str:
     names = [_NUMBERS[letter][0] for letter in formula.numbers]
     values = [f'{value:.6g}' for value in formula.numbers.values()]
     used = [one for one in ('exp', 'tanh', 'wave') if f'{one}(' in formula.code]
-    units = {'a': '-' if law.unit == '1' else law.unit}
+    units = {'a': _unit_of_height(law, formula.power)}
     parameters = '\n'.join(_parameter(letter, units.get(letter, law.unit_against), law) for letter in formula.numbers)
     return _FILE.format(
         title=name.replace('_', ' ').capitalize(),
@@ -107,6 +107,17 @@ def _drafted(law: Shape, name: str, where: str) -> str:
         parameters=parameters,
         against=against,
     )
+
+
+def _unit_of_height(law: Shape, power: int) -> str:
+    """Return the unit of what is multiplied with a power of what the law depends on."""
+    own, against = '-' if law.unit == '1' else law.unit, law.unit_against
+    if power and own == against:
+        own, power = '-', power - 1
+    if not power:
+        return own
+    per = against if power == 1 else f'{against}^{power}'
+    return f'{"1" if own == "-" else own}/{per}'
 
 
 def _turned(value: str) -> str:
