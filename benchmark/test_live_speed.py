@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import os
 import sys
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cfd_pneumatic.convention import CYLINDERS
 from studies.ros_environment import isolate
 
 pytest.importorskip('rclpy', reason='ROS 2 is not to be had here')
@@ -28,6 +30,8 @@ from live_load import HEADING, RATE, serve, start  # noqa: E402
 SECONDS = float(os.environ.get('CFD_PNEUMATIC_SECONDS', 10.0))
 STARTS = 5
 SIM_NODE = [sys.executable, '-m', 'cfd_pneumatic.nodes.sim_node']
+SWITCHED_ON = [('-p', f'{name}.physical_core.enabled:=true') for name in CYLINDERS]
+PHYSICAL = [*SIM_NODE, '--ros-args', *chain.from_iterable(SWITCHED_ON)]
 PEER = [sys.executable, str(Path(__file__).with_name('live_peer.py'))]
 
 
@@ -54,6 +58,12 @@ def timed(benchmark, command):
 def test_sim_node(benchmark, report):
     figures = timed(benchmark, SIM_NODE)
     report(figures.row('sim_node'))
+    assert figures.lost == 0
+
+
+def test_sim_node_with_the_physical_core(benchmark, report):
+    figures = timed(benchmark, PHYSICAL)
+    report(figures.row('sim_node, physical core'))
     assert figures.lost == 0
 
 

@@ -24,6 +24,9 @@ SHORT, LONG = (350, 3_600), 3_600_000  # samples of the recordings that are simu
 ROOM = 16 * 2**20
 """What a reader may hold beside the arrays: a chunk, and what is decoded of it [bytes]."""
 
+MOST_OF_PHYSICS = 1.3
+"""Processor time of a live simulator with the physical core, over that without [-]."""
+
 MOST_OF_TWO = 1.5
 """Cores that are busy on average from which on two count as used."""
 
@@ -252,6 +255,7 @@ def _reading_held(run: Run) -> Found:
 
 
 SIM_NODE, PEER = 'test_sim_node', 'test_timer_and_default_executor'
+PHYSICAL = 'test_sim_node_with_the_physical_core'
 TIMER = 'a timer and the default executor'
 
 
@@ -268,6 +272,11 @@ def _answered(run: Run) -> Found:
 def _core(run: Run) -> Found:
     here, there = run.told(SIM_NODE)['core'], run.told(PEER)['core']
     return Found(f'{100 * here:.1f} %', here <= 0.2, f'{TIMER}: {100 * there:.1f} %')
+
+
+def _of_physics(run: Run) -> Found:
+    times = run.told(PHYSICAL)['core'] / run.told(SIM_NODE)['core']
+    return Found(f'{times:.2f} times', times <= MOST_OF_PHYSICS, 'without it')
 
 
 def _late(run: Run) -> Found:
@@ -339,6 +348,7 @@ PROMISES = (
     Promise('write a bag', '-', _writing_against('sqlite3', None)),
     Promise('`sim_node` at 1 kHz: answers', 'every one for 10 minutes', _answered),
     Promise('`sim_node` at 1 kHz: processor', 'at most 20 % of a core', _core),
+    Promise('`sim_node` at 1 kHz, physical core: processor', f'at most {MOST_OF_PHYSICS:g} times', _of_physics),
     Promise('`sim_node` at 1 kHz: latency p99', 'at most 1 ms on an idle machine', _late),
     Promise('start of `sim_node`, warm caches', 'publishes within 1.5 s', _start),
     Promise('a plant: efficiency of 2 workers', 'at least 0.85', _plant),

@@ -53,6 +53,7 @@ def benchmarks() -> dict[str, tuple[float, dict]]:
         found[f'test_growth[{work}-{size}]'] = (5.0, {**cost, 'compared': 4e8})
     live = {'sent': 600_000, 'lost': 0, 'seconds': 600.0, 'core': 0.15, 'latency_p99': 4e-4}
     found[document.SIM_NODE] = (600.0, live)
+    found[document.PHYSICAL] = (600.0, {**live, 'core': 0.17})
     found[document.PEER] = (600.0, {**live, 'core': 0.5, 'latency_p99': 2e-3})
     found['test_start'] = (2.0, {'ready': [0.6, 0.7], 'answered': [0.7, 0.8]})
     found['test_a_plant[1]'], found['test_a_plant[2]'] = (30.0, {}), (16.0, {})
