@@ -14,7 +14,7 @@ FOLDERS = ('cfd_pneumatic', 'docs', 'launch', 'scripts', 'studies', 'test')
 LINK = re.compile(r'\[([^\]]*)\]\(([^)\s]+)\)')
 IN_CODE = re.compile(r'```.*?```', re.DOTALL)
 FILE = re.compile(r'`([\w./*-]+\.(?:py|md|sh|jinja|yaml|launch\.py))`')
-WRITTEN = {'parameters.yaml', 'mains_hum.py'}
+WRITTEN = {'bent_sensor.py', 'parameters.yaml', 'mains_hum.py'}
 """Files that programs write, and the one that docs/adding_an_effect.md adds."""
 
 
