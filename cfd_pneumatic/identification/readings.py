@@ -32,9 +32,7 @@ from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
 _DOUBTFUL = 0.3  # share of a pressure's spread that a model may leave of it; what is read rightly leaves far less
 _BETTER = 0.5  # of what the recordings leave as they are read: what another way leaves at most
-_NO_BETTER = (
-    1.3  # of the squares that recordings leave as they are read: no rough fit of another reference with more ends
-)
+_NO_BETTER = 1.3  # times the squares that are left as it is read: a reference that roughly leaves more is no better
 _LONGEST = 20_000  # samples that other ways are tried on
 _ROUGH = (1e-3, 30)  # tolerance and evaluations
 

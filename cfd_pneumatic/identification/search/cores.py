@@ -103,9 +103,9 @@ def _preferred(
     """
     Return whether a model with another core is preferred to one with the linear core.
 
-    It is where the validation part says so, and either the criterion or both parts together do. Where the core takes
-    the place of effects, of some that it holds anyway or whose `alternatives` it holds or of one of several, or leaves
-    noise where the other doesn't, a tie will do, and it is not charged for its own numbers, which data sheets have.
+    It is where the validation part says so, and either the criterion or both parts together do. A tie will do, and the
+    core is not charged for its own numbers, which data sheets have, where it holds the effects that it takes the place
+    of, or their `alternatives`; and where it leaves noise instead of one of several effects, or of more than noise.
     """
     if not one.model.core:  # it ran away
         return False
