@@ -41,6 +41,7 @@ from cfd_pneumatic.model.effects.curve import CURVE
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60
+_SEEN = 0.88  # of the error without a law, on validation or test: one that takes less may be a core's that is not exact
 _DOES_NOTHING = 'does nothing beside the others'
 _IDLE = 1.01  # times the sum of squares, up to which an effect that is taken out did nothing
 
@@ -157,6 +158,11 @@ def _as_drawn(drawing: Drawn, begin: Candidate, before: Fit, after: Fit) -> tupl
         return None
     experiments = likelihood.experiments
     if compared(experiments, after.simulated, simulated)[0] >= 1.0:
+        return None
+    left_of_unseen = [compared(experiments, likelihood.simulate(begin.model), simulated)[0]]
+    if begin.validation_rmse and drawing.candidate.validation_rmse is not None:
+        left_of_unseen.append(drawing.candidate.validation_rmse / begin.validation_rmse)
+    if min(left_of_unseen) >= _SEEN:
         return None
     left = [one.measured - values for one, values in zip(experiments, simulated)]
     if contradiction(experiments, left, likelihood.noise(model).std):

@@ -42,8 +42,7 @@ _MOST_LEFT = 0.3  # of the squares above the noise, as the linearised model fore
 _FARTHEST = 3.5  # times the noise, likewise: no fit brings that down to it
 _FINE = (1e-5, 25)  # tolerance and evaluations of a fit
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
-_LEAST_DROP = 0.12  # share by which the error on the validation part has to fall: less is a core's that is not exact
-_BETTER = 0.02  # the same of a curve beside what was found of the library
+_LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
 _ALIKE = 1.02  # times the least error of validation: places that are not told apart
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
 
@@ -178,9 +177,7 @@ def drawn(candidates: Candidates, begin: Candidate, known: Candidate) -> Drawn |
     found = [
         Drawn(promise, one, ())
         for promise, one in zip(promised, finished)
-        if CURVE in one.effects
-        and _is_better(candidates, one, begin, _LEAST_DROP)
-        and _is_better(candidates, one, known, _BETTER)
+        if CURVE in one.effects and all(_is_better(candidates, one, other) for other in (begin, known))
     ]
     if not found:
         return None
@@ -222,10 +219,10 @@ def _error(candidate: Candidate) -> float:
     return error if math.isfinite(error) else math.inf
 
 
-def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate, least: float) -> bool:
+def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate) -> bool:
     coefficients = autoregression(candidate.residuals)
     criteria = [candidates.train.criterion(one.residuals, one.unknowns, coefficients) for one in (begin, candidate)]
-    return criteria[0] - criteria[1] > _LEAST_EVIDENCE and _error(candidate) < (1.0 - least) * _error(begin)
+    return criteria[0] - criteria[1] > _LEAST_EVIDENCE and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)
 
 
 def _is_noise(candidates: Candidates, candidate: Candidate) -> bool:
