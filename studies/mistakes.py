@@ -36,6 +36,7 @@ from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.recording import Recording, Signal, recording_of
 from cfd_pneumatic.rig import Schedule, device_named, out_and_back, paper_step, record, surface_following
+from cfd_pneumatic.units import INCH, PSI
 from studies.documents import notes_in, table
 from studies.provenance import ROOT, machine
 
@@ -48,7 +49,6 @@ SURE = ('effect_added', 'no_missing_effect')
 
 DATA = Path(os.environ.get('CFD_PNEUMATIC_DATA', ROOT.parent / 'shared' / 'data')) / 'pneumatic_actuator' / 'friction'
 MEASURED = 'O-ring257_3bar'
-PSI = 6894.757
 EPOCH = 1_700_000_000_000_000_000
 CLEAN = range(1000, 1500)
 """Seeds of clean recordings."""
@@ -229,6 +229,13 @@ def counted_from_nothing(columns: Columns, _layout: Layout) -> None:
     columns.update({name: columns[name] + 1e-5 * AMBIENT_PRESSURE for name in ('pA', 'pB', 'setA', 'setB')})
 
 
+def inches_and_psi(columns: Columns, layout: Layout) -> None:
+    """Write mm and psi as inch and absolute psi, and read them as mm and kPa."""
+    columns['x'] = columns['x'] / (1e3 * INCH)
+    columns.update({name: columns[name] + AMBIENT_PRESSURE / PSI for name in ('pA', 'pB', 'setA', 'setB')})
+    every('unit', 'kPa', *PRESSURES, *SETPOINTS)(columns, layout)
+
+
 def columns_of(**names: str) -> Change:
     """Return a change of which column a signal is in."""
     return entries(**{f'{path}__column': name for path, name in names.items()})
@@ -294,6 +301,7 @@ def _of_both() -> Iterator[Mistake]:
 
 def _of_one() -> Iterator[Mistake]:
     """Yield mistakes that one of the tables allows."""
+    yield Mistake('tutorial', 'inches read as mm, absolute psi as kPa', inches_and_psi, UNIT)
     yield Mistake('tutorial', 'mm read as inch', entries(displacement__unit='inch'), UNIT)
     yield Mistake('tutorial', 'mm read as um', entries(displacement__unit='um'), UNIT)
     yield Mistake('tutorial', 'mm read as mil', entries(displacement__unit='mil'), UNIT)

@@ -29,6 +29,9 @@ Array = NDArray[np.float64]
 CHAMBER_LENGTHS = (5e-3, 0.45)
 """Absolute pressure over `k_x`: how long a chamber of the piston's area would be [m]."""
 
+SMALL_CHAMBER, SMALL_STROKE = 1e-2, 2.5e-4
+"""Of a device that is odd by both: two wrong units make up for each other in the chamber, and not in the stroke [m]."""
+
 BORES = (3e-3, 0.2)
 """Of a piston as force and pressure make it [m]."""
 
@@ -101,6 +104,15 @@ def _of_chamber(result: ChannelResult, displacement: Signal) -> Iterator[Notice]
             f'{shown_length(length)} long',
             'check the units of pressure and displacement'
             + in_other_units(length, CHAMBER_LENGTHS, displacement.unit, LENGTHS, shown_length),
+        )
+        return
+    stroke = float(np.ptp(displacement.values))
+    if length < SMALL_CHAMBER and stroke < SMALL_STROKE:
+        yield warning(
+            'unit_suspect',
+            f'{result.name}: the piston moves {shown_length(stroke)} in a chamber {shown_length(length)} long',
+            'check the units of pressure and displacement'
+            + in_other_units(stroke, (SMALL_STROKE, CHAMBER_LENGTHS[1]), displacement.unit, LENGTHS, shown_length),
         )
 
 
