@@ -27,7 +27,9 @@ from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
 UNTOLD = 'the recordings do not tell it: it stands as a data sheet has it'
+"""Why a number of a core has no estimate."""
 
 Effects = Mapping[str, tuple[float, ...]]
 """Parameters of each effect that is on, by its name."""
