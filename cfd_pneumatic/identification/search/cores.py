@@ -8,6 +8,7 @@ as well, unless by effects that the other core holds anyway.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -23,6 +24,7 @@ from cfd_pneumatic.identification.search.stepwise import ALIKE, TIE, Search, Sea
 
 _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 _MUCH = 3.0  # times the noise
+_HOPEFUL = 1.2  # times what another leaves: what leaves more roughly will not come down to it in the end
 _CLEARLY = 0.95  # of another's squares, of which those of the validation part were not fitted
 
 
@@ -32,18 +34,19 @@ def searched(candidates: Candidates, core: str) -> SearchResult:
     names = list(candidates.channel.cores)
     if core == LINEAR or not names:
         return linear.run()
-    alone = candidates.with_core(candidates.baseline, names[0])
     if core == PHYSICAL:
-        return _beside(candidates, alone, names[0])
-    if _leaves_noise(candidates, alone):
-        singles = linear.step(candidates.baseline).candidates.values()
-        if all(_preferred(candidates, alone, one) for one in singles):
-            return SearchResult(alone, {}, ())
+        return _beside(candidates, candidates.with_core(candidates.baseline, names[0]), names[0])
+    singles = linear.step(candidates.baseline).candidates.values()
+    best = min(singles, key=lambda one: one.rss, default=candidates.baseline)
+    alone = candidates.with_core(candidates.baseline, names[0], _hopeful(candidates, best))
+    if _leaves_noise(candidates, alone) and all(_preferred(candidates, alone, one) for one in singles):
+        return SearchResult(alone, {}, ())
     found = linear.run()
+    enough = _leaves_noise(candidates, found.model) and len(found.model.effects) <= 1
     begins = [alone]
     if found.model.effects:
-        begins.append(candidates.with_core(found.model, names[0]))
-    enough = _leaves_noise(candidates, found.model) and len(found.model.effects) <= 1
+        most = _hopeful(candidates, found.model) if enough else math.inf
+        begins.append(candidates.with_core(found.model, names[0], most))
     if enough and not any(_preferred(candidates, one, found.model, found.alternatives) for one in begins):
         return found  # what the linear core explains with one effect is not looked for elsewhere
     begins = [alone, *(Search(candidates, alone).pruned(one) for one in begins[1:])]
@@ -87,6 +90,11 @@ def _beside(candidates: Candidates, begin: Candidate, core: str) -> SearchResult
         return found
     again = candidates.with_core(found.model, core)
     return replace(found, model=min(found.model, again, key=lambda one: one.rss))
+
+
+def _hopeful(candidates: Candidates, other: Candidate) -> float:
+    """Return the mean square above which a rough fit will not come to do as well as a model that leaves noise."""
+    return _HOPEFUL * candidates.roughly_left(other) if _leaves_noise(candidates, other) else math.inf
 
 
 def _leaves_noise(candidates: Candidates, one: Candidate) -> bool:
