@@ -20,10 +20,10 @@ from cfd_pneumatic.identification.fit.data_sheets import as_data_sheets
 from cfd_pneumatic.identification.fit.fit import Fit, search, summary
 from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.residual.tests import explained
-from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
+from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.identification.search.complement import Complement
-from cfd_pneumatic.identification.search.cores import core_for_memory, searched
-from cfd_pneumatic.identification.search.shapes import Drawn, drawn
+from cfd_pneumatic.identification.search.cores import Cores
+from cfd_pneumatic.identification.search.shapes import Drawn, Laws
 from cfd_pneumatic.identification.search.shapes import fitted as fitted_curve
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.search.visibility import invisible
@@ -70,27 +70,11 @@ def close_loop(
     tests = tests_before = likelihood.tests(before.model, noise)
     shortage = shortage_of(experiments)
     after = before
-    alternatives: dict[str, tuple[str, ...]] = {}
+    alternatives: Mapping[str, tuple[str, ...]] = {}
     tried: tuple[Trial, ...] = ()
     unknown: Shape | None = None
     if searching and shortage is None and not all(one.passed for one in tests):
-        candidates = Candidates(likelihood, before.model)
-        found = core_for_memory(candidates, core) if explained(tests) else searched(candidates, core)
-        alternatives, tried = dict(found.alternatives), found.tried
-        if found.model.model.parts:
-            after = _fitted(before, _without_idle(before, found.model.model))
-            idle = found.model.effects.keys() - after.model.effects.keys()
-            alternatives = {name: others for name, others in alternatives.items() if name not in idle}
-            tried = tuple(
-                replace(one, accepted=False, why=_DOES_NOTHING) if one.effect in idle and one.accepted else one
-                for one in tried
-            )
-            alternatives |= _confounded(after)
-        if CURVE in channel.effects and not (explained(candidates.residual_tests(found.model)) or _is_explained(after)):
-            with_law = _with_law(candidates, found.model, before, after)
-            if with_law is not None:
-                after, unknown = with_law
-                alternatives = {name: others for name, others in alternatives.items() if name in after.model.effects}
+        after, alternatives, tried, unknown = _looked_for(before, core, explained(tests))
     ratio, interval = None, None
     against: list[str] = []
     if after is not before:
@@ -134,24 +118,47 @@ def _is_explained(fit: Fit) -> bool:
     return explained(fit.likelihood.tests(fit.model, fit.likelihood.noise(fit.model)))
 
 
-def _with_law(candidates: Candidates, found: Candidate, before: Fit, after: Fit) -> tuple[Fit, Shape] | None:
-    """
-    Return the fit with a law that no effect is, and the law; None where none explains what is left.
+def _looked_for(
+    before: Fit, core: str, is_explained: bool
+) -> tuple[Fit, Mapping[str, tuple[str, ...]], tuple[Trial, ...], Shape | None]:
+    """Return the fit with what was found, alternatives to its effects, what was tried, and its law if it has one."""
+    candidates = Candidates(before.likelihood, before.model)
+    cores, laws = Cores(candidates, core), Laws(candidates)
+    draws = CURVE in before.likelihood.channel.effects
+    if draws and not is_explained:
+        drawing = cores.law(laws)
+        with_law = None if drawing is None else _as_drawn(drawing, before, before)
+        if with_law is not None:
+            return with_law[0], {}, cores.tried, with_law[1]
+    found = cores.for_memory() if is_explained else cores.searched()
+    after, alternatives, tried = before, dict(found.alternatives), found.tried
+    if found.model.model.parts:
+        after = _fitted(before, _without_idle(before, found.model.model))
+        idle = found.model.effects.keys() - after.model.effects.keys()
+        alternatives = {name: others for name, others in alternatives.items() if name not in idle}
+        tried = tuple(
+            replace(one, accepted=False, why=_DOES_NOTHING) if one.effect in idle and one.accepted else one
+            for one in tried
+        )
+        alternatives |= _confounded(after)
+    if draws and not (explained(candidates.residual_tests(found.model)) or _is_explained(after)):
+        # beside a core alone, for effects that were found instead of a law are none, and else beside them
+        for begins in (cores.begins, [found.model]):
+            drawing = laws.best(begins, [found.model])
+            with_law = None if drawing is None else _as_drawn(drawing, before, after)
+            if with_law is not None:
+                after, unknown = with_law
+                alternatives = {name: others for name, others in alternatives.items() if name in after.model.effects}
+                return after, alternatives, tried, unknown
+            if drawing is not None:
+                break
+    return after, alternatives, tried, None
 
-    It is drawn beside the core alone, for effects that were found instead of it are none, and else beside them.
-    """
-    alone = candidates.without(found, *found.effects)
-    for begin in dict.fromkeys((alone, found)):
-        drawing = drawn(candidates, begin, found)
-        if drawing is not None:
-            return _as_drawn(drawing, begin, before, after)
-    return None
 
-
-def _as_drawn(drawing: Drawn, begin: Candidate, before: Fit, after: Fit) -> tuple[Fit, Shape] | None:
+def _as_drawn(drawing: Drawn, before: Fit, after: Fit) -> tuple[Fit, Shape] | None:
     """Return a law fitted to train and validation, if the test part does not speak against it."""
-    likelihood = before.likelihood
-    fitted = fitted_curve(likelihood, drawing.candidate.model, drawing.promise)
+    likelihood, begin = before.likelihood, drawing.begin
+    fitted = fitted_curve(likelihood, drawing.candidate.model, drawing.promise).model
     model = centred(likelihood, fitted, drawing.promise.slot)
     simulated = likelihood.simulate(model)
     if not all(np.all(np.isfinite(values)) for values in simulated):

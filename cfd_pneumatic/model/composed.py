@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint 26558b95c3a133a4; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint 1a604d35ba374766; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -220,9 +220,9 @@ SLID = 2
 
 
 @inlined
-def moment_of(time, x, rate, p, p_f, swept, sensing, ambient, w):
+def moment_of(time, x, rate, p, p_f, swept, sensing, ambient, w, dense=1.0):
     """Return where the cylinder is, as effects see it."""
-    return Moment(time, x, rate, p, load(w, SETPOINT), ambient, swept, load(w, A0), p_f, sensing)
+    return Moment(time, x, rate, p, load(w, SETPOINT), ambient, swept, load(w, A0), p_f, sensing, dense)
 
 
 @inlined
@@ -316,6 +316,26 @@ def slopes(time, ambient, w, on):
     x, rate, p = load(w, X), load(w, RATE), load(w, S0)
     still = 0.0 * rate
     moment = moment_of(time, x, rate, p, load(w, S1), still, still, ambient, w)
+    dense = still + 1.0
+    if on & 4:
+        dense = physical_core.density(
+            dense,
+            moment,
+            load(w, S2),
+            load(w, H0),
+            load(w, H1),
+            load(w, H2),
+            load(w, H3),
+            load(w, H4),
+            load(w, H5),
+            load(w, H6),
+            load(w, H7),
+            load(w, H8),
+            load(w, H9),
+            load(w, H10),
+            load(w, H11),
+        )
+    moment = moment_of(time, x, rate, p, load(w, S1), still, still, ambient, w, dense)
     gain = load(w, A0)
     if on & 4:
         gain = physical_core.velocity_gain(
@@ -363,7 +383,7 @@ def slopes(time, ambient, w, on):
             load(w, A64),
         )
     swept = gain * rate
-    moment = moment_of(time, x, rate, p, load(w, S1), swept, still, ambient, w)
+    moment = moment_of(time, x, rate, p, load(w, S1), swept, still, ambient, w, dense)
     error = valve_error(moment, w, on)
     if on & 4:
         error = physical_core.error(
@@ -494,8 +514,37 @@ def slopes(time, ambient, w, on):
     if on & 16:
         tau = operating_point.time_constant(tau, moment, load(w, A19), load(w, A20), load(w, A21))
     sensing = (outlet - load(w, S1)) / tau
-    moment = moment_of(time, x, rate, p, load(w, S1), swept, sensing, ambient, w)
+    moment = moment_of(time, x, rate, p, load(w, S1), swept, sensing, ambient, w, dense)
     chamber = flow - swept
+    if on & 2048:
+        chamber = leakage.chamber(chamber, moment, load(w, A31), load(w, A32))
+    if on & 4096:
+        chamber = positional_leakage.chamber(
+            chamber, moment, load(w, A33), load(w, A34), load(w, A35), load(w, A36), load(w, A37), load(w, A38)
+        )
+    if on & 1048576:
+        chamber = curve.chamber(
+            chamber,
+            moment,
+            load(w, S10),
+            load(w, A48),
+            load(w, A49),
+            load(w, A50),
+            load(w, A51),
+            load(w, A52),
+            load(w, A53),
+            load(w, A54),
+            load(w, A55),
+            load(w, A56),
+            load(w, A57),
+            load(w, A58),
+            load(w, A59),
+            load(w, A60),
+            load(w, A61),
+            load(w, A62),
+            load(w, A63),
+            load(w, A64),
+        )
     if on & 4:
         (rate2,) = physical_core.evolve(
             moment,
@@ -531,35 +580,6 @@ def slopes(time, ambient, w, on):
             load(w, H9),
             load(w, H10),
             load(w, H11),
-        )
-    if on & 2048:
-        chamber = leakage.chamber(chamber, moment, load(w, A31), load(w, A32))
-    if on & 4096:
-        chamber = positional_leakage.chamber(
-            chamber, moment, load(w, A33), load(w, A34), load(w, A35), load(w, A36), load(w, A37), load(w, A38)
-        )
-    if on & 1048576:
-        chamber = curve.chamber(
-            chamber,
-            moment,
-            load(w, S10),
-            load(w, A48),
-            load(w, A49),
-            load(w, A50),
-            load(w, A51),
-            load(w, A52),
-            load(w, A53),
-            load(w, A54),
-            load(w, A55),
-            load(w, A56),
-            load(w, A57),
-            load(w, A58),
-            load(w, A59),
-            load(w, A60),
-            load(w, A61),
-            load(w, A62),
-            load(w, A63),
-            load(w, A64),
         )
     if on & 2097152:
         (rate11,) = heat_transfer.evolve(moment, chamber, load(w, S11), load(w, A65))

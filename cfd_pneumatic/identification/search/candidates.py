@@ -91,7 +91,7 @@ class Candidates:
         whole, telling = likelihood.until('train'), likelihood.representative()
         self.learn = telling.until('validation')
         self.train = telling.until('train')
-        self._excerpt = whole.excerpt(_EXCERPT)
+        self.excerpt = whole.excerpt(_EXCERPT)
         longer = whole.excerpt(_LONGER_EXCERPT)
         self._longer_excerpt = longer if 2 * longer.steps < self.train.steps else None
         noises = [sample_noise(one.sample_times, one.measured) ** 2 for one in self.train.experiments]
@@ -113,8 +113,8 @@ class Candidates:
         effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}
         starts = core.starts(self._data(candidate))
         begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
-        rough = sorted(each(lambda one: search(self._excerpt, one, *_ROUGH), begins), key=lambda one: one.cost)
-        promises = rough[0].cost <= most * self._excerpt.samples
+        rough = sorted(each(lambda one: search(self.excerpt, one, *_ROUGH), begins), key=lambda one: one.cost)
+        promises = rough[0].cost <= most * self.excerpt.samples
         best = self._fine([one.model for one in rough[:_REFINED]]) if promises else rough[0]
         return self.finished(best.model, candidate.model)
 
@@ -126,13 +126,14 @@ class Candidates:
             if self.channel.may_tell(self.train.experiments, name, candidate.model)
         ]
 
-    def beside(self, candidate: Candidate, names: Sequence[str]) -> dict[str, Candidate]:
+    def beside(self, candidate: Candidate, names: Sequence[str], most: float = math.inf) -> dict[str, Candidate]:
         """
         Return candidates with each of some effects beside those of one.
 
-        All are fitted roughly, from every start; the more promising ones are fitted to the end.
+        All are fitted roughly, from every start; the more promising ones are fitted to the end, if the mean square of
+        what they leave roughly is not above `most`.
         """
-        return self._best(candidate, self._begins(candidate, names))
+        return self._best(candidate, self._begins(candidate, names), most)
 
     def instead(self, candidate: Candidate, rivals: Mapping[str, Candidate]) -> dict[str, Candidate]:
         """Return candidates with each of some effects beside those of one, from where they ended in other company."""
@@ -145,7 +146,9 @@ class Candidates:
         }
         return self._best(candidate, begins)
 
-    def _best(self, candidate: Candidate, begins: Mapping[str, Sequence[Model]]) -> dict[str, Candidate]:
+    def _best(
+        self, candidate: Candidate, begins: Mapping[str, Sequence[Model]], most: float = math.inf
+    ) -> dict[str, Candidate]:
         """
         Return the best fit of each of some effects beside those of a candidate, from where it may begin.
 
@@ -153,10 +156,11 @@ class Candidates:
         """
         known = candidate.model.parts
         rough = _best_first(
-            _fitted(begins, lambda one: search(self._excerpt, one, *_ROUGH, frozen=known, passing=False))
+            _fitted(begins, lambda one: search(self.excerpt, one, *_ROUGH, frozen=known, passing=False))
         )
         before = self._cost_of_excerpt(candidate)
-        promising = self._rivals(candidate, rough, before)
+        hopeful = {name: some for name, some in rough.items() if some[0].cost <= most * self.excerpt.samples}
+        promising = self._rivals(candidate, hopeful, before) if hopeful else []
         fine = each(lambda name: self._fine(self._refined(rough[name], before)), promising)
         best = {name: some[0] for name, some in rough.items()} | dict(zip(promising, fine))
         found = [best[name].model for name in begins]
@@ -224,11 +228,11 @@ class Candidates:
 
     def roughly_left(self, candidate: Candidate) -> float:
         """Return the mean square that a candidate leaves of the excerpt that rough fits are of."""
-        return self._cost_of_excerpt(candidate) / self._excerpt.samples
+        return self._cost_of_excerpt(candidate) / self.excerpt.samples
 
     def _cost_of_excerpt(self, candidate: Candidate) -> float:
         """Return the sum of squares that a candidate leaves of the excerpt."""
-        left = self._excerpt.residuals(self._excerpt.simulate(candidate.model))
+        left = self.excerpt.residuals(self.excerpt.simulate(candidate.model))
         return sum(float(run @ run) for run in left)
 
     def _data(self, candidate: Candidate) -> Data:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -20,89 +21,156 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.autoregression import autoregression
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.stepwise import ALIKE, TIE, Search, SearchResult
+from cfd_pneumatic.identification.search.shapes import Drawn, Laws
+from cfd_pneumatic.identification.search.stepwise import ALIKE, TIE, Search, SearchResult, Step, Trial
 
 _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 _MUCH = 3.0  # times the noise
 _HOPEFUL = 1.2  # times what another leaves: what leaves more roughly will not come down to it in the end
+_RIVALLING = 5.0  # times a law's squares, which an effect may still come down to when its core is fitted anew
 _CLEARLY = 0.95  # of another's squares, of which those of the validation part were not fitted
 
 
-def searched(candidates: Candidates, core: str) -> SearchResult:
-    """Return what is found beside a core, one of `Options.core`; by default beside that which the recordings need."""
-    linear = Search(candidates, candidates.baseline)
-    names = list(candidates.channel.cores)
-    if core == LINEAR or not names:
-        return linear.run()
-    if core == PHYSICAL:
-        return _beside(candidates, candidates.with_core(candidates.baseline, names[0]), names[0])
-    singles = linear.step(candidates.baseline).candidates.values()
-    best = min(singles, key=lambda one: one.rss, default=candidates.baseline)
-    alone = candidates.with_core(candidates.baseline, names[0], _hopeful(candidates, best))
-    if _leaves_noise(candidates, alone) and all(_preferred(candidates, alone, one) for one in singles):
-        return SearchResult(alone, {}, ())
-    found = linear.run()
-    enough = _leaves_noise(candidates, found.model) and len(found.model.effects) <= 1
-    begins = [alone]
-    if found.model.effects:
-        most = _hopeful(candidates, found.model) if enough else math.inf
-        begins.append(candidates.with_core(found.model, names[0], most))
-    if enough and not any(_preferred(candidates, one, found.model, found.alternatives) for one in begins):
-        return found  # what the linear core explains with one effect is not looked for elsewhere
-    begins = [alone, *(Search(candidates, alone).pruned(one) for one in begins[1:])]
-    begins.sort(key=lambda one: one.rss)
-    begin = begins[0]
-    beside = SearchResult(begin, {}, ()) if _leaves_noise(candidates, begin) else _beside(candidates, begin, names[0])
-    for other in begins[1:]:
-        if _leaves_much(candidates, beside.model):  # the way there may have led astray
-            again = _beside(candidates, other, names[0])
-            begin, beside = min((begin, beside), (other, again), key=lambda pair: pair[1].model.rss)
-    if not _preferred(candidates, beside.model, found.model, found.alternatives):
-        return found
-    known = {name: others for name, others in found.alternatives.items() if name in begin.effects}
-    return SearchResult(beside.model, {**known, **beside.alternatives}, found.tried + beside.tried)
-
-
-def core_for_memory(candidates: Candidates, core: str) -> SearchResult:
+class Cores:
     """
-    Return the core of what looks like noise with a memory beside the linear one.
+    The cores that a model may have, and what is found beside them; none is fitted twice.
 
-    Sensors have such noise, and so has physics that no test of the inputs names: where the other core takes it away,
-    it was no noise.
+    Parameters
+    ----------
+    candidates
+        Fits models.
+    core
+        One of `Options.core`.
+
     """
-    names = list(candidates.channel.cores)
-    if core != LINEAR and names:
-        alone = candidates.with_core(candidates.baseline, names[0])
-        if _leaves_noise(candidates, alone) and _preferred(candidates, alone, candidates.baseline):
-            return SearchResult(alone, {}, ())
-    return SearchResult(candidates.baseline, {}, ())
 
+    def __init__(self, candidates: Candidates, core: str) -> None:
+        names = list(candidates.channel.cores)
+        self.candidates = candidates
+        self._name = names[0] if names and core != LINEAR else None
+        self._only = self._name is not None and core == PHYSICAL
+        self._linear = Search(candidates, candidates.baseline)
 
-def _beside(candidates: Candidates, begin: Candidate, core: str) -> SearchResult:
-    """
-    Return what is found beside a core.
+    @property
+    def begins(self) -> list[Candidate]:
+        """Every core that is asked for, without effects."""
+        if self._name is None:
+            return [self.candidates.baseline]
+        return [self._alone] if self._only else [self.candidates.baseline, self._alone]
 
-    Where more than noise is left beside effects, the core is fitted once more from its starts: its many numbers may be
-    stuck.
-    """
-    found = Search(candidates, begin).run()
-    if not found.model.effects or _leaves_noise(candidates, found.model):
-        return found
-    again = candidates.with_core(found.model, core)
-    return replace(found, model=min(found.model, again, key=lambda one: one.rss))
+    @property
+    def tried(self) -> tuple[Trial, ...]:
+        """What came of each effect beside the linear core."""
+        return () if self._only else self._first.trials()
 
+    @cached_property
+    def _first(self) -> Step:
+        """Each effect beside the linear core."""
+        return self._linear.step(self.candidates.baseline)
 
-def _hopeful(candidates: Candidates, other: Candidate) -> float:
-    """Return the mean square above which a rough fit will not come to do as well as a model that leaves noise."""
-    return _HOPEFUL * candidates.roughly_left(other) if _leaves_noise(candidates, other) else math.inf
+    @cached_property
+    def _alone(self) -> Candidate:
+        """The other core, fitted to the end only where it may do as well as the linear one with an effect."""
+        assert self._name is not None
+        most = math.inf
+        if not self._only:
+            best = min(self._first.candidates.values(), key=lambda one: one.rss, default=self.candidates.baseline)
+            most = self._hopeful(best)
+        return self.candidates.with_core(self.candidates.baseline, self._name, most)
+
+    def searched(self) -> SearchResult:
+        """Return what is found beside a core; by default beside that which the recordings need."""
+        if self._name is None:
+            return self._linear.run()
+        if self._only:
+            return self._beside(self._alone)
+        if self._is_full_physics():
+            return SearchResult(self._alone, {}, ())
+        found = self._linear.run()
+        enough = _leaves_noise(self.candidates, found.model) and len(found.model.effects) <= 1
+        begins = [self._alone]
+        if found.model.effects:
+            most = self._hopeful(found.model) if enough else math.inf
+            begins.append(self.candidates.with_core(found.model, self._name, most))
+        if enough and not any(_preferred(self.candidates, one, found.model, found.alternatives) for one in begins):
+            return found  # what the linear core explains with one effect is not looked for elsewhere
+        begins = [self._alone, *(Search(self.candidates, self._alone).pruned(one) for one in begins[1:])]
+        begins.sort(key=lambda one: one.rss)
+        begin = begins[0]
+        beside = SearchResult(begin, {}, ()) if _leaves_noise(self.candidates, begin) else self._beside(begin)
+        for other in begins[1:]:
+            if self._leaves_much(beside.model):  # the way there may have led astray
+                again = self._beside(other)
+                begin, beside = min((begin, beside), (other, again), key=lambda pair: pair[1].model.rss)
+        if not _preferred(self.candidates, beside.model, found.model, found.alternatives):
+            return found
+        known = {name: others for name, others in found.alternatives.items() if name in begin.effects}
+        return SearchResult(beside.model, {**known, **beside.alternatives}, found.tried + beside.tried)
+
+    def for_memory(self) -> SearchResult:
+        """
+        Return the core of what looks like noise with a memory beside the linear one.
+
+        Sensors have such noise, and so has physics that no test of the inputs names: where the other core takes it
+        away, it was no noise.
+        """
+        baseline = self.candidates.baseline
+        if self._name is not None:
+            alone = self.candidates.with_core(baseline, self._name)
+            if _leaves_noise(self.candidates, alone) and _preferred(self.candidates, alone, baseline):
+                return SearchResult(alone, {}, ())
+        return SearchResult(baseline, {}, ())
+
+    def law(self, laws: Laws) -> Drawn | None:
+        """
+        Return a law that leaves noise beside a core alone, where no single effect comes near it; None else.
+
+        So much is known before effects are looked for in company, which takes longest where none is the answer.
+        """
+        if self._name is not None and not self._only and self._is_full_physics():
+            return None
+        singles = [] if self._only else list(self._first.candidates.values())
+        if any(_leaves_noise(self.candidates, one) for one in sorted(singles, key=lambda one: one.rss)[:1]):
+            return None
+        drawing = laws.best(self.begins, singles)
+        if drawing is None or self._name is None:
+            return drawing
+        most = _RIVALLING * self.candidates.roughly_left(drawing.candidate)
+        names, _ = self.candidates.promising(self._alone, self.candidates.names(self._alone))
+        others = self.candidates.beside(self._alone, names, most)
+        return drawing if laws.is_better(drawing, list(others.values())) else None
+
+    def _is_full_physics(self) -> bool:
+        """Return whether the other core alone leaves noise, and no effect beside the linear one does as well."""
+        singles = self._first.candidates.values()
+        alone = self._alone
+        return _leaves_noise(self.candidates, alone) and all(_preferred(self.candidates, alone, one) for one in singles)
+
+    def _beside(self, begin: Candidate) -> SearchResult:
+        """
+        Return what is found beside a core.
+
+        Where more than noise is left beside effects, the core is fitted once more from its starts: its many numbers may
+        be stuck.
+        """
+        assert self._name is not None
+        found = Search(self.candidates, begin).run()
+        if not found.model.effects or _leaves_noise(self.candidates, found.model):
+            return found
+        again = self.candidates.with_core(found.model, self._name)
+        return replace(found, model=min(found.model, again, key=lambda one: one.rss))
+
+    def _hopeful(self, other: Candidate) -> float:
+        """Return the mean square above which a rough fit will not come to do as well as a model that leaves noise."""
+        return _HOPEFUL * self.candidates.roughly_left(other) if _leaves_noise(self.candidates, other) else math.inf
+
+    def _leaves_much(self, one: Candidate) -> bool:
+        tests = self.candidates.residual_tests(one)
+        return any(test.name == 'noise_floor' and test.statistic > _MUCH for test in tests)
 
 
 def _leaves_noise(candidates: Candidates, one: Candidate) -> bool:
     return explained(candidates.residual_tests(one))
-
-
-def _leaves_much(candidates: Candidates, one: Candidate) -> bool:
-    return any(test.name == 'noise_floor' and test.statistic > _MUCH for test in candidates.residual_tests(one))
 
 
 def _preferred(

@@ -12,11 +12,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.fit.fit import Optimum
 from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
@@ -32,18 +34,20 @@ Array = NDArray[np.float64]
 _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
 _RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
 _LAGS = (0.03, 0.1, 0.3)  # of the flow [s]
-_EVEN, _CROWDS = 1e6, (0.3, 0.1, 0.03)  # how knots lie in a range, and about nothing moving
+_EVEN, _CROWDS = 1e6, (0.3, 0.1, 0.03, 0.01)  # how knots lie in a range, and about nothing moving
 _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
 _ASKED = 20_000  # grid steps of each recording
 _FITTED = 4  # of the most promising
+_SHARPENED = 2  # of these
+_RIVALLING = 2.0  # times what the best one leaves of an excerpt: those worth a fit to the end
 _PROMISING = 0.6  # of what the best one promises: those worth a fit
-_MOST_LEFT = 0.3  # of the squares above the noise, as the linearised model foretells it
-_FARTHEST = 3.5  # times the noise, likewise: no fit brings that down to it
+_MOST_LEFT = 0.65  # of the squares above the noise, as the linearised model foretells it
 _FINE = (1e-5, 25)  # tolerance and evaluations of a fit
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
 _LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
-_ALIKE = 1.02  # times the least error of validation: places that are not told apart
+_CLEARLY = 0.8  # times another's error of validation: whatever the train part, that one foretells too little
+_ALIKE = 1.05  # times the least error of validation: places that are not told apart
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
 
 _ASKED_FOR = {
@@ -110,6 +114,13 @@ class Slot:
             return np.column_stack([charging, 1.0 - charging])
         return np.ones((KNOTS, 1))
 
+    @property
+    def knots(self) -> Array:
+        """Where its knots are, shape (knots,)."""
+        place = np.linspace(-1.0, 1.0, KNOTS)
+        share = place * self.crowd / (1.0 + self.crowd - np.abs(place))
+        return np.asarray(0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * share)
+
     def along(self, at: Array) -> Array:
         """Return what each knot's height adds to the curve's at some points, shape (points, knots)."""
         share = (2.0 * at - self.low - self.high) / (self.high - self.low)
@@ -155,6 +166,8 @@ class Drawn:
         Its place, and how smooth it is.
     candidate
         The model with it, fitted to the train part.
+    begin
+        The model without it.
     others
         Places that the recordings can't tell from its own.
 
@@ -162,31 +175,93 @@ class Drawn:
 
     promise: Promise
     candidate: Candidate
+    begin: Candidate
     others: tuple[tuple[str, str], ...]
 
+    @property
+    def name(self) -> tuple[str, str]:
+        """Where it enters, and against what."""
+        return self.promise.slot.name
 
-def drawn(candidates: Candidates, begin: Candidate, known: Candidate) -> Drawn | None:
-    """
-    Return the curve that foretells best beside a model; None where none explains what is left.
 
-    An effect of the library that explains as much is preferred: `known` is the model with what was found of it.
+class Laws:
     """
-    promised = _worth_a_fit(promises(candidates, begin), _size(candidates, begin))
-    models = each(lambda one: fitted(candidates.train, beside(begin.model, one), one), promised)
-    finished = [candidates.finished(model, begin.model) for model in models]
-    found = [
-        Drawn(promise, one, ())
-        for promise, one in zip(promised, finished)
-        if CURVE in one.effects and all(_is_better(candidates, one, other) for other in (begin, known))
-    ]
-    if not found:
-        return None
-    best = min(found, key=lambda one: _error(one.candidate))
-    if not _is_noise(candidates, best.candidate):
-        return None
-    alike = [one.promise.slot.name for one in found if _error(one.candidate) < _ALIKE * _error(best.candidate)]
-    others = tuple(dict.fromkeys(name for name in alike if name != best.promise.slot.name))
-    return replace(best, others=others)
+    Curves that may be drawn beside models; none is fitted twice.
+
+    Parameters
+    ----------
+    candidates
+        Fits models.
+
+    """
+
+    def __init__(self, candidates: Candidates) -> None:
+        self.candidates = candidates
+        self._known: dict[Candidate, list[Drawn]] = {}
+
+    def best(self, begins: Sequence[Candidate], known: Sequence[Candidate]) -> Drawn | None:
+        """
+        Return the curve that foretells best beside one of some models; None where none explains what is left.
+
+        An effect of the library that explains as much is preferred: `known` are models with what was found of it.
+        """
+        drawings = [one for begin in begins for one in self._beside(begin)]
+        found = [one for one in drawings if self.is_better(one, [one.begin, *known])]
+        if not found:
+            return None
+        best = min(found, key=lambda one: _error(one.candidate))
+        if not _is_noise(self.candidates, best.candidate):
+            return None
+        alike = [one.name for one in found if _error(one.candidate) < _ALIKE * _error(best.candidate)]
+        return replace(best, others=tuple(dict.fromkeys(name for name in alike if name != best.name)))
+
+    def is_better(self, drawing: Drawn, known: Sequence[Candidate]) -> bool:
+        """Return whether a curve explains more than every one of some models."""
+        return all(_is_better(self.candidates, drawing.candidate, other) for other in dict.fromkeys(known))
+
+    def _beside(self, begin: Candidate) -> list[Drawn]:
+        """
+        Return the most promising curves beside a model, fitted to the train part.
+
+        An excerpt tells before which these are, and whether knots that crowd about a bend do better.
+        """
+        if begin not in self._known:
+            promised = _worth_a_fit(promises(self.candidates, begin), _size(self.candidates, begin))
+            sketches = self._sketched(begin, promised)
+            sharper = [self._sharper(begin, one) for one in sketches[:_SHARPENED]]
+            sketches = _best_first(sketches + self._sketched(begin, sharper))
+            rivals = [one for one in sketches if one.found.cost < _RIVALLING * sketches[0].found.cost][:_FITTED]
+            models = each(lambda one: fitted(self.candidates.train, one.found.model, one.promise).model, rivals)
+            finished = [self.candidates.finished(model, begin.model) for model in models]
+            self._known[begin] = [
+                Drawn(one.promise, own, begin, ()) for one, own in zip(rivals, finished) if CURVE in own.effects
+            ]
+        return self._known[begin]
+
+    def _sketched(self, begin: Candidate, promised: Sequence[Promise]) -> list[_Sketch]:
+        """Return curves fitted to an excerpt, the best first."""
+        excerpt = self.candidates.excerpt
+        return _best_first(each(lambda one: _Sketch(one, fitted(excerpt, beside(begin.model, one), one)), promised))
+
+    def _sharper(self, begin: Candidate, sketch: _Sketch) -> Promise:
+        """Return the most promising curve with knots that crowd where one bends most."""
+        slot = sketch.promise.slot
+        heights, knots = np.array(sketch.found.model.effects[CURVE][-KNOTS:]), slot.knots
+        bend = float(knots[1 + int(np.argmax(np.abs(np.diff(np.diff(heights) / np.diff(knots)))))])
+        reach = max(bend - slot.low, slot.high - bend)
+        some = [replace(slot, low=bend - reach, high=bend + reach, crowd=crowd) for crowd in _CROWDS]
+        return promises(self.candidates, begin, some)[0]
+
+
+class _Sketch(NamedTuple):
+    """A curve that was fitted to an excerpt."""
+
+    promise: Promise
+    found: Optimum
+
+
+def _best_first(sketches: Sequence[_Sketch]) -> list[_Sketch]:
+    return sorted(sketches, key=lambda one: one.found.cost)
 
 
 def beside(model: Model, promise: Promise) -> Model:
@@ -199,8 +274,7 @@ def _worth_a_fit(promised: Sequence[Promise], size: float) -> list[Promise]:
     """Return the most promising of each place, if they may bring a residual of a size down to the noise, which is 1."""
     best: dict[tuple[str, str], Promise] = {}
     for one in promised:
-        squares = one.left * size**2
-        may = squares - 1.0 < _MOST_LEFT * (size**2 - 1.0) and squares < _FARTHEST**2
+        may = one.left * size**2 - 1.0 < _MOST_LEFT * (size**2 - 1.0)
         if may and one.evidence > max(_LEAST_EVIDENCE, _PROMISING * promised[0].evidence):
             best.setdefault(one.slot.name, one)
     return list(best.values())[:_FITTED]
@@ -222,7 +296,8 @@ def _error(candidate: Candidate) -> float:
 def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate) -> bool:
     coefficients = autoregression(candidate.residuals)
     criteria = [candidates.train.criterion(one.residuals, one.unknowns, coefficients) for one in (begin, candidate)]
-    return criteria[0] - criteria[1] > _LEAST_EVIDENCE and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)
+    tells = criteria[0] - criteria[1] > _LEAST_EVIDENCE or _error(candidate) < _CLEARLY * _error(begin)
+    return tells and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)
 
 
 def _is_noise(candidates: Candidates, candidate: Candidate) -> bool:
@@ -271,8 +346,8 @@ def _ranges(candidates: Candidates, begin: Candidate) -> dict[str, tuple[float, 
     return ranges
 
 
-def promises(candidates: Candidates, begin: Candidate) -> list[Promise]:
-    """Return what a curve in each place promises beside a model, the most promising one first."""
+def promises(candidates: Candidates, begin: Candidate, some: Sequence[Slot] | None = None) -> list[Promise]:
+    """Return what a curve in some places, or in all, promises beside a model, the most promising one first."""
     complement = Complement(candidates.train.excerpt(_ASKED), begin.model)
     residual = complement.residual
     share = independent_share(candidates.resting_coefficients(begin))
@@ -283,7 +358,7 @@ def promises(candidates: Candidates, begin: Candidate) -> list[Promise]:
         changes = np.hsplit(complement.left(complement.changes(CURVE, starts)), len(some))
         return [_promise(slot, residual, own, share) for slot, own in zip(some, changes)]
 
-    places = slots(candidates, begin)
+    places = slots(candidates, begin) if some is None else some
     together = [places[first : first + COUNT] for first in range(0, len(places), COUNT)]
     return sorted(chain.from_iterable(each(promised, together)), key=lambda one: -one.evidence)
 
@@ -320,8 +395,8 @@ def roughness() -> Array:
 # a fit
 
 
-def fitted(likelihood: Likelihood, begin: Model, promise: Promise) -> Model:
-    """Return a model that has a curve, fitted with a penalty on its roughness."""
+def fitted(likelihood: Likelihood, begin: Model, promise: Promise) -> Optimum:
+    """Return a model that has a curve, fitted with a penalty on its roughness, which counts among what it leaves."""
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, begin)
     bends = penalty_of(unknowns, promise)
 
@@ -331,8 +406,8 @@ def fitted(likelihood: Likelihood, begin: Model, promise: Promise) -> Model:
         return Quadratic(here.total + float(point @ slope), here.gradient + slope, here.normal + bends)
 
     start, lower, upper = unknowns.start, unknowns.lower, unknowns.upper
-    point, _ = least_squares(evaluate, start, lower, upper, *_FINE, longest=unknowns.longest_step)
-    return unknowns.model(point)
+    point, reached = least_squares(evaluate, start, lower, upper, *_FINE, longest=unknowns.longest_step)
+    return Optimum(unknowns.model(point), reached.total)
 
 
 def penalty_of(unknowns: Unknowns, promise: Promise) -> Array:

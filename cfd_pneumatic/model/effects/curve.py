@@ -95,7 +95,7 @@ def chamber(rate, moment, passed, enters, against, lag, low, high, crowd, w0, w1
     leaks = _entering(
         4.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
     )
-    return rate + added - leaks * (moment.p - moment.ambient)
+    return rate + moment.dense * (added - leaks * (moment.p - moment.ambient))
 
 
 @inlined

@@ -41,6 +41,7 @@ FUNCTIONS = {
     'setpoint': 'set-point p_d [Pa]',
     'error': 'valve error p_d - p_f [Pa]',
     'flow': "pressure rate that the valve's flow makes [Pa/s]",
+    'density': "the chamber's volume where the gains hold over its own [-]",
     'velocity_gain': 'K_x [Pa/m]',
     'chamber': 'rate of the outlet pressure [Pa/s]',
     'outlet': 'pressure that the aspirator tube senses [Pa]; a last argument is the flow [Pa/s]',
@@ -91,6 +92,9 @@ class Moment(NamedTuple):
 
     sensing: float = 0.0
     """Rate of the sensed pressure, equation (8) [Pa/s]; for what changes the chamber's alone."""
+
+    dense: float = 1.0
+    """The chamber's volume where the gains hold over its own: so much more does air change its pressure [-]."""
 
 
 class ForceMoment(NamedTuple):

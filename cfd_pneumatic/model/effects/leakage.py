@@ -13,7 +13,7 @@ def chamber(rate, moment, conductance, orifice):
     """Return the outlet pressure's rate [Pa/s]."""
     through_hole = moment.p * passed(moment.ambient / moment.p)
     through_gap = moment.p - moment.ambient
-    return rate - conductance * where(orifice > 0.0, through_hole, through_gap)
+    return rate - moment.dense * conductance * where(orifice > 0.0, through_hole, through_gap)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:

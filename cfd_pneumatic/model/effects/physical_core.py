@@ -98,10 +98,12 @@ def hold(moment, pressure, position, supply, b, opens, vents, n, loss, control, 
 
 
 @inlined
-def density(moment, pressure, position, n):
+def density(
+    dense, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
+):
     """Return the volume at the reference, K_x = n p A / V there by equation (12), against the chamber's [-]."""
     stiff = n * pressure
-    return stiff / max(stiff + moment.k_x * (moment.x - position), SMALLEST_VOLUME * stiff)
+    return dense * stiff / max(stiff + moment.k_x * (moment.x - position), SMALLEST_VOLUME * stiff)
 
 
 @inlined
@@ -121,7 +123,7 @@ def velocity_gain(
     k_x, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
     """Return K_x [Pa/m] at a pressure and in a volume, equation (11)."""
-    return k_x * (moment.p / pressure) * density(moment, pressure, position, n)
+    return k_x * (moment.p / pressure) * moment.dense
 
 
 @inlined
@@ -131,7 +133,7 @@ def flow(
     """Return the pressure rate that the flow makes [Pa/s], equations (1), (3) and (11)."""
     exhausts = value < 0.0
     passes = passed(where(exhausts, moment.p, supply), where(exhausts, moment.ambient, moment.p), b)
-    share = where(exhausts, vented, opened) * passes * density(moment, pressure, position, n)
+    share = where(exhausts, vented, opened) * passes * moment.dense
     return value * share * moment.p / (moment.p - where(exhausts, heat * warmth, 0.0))
 
 
@@ -149,8 +151,7 @@ def chamber(
     rate, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
     """Return the outlet pressure's rate [Pa/s]: the control chamber draws on it, the walls cool it."""
-    dense = density(moment, pressure, position, n)
-    return rate - control * moment.sensing * dense - heat_transfer.cooling(moment, heat, dense * walls)
+    return rate - control * moment.sensing * moment.dense - heat_transfer.cooling(moment, heat, moment.dense * walls)
 
 
 @inlined
@@ -158,8 +159,7 @@ def evolve(
     moment, rate, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
     """Return the rate at which pressure due to temperature builds up and goes [Pa/s]."""
-    dense = density(moment, pressure, position, n)
-    return (heat_transfer.warming(moment, rate, heat, dense * walls, n),)
+    return (heat_transfer.warming(moment, rate, heat, moment.dense * walls, n),)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:

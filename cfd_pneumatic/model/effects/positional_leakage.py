@@ -12,7 +12,7 @@ def chamber(rate, moment, conductance, position, width, speed, end, direction):
     """Return the outlet pressure's rate [Pa/s]."""
     opening = 0.5 * (1.0 + tanh(end * (moment.x - position) / width))
     opening *= 1.0 - 0.5 * abs(direction) * (1.0 - tanh(direction * moment.rate / speed))
-    return rate - conductance * opening * (moment.p - moment.ambient)
+    return rate - moment.dense * conductance * opening * (moment.p - moment.ambient)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
