@@ -20,10 +20,22 @@ Array = NDArray[np.float64]
 _POINTS = 41  # of a curve that is shown
 _CORNER = 0.125  # of a bend: by how much a straight line lies beside an even curve, at most
 _BAND = 1.96  # standard errors: 95 % at each point
-_GAINS = {'gain': slice(0, 1), 'flow': slice(1, 3)}  # of the model, that have what is even of a curve
+_GAINS = {
+    'gain': slice(0, 1),
+    'flow': slice(1, 3),
+    'stiffness': slice(0, 3),
+}  # of the model, that have what is even of a curve
 _FEWEST = 5  # samples near a point that has been visited
 
-UNITS = {'set_point': 'Pa', 'flow': '1', 'gain': '1', 'chamber': 'Pa/s', 'leak': '1/s', 'sensing': 'Pa'}
+UNITS = {
+    'set_point': 'Pa',
+    'flow': '1',
+    'gain': '1',
+    'chamber': 'Pa/s',
+    'leak': '1/s',
+    'sensing': 'Pa',
+    'stiffness': '1',
+}
 """Of a curve's height, by where it enters."""
 
 UNITS_AGAINST = {'x': 'm', 'speed': 'm/s', 'p': 'Pa', 'error': 'Pa', 'flow': 'Pa/s', 'time': 's'}
@@ -39,6 +51,7 @@ _ENTERS = {
     'chamber': 'air that nobody has ordered changes the pressure by up to {} Pa a second',
     'leak': 'the chamber loses up to {} % of its gauge pressure a second',
     'sensing': 'the pressure sensor reads up to {} Pa too much or too little',
+    'stiffness': 'the air in the chamber is up to {} % stiffer or softer',
 }
 _AGAINST = {
     'x': 'depending on the place along the stroke',
@@ -55,6 +68,7 @@ _LOOK = {
     'chamber': 'the seal and the fittings',
     'leak': 'the seal and the fittings',
     'sensing': 'the pressure sensor, its line and its supply',
+    'stiffness': 'the chamber walls, hoses and what else is joined to the chamber',
 }
 
 
@@ -162,7 +176,7 @@ def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:
     parameters, own = model.parameters.copy(), model.own.copy()
     if slot.name == ('flow', 'error'):
         return model
-    if slot.enters in ('gain', 'flow'):
+    if slot.enters in _GAINS:
         parameters[_GAINS[slot.enters]] *= 1.0 + mean
         heights = (heights - mean) / (1.0 + mean)
     elif slot.enters == 'set_point':

@@ -30,6 +30,7 @@ LAW_PLACES = {
     'chamber': 'rate of the pressure, more by',
     'leak': 'leak, share of the gauge pressure',
     'sensing': 'reading, off by',
+    'stiffness': 'stiffness of the air, more by',
 }
 """Where a law enters, for the axis of its picture."""
 

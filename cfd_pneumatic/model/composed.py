@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint 1a604d35ba374766; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint 2bccfb78d947d960; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -125,71 +125,78 @@ A62 = 76 * COUNT
 A63 = 77 * COUNT
 A64 = 78 * COUNT
 A65 = 79 * COUNT
+A66 = 80 * COUNT
+A67 = 81 * COUNT
+A68 = 82 * COUNT
+A69 = 83 * COUNT
+A70 = 84 * COUNT
+A71 = 85 * COUNT
+A72 = 86 * COUNT
 # what effects hold from one sample to the next
-H0 = 80 * COUNT
-H1 = 81 * COUNT
-H2 = 82 * COUNT
-H3 = 83 * COUNT
-H4 = 84 * COUNT
-H5 = 85 * COUNT
-H6 = 86 * COUNT
-H7 = 87 * COUNT
-H8 = 88 * COUNT
-H9 = 89 * COUNT
-H10 = 90 * COUNT
-H11 = 91 * COUNT
+H0 = 87 * COUNT
+H1 = 88 * COUNT
+H2 = 89 * COUNT
+H3 = 90 * COUNT
+H4 = 91 * COUNT
+H5 = 92 * COUNT
+H6 = 93 * COUNT
+H7 = 94 * COUNT
+H8 = 95 * COUNT
+H9 = 96 * COUNT
+H10 = 97 * COUNT
+H11 = 98 * COUNT
 # what each lane's set-point lies above the common one [Pa]
-OFFSET = 92 * COUNT
+OFFSET = 99 * COUNT
 # states and rates of a stage of Runge and Kutta, and the rates' weighted sum
-S0 = 93 * COUNT
-S1 = 94 * COUNT
-S2 = 95 * COUNT
-S3 = 96 * COUNT
-S4 = 97 * COUNT
-S5 = 98 * COUNT
-S6 = 99 * COUNT
-S7 = 100 * COUNT
-S8 = 101 * COUNT
-S9 = 102 * COUNT
-S10 = 103 * COUNT
-S11 = 104 * COUNT
-K0 = 105 * COUNT
-K1 = 106 * COUNT
-K2 = 107 * COUNT
-K3 = 108 * COUNT
-K4 = 109 * COUNT
-K5 = 110 * COUNT
-K6 = 111 * COUNT
-K7 = 112 * COUNT
-K8 = 113 * COUNT
-K9 = 114 * COUNT
-K10 = 115 * COUNT
-K11 = 116 * COUNT
-SUM0 = 117 * COUNT
-SUM1 = 118 * COUNT
-SUM2 = 119 * COUNT
-SUM3 = 120 * COUNT
-SUM4 = 121 * COUNT
-SUM5 = 122 * COUNT
-SUM6 = 123 * COUNT
-SUM7 = 124 * COUNT
-SUM8 = 125 * COUNT
-SUM9 = 126 * COUNT
-SUM10 = 127 * COUNT
-SUM11 = 128 * COUNT
+S0 = 100 * COUNT
+S1 = 101 * COUNT
+S2 = 102 * COUNT
+S3 = 103 * COUNT
+S4 = 104 * COUNT
+S5 = 105 * COUNT
+S6 = 106 * COUNT
+S7 = 107 * COUNT
+S8 = 108 * COUNT
+S9 = 109 * COUNT
+S10 = 110 * COUNT
+S11 = 111 * COUNT
+K0 = 112 * COUNT
+K1 = 113 * COUNT
+K2 = 114 * COUNT
+K3 = 115 * COUNT
+K4 = 116 * COUNT
+K5 = 117 * COUNT
+K6 = 118 * COUNT
+K7 = 119 * COUNT
+K8 = 120 * COUNT
+K9 = 121 * COUNT
+K10 = 122 * COUNT
+K11 = 123 * COUNT
+SUM0 = 124 * COUNT
+SUM1 = 125 * COUNT
+SUM2 = 126 * COUNT
+SUM3 = 127 * COUNT
+SUM4 = 128 * COUNT
+SUM5 = 129 * COUNT
+SUM6 = 130 * COUNT
+SUM7 = 131 * COUNT
+SUM8 = 132 * COUNT
+SUM9 = 133 * COUNT
+SUM10 = 134 * COUNT
+SUM11 = 135 * COUNT
 # the piston's displacement [m] and speed [m/s], the set-point [Pa], and what the pressure sensor reads [Pa]
-X = 129 * COUNT
-RATE = 130 * COUNT
-SETPOINT = 131 * COUNT
-SIGNAL = 132 * COUNT
+X = 136 * COUNT
+RATE = 137 * COUNT
+SETPOINT = 138 * COUNT
+SIGNAL = 139 * COUNT
 
-SIZE = 133 * COUNT
+SIZE = 140 * COUNT
 """Length of the array of rows."""
 
 STATE_ROWS = slice(0, 14)
 """Rows of the states: pressures p and p_f, those of the effects, displacements followed and measured last."""
 
-PARAMETER_ROWS = slice(14, 80)
+PARAMETER_ROWS = slice(14, 87)
 """Rows of the parameters: the gains, then those of the effects."""
 
 OFFSET_ROW = OFFSET // COUNT
@@ -306,6 +313,13 @@ def valve_error(moment, w, on):
             load(w, A62),
             load(w, A63),
             load(w, A64),
+            load(w, A65),
+            load(w, A66),
+            load(w, A67),
+            load(w, A68),
+            load(w, A69),
+            load(w, A70),
+            load(w, A71),
         )
     return target - load(w, S1)
 
@@ -381,6 +395,13 @@ def slopes(time, ambient, w, on):
             load(w, A62),
             load(w, A63),
             load(w, A64),
+            load(w, A65),
+            load(w, A66),
+            load(w, A67),
+            load(w, A68),
+            load(w, A69),
+            load(w, A70),
+            load(w, A71),
         )
     swept = gain * rate
     moment = moment_of(time, x, rate, p, load(w, S1), swept, still, ambient, w, dense)
@@ -460,6 +481,13 @@ def slopes(time, ambient, w, on):
             load(w, A62),
             load(w, A63),
             load(w, A64),
+            load(w, A65),
+            load(w, A66),
+            load(w, A67),
+            load(w, A68),
+            load(w, A69),
+            load(w, A70),
+            load(w, A71),
         )
         store(w, K10, rate10)
         flow = curve.flow(
@@ -483,9 +511,16 @@ def slopes(time, ambient, w, on):
             load(w, A62),
             load(w, A63),
             load(w, A64),
+            load(w, A65),
+            load(w, A66),
+            load(w, A67),
+            load(w, A68),
+            load(w, A69),
+            load(w, A70),
+            load(w, A71),
         )
     if on & 2097152:
-        flow = heat_transfer.flow(flow, moment, load(w, S11), load(w, A65))
+        flow = heat_transfer.flow(flow, moment, load(w, S11), load(w, A72))
     if on & 1024:
         (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A29), load(w, A30))
         store(w, K4, rate4)
@@ -544,6 +579,13 @@ def slopes(time, ambient, w, on):
             load(w, A62),
             load(w, A63),
             load(w, A64),
+            load(w, A65),
+            load(w, A66),
+            load(w, A67),
+            load(w, A68),
+            load(w, A69),
+            load(w, A70),
+            load(w, A71),
         )
     if on & 4:
         (rate2,) = physical_core.evolve(
@@ -582,9 +624,9 @@ def slopes(time, ambient, w, on):
             load(w, H11),
         )
     if on & 2097152:
-        (rate11,) = heat_transfer.evolve(moment, chamber, load(w, S11), load(w, A65))
+        (rate11,) = heat_transfer.evolve(moment, chamber, load(w, S11), load(w, A72))
         store(w, K11, rate11)
-        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), load(w, A65))
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), load(w, A72))
     signal = p
     if on & 32768:
         (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A41))
@@ -620,6 +662,13 @@ def slopes(time, ambient, w, on):
             load(w, A62),
             load(w, A63),
             load(w, A64),
+            load(w, A65),
+            load(w, A66),
+            load(w, A67),
+            load(w, A68),
+            load(w, A69),
+            load(w, A70),
+            load(w, A71),
         )
     store(w, K0, chamber)
     store(w, K1, sensing)
@@ -770,6 +819,13 @@ def read(time, ambient, w, on):
             load(w, A62),
             load(w, A63),
             load(w, A64),
+            load(w, A65),
+            load(w, A66),
+            load(w, A67),
+            load(w, A68),
+            load(w, A69),
+            load(w, A70),
+            load(w, A71),
         )
     store(w, SIGNAL, signal)
 

@@ -6,15 +6,18 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.identification.shape import Shape
 
+_FLOW = ('flow', 'q', 'q * (1.0 + {})', "the pressure rate that the valves' flow makes [Pa/s]")
+_GAIN = ('velocity_gain', 'gain', 'gain * (1.0 + {})', 'K_x [Pa/m]')
 _FUNCTIONS = {
-    'set_point': ('setpoint', 'p_d', 'p_d + {}', 'the set-point that acts [Pa]'),
-    'flow': ('flow', 'q', 'q * (1.0 + {})', "the pressure rate that the valves' flow makes [Pa/s]"),
-    'gain': ('velocity_gain', 'gain', 'gain * (1.0 + {})', 'K_x [Pa/m]'),
-    'chamber': ('chamber', 'rate', 'rate + {}', "the outlet pressure's rate [Pa/s]"),
-    'leak': ('chamber', 'rate', 'rate - {} * (moment.p - moment.ambient)', "the outlet pressure's rate [Pa/s]"),
-    'sensing': ('signal', 'p', 'p + {}', 'what the sensor reads [Pa]'),
+    'set_point': (('setpoint', 'p_d', 'p_d + {}', 'the set-point that acts [Pa]'),),
+    'flow': (_FLOW,),
+    'gain': (_GAIN,),
+    'chamber': (('chamber', 'rate', 'rate + {}', "the outlet pressure's rate [Pa/s]"),),
+    'leak': (('chamber', 'rate', 'rate - {} * (moment.p - moment.ambient)', "the outlet pressure's rate [Pa/s]"),),
+    'sensing': (('signal', 'p', 'p + {}', 'what the sensor reads [Pa]'),),
+    'stiffness': (_GAIN, _FLOW),
 }
-"""An effect's function by where a law enters, what it takes and returns, and what that is."""
+"""An effect's functions by where a law enters, what each takes and returns, and what that is."""
 
 _VARIABLES = {
     'x': ('moment.x', 'displacement'),
@@ -34,15 +37,7 @@ from __future__ import annotations
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import inlined
 {imports}
-
-@inlined
-def {function}({taken}, moment, {names}):
-    """Return {what}."""
-    z = {variable}
-    {letters} = {names}
-    return {result}
-
-
+{functions}
 def starts(data: Data) -> list[tuple[float, ...]]:
     """Return what was found on {where}, and as much the other way."""
     return [{found}, {otherwise}]
@@ -60,6 +55,16 @@ EFFECT = Effect(
     seen_against='{against}',
     moves_rest=True,
 )
+'''
+
+_FUNCTION = '''
+@inlined
+def {function}({taken}, moment, {names}):
+    """Return {what}."""
+    z = {variable}
+    {letters} = {names}
+    return {result}
+
 '''
 
 
@@ -82,24 +87,29 @@ def draft_effect(identification: Identification, name: str) -> str:
 
 def _drafted(law: Shape, name: str, where: str) -> str:
     formula = law.formulas[0]
-    function, taken, result, what = _FUNCTIONS[law.enters]
     variable, against = _VARIABLES[law.against]
     names = [_NUMBERS[letter][0] for letter in formula.numbers]
     values = [f'{value:.6g}' for value in formula.numbers.values()]
     used = [one for one in ('exp', 'tanh', 'wave') if f'{one}(' in formula.code]
     units = {'a': _unit_of_height(law, formula.power)}
     parameters = '\n'.join(_parameter(letter, units.get(letter, law.unit_against), law) for letter in formula.numbers)
+    functions = [
+        _FUNCTION.format(
+            function=function,
+            taken=taken,
+            names=', '.join(names),
+            letters=', '.join(formula.numbers),
+            what=what,
+            variable=variable,
+            result=result.format(f'({formula.code})'),
+        )
+        for function, taken, result, what in _FUNCTIONS[law.enters]
+    ]
     return _FILE.format(
         title=name.replace('_', ' ').capitalize(),
         words=law.words.partition(': look')[0],
         imports=f'from cfd_pneumatic.model.lanewise import {", ".join(used)}\n' if used else '',
-        function=function,
-        taken=taken,
-        names=', '.join(names),
-        letters=', '.join(formula.numbers),
-        what=what,
-        variable=variable,
-        result=result.format(f'({formula.code})'),
+        functions=''.join(functions),
         where=where,
         found=f'({", ".join(values)},)',
         otherwise=f'({", ".join([_turned(values[0]), *values[1:]])},)',

@@ -25,8 +25,8 @@ MOMENT = Moment(
 HEIGHTS = tuple(np.linspace(-3.0, 2.0, KNOTS) ** 2)
 
 
-def slot(enters: str = 'flow', against: str = 'x', crowd: float = 1e6) -> Slot:
-    return Slot(enters, against, 0.1, -1.0, 1.0, crowd, 1.0)
+def slot(enters: str = 'flow', against: str = 'x', crowd: float = 1e6, middle: float = 0.0) -> Slot:
+    return Slot(enters, against, 0.1, -1.0, 1.0, middle, crowd, 1.0)
 
 
 def height(place: Slot, at: float, heights: tuple[float, ...] = HEIGHTS) -> float:
@@ -40,10 +40,11 @@ def test_it_is_no_effect_that_a_search_may_name() -> None:
     assert GENERIC.keys() <= PRESSURE_PARTS.keys()
 
 
+@pytest.mark.parametrize('middle', [0.0, 0.7])
 @pytest.mark.parametrize('crowd', [1e6, 0.3, 0.03])
 @given(at=st.floats(-1.0, 1.0), heights=st.lists(st.floats(-1e3, 1e3), min_size=KNOTS, max_size=KNOTS).map(tuple))
-def test_it_runs_straight_from_knot_to_knot(crowd: float, at: float, heights: tuple[float, ...]) -> None:
-    place = slot(crowd=crowd)
+def test_it_runs_straight_from_knot_to_knot(middle: float, crowd: float, at: float, heights: tuple[float, ...]) -> None:
+    place = slot(crowd=crowd, middle=middle)
     expected = float(place.along(np.array([at]))[0] @ np.array(heights))
     assert height(place, at, heights) == pytest.approx(expected, abs=1e-9)
 
@@ -58,11 +59,12 @@ def test_knots_crowd_about_the_middle_and_ends_stay() -> None:
     assert within[1] > within[0]
 
 
-def test_beyond_its_ends_it_runs_on_and_one_of_the_time_stays() -> None:
-    assert height(slot(), 1.2) == pytest.approx(HEIGHTS[-1] + (HEIGHTS[-1] - HEIGHTS[-2]), rel=1e-5)
-    assert height(slot(), -1.2) == pytest.approx(HEIGHTS[0] + (HEIGHTS[0] - HEIGHTS[1]), rel=1e-5)
-    late = curve.flow(1.0, MOMENT._replace(time=50.0), 0.0, *slot(against='time').parameters(HEIGHTS))
-    assert late - 1.0 == pytest.approx(HEIGHTS[-1])
+def test_beyond_its_ends_it_stays_and_one_of_the_pressure_runs_on() -> None:
+    assert (height(slot(), 1.2), height(slot(), -1.2)) == pytest.approx((HEIGHTS[-1], HEIGHTS[0]))
+    own = slot(against='p').parameters(HEIGHTS)
+    for p, end, before in ((1.2, -1, -2), (-1.2, 0, 1)):
+        beyond = curve.flow(1.0, MOMENT._replace(p=AMBIENT + p), 0.0, *own) - 1.0
+        assert beyond == pytest.approx(HEIGHTS[end] + 0.1 * (KNOTS - 1) * (HEIGHTS[end] - HEIGHTS[before]), rel=1e-4)
 
 
 @pytest.mark.parametrize('against', AGAINST)
@@ -85,6 +87,8 @@ def test_it_enters_where_it_says_and_nowhere_else(enters: str) -> None:
     expected = dict.fromkeys(changes, 0.0)
     if enters == 'leak':
         expected['chamber'] = -size * VALUES['p']
+    elif enters == 'stiffness':
+        expected['flow'] = expected['gain'] = size
     else:
         expected[enters] = size
     assert changes == pytest.approx(expected, abs=1e-9)

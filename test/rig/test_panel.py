@@ -134,7 +134,7 @@ def test_the_table_tells_of_each_effect() -> None:
 
 def test_of_each_strange_law_it_is_said_where_it_enters_and_on_what_it_depends() -> None:
     assert CLASSES.keys() == STRANGE.keys()
-    places = {'set_point', 'flow', 'chamber', 'gain', 'sensing', 'force'}
+    places = {'set_point', 'flow', 'chamber', 'gain', 'stiffness', 'sensing', 'force'}
     against = {'x', 'speed', 'direction', 'p', 'error', 'flow', 'time', 'force'}
     assert {pair for right in CLASSES.values() for pair in right} <= set(product(places, against))
 

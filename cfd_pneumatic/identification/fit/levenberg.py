@@ -59,6 +59,8 @@ class Quadratic:
         Times 1 + q / n with q = sum(precision away^2), as n log(sum) + q falls where the residuals' variance is not
         known.
         """
+        if not self.is_finite:
+            return self
         slope, variance = precision * away, self.total / count
         factor = 1.0 + float(away @ slope) / count
         return Quadratic(
@@ -70,7 +72,7 @@ class Quadratic:
     @property
     def is_finite(self) -> bool:
         """Whether the model has not run away."""
-        return math.isfinite(self.total + float(self.normal.sum()))
+        return math.isfinite(self.total) and bool(np.isfinite(self.normal).all())
 
     def size(self, step: Array) -> float:
         """Return the size of a step, shape (k,): each unknown counts by what it alone changes."""

@@ -79,8 +79,8 @@ class Slot:
         Where, and what it depends on: of `ENTERS` and `AGAINST`.
     lag
         Of the flow, where it depends on that [s].
-    low, high, crowd
-        Its range, and how its knots crowd about the middle.
+    low, high, middle, crowd
+        Its range, and how its knots crowd about what middle.
     unit
         A height that is small beside what it acts on.
 
@@ -91,13 +91,14 @@ class Slot:
     lag: float
     low: float
     high: float
+    middle: float
     crowd: float
     unit: float
 
     def parameters(self, heights: Sequence[float] | Array) -> tuple[float, ...]:
         """Return the parameters of a curve with some heights, shape (knots,)."""
         where = float(ENTERS.index(self.enters)), float(AGAINST.index(self.against))
-        return (*where, self.lag, self.low, self.high, self.crowd, *map(float, heights))
+        return (*where, self.lag, self.low, self.high, self.middle, self.crowd, *map(float, heights))
 
     @property
     def name(self) -> tuple[str, str]:
@@ -110,7 +111,7 @@ class Slot:
         if self.enters in ('chamber', 'leak'):
             return np.zeros((KNOTS, 0))
         if self.name == ('flow', 'error'):
-            charging = np.clip(np.arange(KNOTS) - 0.5 * (KNOTS - 1) + 0.5, 0.0, 1.0)
+            charging = np.heaviside(self.knots, 0.5)
             return np.column_stack([charging, 1.0 - charging])
         return np.ones((KNOTS, 1))
 
@@ -119,11 +120,12 @@ class Slot:
         """Where its knots are, shape (knots,)."""
         place = np.linspace(-1.0, 1.0, KNOTS)
         share = place * self.crowd / (1.0 + self.crowd - np.abs(place))
-        return np.asarray(0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * share)
+        return np.asarray(self.middle + share * np.where(share > 0.0, self.high - self.middle, self.middle - self.low))
 
     def along(self, at: Array) -> Array:
-        """Return what each knot's height adds to the curve's at some points, shape (points, knots)."""
-        share = (2.0 * at - self.low - self.high) / (self.high - self.low)
+        """Return what each knot's height adds to the curve's at some points of its range, shape (points, knots)."""
+        at = np.clip(at, self.low, self.high)
+        share = (at - self.middle) / np.where(at > self.middle, self.high - self.middle, self.middle - self.low)
         place = 0.5 * (KNOTS - 1) * (1.0 + share * (1.0 + self.crowd) / (np.abs(share) + self.crowd))
         return np.asarray(np.maximum(1.0 - np.abs(place[:, None] - np.arange(KNOTS)), 0.0))
 
@@ -223,34 +225,39 @@ class Laws:
         """
         Return the most promising curves beside a model, fitted to the train part.
 
-        An excerpt tells before which these are, and whether knots that crowd about a bend do better.
+        An excerpt tells before which these are, and whether they do better with their knots elsewhere.
         """
         if begin not in self._known:
-            promised = _worth_a_fit(promises(self.candidates, begin), _size(self.candidates, begin))
-            sketches = self._sketched(begin, promised)
-            sharper = [self._sharper(begin, one) for one in sketches[:_SHARPENED]]
+            promised = promises(self.candidates, begin)
+            sketches = self._sketched(begin, _worth_a_fit(promised, _size(self.candidates, begin)))
+            sharper = [
+                other for one in sketches[:_SHARPENED] for other in self._otherwise(begin, one.promise.slot, one.found)
+            ]
             sketches = _best_first(sketches + self._sketched(begin, sharper))
             rivals = [one for one in sketches if one.found.cost < _RIVALLING * sketches[0].found.cost][:_FITTED]
-            models = each(lambda one: fitted(self.candidates.train, one.found.model, one.promise).model, rivals)
-            finished = [self.candidates.finished(model, begin.model) for model in models]
-            self._known[begin] = [
-                Drawn(one.promise, own, begin, ()) for one, own in zip(rivals, finished) if CURVE in own.effects
-            ]
+            self._known[begin] = self._finished(begin, rivals)
         return self._known[begin]
+
+    def _finished(self, begin: Candidate, sketches: Sequence[_Sketch]) -> list[Drawn]:
+        """Return sketches fitted to the train part."""
+        models = each(lambda one: fitted(self.candidates.train, one.found.model, one.promise).model, sketches)
+        finished = [self.candidates.finished(model, begin.model) for model in models]
+        return [Drawn(one.promise, own, begin, ()) for one, own in zip(sketches, finished) if CURVE in own.effects]
 
     def _sketched(self, begin: Candidate, promised: Sequence[Promise]) -> list[_Sketch]:
         """Return curves fitted to an excerpt, the best first."""
         excerpt = self.candidates.excerpt
         return _best_first(each(lambda one: _Sketch(one, fitted(excerpt, beside(begin.model, one), one)), promised))
 
-    def _sharper(self, begin: Candidate, sketch: _Sketch) -> Promise:
-        """Return the most promising curve with knots that crowd where one bends most."""
-        slot = sketch.promise.slot
-        heights, knots = np.array(sketch.found.model.effects[CURVE][-KNOTS:]), slot.knots
-        bend = float(knots[1 + int(np.argmax(np.abs(np.diff(np.diff(heights) / np.diff(knots)))))])
-        reach = max(bend - slot.low, slot.high - bend)
-        some = [replace(slot, low=bend - reach, high=bend + reach, crowd=crowd) for crowd in _CROWDS]
-        return promises(self.candidates, begin, some)[0]
+    def _otherwise(self, begin: Candidate, slot: Slot, found: Optimum) -> list[Promise]:
+        """Return a curve with its knots elsewhere: where it bends most, or of what goes both ways nearer to nothing."""
+        middle = slot.middle
+        if slot.against not in _FORMS:
+            bends = np.abs(np.diff(np.diff(found.model.effects[CURVE][-KNOTS:]) / np.diff(slot.knots)))
+            middle = float(slot.knots[1 + int(np.argmax(bends))])
+        some = [replace(slot, middle=middle, crowd=crowd) for crowd in _CROWDS]
+        ranked = promises(self.candidates, begin, [one for one in some if one != slot])
+        return ranked if slot.against in _FORMS else ranked[:1]
 
 
 class _Sketch(NamedTuple):
@@ -320,6 +327,7 @@ def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
         'chamber': k_sv * noise,
         'leak': k_sv * noise / max(map(abs, ranges['p'])),
         'sensing': noise,
+        'stiffness': 1e-2,
     }
     found = []
     for against, places in _ASKED_FOR.items():
@@ -327,7 +335,7 @@ def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
         if high - low > _LEAST_VISITED:
             forms = _FORMS.get(against, ((_LAGS[0], _EVEN),))
             found += [
-                Slot(enters, against, lag, low, high, crowd, units[enters])
+                Slot(enters, against, lag, low, high, 0.5 * (low + high), crowd, units[enters])
                 for enters, (lag, crowd) in product(places, forms)
             ]
     return found

@@ -1,8 +1,8 @@
 """
 Curve: a law that nobody knows, as a table that data have drawn: where it enters, against what, and its values.
 
-Between its knots it runs straight, and beyond them on as it ends; one of the time stays as it ends. Knots lie evenly
-over the curve's range, or crowd about its middle.
+Between its knots it runs straight. Beyond them it stays as it ends; one of the pressure runs straight on. As many knots
+lie on either side of its middle, evenly, or crowding about that.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import some, where
 
-ENTERS = ('set_point', 'flow', 'gain', 'chamber', 'leak', 'sensing')
+ENTERS = ('set_point', 'flow', 'gain', 'chamber', 'leak', 'sensing', 'stiffness')
 """Where it may enter, by the number of its parameter `enters`."""
 
 AGAINST = ('x', 'speed', 'p', 'error', 'flow', 'time')
@@ -20,94 +20,82 @@ AGAINST = ('x', 'speed', 'p', 'error', 'flow', 'time')
 CURVE = 'curve'
 """Its name."""
 
-KNOTS = 11
+KNOTS = 17
 """How many values a curve has."""
-
-_LAST = 10.0  # number of the last knot
 
 
 @inlined
-def _height(moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
-    """Return the height of the curve where the cylinder is."""
+def _height(moment, flow, against, low, high, middle, crowd, heights):
+    """Return the height of the curve where the cylinder is: the slopes of all pieces, as far as it is along each."""
     at = where(against < 0.5, moment.x, moment.rate)
     at = where(against > 1.5, moment.p - moment.ambient, at)
     at = where(against > 2.5, moment.setpoint - moment.p_f, at)
     at = where(against > 3.5, flow, at)
-    at = where(against > 4.5, min(moment.time, high), at)
-    share = (2.0 * at - low - high) / (high - low)
-    place = 0.5 * _LAST * (1.0 + share * (1.0 + crowd) / (abs(share) + crowd))
-    inner = min(max(place, 0.0), _LAST)
-    height = w0 * max(1.0 - inner, 0.0) + w10 * max(inner - 9.0, 0.0)
-    height += w1 * max(1.0 - abs(inner - 1.0), 0.0) + w2 * max(1.0 - abs(inner - 2.0), 0.0)
-    height += w3 * max(1.0 - abs(inner - 3.0), 0.0) + w4 * max(1.0 - abs(inner - 4.0), 0.0)
-    height += w5 * max(1.0 - abs(inner - 5.0), 0.0) + w6 * max(1.0 - abs(inner - 6.0), 0.0)
-    height += w7 * max(1.0 - abs(inner - 7.0), 0.0) + w8 * max(1.0 - abs(inner - 8.0), 0.0)
-    height += w9 * max(1.0 - abs(inner - 9.0), 0.0)
-    return height + min(place, 0.0) * (w1 - w0) + max(place - _LAST, 0.0) * (w10 - w9)
+    at = where(against > 4.5, moment.time, at)
+    at = where(abs(against - 2.0) < 0.5, at, min(max(at, low), high))
+    share = (at - middle) / where(at > middle, high - middle, middle - low)
+    place = 0.5 * (KNOTS - 1) * (1.0 + share * (1.0 + crowd) / (abs(share) + crowd))
+    height = heights[0] + (heights[1] - heights[0]) * min(place, 1.0)
+    for knot in range(1, KNOTS - 2):
+        height += (heights[knot + 1] - heights[knot]) * min(max(place - knot, 0.0), 1.0)
+    return height + (heights[KNOTS - 1] - heights[KNOTS - 2]) * max(place - (KNOTS - 2), 0.0)
 
 
 @inlined
-def _entering(place, enters, moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
-    """Return the height of the curve if it enters at this place, else nothing; not computed where none does."""
+def _entering(here, moment, flow, against, low, high, middle, crowd, heights):
+    """Return the height of the curve if it enters here, else nothing; not computed where none does."""
     height = 0.0 * moment.p
-    here = abs(enters - place) < 0.5
     if some(here):
-        height = where(
-            here, _height(moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10), 0.0
-        )
+        height = where(here, _height(moment, flow, against, low, high, middle, crowd, heights), 0.0)
     return height
 
 
 @inlined
-def setpoint(p_d, moment, flow, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
+def _is(enters, place):
+    """Tell whether it enters at a place."""
+    return abs(enters - place) < 0.5
+
+
+@inlined
+def _scales(enters, place):
+    """Tell whether it scales what is at a place: alone, or as part of the chamber's stiffness."""
+    return min(abs(enters - place), abs(enters - 6.0)) < 0.5
+
+
+@inlined
+def setpoint(p_d, moment, passed, enters, against, lag, low, high, middle, crowd, *heights):
     """Return the set-point that acts [Pa]."""
-    return p_d + _entering(
-        0.0, enters, moment, flow, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
-    )
+    return p_d + _entering(_is(enters, 0.0), moment, passed, against, low, high, middle, crowd, heights)
 
 
 @inlined
-def flow(q, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
+def flow(q, moment, passed, enters, against, lag, low, high, middle, crowd, *heights):
     """Return the pressure rate that the valves' flow makes [Pa/s]."""
-    return q * (
-        1.0
-        + _entering(1.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-    )
+    return q * (1.0 + _entering(_scales(enters, 1.0), moment, passed, against, low, high, middle, crowd, heights))
 
 
 @inlined
-def velocity_gain(
-    gain, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
-):
+def velocity_gain(gain, moment, passed, enters, against, lag, low, high, middle, crowd, *heights):
     """Return K_x [Pa/m]."""
-    return gain * (
-        1.0
-        + _entering(2.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10)
-    )
+    return gain * (1.0 + _entering(_scales(enters, 2.0), moment, passed, against, low, high, middle, crowd, heights))
 
 
 @inlined
-def chamber(rate, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
+def chamber(rate, moment, passed, enters, against, lag, low, high, middle, crowd, *heights):
     """Return the outlet pressure's rate [Pa/s]: more of it, or less what leaks to ambient."""
-    added = _entering(
-        3.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
-    )
-    leaks = _entering(
-        4.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
-    )
+    added = _entering(_is(enters, 3.0), moment, passed, against, low, high, middle, crowd, heights)
+    leaks = _entering(_is(enters, 4.0), moment, passed, against, low, high, middle, crowd, heights)
     return rate + moment.dense * (added - leaks * (moment.p - moment.ambient))
 
 
 @inlined
-def signal(p, moment, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
+def signal(p, moment, passed, enters, against, lag, low, high, middle, crowd, *heights):
     """Return what the pressure's sensor reads [Pa]."""
-    return p + _entering(
-        5.0, enters, moment, passed, against, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10
-    )
+    return p + _entering(_is(enters, 5.0), moment, passed, against, low, high, middle, crowd, heights)
 
 
 @inlined
-def evolve(moment, q, passed, enters, against, lag, low, high, crowd, w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10):
+def evolve(moment, q, passed, enters, against, lag, low, high, middle, crowd, *heights):
     """Return the rate of the lagged flow [Pa/s^2]."""
     return ((q - passed) / lag,)
 
@@ -147,8 +135,9 @@ EFFECT = Effect(
         EffectParameter('lag', 's', 1e-3, 1e2, 0.1, 'time constant of the flow that it depends on', choice=True),
         EffectParameter('low', '-', -1e9, 1e9, -1.0, 'where it begins, in the unit of what it depends on', choice=True),
         EffectParameter('high', '-', -1e9, 1e9, 1.0, 'where it ends, likewise', choice=True),
+        EffectParameter('middle', '-', -1e9, 1e9, 0.0, 'about which the knots crowd, likewise', choice=True),
         EffectParameter(
-            'crowd', '-', 1e-3, 1e6, 1e6, 'share of the range about whose middle the knots crowd', choice=True
+            'crowd', '-', 1e-3, 1e6, 1e6, 'share of the range about its middle within which they do', choice=True
         ),
         *(
             EffectParameter(

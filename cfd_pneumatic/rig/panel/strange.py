@@ -146,7 +146,7 @@ STRANGE = {
 CLASSES = {
     'bulge': {('gain', 'x')},
     'one_way': {('gain', 'direction'), ('gain', 'speed')},
-    'soft_wall': {('gain', 'p'), ('flow', 'p'), ('chamber', 'p')},
+    'soft_wall': {('stiffness', 'p'), ('gain', 'p'), ('flow', 'p'), ('chamber', 'p')},
     'swimming_seal': {('chamber', 'speed'), ('gain', 'speed'), ('set_point', 'speed')},
     'pop_valve': {('chamber', 'p'), ('flow', 'p'), ('set_point', 'p')},
     'worn_seat': {('flow', 'error'), ('chamber', 'error'), ('set_point', 'error')},
