@@ -133,8 +133,12 @@ class Cores:
         if any(_leaves_noise(self.candidates, one) for one in sorted(singles, key=lambda one: one.rss)[:1]):
             return None
         drawing = laws.best(self.begins, singles)
-        if drawing is None or self._name is None:
+        if self._name is None:
             return drawing
+        if drawing is None and not self._only:
+            drawing = laws.beside_core(self._alone, self.candidates.baseline, self._name, singles)
+        if drawing is None:
+            return None
         most = _RIVALLING * self.candidates.roughly_left(drawing.candidate)
         names, _ = self.candidates.promising(self._alone, self.candidates.names(self._alone))
         others = self.candidates.beside(self._alone, names, most)

@@ -47,6 +47,7 @@ _FINE = (1e-5, 25)  # tolerance and evaluations of a fit
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
 _LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
 _CLEARLY = 0.8  # times another's error of validation: whatever the train part, that one foretells too little
+_MUCH_BETTER = 0.6  # times the error without a law: one that may have led a core astray
 _ALIKE = 1.05  # times the least error of validation: places that are not told apart
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
 
@@ -216,6 +217,16 @@ class Laws:
             return None
         alike = [one.name for one in found if _error(one.candidate) < _ALIKE * _error(best.candidate)]
         return replace(best, others=tuple(dict.fromkeys(name for name in alike if name != best.name)))
+
+    def beside_core(self, core: Candidate, begin: Candidate, name: str, known: Sequence[Candidate]) -> Drawn | None:
+        """Return a law beside a core that finds its place only beside the law, which was drawn beside another one."""
+        best = min(self._beside(begin), key=lambda one: _error(one.candidate), default=None)
+        if best is None or _error(best.candidate) > _MUCH_BETTER * _error(begin):
+            return None
+        model = self.candidates.with_core(best.candidate, name).model
+        there = self.candidates.finished(replace(model, effects=core.effects), core.model)
+        self._known[core] = [replace(one, begin=core) for one in self._beside(there)]
+        return self.best([core], known)
 
     def is_better(self, drawing: Drawn, known: Sequence[Candidate]) -> bool:
         """Return whether a curve explains more than every one of some models."""

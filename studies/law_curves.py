@@ -1,0 +1,112 @@
+"""
+How near curves that were drawn are to the laws of the rig: as a table has them, and as their formulas do.
+
+What is even of a curve, or straight of a sensor's, is also the gains' and the offset's: the true law is told but for
+that, and one of the flow into the chamber but for its scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.identification.shape import Shape
+from cfd_pneumatic.rig.oddities import Oddities
+from cfd_pneumatic.rig.panel import Draw
+from cfd_pneumatic.rig.physics import ONE_WAY_SPEED
+
+Array = NDArray[np.float64]
+
+
+class Law(NamedTuple):
+    """A law of the rig where it can be drawn as it is."""
+
+    enters: str
+    against: str
+    value: Callable[[Array, Oddities], Array]
+    """At some values of what it depends on, but for what is `free`."""
+
+    free: Callable[[Array, Array], list[Array]]
+    """What may be added to its value for nothing, of the same two."""
+
+
+class Nearness(NamedTuple):
+    """How near a curve is to the law."""
+
+    error: float
+    """Root mean square over the visited points, as a share of the law's range there [-]."""
+
+    covered: int
+    """Visited points where the law is within the band."""
+
+    points: int
+    """Visited points."""
+
+
+def _hump(at: Array, middle: float, width: float) -> Array:
+    return np.asarray(np.exp(-(((at - middle) / width) ** 2)))
+
+
+def _constant(at: Array, value: Array) -> list[Array]:
+    return [np.ones_like(at)]
+
+
+def _gain(at: Array, value: Array) -> list[Array]:
+    return [1.0 + value]  # of a share that multiplies a gain, the gain has a part
+
+
+def _straight(at: Array, value: Array) -> list[Array]:
+    return [np.ones_like(at), at]
+
+
+def _nothing(at: Array, value: Array) -> list[Array]:
+    return []
+
+
+LAWS: Mapping[str, tuple[Law, ...]] = {
+    'bulge': (Law('gain', 'x', lambda x, odd: odd.bulge * _hump(x, odd.bulge_position, odd.bulge_length), _gain),),
+    'one_way': (Law('gain', 'speed', lambda v, odd: odd.one_way * np.tanh(v / ONE_WAY_SPEED), _gain),),
+    'swimming_seal': (Law('leak', 'speed', lambda v, odd: v**2 / (v**2 + odd.lifting_speed**2), _nothing),),
+    'pop_valve': (
+        Law('chamber', 'p', lambda p, odd: -np.maximum(p - odd.pop_pressure, 0.0), _nothing),
+        Law('leak', 'p', lambda p, odd: np.maximum(p - odd.pop_pressure, 0.0) / p, _nothing),
+    ),
+    'worn_seat': (
+        Law('flow', 'error', lambda e, odd: odd.groove * _hump(np.abs(e), odd.groove_error, odd.groove_width), _gain),
+    ),
+    'rushing_air': (Law('set_point', 'speed', lambda v, odd: -odd.port * _hump(v, 0.0, odd.port_speed), _constant),),
+    'ledge': (
+        Law('set_point', 'x', lambda x, o: 0.5 * o.ledge * np.tanh((x - o.ledge_position) / o.ledge_length), _constant),
+    ),
+    'creep': (Law('set_point', 'time', lambda t, odd: -odd.creep * np.exp(-t / odd.creep_time), _constant),),
+    'kinked_sensor': (
+        Law('sensing', 'p', lambda p, odd: odd.kink * np.maximum(p - odd.kink_pressure, 0.0), _straight),
+    ),
+    'tilting_sensor': (
+        Law('sensing', 'x', lambda x, odd: odd.tilt * np.sin(2.0 * np.pi * x / odd.tilt_length), _constant),
+    ),
+}
+"""By their names in the panel; the others are no curve of one variable as they stand."""
+
+_SCALED = ('swimming_seal', 'pop_valve')  # by the chamber's volume, and what warms it
+
+
+def nearness(shape: Shape, law: str, drawn: Draw) -> Nearness | None:
+    """Return how near a curve is to a law of the rig; None where it was drawn in another place."""
+    odd = Oddities(**{name.removeprefix('odd_a.'): value for name, value in drawn.truth.changes.items()})
+    for own in LAWS.get(law, ()):
+        if (own.enters, own.against) == (shape.enters, shape.against) and np.count_nonzero(shape.visited) > 1:
+            seen = shape.visited
+            at, told = shape.at[seen], shape.value[seen]
+            true = own.value(at, odd)
+            if law in _SCALED:
+                true = true * (true @ told) / max(float(true @ true), 1e-300)
+            columns = np.column_stack([*own.free(at, true), np.zeros_like(at)])
+            true = true + columns @ np.linalg.lstsq(columns, told - true, rcond=None)[0]
+            error = float(np.sqrt(np.mean((told - true) ** 2)) / max(np.ptp(true), 1e-300))
+            inside = (shape.low[seen] <= true) & (true <= shape.high[seen])
+            return Nearness(error, int(np.count_nonzero(inside)), int(at.size))
+    return None
