@@ -1,4 +1,4 @@
-"""What programs share that watch nodes run: starting them, what the system knows of them, when messages came."""
+"""What `make soak` knows of processes: how they start, what the system says of them, when their messages came."""
 
 from __future__ import annotations
 
