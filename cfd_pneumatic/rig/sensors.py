@@ -95,19 +95,22 @@ class Sensors:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What the sensors make of a number of samples."""
+    """What the sensors make of a number of samples, and what the regulators were set to."""
 
     times: NDArray[np.float64]
-    """Stamps [s], (n,)."""
+    """Stamps of the samples [s], (n,)."""
 
     displacement: NDArray[np.float64]
-    """Position of the piston [m], (n,)."""
+    """Measured position of the piston [m], (n,)."""
 
     pressures: NDArray[np.float64]
-    """Absolute pressure in the cylinders A and B [Pa], (n, 2)."""
+    """Measured absolute pressures of the cylinders A and B [Pa], (n, 2)."""
+
+    setpoints: NDArray[np.float64]
+    """Absolute set pressures up to each sample, since the one before, as they were set [Pa], (n, 2)."""
 
     force: NDArray[np.float64]
-    """Contact force along +x [N], (n,)."""
+    """Measured contact force along +x [N], (n,)."""
 
 
 class Instruments:
@@ -135,5 +138,6 @@ class Instruments:
                     for cylinder, rng in enumerate(self._pressures)
                 ]
             ),
+            setpoints=truth.setpoints,
             force=sensors.measure_force(truth.force, self._force),
         )

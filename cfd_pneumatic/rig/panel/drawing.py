@@ -20,7 +20,7 @@ from cfd_pneumatic.rig.panel.strengths import install
 from cfd_pneumatic.rig.panel.textbook import Gains, draw_gains, pressure_along
 from cfd_pneumatic.rig.parameters import Cylinder
 from cfd_pneumatic.rig.schedule import MIL, Schedule, out_and_back, paper_step, surface_following
-from cfd_pneumatic.rig.sensors import Instruments, Sensors
+from cfd_pneumatic.rig.sensors import Instruments, Readings, Sensors
 from cfd_pneumatic.units import PSI
 
 COLOUR = 0.9
@@ -37,26 +37,6 @@ NOISES = {
 
 MARGIN = 0.25
 """Time that a rig goes on after the last sample, for clocks that are late [s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class PanelRecording:
-    """What the sensors gave, and all that an identifier may see."""
-
-    times: NDArray[np.float64]
-    """Stamps [s], (n,)."""
-
-    displacement: NDArray[np.float64]
-    """Measured displacement [m], (n,)."""
-
-    pressures: NDArray[np.float64]
-    """Measured absolute pressures of the cylinders A and B [Pa], (n, 2)."""
-
-    setpoints: NDArray[np.float64]
-    """Absolute set pressures up to each sample, since the one before, as they were set [Pa], (n, 2)."""
-
-    force: NDArray[np.float64]
-    """Measured contact force along +x [N], (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +70,9 @@ class PanelTruth:
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """A recording, and apart from it the truth."""
+    """A recording, all that an identifier may see, and apart from it the truth."""
 
-    recording: PanelRecording
+    recording: Readings
     truth: PanelTruth
 
 
@@ -230,7 +210,7 @@ def _samples(truth: Truth, schedule: Schedule) -> Truth:
     return Truth(**{name: values[: schedule.samples] for name, values in vars(samples).items()})
 
 
-def _recorded(arrived: Truth, clock: Clock, schedule: Schedule, rng: np.random.Generator, noise: str) -> PanelRecording:
+def _recorded(arrived: Truth, clock: Clock, schedule: Schedule, rng: np.random.Generator, noise: str) -> Readings:
     """Return what the sensors read of what arrives at them at each knot."""
     if noise not in NOISES:
         raise InputError(f'noise {noise!r} is not known: use one of {", ".join(NOISES)}')
@@ -240,8 +220,7 @@ def _recorded(arrived: Truth, clock: Clock, schedule: Schedule, rng: np.random.G
     if noise == 'coloured':
         pressures = pressures + Sensors.pressure_noise * _coloured(pressures.shape, rng)
     instruments = Instruments(NOISES[noise], schedule.sampling_period, int(rng.integers(2**31)))
-    read = instruments.read(replace(samples, times=times, pressures=pressures))
-    return PanelRecording(read.times, read.displacement, read.pressures, samples.setpoints, read.force)
+    return instruments.read(replace(samples, times=times, pressures=pressures))
 
 
 def _coloured(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float64]:

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.rig.panel.drawing import Draw, PanelRecording, at_times, motion_of
+from cfd_pneumatic.rig.panel.drawing import Draw, at_times, motion_of
 from cfd_pneumatic.rig.panel.specimen import Specimen
 from cfd_pneumatic.rig.panel.textbook import Gains, pressure_along
 from cfd_pneumatic.rig.parameters import Cylinder
 from cfd_pneumatic.rig.schedule import Schedule
+from cfd_pneumatic.rig.sensors import Readings
 from cfd_pneumatic.rig.transmission import read_force
 
 
@@ -54,7 +55,7 @@ def force_baseline_rmse(draw: Draw) -> float:
     return _rms(draw.recording.force - _thrust(draw.recording.pressures))
 
 
-def predict(device: Specimen | Gains, recording: PanelRecording, schedule: Schedule) -> NDArray[np.float64]:
+def predict(device: Specimen | Gains, recording: Readings, schedule: Schedule) -> NDArray[np.float64]:
     """Return what cylinder A's sensor would read of a device that is moved as a recording says [Pa], (n,)."""
     motion = motion_of(schedule)
     times = motion.start + motion.period * np.arange(1.0, len(motion.positions) + 1.0)
