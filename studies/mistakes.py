@@ -26,9 +26,9 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from rich.progress import track
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
@@ -40,7 +40,6 @@ from cfd_pneumatic.units import INCH, PSI
 from studies.documents import notes_in, table
 from studies.provenance import ROOT, machine
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 Layout = dict[str, Any]
 Change = Callable[[Columns, Layout], None]

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.descriptors import Value
@@ -61,8 +61,6 @@ RUNS = 30
 
 TIMES = (2.0, 0.1)
 """Strengths over the smallest that is predicted to show, at which effects are installed."""
-
-Array = NDArray[np.float64]
 
 
 REFERENCE = 10.0 * PSI

@@ -22,12 +22,11 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.fit.uncertainty import information
 from cfd_pneumatic.model.effects import MODULES, Moment
 from cfd_pneumatic.recording import Signal
-
-Array = NDArray[np.float64]
 
 LAWS: Mapping[str, float] = MappingProxyType({'gap': 0.0, 'orifice': 1.0})
 """Laws of the effect `leakage`, by what its parameter `orifice` is."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
@@ -23,8 +22,6 @@ from cfd_pneumatic.planning.family import Segment, Turn, family
 from cfd_pneumatic.planning.limits import Limits, Sensing
 from cfd_pneumatic.planning.proposal import Drawing, Proposal
 from cfd_pneumatic.planning.signatures import Form, all_signatures, split_of
-
-Array = NDArray[np.float64]
 
 WANTED = (*NAMES, *EFFECTS)
 """What may be wanted: parameters and effects."""

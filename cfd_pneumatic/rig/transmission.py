@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.rig.compiled import compiled
 from cfd_pneumatic.rig.device import Truth
 from cfd_pneumatic.rig.effects import Effects, Pickup
@@ -23,11 +23,11 @@ _OF_A_PICKUP = ('displacement_lag', 'displacement_delay')
 
 @compiled
 def respond(
-    state: NDArray[np.float64],
+    state: Array,
     last: float,
-    transition: NDArray[np.float64],
-    inputs: NDArray[np.float64],
-    outputs: NDArray[np.float64],
+    transition: Array,
+    inputs: Array,
+    outputs: Array,
 ) -> None:
     """
     Fill in the response of a second-order system to an input that runs straight from each value to the next.
@@ -86,7 +86,7 @@ class Response:
         omega = 2.0 * np.pi * frequency
         return cls([[0.0, omega], [-omega, -2.0 * damping * omega]], [0.0, omega], rest)
 
-    def to(self, inputs: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+    def to(self, inputs: Array, period: float) -> Array:
         """Return the outputs with the next inputs, which are one period [s] apart."""
         coupled = self._augmented * period
         coupled[2, 3] = 1.0
@@ -113,7 +113,7 @@ class Delay:
         self._dead_time = dead_time
         self._past = np.array([rest])
 
-    def to(self, inputs: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+    def to(self, inputs: Array, period: float) -> Array:
         """Return the outputs with the next inputs, which are one period [s] apart."""
         whole = int(self._dead_time / period)
         share = self._dead_time / period - whole
@@ -124,7 +124,7 @@ class Delay:
         return np.asarray(late + share * (later - late))
 
 
-def read_force(force: NDArray[np.float64], pickup: Pickup, odd: ForceOddities) -> NDArray[np.float64]:
+def read_force(force: Array, pickup: Pickup, odd: ForceOddities) -> Array:
     """Return what the load cell makes of a force [N], without its noise."""
     borne = force + pickup.force_offset
     return np.asarray(borne * (1.0 - odd.bend * np.abs(borne)))
@@ -145,7 +145,7 @@ class Transmission:
 
     """
 
-    def __init__(self, parameters: RigParameters, pressures: NDArray[np.float64], position: float) -> None:
+    def __init__(self, parameters: RigParameters, pressures: Array, position: float) -> None:
         self._effects = (Effects(), Effects())
         self._lines: list[list[Response]] = [[], []]
         self._odd = (Oddities(), Oddities())
@@ -155,7 +155,7 @@ class Transmission:
         self._pickups: list[Response | Delay] = []
         self.change(parameters, pressures, position)
 
-    def change(self, parameters: RigParameters, pressures: NDArray[np.float64], position: float) -> None:
+    def change(self, parameters: RigParameters, pressures: Array, position: float) -> None:
         """Become what other parameters make; what differs from before begins at rest where the rig is."""
         changed = (parameters.effects_a, parameters.effects_b)
         for cylinder, (before, effects) in enumerate(zip(self._effects, changed)):
@@ -184,7 +184,7 @@ class Transmission:
             arrived = replace(arrived, pressures=np.column_stack(pressures))
         return arrived
 
-    def _arriving(self, cylinder: int, truth: Truth, period: float) -> NDArray[np.float64]:
+    def _arriving(self, cylinder: int, truth: Truth, period: float) -> Array:
         pressure = self._read(cylinder, truth)
         for response in self._lines[cylinder]:
             pressure = response.to(pressure, period)
@@ -193,7 +193,7 @@ class Transmission:
             return pressure
         return pressure + effects.hum * np.sin(2.0 * np.pi * effects.hum_frequency * truth.times + effects.hum_phase)
 
-    def _read(self, cylinder: int, truth: Truth) -> NDArray[np.float64]:
+    def _read(self, cylinder: int, truth: Truth) -> Array:
         """Return what a sensor that bends and tilts makes of the pressure [Pa]."""
         odd, pressure = self._odd[cylinder], truth.pressures[:, cylinder]
         if not (odd.kink or odd.tilt):

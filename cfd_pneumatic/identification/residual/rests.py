@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-Array = NDArray[np.float64]
+from cfd_pneumatic.arrays import Array
 
 _SETTLING = 0.15  # after which a pressure is at rest [s]
 _SHORTEST_REST = 30  # samples

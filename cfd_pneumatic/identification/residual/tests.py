@@ -14,17 +14,15 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter
 from scipy.special import betaincinv, fdtri
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.autoregression import autocovariance, autoregression, driven, whitened
 from cfd_pneumatic.identification.residual.gram import gram
 from cfd_pneumatic.identification.residual.noise import SLOWEST, Noise
 from cfd_pneumatic.identification.residual.regressors import Regressors
-
-Array = NDArray[np.float64]
 
 SIGNIFICANCE = 0.001
 """Chance with which a test fails on noise alone."""

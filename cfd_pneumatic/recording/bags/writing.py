@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import Aside, reported
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, join
@@ -205,7 +206,7 @@ class Stream:
     topic: str
     form: Form
     times: NDArray[np.int64]
-    values: NDArray[np.float64]
+    values: Array
 
 
 def _portions(streams: Sequence[Stream]) -> Iterator[list[slice]]:

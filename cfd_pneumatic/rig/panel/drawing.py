@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.device import Truth
@@ -120,7 +120,7 @@ def motion_of(schedule: Schedule) -> Motion:
     )
 
 
-def at_times(times: NDArray[np.float64], truth: Truth) -> NDArray[np.float64]:
+def at_times(times: Array, truth: Truth) -> Array:
     """Return the pressures of both cylinders at some times [s], straight between the knots [Pa], (n, 2)."""
     return np.column_stack([np.interp(times, truth.times, pressure) for pressure in truth.pressures.T])
 
@@ -223,11 +223,11 @@ def _recorded(arrived: Truth, clock: Clock, schedule: Schedule, rng: np.random.G
     return instruments.read(replace(samples, times=times, pressures=pressures))
 
 
-def _coloured(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float64]:
+def _coloured(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     """Return noise of unit variance that remembers, each column on its own."""
     before = 100
     white = rng.standard_normal((before + shape[0], *shape[1:]))
-    noise: NDArray[np.float64] = lfilter([np.sqrt(1.0 - COLOUR**2)], [1.0, -COLOUR], white, axis=0)[before:]
+    noise: Array = lfilter([np.sqrt(1.0 - COLOUR**2)], [1.0, -COLOUR], white, axis=0)[before:]
     return noise
 
 
