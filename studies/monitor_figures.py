@@ -305,14 +305,7 @@ def part_delays(quick: bool) -> list:
     return rows
 
 
-def part_live(quick: bool) -> dict:
-    """Measure, in a graph, how late predictions are while nothing is diagnosed and while the loop is being closed."""
-    from studies.monitor_live import latencies  # needs ROS 2
-
-    return latencies(10.0 if quick else 30.0)
-
-
-PARTS = {'drawn': part_drawn, 'rig': part_rig, 'delays': part_delays, 'live': part_live}
+PARTS = {'drawn': part_drawn, 'rig': part_rig, 'delays': part_delays}
 
 
 def duration(seconds: float) -> str:
@@ -379,11 +372,6 @@ def picture(rows: list[dict]) -> str:
 
 def document(results: dict) -> str:
     """Return docs/monitor.md."""
-    live = [
-        f'- {when}: {figures["samples"]} samples, {figures["lost"]} lost; from the piston’s sample to its prediction '
-        f'{figures["p50"]:.2f} ms (median), {figures["p99"]:.2f} ms (99th percentile), {figures["max"]:.1f} ms at most'
-        for when, figures in results.get('live', {}).items()
-    ]
     parts = [
         '# What the watch notices, and how often it is wrong',
         f'Command: `make monitor-figures`. Machine: {machine()}. Commit {commit()}.',
@@ -403,7 +391,6 @@ def document(results: dict) -> str:
         'apart.',
         delay_section(results['delays']),
         '![Delays](monitor.svg)',
-        *(['## In a graph', '\n'.join(live)] if live else []),
         notes_in(DOCUMENT),
     ]
     return '\n\n'.join(parts).rstrip() + '\n'
