@@ -44,9 +44,8 @@ from cfd_pneumatic.rig.panel.specimen import cylinder_with
 from cfd_pneumatic.units import PSI
 from studies.documents import table
 from studies.panel_rows import cylinder_a_of
-from studies.provenance import commit, machine
+from studies.provenance import ROOT, commit, machine
 
-ROOT = Path(__file__).resolve().parents[1]
 DOCUMENT = ROOT / 'docs' / 'planning.md'
 
 SEEDS = range(510, 512)
