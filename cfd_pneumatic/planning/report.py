@@ -17,7 +17,7 @@ from cfd_pneumatic.files import make_folder, write_text
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.plan import EffectPrediction, ParameterPrediction, Plan
 from cfd_pneumatic.svg import Curve, Panel, chart
-from cfd_pneumatic.terminal import printed, table
+from cfd_pneumatic.terminal import table
 
 SCHEMA = 1
 
@@ -40,7 +40,7 @@ def write_plan(plan: Plan, folder: Path) -> list[Path]:
     make_folder(folder)
     contents = {
         PICTURE_FILE: picture(plan),
-        PLAN_FILE: plan_text(plan),
+        PLAN_FILE: json.dumps(plan_data(plan), indent=2, allow_nan=False) + '\n',
         SCHEDULE_FILE: plan.proposal.table(),
     }
     for name, content in contents.items():
@@ -58,11 +58,6 @@ def print_plan(plan: Plan, console: Console) -> None:
     console.print(_parameter_table(plan.parameters))
     for channel, effects in groupby(plan.effects, key=lambda one: one.channel):
         console.print(_effect_table(channel, list(effects)))
-
-
-def plan_tables(plan: Plan) -> str:
-    """Return what is printed of a plan."""
-    return printed(lambda console: print_plan(plan, console))
 
 
 def _counted(plan: Plan) -> list[str]:
@@ -134,11 +129,6 @@ def plan_data(plan: Plan) -> dict[str, Any]:
             for one in plan.effects
         ],
     }
-
-
-def plan_text(plan: Plan) -> str:
-    """Return `plan_data` as strict JSON."""
-    return json.dumps(plan_data(plan), indent=2, allow_nan=False) + '\n'
 
 
 def picture(plan: Plan) -> str:

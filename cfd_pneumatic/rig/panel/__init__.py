@@ -25,7 +25,7 @@ from cfd_pneumatic.rig.panel.floors import (
 )
 from cfd_pneumatic.rig.panel.makes import MAKES, OWN_WAYS
 from cfd_pneumatic.rig.panel.strange import CLASSES, STRANGE
-from cfd_pneumatic.rig.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_FORCE, describe
+from cfd_pneumatic.rig.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_FORCE
 from cfd_pneumatic.rig.panel.textbook import Gains
 
 __all__ = [
@@ -42,7 +42,6 @@ __all__ = [
     'Gains',
     'PanelTruth',
     'baseline_rmse',
-    'describe',
     'draw',
     'draw_textbook',
     'force_baseline_rmse',

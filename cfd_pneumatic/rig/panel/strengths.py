@@ -2,7 +2,7 @@
 The panel's effects: what is done to a device, and how strongly.
 
 A strength is drawn evenly on a logarithmic scale between the weakest, hardly to be seen in the longest schedule, and
-the strongest. `describe` prints the table. Cylinder A is the one that is tampered with.
+the strongest. Cylinder A is the one that is tampered with.
 """
 
 from __future__ import annotations
@@ -278,11 +278,3 @@ def install(name: str, situation: Situation, strength: float | None = None) -> t
     drawn = situation.between(effect.weakest, effect.strongest)
     strength = drawn if strength is None else strength
     return strength, effect.install(strength, situation)
-
-
-def describe() -> str:
-    """Return the effects and the ranges of their strengths as a table."""
-    rows = ['| effect | weakest | strongest | unit | strength |', '|---|---|---|---|---|']
-    for name, effect in EFFECTS.items():
-        rows.append(f'| {name} | {effect.weakest:g} | {effect.strongest:g} | {effect.unit} | {effect.meaning} |')
-    return '\n'.join(rows)
