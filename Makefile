@@ -35,7 +35,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test check properties fuzz crash soak overload week mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws paper-tables monitor-figures planning-document layouts interface-document security-policies effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
+.PHONY: help setup test check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws monitor-figures planning-document layouts interface-document effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -68,12 +68,6 @@ crash: $(VENV)/.ready  ## kill programs at each call that changes a name, and fi
 soak: $(VENV)/.ready  ## run all nodes at 1 kHz with whatever may happen to them; ARGS='--hours 2'
 	$(PY) -m studies.soak $(ARGS)
 
-overload: $(VENV)/.ready  ## send sim_node ten times as much as is usual, beside subscribers that take nothing; half a minute
-	$(PY) -m studies.overload $(ARGS)
-
-week: $(VENV)/.ready  ## a week of a device through the callbacks of sim_node and monitor_node, without DDS; an hour
-	$(PY) -m studies.week $(ARGS)
-
 mistakes: $(VENV)/.ready  ## make each mistake that users make, write docs/mistakes.md; 15 minutes
 	$(PY) -m studies.mistakes $(ARGS)
 
@@ -93,17 +87,11 @@ benchmark-laws: $(VENV)/.ready  ## draw laws that no library has; ARGS='--seeds 
 benchmark-effects: $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes
 	$(PY) -m studies.benchmark_effects $(ARGS)
 
-paper-tables: $(VENV)/.with-benchmark  ## which effects make small steps return the paper's Table 2: 10 minutes
-	$(PY) -m studies.paper_tables $(ARGS)
-
 monitor-figures: $(VENV)/.with-benchmark  ## false alarms and delays of the watch over a device: an hour
 	$(PY) -m studies.monitor_figures $(ARGS)
 
 planning-document: $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
 	$(PY) -m studies.planning_document $(ARGS)
-
-security-policies: $(VENV)/.ready  ## write config/cell.policy.xml, what SROS 2 lets each node do; after a change of topics
-	$(PY) -m studies.security_policies
 
 interface-document: $(VENV)/.ready  ## write docs/interface.md, docs/mapping.md, and the pages of --help
 	$(PY) -m studies.interface_document $(ARGS)

@@ -66,7 +66,7 @@ setup(
         ],
         'benchmark': ['casadi', 'lmfit', 'mcap-ros2-support', 'pytest-benchmark'],
         # ruamel.yaml.clib: rosbags reads metadata.yaml ten times as fast.
-        'fuzz': ['coverage>=7.6', 'ruamel.yaml.clib'],
+        'fuzz': ['ruamel.yaml.clib'],
         # Of ament's linters PyPI lacks copyright; xmllint wants the web, and pep257 takes attributes for sections.
         'lint': ['flake8', 'mypy', 'ros-jazzy-ament-flake8', 'ruff', 'types-PyYAML'],
         'colcon': ['colcon-common-extensions'],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from threading import Event, Lock, local
 from typing import TypeVar
@@ -87,8 +87,9 @@ def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     with _crew.with_more(-1), ThreadPoolExecutor(helpers) as pool:  # this thread only waits
         try:
             shares = [pool.submit(help_out) for _ in range(helpers)]
-            while wait(shares, _GLANCE, FIRST_EXCEPTION).not_done and not any(map(_failed, shares)):
-                pass
+            while (waited := wait(shares, _GLANCE, FIRST_EXCEPTION)).not_done:
+                if any(one.exception() for one in waited.done):
+                    break
             deque(left, maxlen=0)  # after an error nobody goes on
             for one in shares:
                 one.result()
@@ -96,7 +97,3 @@ def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
             stop.set()
             raise
     return [results[place] for place in range(len(pending))]
-
-
-def _failed(share: Future[None]) -> bool:
-    return share.done() and share.exception() is not None

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
+
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 14, 24, 40
 _GAP = 34  # between panels, with the lower one's title
 _TITLE, _NUMBER = 12, 11  # sizes of text
@@ -45,7 +47,7 @@ class Curve:
     """
 
     x: NDArray[Any]
-    y: NDArray[np.float64]
+    y: Array
     colour: str
     width: float = 1.1
     dots: bool = False

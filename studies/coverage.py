@@ -13,14 +13,11 @@ import math
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.progress import track
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
@@ -34,10 +31,12 @@ from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Sensors
 from cfd_pneumatic.units import INCH, PSI, PSI_PER_INCH
 from studies.documents import notes_in, table
+from studies.processes import side_by_side
 from studies.provenance import ROOT, machine
 
 Array = NDArray[Any]
 Motion = Callable[[Array], Array]
+"""Times [s] to displacements [m]."""
 
 DOCUMENT = ROOT / 'docs' / 'coverage.md'
 CHANNEL = Pressure('cylinder_a', AMBIENT_PRESSURE)
@@ -57,55 +56,40 @@ class Kind:
     """A kind of recording: its motion, its length in samples, and the bits of its converters, 0 for none."""
 
     name: str
-    motion: Callable[[np.random.Generator], tuple[Motion, Motion]]
+    motion: Callable[[np.random.Generator], Motion]
     samples: int
     bits: int
 
 
-def _steps(times: Sequence[float], durations: Sequence[float]) -> tuple[Motion, Motion]:
-    """Return displacement and rate of steps out and back, each half a cosine."""
-
-    def phase(at: Array, begin: float, duration: float) -> Array:
-        return np.clip((at - begin) / duration, 0.0, 1.0)
+def _steps(times: Sequence[float], durations: Sequence[float]) -> Motion:
+    """Return steps out and back, each half a cosine."""
 
     def displacement(at: Array) -> Array:
         found = np.zeros_like(at)
         for rank, (begin, duration) in enumerate(zip(times, durations)):
-            found += (-1.0) ** rank * 0.5 * STEP * (1.0 - np.cos(np.pi * phase(at, begin, duration)))
+            phase = np.clip((at - begin) / duration, 0.0, 1.0)
+            found += (-1.0) ** rank * 0.5 * STEP * (1.0 - np.cos(np.pi * phase))
         return found
 
-    def rate(at: Array) -> Array:
-        found = np.zeros_like(at)
-        for rank, (begin, duration) in enumerate(zip(times, durations)):
-            found += (-1.0) ** rank * 0.5 * STEP * np.pi / duration * np.sin(np.pi * phase(at, begin, duration))
-        return found
-
-    return displacement, rate
+    return displacement
 
 
-def step(rng: np.random.Generator) -> tuple[Motion, Motion]:
+def step(rng: np.random.Generator) -> Motion:
     """Return the paper's step, of 3 to 7 samples."""
     return _steps([BEFORE + PERIOD * rng.random()], [PERIOD * rng.uniform(3.0, 7.0)])
 
 
-def strokes(rng: np.random.Generator) -> tuple[Motion, Motion]:
+def strokes(rng: np.random.Generator) -> Motion:
     """Return strokes out and back, as quick, with rests of 0.25 to 0.45 s."""
     begins = BEFORE + np.cumsum(rng.uniform(0.25, 0.45, 8))
     return _steps(begins.tolist(), (PERIOD * rng.uniform(3.0, 7.0, begins.size)).tolist())
 
 
-def surface(rng: np.random.Generator) -> tuple[Motion, Motion]:
+def surface(rng: np.random.Generator) -> Motion:
     """Return the motion over a surface: waves of all lengths."""
     omega = 2.0 * np.pi * np.exp(rng.uniform(math.log(FREQUENCIES[0]), math.log(FREQUENCIES[1]), WAVES))
     phase, height = rng.uniform(0.0, 2.0 * np.pi, WAVES), SURFACE * math.sqrt(2.0 / WAVES)
-
-    def displacement(at: Array) -> Array:
-        return height * np.sin(np.multiply.outer(at, omega) + phase).sum(axis=-1)
-
-    def rate(at: Array) -> Array:
-        return height * (omega * np.cos(np.multiply.outer(at, omega) + phase)).sum(axis=-1)
-
-    return displacement, rate
+    return lambda at: height * np.sin(np.multiply.outer(at, omega) + phase).sum(axis=-1)
 
 
 KINDS = [
@@ -188,11 +172,12 @@ COUNTS = {'linear': 1000, 'physical': 300}
 """Recordings of each kind: a fit with the physical core takes ten times as long."""
 
 
-def pressures(device: Linear, motions: Sequence[tuple[Motion, Motion]], samples: int) -> Array:
+def pressures(device: Linear, motions: Sequence[Motion], samples: int) -> Array:
     """Return pressures at samples, from rest some time before the first, shape (samples, motions) [Pa]."""
     h = PERIOD / SUBSTEPS
     halves = 0.5 * h * np.arange(2 * SUBSTEPS * (LEAD + samples - 1) + 1) - LEAD * PERIOD
-    moved = [np.column_stack([one(halves) for one in ones]) for ones in zip(*motions)]
+    x = np.column_stack([one(halves) for one in motions])
+    moved = x, np.gradient(x, 0.5 * h, axis=0)
     state = np.full((2, len(motions)), device.setpoint)
     found = [state[0]]
     for begin in range(0, len(halves) - 1, 2):
@@ -218,7 +203,7 @@ def scored(job: tuple[int, int, str]) -> Array:
     times: Array = PERIOD * np.arange(kind.samples)
     sensors = Sensors(bits=kind.bits)
     rows = []
-    for (displacement, _), pressure, rng in zip(motions, exact.T, draws):
+    for displacement, pressure, rng in zip(motions, exact.T, draws):
         moved = Signal(times, sensors.measure_displacement(displacement(times), rng))
         cylinder = CylinderSignals(Signal(times, sensors.measure_pressure(pressure, rng)), None)
         recording = Recording('made', 0, moved, {CHANNEL.name: cylinder}, None, ())
@@ -255,10 +240,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for kind in range(len(KINDS))
         for seed in range(first, end, TOGETHER)
     ]
-    with ProcessPoolExecutor(2, get_context('spawn')) as pool:
-        scores = list(track(pool.map(scored, jobs), description='coverage', total=len(jobs)))
     off = defaultdict(list)
-    for (kind, _, core), some in zip(jobs, scores):
+    for some, (kind, _, core) in zip(side_by_side(scored, jobs, 'coverage'), jobs):
         off[core, kind].append(some)
     lines = [line(f'{core}: {KINDS[kind].name}', np.concatenate(some)) for (core, kind), some in off.items()]
     header = ('recordings', 'how many', *(f'{name} held [%]' for name in NAMES), *(f'{name} off' for name in NAMES))

@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.convention import CYLINDERS, SCHEDULE_COLUMNS, SUPPLY_PRESSURE
 from cfd_pneumatic.device import Device
@@ -27,8 +27,6 @@ from cfd_pneumatic.files import make_folder, write_text
 from cfd_pneumatic.model import DeviceModel, LiveDevice
 from cfd_pneumatic.rig import RigParameters, RigRecord, record, written_schedule
 from cfd_pneumatic.units import PSI
-
-Array = NDArray[np.float64]
 
 NAME = 'deburring_path'
 TABLE_1 = Path(__file__).resolve().parents[1] / 'config' / 'table_1.yaml'

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
-import os
 import shutil
 import signal
 import subprocess
@@ -44,10 +43,10 @@ from cfd_pneumatic.convention import (
 )
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS, nanoseconds
 from cfd_pneumatic.rig import Sensors, out_and_back
+from studies.provenance import DATA, ROOT
 from studies.ros_environment import isolate
 
-ROOT = Path(__file__).resolve().parents[1]
-MEASURED_RUN = 'pneumatic_actuator/friction/O-ring257_3bar.csv'
+MEASURED_RUN = DATA / 'friction' / 'O-ring257_3bar.csv'
 DEVICE, SIM = '/cfd/device', '/cfd/sim'
 RECORDED = (
     *(f'{DEVICE}/{topic}' for topic in (*MONITOR_INPUTS, *map(setpoint_applied_topic, CYLINDERS))),
@@ -246,10 +245,9 @@ def end(nodes: Sequence[subprocess.Popen[bytes]]) -> None:
 def identify_measured(output: Path) -> None:
     """Identify a measured run, where it is."""
     heading('What a measured recording of a real cylinder tells')
-    data = Path(os.environ.get('CFD_PNEUMATIC_DATA') or ROOT.parent / 'shared' / 'data')
-    if (data / MEASURED_RUN).is_file():
+    if MEASURED_RUN.is_file():
         mapping = ROOT / 'config' / 'pneumatic_actuator.yaml'
-        run('csv_to_bag', data / MEASURED_RUN, '--mapping', mapping, '--output', output / 'measured_bag')
+        run('csv_to_bag', MEASURED_RUN, '--mapping', mapping, '--output', output / 'measured_bag')
         run('identify_bag', output / 'measured_bag', '--output', output / 'measured_identified')
     else:
         print(f'left out: {MEASURED_RUN} is not here; CFD_PNEUMATIC_DATA names the folder that it is in (see README)')

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import periodogram
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import ChannelResult, Options, identify
@@ -65,8 +66,6 @@ SYMBOLS = r"""
 | $F$ | contact force |
 | $\psi(r)$ | flow function of ISO 6358: 1 up to $r = 0.528$, then $\sqrt{1 - ((r - 0.528) / 0.472)^2}$ |
 """.strip()
-
-Array = NDArray[np.float64]
 
 
 # what is written

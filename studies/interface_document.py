@@ -33,7 +33,8 @@ from cfd_pneumatic.units import PSI, PSI_PER_INCH
 from studies import mapping_document
 from studies.documents import code, table
 from studies.help_pages import node_class, pages
-from studies.package_facts import ROOT, programs
+from studies.package_facts import programs
+from studies.provenance import ROOT
 from studies.ros_environment import isolate
 
 DOCUMENT = ROOT / 'docs' / 'interface.md'

@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from studies.documents import table
-from studies.package_facts import ROOT
+from studies.provenance import ROOT
 
 LOCK = ROOT / 'requirements' / 'ci.txt'
 RUNNING = 'cfd-pneumatic[jazzy,plant]'

@@ -14,10 +14,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
 from cfd_pneumatic import convention
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import (
     CYLINDERS,
     MEASURED_FORCE,
@@ -57,7 +57,7 @@ def topics(force: bool = False) -> list[str]:
 
 
 @cache
-def _period() -> NDArray[np.float64]:
+def _period() -> Array:
     """Return one period of the true signals in the order of `_TOPICS`, shape (6, PERIOD)."""
     times = np.arange(float(PERIOD)) * (STEP / NANOSECONDS)
     strokes = np.concatenate([[0.0], np.random.default_rng(1).uniform(0.0, 3e-3, 18), [0.0]])
@@ -82,7 +82,7 @@ def write_long_bag(
     storage: StorageName = 'mcap',
     compressed: bool = False,
     force: bool = False,
-    signals: NDArray[np.float64] | None = None,
+    signals: Array | None = None,
 ) -> Path:
     """Write a bag of so many samples of each topic, of `signals` (topics, n) over and over; return its file's path."""
     names = topics(force)

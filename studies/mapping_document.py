@@ -9,7 +9,7 @@ from cfd_pneumatic.files import write_text
 from cfd_pneumatic.recording import mapping
 from cfd_pneumatic.units import UNITS
 from studies.documents import code, table
-from studies.package_facts import ROOT
+from studies.provenance import ROOT
 
 DOCUMENT = ROOT / 'docs' / 'mapping.md'
 EXAMPLE = ROOT / 'config' / 'pneumatic_actuator.yaml'

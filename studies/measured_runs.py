@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.progress import track
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
@@ -23,9 +19,9 @@ from cfd_pneumatic.recording import read_mapping, read_recording
 from studies import predictions
 from studies.documents import notes_in, table
 from studies.predictions import noise, recording_of_run
-from studies.provenance import ROOT, machine
+from studies.processes import side_by_side
+from studies.provenance import DATA, ROOT, machine
 
-DATA = Path(os.environ.get('CFD_PNEUMATIC_DATA', ROOT.parent / 'shared' / 'data')) / 'pneumatic_actuator'
 DOCUMENT = ROOT / 'docs' / 'measured_runs.md'
 
 
@@ -163,9 +159,7 @@ def main() -> int:
         print(f'measured_runs: no runs in {DATA}: set CFD_PNEUMATIC_DATA to the folder that holds them')
         return 2
     leaks = [line for path in sorted((DATA / 'chamber_decay').glob('*.csv')) for line in leaks_of(path)]
-    os.environ['OMP_NUM_THREADS'] = '1'  # read by the new processes
-    with ProcessPoolExecutor(2, multiprocessing.get_context('spawn')) as pool:
-        said = list(track(pool.map(said_of, runs), description='measured runs', total=len(runs)))
+    said = list(side_by_side(said_of, runs, 'measured runs'))
     write_text(DOCUMENT, document(said, leaks, predictions.document(DATA), notes_in(DOCUMENT)))
     return 0
 

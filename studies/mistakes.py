@@ -11,13 +11,10 @@ import argparse
 import copy
 import io
 import json
-import multiprocessing
-import os
 import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import cache
@@ -26,9 +23,8 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
-from rich.progress import track
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
@@ -38,17 +34,16 @@ from cfd_pneumatic.recording import Recording, Signal, recording_of
 from cfd_pneumatic.rig import Schedule, device_named, out_and_back, paper_step, record, surface_following
 from cfd_pneumatic.units import INCH, PSI
 from studies.documents import notes_in, table
-from studies.provenance import ROOT, machine
+from studies.processes import side_by_side
+from studies.provenance import DATA, ROOT, machine
 
-Array = NDArray[np.float64]
 Columns = dict[str, Array]
 Layout = dict[str, Any]
 Change = Callable[[Columns, Layout], None]
 
 SURE = ('effect_added', 'no_missing_effect')
 
-DATA = Path(os.environ.get('CFD_PNEUMATIC_DATA', ROOT.parent / 'shared' / 'data')) / 'pneumatic_actuator' / 'friction'
-MEASURED = 'O-ring257_3bar'
+MEASURED = DATA / 'friction' / 'O-ring257_3bar.csv'
 EPOCH = 1_700_000_000_000_000_000
 CLEAN = range(1000, 1500)
 """Seeds of clean recordings."""
@@ -112,6 +107,15 @@ def _pressures(unit: str, reference: str) -> Layout:
     return {'cylinder_a': of('A'), 'cylinder_b': of('B')}
 
 
+def _layout(time: str, displacement: str, **signals: Layout) -> Layout:
+    """Return the mapping of a table of signals, by the units of time and displacement."""
+    return {
+        'table': {'time': {'column': 't', 'unit': time}, 'delimiter': 'comma', 'header_rows': 1},
+        'displacement': {'column': 'x', 'unit': displacement},
+        **signals,
+    }
+
+
 def _played(schedule: Schedule, seed: int, faults: str = '', device: str = 'paper') -> Recording:
     return recording_of(record(schedule, device_named(device, faults), seed=seed), schedule.name, EPOCH)
 
@@ -121,25 +125,15 @@ def tutorial() -> Table:
     recording = _played(surface_following(duration=20.0, seed=0), 0, 'effects_a.dead_band=300')
     columns = {'t': 1e3 * recording.displacement.times, **_rows(recording, 1e-3, PSI, AMBIENT_PRESSURE)}
     del columns['F']
-    layout = {
-        'table': {'time': {'column': 't', 'unit': 'ms'}, 'delimiter': 'comma', 'header_rows': 1},
-        'displacement': {'column': 'x', 'unit': 'mm'},
-        **_pressures('psi', 'gauge'),
-    }
-    return Table('tutorial', columns, layout)
+    return Table('tutorial', columns, _layout('ms', 'mm', **_pressures('psi', 'gauge')))
 
 
 def rig() -> Table:
     """Return a rig with a load cell: seconds, inches, absolute kPa; a leak."""
     recording = _played(surface_following(duration=20.0, seed=1), 1, 'effects_a.leak_conductance=1e-10')
     columns = {'t': recording.displacement.times, **_rows(recording, 0.0254, 1e3, 0.0)}
-    layout = {
-        'table': {'time': {'column': 't', 'unit': 's'}, 'delimiter': 'comma', 'header_rows': 1},
-        'displacement': {'column': 'x', 'unit': 'inch'},
-        **_pressures('kPa', 'absolute'),
-        'force': {'column': 'F', 'unit': 'N'},
-    }
-    return Table('rig', columns, layout)
+    force = {'column': 'F', 'unit': 'N'}
+    return Table('rig', columns, _layout('s', 'inch', **_pressures('kPa', 'absolute'), force=force))
 
 
 def real() -> Table:
@@ -147,24 +141,16 @@ def real() -> Table:
     recording = _played(surface_following(duration=40.0, seed=3), 3, device='real')
     columns = {'t': recording.displacement.times, **_rows(recording, 1e-3, 1e5, AMBIENT_PRESSURE)}
     del columns['F']
-    layout = {
-        'table': {'time': {'column': 't', 'unit': 's'}, 'delimiter': 'comma', 'header_rows': 1},
-        'displacement': {'column': 'x', 'unit': 'mm'},
-        **_pressures('bar', 'gauge'),
-    }
-    return Table('real', columns, layout)
+    return Table('real', columns, _layout('s', 'mm', **_pressures('bar', 'gauge')))
 
 
 def measured() -> Table:
     """Return a measured run of one cylinder, whose set-point was not recorded."""
-    rows = np.loadtxt(DATA / f'{MEASURED}.csv', skiprows=15)
+    rows = np.loadtxt(MEASURED, skiprows=15)
     columns = {'t': rows[:, 0], 'x': rows[:, 4], 'pA': rows[:, 5], 'F': rows[:, 6]}
-    layout = {
-        'table': {'time': {'column': 't', 'unit': 'ms'}, 'delimiter': 'comma', 'header_rows': 1},
-        'displacement': {'column': 'x', 'unit': 'mm', 'sign': -1},
-        'cylinder_a': {'pressure': {'column': 'pA', 'unit': 'bar', 'reference': 'gauge'}},
-        'force': {'column': 'F', 'unit': 'N'},
-    }
+    pressure = {'column': 'pA', 'unit': 'bar', 'reference': 'gauge'}
+    layout = _layout('ms', 'mm', cylinder_a={'pressure': pressure}, force={'column': 'F', 'unit': 'N'})
+    layout['displacement']['sign'] = -1
     return Table('measured', columns, layout)
 
 
@@ -426,10 +412,7 @@ def warnings_of_clean(seed: int) -> list[str]:
 
 def warnings_of_all_clean() -> list[str]:
     """Return the warnings that the clean recordings raise."""
-    os.environ['OMP_NUM_THREADS'] = '1'  # read by the new processes
-    with ProcessPoolExecutor(2, multiprocessing.get_context('spawn')) as pool:
-        found = pool.map(warnings_of_clean, CLEAN, chunksize=1)
-        return [one for some in track(found, description='clean recordings', total=len(CLEAN)) for one in some]
+    return [one for some in side_by_side(warnings_of_clean, CLEAN, 'clean recordings') for one in some]
 
 
 def document(answers: Sequence[tuple[Mistake, Answer]], clean: Sequence[str], notes: str) -> str:
@@ -446,7 +429,7 @@ def document(answers: Sequence[tuple[Mistake, Answer]], clean: Sequence[str], no
             '',
             '- `tutorial`: the table of the tutorial, psi above ambient, a dead band. `rig`: absolute kPa, inches, a '
             'load cell, a leak. `real`: a healthy device of full physics, bar above ambient. `measured`: a measured '
-            f'run of one cylinder, `{MEASURED}`.',
+            f'run of one cylinder, `{MEASURED.stem}`.',
             f'- {len(answers)} mistakes. Of {told} it is said what leads to the mend, and no verdict is confident.',
             f'- Codes: {", ".join(f"`{code}` {count}" for code, count in counts.most_common())}. `error`: nothing is '
             'identified, exit code 2.',

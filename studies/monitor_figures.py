@@ -46,7 +46,7 @@ from cfd_pneumatic.rig import Performance, RigParameters, RigRecord, Sensors, re
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
 from studies.documents import notes_in, table
 from studies.provenance import ROOT, commit, machine
-from studies.rig_runs import EPOCH, surfaces, take
+from studies.rig_runs import EPOCH, surfaces
 
 RATE = 500  # samples in a second
 BLOCK = 0.2  # [s]
@@ -190,10 +190,10 @@ def rig_alarms(frozen: bool, runs: int, stretches: int) -> dict[str, Count]:
     for seed in range(FIRST_SEED, FIRST_SEED + runs):
         one = healthy(seed, frozen)
         performance = one.performance(3000.0)
-        learned = residuals_of(one.device, take(performance, round((LEARNING + 3.0) * RATE)))
+        learned = residuals_of(one.device, performance.take(round((LEARNING + 3.0) * RATE)))
         found = {name: watchers(blocks_of(*own), name, len(CYLINDERS)) for name, own in learned.items()}
         for _ in range(stretches):
-            got = take(performance, round(STRETCH * RATE))
+            got = performance.take(round(STRETCH * RATE))
             for name, own in residuals_of(one.device, got).items():
                 alarms.update(alarms_of(found[name], *own))
     return {label: Count(alarms[label], runs * stretches * (STRETCH - SETTLING)) for label in INTERVALS}
@@ -230,11 +230,11 @@ PLAYED = 1200.0  # duration of the surface [s]
 def play(one: Healthy, trouble: Trouble, size: float) -> RigRecord:
     """Return a record in which a trouble begins, and grows from second to second."""
     performance = one.performance(PLAYED)
-    records = [take(performance, round(BEGINS * RATE))]
+    records = [performance.take(round(BEGINS * RATE))]
     for second in range(round(PATIENCE)):
         share = min((second + 1.0) / trouble.growth, 1.0) if trouble.growth else 1.0
         performance.change(with_changes(one.rig, {f'effects_a.{trouble.field}': share * size}))
-        records.append(take(performance, RATE))
+        records.append(performance.take(RATE))
     names = ('times', 'displacement', 'pressures', 'setpoints', 'force')
     together = {name: np.concatenate([getattr(part, name) for part in records]) for name in names}
     return RigRecord(**together, truth=records[0].truth)
@@ -291,7 +291,7 @@ def part_rig(quick: bool) -> dict:
 def part_delays(quick: bool) -> list:
     """Measure delays on some rigs, and ask what the loop names on the first of them."""
     rigs = [healthy(seed) for seed in range(FIRST_SEED, FIRST_SEED + (1 if quick else 4))]
-    before = None if quick else found_in(take(rigs[0].performance(PLAYED), round(BEGINS * RATE)), SETTLING)
+    before = None if quick else found_in(rigs[0].performance(PLAYED).take(round(BEGINS * RATE)), SETTLING)
     rows = []
     for trouble in TROUBLES:
         for size in trouble.sizes:
@@ -305,14 +305,7 @@ def part_delays(quick: bool) -> list:
     return rows
 
 
-def part_live(quick: bool) -> dict:
-    """Measure, in a graph, how late predictions are while nothing is diagnosed and while the loop is being closed."""
-    from studies.monitor_live import latencies  # needs ROS 2
-
-    return latencies(10.0 if quick else 30.0)
-
-
-PARTS = {'drawn': part_drawn, 'rig': part_rig, 'delays': part_delays, 'live': part_live}
+PARTS = {'drawn': part_drawn, 'rig': part_rig, 'delays': part_delays}
 
 
 def duration(seconds: float) -> str:
@@ -379,11 +372,6 @@ def picture(rows: list[dict]) -> str:
 
 def document(results: dict) -> str:
     """Return docs/monitor.md."""
-    live = [
-        f'- {when}: {figures["samples"]} samples, {figures["lost"]} lost; from the piston’s sample to its prediction '
-        f'{figures["p50"]:.2f} ms (median), {figures["p99"]:.2f} ms (99th percentile), {figures["max"]:.1f} ms at most'
-        for when, figures in results.get('live', {}).items()
-    ]
     parts = [
         '# What the watch notices, and how often it is wrong',
         f'Command: `make monitor-figures`. Machine: {machine()}. Commit {commit()}.',
@@ -403,7 +391,6 @@ def document(results: dict) -> str:
         'apart.',
         delay_section(results['delays']),
         '![Delays](monitor.svg)',
-        *(['## In a graph', '\n'.join(live)] if live else []),
         notes_in(DOCUMENT),
     ]
     return '\n\n'.join(parts).rstrip() + '\n'

@@ -11,7 +11,7 @@ import nbformat
 from nbclient import NotebookClient
 
 from cfd_pneumatic.files import write_text
-from studies.package_facts import ROOT
+from studies.provenance import ROOT
 from studies.tutorial import programs
 
 PAGE, NOTEBOOK = (ROOT / 'docs' / f'python.{suffix}' for suffix in ('md', 'ipynb'))

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import ast
-from pathlib import Path
 from typing import Any
 
 from cfd_pneumatic import start
-
-ROOT = Path(__file__).resolve().parents[1]
+from studies.provenance import ROOT
 
 
 def setup_arguments() -> dict[str, Any]:

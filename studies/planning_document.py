@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.descriptors import Value
@@ -44,9 +44,8 @@ from cfd_pneumatic.rig.panel.specimen import cylinder_with
 from cfd_pneumatic.units import PSI
 from studies.documents import table
 from studies.panel_rows import cylinder_a_of
-from studies.provenance import commit, machine
+from studies.provenance import ROOT, commit, machine
 
-ROOT = Path(__file__).resolve().parents[1]
 DOCUMENT = ROOT / 'docs' / 'planning.md'
 
 SEEDS = range(510, 512)
@@ -61,8 +60,6 @@ RUNS = 30
 
 TIMES = (2.0, 0.1)
 """Strengths over the smallest that is predicted to show, at which effects are installed."""
-
-Array = NDArray[np.float64]
 
 
 REFERENCE = 10.0 * PSI

@@ -9,18 +9,16 @@ from itertools import pairwise, permutations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import least_squares
 from scipy.signal import find_peaks
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification import ChannelResult, Identification, Options, identify
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.recording import Recording, read_mapping, read_recording
 from studies.documents import table
 from studies.provenance import ROOT
-
-Array = NDArray[np.float64]
 
 CYLINDER = 'cylinder_a'
 SEALS = ('KDN', 'NAP310', 'O-ring257')

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cfd_pneumatic.rig import Performance, RigParameters, RigRecord, surface_following
+from cfd_pneumatic.rig import Performance, RigParameters, surface_following
 
 EPOCH = 1_700_000_000_000_000_000
 
@@ -10,11 +10,4 @@ EPOCH = 1_700_000_000_000_000_000
 def surfaces(rig: RigParameters, seed: int, duration: float = 60.0) -> Performance:
     """Return a rig that follows a random surface, over and over."""
     schedule = surface_following(duration=duration, seed=seed).with_return()
-    return Performance(schedule, rig, seed=seed)
-
-
-def take(performance: Performance, count: int) -> RigRecord:
-    """Return so many samples; a schedule begins again at its end."""
-    if not performance.remaining:
-        performance.rewind()
-    return performance.take(count)
+    return Performance(schedule, rig, seed=seed, repeat=True)

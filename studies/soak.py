@@ -55,9 +55,9 @@ from cfd_pneumatic.nodes.health import LOST
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS, SAMPLE_QOS, stamp_message
 from studies.documents import table
 from studies.processes import WARMING, Heard, seen_of, slope, span, started
+from studies.provenance import ROOT
 from studies.ros_environment import isolate
 
-ROOT = Path(__file__).resolve().parents[1]
 CELL = '/soak'
 DEVICE, SIM, MONITOR = (f'{CELL}/{name}' for name in ('device', 'sim', 'monitor'))
 RIG_NODE, SIM_NODE, MONITOR_NODE = f'{DEVICE}/rig_node', f'{SIM}/sim_node', f'{MONITOR}/monitor_node'

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from studies import package_facts
 from studies.chromium import Chromium
-from studies.package_facts import ROOT
+from studies.provenance import ROOT
 
 PAGE = ROOT / 'docs' / 'tutorial.md'
 PICTURE = ROOT / 'docs' / 'tutorial_report.png'

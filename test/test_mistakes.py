@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from studies.mistakes import DATA, MEASURED, MISTAKES, answer, is_told, warnings_of_clean
+from studies.mistakes import MEASURED, MISTAKES, answer, is_told, warnings_of_clean
 
 SAMPLED = 3
 
@@ -33,7 +33,7 @@ def test_there_are_many_mistakes():
 
 @pytest.mark.parametrize('mistake', CHOSEN, ids=lambda one: f'{one.on}: {one.what}')
 def test_a_mistake_is_noticed(mistake):
-    if mistake.on == 'measured' and not (DATA / f'{MEASURED}.csv').is_file():
+    if mistake.on == 'measured' and not MEASURED.is_file():
         pytest.skip('the measured recordings are not to be had here')
     said = answer(mistake)
     assert is_told(mistake, said), said

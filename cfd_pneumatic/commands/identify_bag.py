@@ -252,7 +252,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         from cfd_pneumatic import plant  # with Dask and PyArrow, which not everybody has
     except ModuleNotFoundError as error:
         raise InputError(f"--each needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
-    from cfd_pneumatic.files import make_folder
+    from cfd_pneumatic.files import alone_in, make_folder
 
     if arguments.jobs is not None and arguments.scheduler is not None:
         raise InputError('--jobs and --scheduler: a cluster has as many workers as it has; leave out --jobs')
@@ -273,7 +273,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
             )
     settings = plant.Settings(options, mapping, arguments.namespace)
     try:
-        with plant.claimed(arguments.output), _progress(arguments.progress, remaining=True) as report:
+        with alone_in(arguments.output), _progress(arguments.progress, remaining=True) as report:
             found = plant.survey(bags, settings, arguments.output, cluster, report)
     except KeyboardInterrupt:
         print('identify_bag: interrupted: give the same command again to go on', file=sys.stderr)

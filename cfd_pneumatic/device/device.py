@@ -11,6 +11,7 @@ from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.device import file
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.files import write_text
 from cfd_pneumatic.model import NAMES, TABLE_1, Cylinder, DeviceModel, ForceGeometry, OperatingPoints
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.recording import Recording
@@ -86,7 +87,7 @@ class Device:
             If it can't be written.
 
         """
-        file.write(Path(path), self.given, self.notes)
+        write_text(Path(path), self.text)
 
     @property
     def text(self) -> str:

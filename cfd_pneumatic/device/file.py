@@ -12,7 +12,6 @@ from typing import Any
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import write_text
 from cfd_pneumatic.yaml_files import read_yaml
 
 REPORT_FILE = 'report.json'
@@ -100,19 +99,6 @@ def _run_of_report(report: Path) -> str | None:
         return None  # who needs a report says what is wrong with it
     run = content.get('run') if isinstance(content, dict) else None
     return run if isinstance(run, str) else None
-
-
-def write(path: Path, given: Mapping[str, Value], notes: Mapping[str, str]) -> None:
-    """
-    Write a file aside and rename it into place.
-
-    Raises
-    ------
-    InputError
-        If it can't be written.
-
-    """
-    write_text(path, text_of(given, notes))
 
 
 def text_of(given: Mapping[str, Value], notes: Mapping[str, str]) -> str:

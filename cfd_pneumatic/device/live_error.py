@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.device.identified import estimated_setpoints
 from cfd_pneumatic.identification import Identification, PartError
-
-Array = NDArray[np.float64]
 
 _MOST = 4_000  # samples of the displacement that are answered
 _LEAD = 500  # samples before these, in which the beginning is forgotten

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import Channel, Model
@@ -17,8 +18,6 @@ from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_st
 from cfd_pneumatic.identification.data.motion import Motion, smooth_motion
 from cfd_pneumatic.model import Cylinder, CylinderState, DeviceModel, LiveDevice
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-
-Array = NDArray[np.float64]
 
 _FEWEST = 5  # samples that a spline needs
 _STARTING = 3  # samples whose median a pressure begins with

@@ -19,15 +19,14 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import stdtrit
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.fit.uncertainty import information
 from cfd_pneumatic.model.effects import MODULES, Moment
 from cfd_pneumatic.recording import Signal
-
-Array = NDArray[np.float64]
 
 LAWS: Mapping[str, float] = MappingProxyType({'gap': 0.0, 'orifice': 1.0})
 """Laws of the effect `leakage`, by what its parameter `orifice` is."""
@@ -235,37 +234,29 @@ def _fit_of(fall: _Fall, times: Array, pressure: Array, first: NDArray[np.bool_]
         begins = [np.append(begins[0], [1e-3, math.log(one)]) for one in constants]
     blank = _Fit(fall, begins[0], lower, upper, scale, math.inf)
     searched = [_searched(blank, times, pressure, first, begin) for begin in begins]
-    unknowns = min(searched, key=lambda one: one[0])[1]
+    unknowns = np.asarray(min(searched, key=lambda one: float(one.cost)).x)
     left = (pressure - blank.simulated(times, unknowns))[~first]
     return _Fit(fall, unknowns, lower, upper, scale, float(np.sqrt(np.mean(left**2))))
 
 
-def _searched(fit: _Fit, times: Array, pressure: Array, counts: NDArray[np.bool_], begin: Array) -> tuple[float, Array]:
-    """Return the sum of squares at samples that count, and the unknowns that make it least."""
+def _searched(fit: _Fit, times: Array, pressure: Array, counts: NDArray[np.bool_], begin: Array) -> OptimizeResult:
+    """Return the unknowns that make the sum of squares at samples that count least."""
 
     def left(unknowns: Array) -> Array:
         return np.asarray((fit.simulated(times, unknowns) - pressure)[counts] / fit.scale)
 
-    found = least_squares(
+    return least_squares(
         left, np.clip(begin, fit.lower, fit.upper), bounds=(fit.lower, fit.upper), x_scale='jac', **_TOLERANCES
     )
-    return float(found.cost), np.asarray(found.x)
 
 
 def _summed_up(fit: _Fit, times: Array, pressure: Array, largest_error: float) -> Leak:
     """Return a law fitted to all samples."""
-    every = np.ones(times.size, np.bool_)
-    _, unknowns = _searched(fit, times, pressure, every, fit.unknowns)
+    found = _searched(fit, times, pressure, np.ones(times.size, np.bool_), fit.unknowns)
+    unknowns = np.asarray(found.x)
     simulated = fit.simulated(times, unknowns)
-    steps = 1e-6 * np.maximum(np.abs(unknowns), 1e-3)
-    jacobian = np.column_stack(
-        [
-            (fit.simulated(times, unknowns + step * one) - simulated) / step
-            for step, one in zip(steps, np.eye(unknowns.size))
-        ]
-    )
     degrees = times.size - unknowns.size
-    covariance = information([jacobian], [pressure - simulated]).covariance(degrees)
+    covariance = information([fit.scale * np.asarray(found.jac)], [pressure - simulated]).covariance(degrees)
     duration = float(times[-1])
     std = math.sqrt(max(float(covariance[1, 1]), 0.0)) / duration
     conductance = float(unknowns[1]) / duration

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels import Channel, channels_of
 from cfd_pneumatic.identification.data.experiment import Experiment
@@ -23,8 +23,6 @@ from cfd_pneumatic.identification.verdict import part_errors
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.parallel import each
 from cfd_pneumatic.recording import Recording
-
-Array = NDArray[np.float64]
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and which share of the whole is done [0 to 1]."""

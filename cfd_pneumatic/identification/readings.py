@@ -120,13 +120,13 @@ def _readings(recordings: Sequence[Recording]) -> dict[str, Reading]:
         return {other_way: _turned}
     readings: dict[str, Reading] = {
         'with the pressures of the two cylinders swapped': _pressures_swapped,
-        'with the set-points of the two cylinders swapped': _setpoints_swapped,
+        'with the set-points of the two cylinders swapped': lambda one: _swapped(_pressures_swapped(one)),
     }
     agrees = _force_agrees(recordings)
     if agrees is not False:
         readings[other_way] = _turned
     if agrees is not True:
-        readings['with the two cylinders swapped'] = lambda one: _setpoints_swapped(_pressures_swapped(one))
+        readings['with the two cylinders swapped'] = _swapped
     return readings
 
 
@@ -141,10 +141,9 @@ def _pressures_swapped(recording: Recording) -> Recording:
     return replace(recording, cylinders=dict(zip(CYLINDERS, swapped)))
 
 
-def _setpoints_swapped(recording: Recording) -> Recording:
+def _swapped(recording: Recording) -> Recording:
     a, b = (recording.cylinders[name] for name in CYLINDERS)
-    swapped = (CylinderSignals(a.pressure, b.setpoint), CylinderSignals(b.pressure, a.setpoint))
-    return replace(recording, cylinders=dict(zip(CYLINDERS, swapped)))
+    return replace(recording, cylinders=dict(zip(CYLINDERS, (b, a))))
 
 
 def _force_agrees(recordings: Sequence[Recording]) -> bool | None:

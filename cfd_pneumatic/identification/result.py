@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Quantity
 from cfd_pneumatic.identification.data.experiment import Experiment
@@ -18,8 +19,6 @@ from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.verdict import Conclusion, PartError
 from cfd_pneumatic.notices import Notice
 from cfd_pneumatic.recording import Recording, Signal
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

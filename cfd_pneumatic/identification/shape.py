@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.levenberg import Quadratic
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
@@ -14,8 +15,6 @@ from cfd_pneumatic.identification.formulas import Formula, formulas
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
 from cfd_pneumatic.identification.search.shapes import Drawn, Slot, penalty_of
 from cfd_pneumatic.model.effects.curve import CURVE, KNOTS
-
-Array = NDArray[np.float64]
 
 _POINTS = 41  # of a curve that is shown
 _CORNER = 0.125  # of a bend: by how much a straight line lies beside an even curve, at most

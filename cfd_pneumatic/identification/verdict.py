@@ -9,8 +9,8 @@ from itertools import groupby
 from operator import attrgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.options import PHYSICAL
 from cfd_pneumatic.identification.data.split import PARTS
@@ -20,8 +20,6 @@ from cfd_pneumatic.identification.residual.tests import Test, explained
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.shape import Shape
 from cfd_pneumatic.model.effects import Effect
-
-Array = NDArray[np.float64]
 
 VERDICTS = ('effect_added', 'no_missing_effect', 'shape_found', 'unexplained', 'insufficient_data')
 """What the loop may end with."""

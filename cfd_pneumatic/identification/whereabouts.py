@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.result import ChannelResult, Comparison
 from cfd_pneumatic.identification.wording import number, percent
-
-Array = NDArray[np.float64]
 
 _BINS = 24  # of equally many samples
 _LEAST_SHARE = 0.02  # of the residual's power: less is not told

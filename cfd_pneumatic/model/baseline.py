@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.model.parameters import SPECS
-
-Array = NDArray[np.float64]
 
 HINTS = {
     'k_x': 'let the piston move farther',

@@ -10,8 +10,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.model.effects import PRESSURE_PARTS
 from cfd_pneumatic.model.extended import ExtendedCylinder, ExtendedState, Movement, check_effects
 from cfd_pneumatic.model.parameters import OperatingPoints
@@ -24,8 +24,6 @@ from cfd_pneumatic.model.propagation import (
     propagate_sets,
 )
 from cfd_pneumatic.parallel import each, threads
-
-Array = NDArray[np.float64]
 
 
 class Readings(NamedTuple):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.model.baseline import charging_time, quickest
 from cfd_pneumatic.model.composed import (
     OFFSET_ROW,
@@ -28,8 +28,6 @@ from cfd_pneumatic.model.effects import MODULES, PRESSURE_PARTS, Effect
 from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.model.places import FOLLOWED, MEASURED, PLACES, STATES, all_parameters, switches
 from cfd_pneumatic.parallel import each
-
-Array = NDArray[np.float64]
 
 STAGE_ROWS = slice(S0 // COUNT, S0 // COUNT + STATES)
 """Rows of the states as effects see them; those that no rate moves have to stand there from the beginning."""

@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.model.composed import FORCE_STATES, propagate_force, rest_force
 from cfd_pneumatic.model.places import all_force_parameters, force_switches
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.units import PSI, PSI_PER_INCH
 
 _NEAR = 0.25  # of the step to the next set-point: so far beyond the last one its gains are as good as those between
@@ -76,11 +77,11 @@ class OperatingPoints:
 
     """
 
-    setpoints: NDArray[np.float64]
-    k_x: NDArray[np.float64]
-    k_sv: NDArray[np.float64]
-    k_v: NDArray[np.float64]
-    tau: NDArray[np.float64]
+    setpoints: Array
+    k_x: Array
+    k_sv: Array
+    k_v: Array
+    tau: Array
 
     def __post_init__(self) -> None:
         """Turn every field into an array and check it."""
@@ -93,7 +94,7 @@ class OperatingPoints:
         for spec in SPECS:
             self._check(spec, getattr(self, spec.name))
 
-    def _check(self, spec: ParameterSpec, values: NDArray[np.float64]) -> None:
+    def _check(self, spec: ParameterSpec, values: Array) -> None:
         if values.shape != self.setpoints.shape:
             raise ValueError(
                 f'{spec.name} has {values.size} entries but setpoints has {self.setpoints.size}: give one for each'
@@ -115,7 +116,7 @@ class OperatingPoints:
         return cls(**{name: np.asarray(rows[name], dtype=np.float64) for name in ('setpoints', *NAMES)})
 
     @cached_property
-    def table(self) -> NDArray[np.float64]:
+    def table(self) -> Array:
         """The schedule as the kernel takes it: rows of (set-point, k_x, k_sv, k_v, tau), shape (m, 5)."""
         return np.column_stack([self.setpoints, self.k_x, self.k_sv, self.k_v, self.tau])
 

@@ -10,12 +10,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.model.parameters import SPECS
-
-Array = NDArray[np.float64]
 
 GAINS = len(SPECS)
 """The gains come first among the parameters."""

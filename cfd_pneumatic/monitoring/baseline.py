@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.autoregression import autoregression, whitened
 from cfd_pneumatic.monitoring.chart import LEAST_SPREAD, Series, usual
-
-Array = NDArray[np.float64]
 
 _FAST = 0.1  # share of the samples, those where the signal changes fastest, that tell what its timing is worth
 _SLOW = 25  # blocks over which a mean is slow

@@ -18,7 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
-from numpy.typing import NDArray
+
+from cfd_pneumatic.arrays import Array
 
 SLACK = 0.5
 """What a score has to exceed on the average until an alarm comes [standard deviations]."""
@@ -98,7 +99,7 @@ class Excursions(NamedTuple):
     """By which their peaks passed it, all together [-]."""
 
 
-def excursions(scores: NDArray[np.float64], slack: float) -> Excursions:
+def excursions(scores: Array, slack: float) -> Excursions:
     """Return the excursions of a chart's sum over scores, shape (n,) [-]."""
     height, peaks = 0.0, [0.0]
     for score in scores.tolist():

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.monitoring.baseline import FEWEST_BLOCKS, Baseline, Weighing, learn
 from cfd_pneumatic.monitoring.chart import Chart
-
-Array = NDArray[np.float64]
 
 _MISFIT = 20.0  # learned mean over the noise from which on the model can't be this device's
 _KEPT = 600  # blocks that a departure is described by

@@ -62,7 +62,7 @@ def _looks_like(news: News) -> str:
     if not causes:
         return 'no effect that is known explains it'
     rest = ', and like something that no known effect explains' if news.unexplained else ''
-    return f'looks like {_listed(causes)}{rest}'
+    return f'looks like {" and ".join(causes)}{rest}'
 
 
 def _effect(name: str, others: Iterable[str], news: News) -> str:
@@ -86,10 +86,6 @@ def _sized(estimate: Estimate) -> str:
 def _change(before: Estimate, after: Estimate) -> str:
     values = [number(one.value, _DIGITS) for one in (before, after) if one.value is not None]
     return f'a change of {after.name} from {" to ".join(values)} {after.unit}'
-
-
-def _listed(parts: list[str]) -> str:
-    return ' and '.join(parts)
 
 
 def _amount(value: float, channel: str) -> str:

@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterType, SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -50,57 +50,11 @@ _WAITING_PERIOD = 0.05  # [s]
 _DELIVERY = 4.0  # how long the last messages may take to arrive before the node ends; DDS asks every 3 s [s]
 
 
-class Play(Protocol):
-    """What the rig is made to do, sample by sample."""
-
-    @property
-    def remaining(self) -> float:
-        """Number of samples still to come."""
-
-    @property
-    def setpoints(self) -> tuple[float, float]:
-        """Set pressures on the way to the next sample, gauge [Pa]."""
-
-    def change(self, parameters: RigParameters) -> None:
-        """Let effects appear, grow or go before the next sample."""
-
-    def take(self) -> RigRecord:
-        """Return the next sample."""
-
-
-class Scheduled:
-    """A schedule, once or over and over."""
-
-    def __init__(self, performance: Performance, repeat: bool) -> None:
-        self._performance = performance
-        self._repeat = repeat
-
-    @property
-    def remaining(self) -> float:
-        """Number of samples still to come."""
-        return math.inf if self._repeat else self._performance.remaining
-
-    @property
-    def setpoints(self) -> tuple[float, float]:
-        """Set pressures on the way to the next sample, gauge [Pa]."""
-        return self._performance.setpoints
-
-    def change(self, parameters: RigParameters) -> None:
-        """Let effects appear, grow or go before the next sample."""
-        self._performance.change(parameters)
-
-    def take(self) -> RigRecord:
-        """Return the next sample."""
-        sample = self._performance.take(1)
-        if self._repeat and not self._performance.remaining:
-            self._performance.rewind()
-        return sample
-
-
 class Commanded:
     """A piston that goes where it is told, and regulators that are set by hand."""
 
     remaining = math.inf
+    """Number of samples still to come."""
 
     def __init__(self, bench: Bench, piston: CommandedPiston, setpoints: tuple[float, float]) -> None:
         self._bench = bench
@@ -111,10 +65,10 @@ class Commanded:
         """Let effects appear, grow or go before the next sample."""
         self._bench.change(parameters)
 
-    def take(self) -> RigRecord:
-        """Return the next sample."""
-        positions, velocities = self.piston.move(_KNOTS, self._bench.sampling_period / _KNOTS)
-        return self._bench.take(positions, velocities, [self.setpoints])
+    def take(self, samples: int) -> RigRecord:
+        """Return the next samples."""
+        positions, velocities = self.piston.move(samples * _KNOTS, self._bench.sampling_period / _KNOTS)
+        return self._bench.take(positions, velocities, [self.setpoints] * samples)
 
 
 class RigNode(Node):
@@ -154,7 +108,7 @@ class RigNode(Node):
         self._position: float | None = None
         self._announced: tuple[tuple[float, float], tuple[int, ...]] | None = None
         self._open_outputs()
-        self._play: Play
+        self._play: Performance | Commanded
         if self._value('schedule'):
             self._play = self._scheduled()
             self._commands_out = [
@@ -233,7 +187,7 @@ class RigNode(Node):
                     return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _scheduled(self) -> Scheduled:
+    def _scheduled(self) -> Performance:
         name = self._value('schedule')
         options = {
             option: self._value(f'schedule_{option}')
@@ -243,9 +197,10 @@ class RigNode(Node):
         if name == 'surface_following':
             options['seed'] = self._value('seed')
         schedule = schedule_named(name, **options, sampling_period=self._period)
-        if self._value('repeat'):
+        repeat = self._value('repeat')
+        if repeat:
             schedule = schedule.with_return()
-        return Scheduled(Performance(schedule, self._device, self._sensors, self._value('seed')), self._value('repeat'))
+        return Performance(schedule, self._device, self._sensors, self._value('seed'), repeat=repeat)
 
     def _obeying(self) -> Commanded:
         first, second = (self._value(f'{cylinder}.initial_setpoint') for cylinder in convention.CYLINDERS)
@@ -350,7 +305,7 @@ class RigNode(Node):
         for _ in range(min(due - self._published, _BURST)):
             if not self._play.remaining:
                 break
-            self._publish(self._play.take())
+            self._publish(self._play.take(1))
             self._announce()
         if not self._play.remaining:
             self._finish()

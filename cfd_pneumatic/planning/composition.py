@@ -6,15 +6,13 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.evidence import Evidence
 from cfd_pneumatic.planning.family import Move, Segment
 from cfd_pneumatic.planning.proposal import Drawing
 from cfd_pneumatic.planning.signatures import Signatures
-
-Array = NDArray[np.float64]
 
 PRECISION = 0.01
 """Standard error that is wanted of a parameter, as a share of its value."""

@@ -5,16 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.file import report_in
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.planning.limits import Sensing
 from cfd_pneumatic.units import PSI
-
-Array = NDArray[np.float64]
 
 _RANGE = 5.0 * PSI  # above a single set-point, where the file has no other [Pa]
 

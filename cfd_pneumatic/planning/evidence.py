@@ -15,12 +15,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.fit.uncertainty import Information
 from cfd_pneumatic.identification.search.stepwise import SHOWN, TIE
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.signatures import Signatures
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _SINGULAR = 1e-10  # share of a combination's size, squared, below which it is another's
@@ -68,7 +68,7 @@ class Evidence:
         return {effect: np.flatnonzero(effects == effect) for effect in dict.fromkeys(effects.tolist())}
 
     @cached_property
-    def _asked_of(self) -> Mapping[str, Indices]:
+    def asked_of(self) -> Mapping[str, Indices]:
         """Forms of each effect but for those that are another one varied."""
         varied = np.array([form.varied for form in self.signatures.forms])
         return {effect: forms[~varied[forms]] for effect, forms in self._forms_of.items()}
@@ -83,7 +83,7 @@ class Evidence:
         """What each form of an effect, typically strong, leaves of itself, over what has to show, shape (forms,)."""
         strength = np.array([form.share for form in self.signatures.forms])
         left = np.sqrt(np.diag(self._beside_own) / max(self.samples, 1)) / strength
-        return {effect: left[forms] / SHOWN for effect, forms in self._asked_of.items()}
+        return {effect: left[forms] / SHOWN for effect, forms in self.asked_of.items()}
 
     @cached_property
     def remaining(self) -> Mapping[str, Mapping[str, Array]]:
@@ -93,7 +93,7 @@ class Evidence:
         for other, others in self._forms_of.items():
             left = np.diag(scaled) - np.sum(_along(scaled, others) ** 2, axis=0)
             shares = np.sqrt(np.where(left > _SINGULAR, left, 0.0))
-            for effect, forms in self._asked_of.items():
+            for effect, forms in self.asked_of.items():
                 if effect != other:
                     found[effect][other] = shares[forms]
         return found

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
@@ -23,8 +22,7 @@ from cfd_pneumatic.planning.family import Segment, Turn, family
 from cfd_pneumatic.planning.limits import Limits, Sensing
 from cfd_pneumatic.planning.proposal import Drawing, Proposal
 from cfd_pneumatic.planning.signatures import Form, all_signatures, split_of
-
-Array = NDArray[np.float64]
+from cfd_pneumatic.terminal import printed
 
 WANTED = (*NAMES, *EFFECTS)
 """What may be wanted: parameters and effects."""
@@ -136,9 +134,9 @@ class Plan:
 
     def __str__(self) -> str:
         """Return what is to be done and what it will tell, as tables."""
-        from cfd_pneumatic.planning.report import plan_tables
+        from cfd_pneumatic.planning.report import print_plan
 
-        return plan_tables(self)
+        return printed(lambda console: print_plan(self, console))
 
 
 def plan(device: Device, limits: Limits, sensing: Sensing = Sensing(), wanted: Collection[str] = WANTED) -> Plan:
@@ -231,10 +229,6 @@ def _parameters(evidence: Evidence, wanted: Collection[str]) -> list[ParameterPr
 
 def _effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPrediction]:
     found = []
-    forms_of: dict[str, list[Form]] = {}
-    for form in evidence.signatures.forms:
-        if not form.varied:
-            forms_of.setdefault(form.effect, []).append(form)
     for name in evidence.effects:
         if name not in wanted:
             continue
@@ -248,7 +242,7 @@ def _effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPredicti
                 evidence.signatures.channel,
                 name,
                 bool(visibility[least] > 1.0),
-                _smallest(forms_of[name][least], float(visibility[least])),
+                _smallest(evidence.signatures.forms[evidence.asked_of[name][least]], float(visibility[least])),
                 tuple(sorted(alike, key=lambda other: remaining[other])),
                 None if nearest is None else (nearest, remaining[nearest]),
             )

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import SCHEDULE_COLUMNS
 from cfd_pneumatic.planning.family import Segment, Step, Turn
 from cfd_pneumatic.planning.limits import Limits, Sensing
-
-Array = NDArray[np.float64]
 
 _GRAINS = 1e9  # in a metre: displacements are written to the nanometre
 

@@ -17,7 +17,7 @@ from cfd_pneumatic.files import make_folder, write_text
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.plan import EffectPrediction, ParameterPrediction, Plan
 from cfd_pneumatic.svg import Curve, Panel, chart
-from cfd_pneumatic.terminal import printed
+from cfd_pneumatic.terminal import table
 
 SCHEMA = 1
 
@@ -40,7 +40,7 @@ def write_plan(plan: Plan, folder: Path) -> list[Path]:
     make_folder(folder)
     contents = {
         PICTURE_FILE: picture(plan),
-        PLAN_FILE: plan_text(plan),
+        PLAN_FILE: json.dumps(plan_data(plan), indent=2, allow_nan=False) + '\n',
         SCHEDULE_FILE: plan.proposal.table(),
     }
     for name, content in contents.items():
@@ -60,11 +60,6 @@ def print_plan(plan: Plan, console: Console) -> None:
         console.print(_effect_table(channel, list(effects)))
 
 
-def plan_tables(plan: Plan) -> str:
-    """Return what is printed of a plan."""
-    return printed(lambda console: print_plan(plan, console))
-
-
 def _counted(plan: Plan) -> list[str]:
     """Return the segments of a round, neighbours of one kind together."""
     counted = [(name, len(list(same))) for name, same in groupby(plan.segments, key=lambda one: one.name)]
@@ -72,27 +67,26 @@ def _counted(plan: Plan) -> list[str]:
 
 
 def _parameter_table(parameters: Sequence[ParameterPrediction]) -> Table:
-    table = Table(title='predicted standard errors (Cramer-Rao, white noise)', title_justify='left')
-    for heading in ('channel', 'parameter', 'value', 'standard error', '% of value', 'unit'):
-        table.add_column(heading, justify='left' if heading in ('channel', 'parameter', 'unit') else 'right')
+    headings = ('channel', 'parameter', 'value', 'standard error', '% of value', 'unit')
+    title = 'predicted standard errors (Cramer-Rao, white noise)'
+    made = table(title, *headings, words=('channel', 'parameter', 'unit'))
     for one in parameters:
         if one.std is None or not one.identifiable:
-            table.add_row(one.channel, one.name, f'{one.value:.4g}', 'not identifiable', '', one.unit)
+            made.add_row(one.channel, one.name, f'{one.value:.4g}', 'not identifiable', '', one.unit)
         else:
             share = f'{100.0 * one.std / abs(one.value):.2g}'
-            table.add_row(one.channel, one.name, f'{one.value:.4g}', f'{one.std:.2g}', share, one.unit)
-    return table
+            made.add_row(one.channel, one.name, f'{one.value:.4g}', f'{one.std:.2g}', share, one.unit)
+    return made
 
 
 def _effect_table(channel: str, effects: Sequence[EffectPrediction]) -> Table:
-    table = Table(title=f'{channel}: effects that would show', title_justify='left')
-    for heading in ('effect', 'shows', 'from', 'not to be told from', 'most alike, share of its own beside it'):
-        table.add_column(heading)
+    headings = ('effect', 'shows', 'from', 'not to be told from', 'most alike, share of its own beside it')
+    made = table(f'{channel}: effects that would show', *headings, words=headings)
     for one in effects:
         nearest = '' if one.nearest is None else f'{one.nearest[0]}: {100.0 * one.nearest[1]:.0f} %'
         rivals = ', '.join(one.alternatives)
-        table.add_row(one.effect, 'yes' if one.shows else 'no', smallest_words(one), rivals, nearest)
-    return table
+        made.add_row(one.effect, 'yes' if one.shows else 'no', smallest_words(one), rivals, nearest)
+    return made
 
 
 def smallest_words(one: EffectPrediction) -> str:
@@ -135,11 +129,6 @@ def plan_data(plan: Plan) -> dict[str, Any]:
             for one in plan.effects
         ],
     }
-
-
-def plan_text(plan: Plan) -> str:
-    """Return `plan_data` as strict JSON."""
-    return json.dumps(plan_data(plan), indent=2, allow_nan=False) + '\n'
 
 
 def picture(plan: Plan) -> str:

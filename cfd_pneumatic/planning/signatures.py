@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.identification.channels.channel import Channel, Model
@@ -30,8 +31,6 @@ from cfd_pneumatic.parallel import each
 from cfd_pneumatic.planning.device import home_gains
 from cfd_pneumatic.planning.limits import Sensing
 from cfd_pneumatic.planning.proposal import Proposal
-
-Array = NDArray[np.float64]
 
 _ATTEMPTS = 8
 _NEARLY = 1.2  # times as large, or as small

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.bags.ordering import earliest_after
@@ -52,11 +53,11 @@ class Cleaned:
     """
 
     times: NDArray[np.int64]
-    values: NDArray[np.float64]
+    values: Array
     notes: tuple[str, ...]
 
 
-def clean(times: NDArray[np.int64], values: NDArray[np.float64], name: str, *, held: bool = False) -> Cleaned:
+def clean(times: NDArray[np.int64], values: Array, name: str, *, held: bool = False) -> Cleaned:
     """
     Return samples sorted, each time once, finite; they are moved within the arrays that are given.
 
@@ -111,8 +112,8 @@ def at_changes(cleaned: Cleaned) -> Cleaned:
 
 
 def keep(
-    times: NDArray[np.int64], values: NDArray[np.float64], wanted: Callable[[slice], NDArray[np.bool_]]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    times: NDArray[np.int64], values: Array, wanted: Callable[[slice], NDArray[np.bool_]]
+) -> tuple[NDArray[np.int64], Array]:
     """Move the samples of which a function of a part says that they are wanted to the front, and return them."""
     end = 0
     for part in parts(times, values):
@@ -159,7 +160,7 @@ def _count_late(times: NDArray[np.int64], name: str) -> int:
     return late
 
 
-def _sort(times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+def _sort(times: NDArray[np.int64], values: Array) -> None:
     """Sort by time; samples of equal times stay as they are."""
     limits = earliest_after([int(times[part].min()) for part in parts(times)])
     waiting_times, waiting_values = times[:0], values[:0]

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.blocks import MessageBlock
 from cfd_pneumatic.recording.bags.decoding import Decoder
@@ -44,7 +45,7 @@ class Content:
 
     channel: SignalSource
     times: NDArray[np.int64]
-    raw: NDArray[np.float64]
+    raw: Array
     unstamped: list[slice | NDArray[np.intp]]
     lag: int | None
     notes: tuple[str, ...]
@@ -134,7 +135,7 @@ class Intake:
             tuple(notes),
         )
 
-    def _append(self, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+    def _append(self, times: NDArray[np.int64], values: Array) -> None:
         end = self._count + len(times)
         if end > len(self._times):
             self._grow(2 * end)

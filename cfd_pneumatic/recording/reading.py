@@ -10,6 +10,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.recording.bags.bag import Bag
@@ -199,7 +200,7 @@ def _at_rest(cylinders: Mapping[str, CylinderSignals]) -> Signal:
     return Signal(longest.times, np.zeros(len(longest)))
 
 
-def _seconds_since(epoch: int, times: NDArray[np.int64]) -> NDArray[np.float64]:
+def _seconds_since(epoch: int, times: NDArray[np.int64]) -> Array:
     """Return times [ns] in seconds since an epoch, in the same memory."""
     seconds = times.view(np.float64)
     for part in parts(times):

@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
 
@@ -17,23 +17,23 @@ class Sampled(Protocol):
     """What sensors gave, sample by sample: each attribute has shape (n,), or (n, 2) for the cylinders A and B."""
 
     @property
-    def times(self) -> NDArray[np.float64]:
+    def times(self) -> Array:
         """Stamps [s]."""
 
     @property
-    def displacement(self) -> NDArray[np.float64]:
+    def displacement(self) -> Array:
         """Displacement [m]."""
 
     @property
-    def pressures(self) -> NDArray[np.float64]:
+    def pressures(self) -> Array:
         """Absolute pressures [Pa]."""
 
     @property
-    def setpoints(self) -> NDArray[np.float64]:
+    def setpoints(self) -> Array:
         """Absolute set pressures up to each sample, since the one before [Pa]."""
 
     @property
-    def force(self) -> NDArray[np.float64]:
+    def force(self) -> Array:
         """Contact force [N]."""
 
 
@@ -53,11 +53,11 @@ def recording_of(record: Sampled, name: str = 'recording', epoch: int = 0) -> Re
 
 
 def sampled(
-    times: NDArray[np.float64],
-    displacement: NDArray[np.float64],
-    pressures: Mapping[str, NDArray[np.float64]],
-    setpoints: Mapping[str, NDArray[np.float64]] = MappingProxyType({}),
-    force: NDArray[np.float64] | None = None,
+    times: Array,
+    displacement: Array,
+    pressures: Mapping[str, Array],
+    setpoints: Mapping[str, Array] = MappingProxyType({}),
+    force: Array | None = None,
     *,
     name: str = 'recording',
     epoch: int = 0,
@@ -93,7 +93,7 @@ def sampled(
     return Recording(name, epoch, Signal(times, displacement), cylinders, felt, ())
 
 
-def applied(times: NDArray[np.float64], values: NDArray[np.float64]) -> Signal:
+def applied(times: Array, values: Array) -> Signal:
     """Return what acted up to each sample, since the one before, as values that hold from their times on."""
     changed = np.flatnonzero(np.diff(values)) + 1
     return Signal(np.append(times[:1], times[changed - 1]), np.append(values[:1], values[changed]))

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
+
 OTHER = 'other'
 """Role of a signal that only a mapping knows."""
 
@@ -63,7 +65,7 @@ class SignalSource:
         """Name for people: `displacement`, `cylinder_a pressure`."""
         return ' '.join(word for word in (self.cylinder, self.role) if word not in (None, OTHER))
 
-    def si(self, raw: NDArray[np.float64], ambient_pressure: float) -> NDArray[np.float64]:
+    def si(self, raw: Array, ambient_pressure: float) -> Array:
         """Return raw numbers in SI units; pressures come out absolute, and what is too large infinite."""
         with np.errstate(over='ignore', invalid='ignore'):
             return self.gain * raw + (self.bias + (ambient_pressure if self.gauge else 0.0))
@@ -87,4 +89,4 @@ class Samples:
 
     channel: SignalSource
     times: NDArray[np.int64]
-    raw: NDArray[np.float64]
+    raw: Array

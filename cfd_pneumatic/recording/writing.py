@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.form import Form
@@ -80,7 +81,7 @@ def streams_of(
     ]
 
 
-def stamps_of(recording: Recording, times: NDArray[np.float64]) -> NDArray[np.int64]:
+def stamps_of(recording: Recording, times: Array) -> NDArray[np.int64]:
     """
     Return the stamps of times of a recording [ns].
 

@@ -15,6 +15,7 @@ from cfd_pneumatic.identification.whereabouts import remainder
 from cfd_pneumatic.identification.wording import percent, qualified, sentence, verdict
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.notices import WARNING
+from cfd_pneumatic.terminal import table
 from cfd_pneumatic.units import PSI
 
 _STYLES = {
@@ -71,19 +72,17 @@ def _print_findings(result: ChannelResult, console: Console) -> None:
 
 def _effect_table(result: ChannelResult) -> Table:
     """Return the parameters of the effects that were found, and the error before and after."""
-    table = Table(title=f'{result.name}: what was added', title_justify='left')
-    for heading in ('what', 'parameter', 'value', '95 % interval', 'unit'):
-        table.add_column(heading, justify='right' if heading in ('value', '95 % interval') else 'left')
+    headings = ('what', 'parameter', 'value', '95 % interval', 'unit')
+    made = table(f'{result.name}: what was added', *headings, words=('what', 'parameter', 'unit'))
     for effect in result.added:
         for rank, (name, estimate) in enumerate(result.parameters(effect).items()):
             value = 'not identifiable' if estimate.value is None else f'{estimate.value:.4g}'
             interval = (
                 '' if estimate.interval is None or not estimate.std else '{:.4g} to {:.4g}'.format(*estimate.interval)
             )
-            table.add_row('' if rank else effect, name, value, interval, estimate.unit)
-    table.caption = _before_and_after(result)
-    table.caption_justify = 'left'
-    return table
+            made.add_row('' if rank else effect, name, value, interval, estimate.unit)
+    made.caption = _before_and_after(result)
+    return made
 
 
 def _before_and_after(result: ChannelResult) -> str:
@@ -98,15 +97,14 @@ def _before_and_after(result: ChannelResult) -> str:
 
 def _trial_table(result: ChannelResult) -> Table:
     """Return the effects that were tried and had something to them, a section for each round."""
-    table = Table(title=f'{result.name}: effects that were tried', title_justify='left')
-    for heading in ('effect', 'RSS drop', 'delta BIC', f'validation, {result.quantity.small.unit}', 'added', 'why'):
-        table.add_column(heading, justify='left' if heading in ('effect', 'added', 'why') else 'right')
+    headings = ('effect', 'RSS drop', 'delta BIC', f'validation, {result.quantity.small.unit}', 'added', 'why')
+    made = table(f'{result.name}: effects that were tried', *headings, words=('effect', 'added', 'why'))
     shown = 0
     for trials in result.findings.rounds:
         telling = [trial for trial in trials if trial.accepted or (trial.delta_bic or 0.0) > _LEAST_BIC]
         shown += len(telling)
         for trial in telling:
-            table.add_row(
+            made.add_row(
                 trial.effect,
                 percent(trial.rss_drop),
                 '' if trial.delta_bic is None else f'{trial.delta_bic:.0f}',
@@ -117,9 +115,8 @@ def _trial_table(result: ChannelResult) -> Table:
             )
     rest = len(result.findings.tried) - shown
     if rest:
-        table.caption = f'{rest} more that explain nothing: in the report'
-        table.caption_justify = 'left'
-    return table
+        made.caption = f'{rest} more that explain nothing: in the report'
+    return made
 
 
 def _merged(notes: Sequence[str]) -> list[str]:
@@ -145,15 +142,14 @@ def _reported_gains(cylinder: str, result: ChannelResult) -> list[tuple[str, Seq
 
 
 def _parameter_table(title: str, estimates: Sequence[Estimate]) -> Table:
-    table = Table(title=title, title_justify='left')
-    for heading in ('parameter', 'value', 'standard error', '95 % interval', 'unit', "in the paper's unit"):
-        table.add_column(heading, justify='left' if heading in ('parameter', 'unit') else 'right')
+    headings = ('parameter', 'value', 'standard error', '95 % interval', 'unit', "in the paper's unit")
+    made = table(title, *headings, words=('parameter', 'unit'))
     for spec, estimate in zip(SPECS, estimates):
         if estimate.value is None or estimate.std is None or estimate.interval is None:
-            table.add_row(spec.name, 'not identifiable', '', '', '', '')
+            made.add_row(spec.name, 'not identifiable', '', '', '', '')
             continue
         low, high = estimate.interval
-        table.add_row(
+        made.add_row(
             spec.name,
             f'{estimate.value:.4g}',
             f'{estimate.std:.2g}',
@@ -163,27 +159,22 @@ def _parameter_table(title: str, estimates: Sequence[Estimate]) -> Table:
         )
     reasons = [f'{name}: {estimate.reason}' for name, estimate in zip(NAMES, estimates) if estimate.reason]
     if reasons:
-        table.caption = '\n'.join(reasons)
-        table.caption_justify = 'left'
-    return table
+        made.caption = '\n'.join(reasons)
+    return made
 
 
 def _error_table(cylinder: str, result: ChannelResult) -> Table:
     without = ', without effects' if result.found.model.effects else ''
     if result.found.model.core:
         without += ', with the linear core'
-    table = Table(title=f'{cylinder}: simulated against measured pressure{without}', title_justify='left')
-    for heading in ('part', 'samples', 'RMSE, Pa', 'RMSE, psi', 'NRMSE, % of span'):
-        table.add_column(heading, justify='left' if heading == 'part' else 'right')
+    headings = ('part', 'samples', 'RMSE, Pa', 'RMSE, psi', 'NRMSE, % of span')
+    made = table(f'{cylinder}: simulated against measured pressure{without}', *headings, words=('part',))
     for index, part in enumerate(PARTS):
         error = result.before.get(part)
         if error is not None:
             count = sum(int((experiment.part == index).sum()) for experiment in result.experiments)
-            table.add_row(
-                part, str(count), f'{error.rmse:.1f}', f'{error.rmse / PSI:.4f}', f'{error.nrmse_percent:.2f}'
-            )
-    table.caption = (
+            made.add_row(part, str(count), f'{error.rmse:.1f}', f'{error.rmse / PSI:.4f}', f'{error.nrmse_percent:.2f}')
+    made.caption = (
         f'span p99 - p1: {result.span:.0f} Pa ({result.span / PSI:.3f} psi); noise floor {result.noise.std:.1f} Pa'
     )
-    table.caption_justify = 'left'
-    return table
+    return made

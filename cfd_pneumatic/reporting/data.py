@@ -51,8 +51,10 @@ def report_data(identification: Identification, live: Mapping[str, PartError] = 
             for name, result in identification.cylinders.items()
         },
     }
-    others = [result for name, result in found.items() if name not in identification.cylinders]
-    data.update({result.name: _other_data(result) for result in others})
+    for name, result in found.items():
+        if name not in identification.cylinders:
+            before = {f'span_{result.quantity.key}': result.span, 'before': _error_data(result.before, result)}
+            data[name] = before | _findings_data(result)
     for name, error in live.items():
         block = data['cylinders'][name] if name in identification.cylinders else data.get(name)
         if block is not None:
@@ -117,11 +119,6 @@ def _estimate_data(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
         }
         for name, estimate in estimates.items()
     }
-
-
-def _other_data(result: ChannelResult) -> dict[str, Any]:
-    key = result.quantity.key
-    return {f'span_{key}': result.span, 'before': _error_data(result.before, result), **_findings_data(result)}
 
 
 def _findings_data(result: ChannelResult) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification import ChannelResult, wording
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.autoregression import autocovariance
@@ -23,8 +24,6 @@ from cfd_pneumatic.identification.shape import Shape
 from cfd_pneumatic.identification.whereabouts import Dependence, dependences
 from cfd_pneumatic.reporting.thinning import thinned
 from cfd_pneumatic.svg import Curve, Panel, chart
-
-Array = NDArray[np.float64]
 
 MEASURED, BEFORE, AFTER, MUTED = (f'var(--{name})' for name in ('measured', 'before', 'after', 'muted'))
 

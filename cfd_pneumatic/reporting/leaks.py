@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from cfd_pneumatic.files import make_folder, write_text
 from cfd_pneumatic.identification.decay import LAWS, Decay, Leak, rate_of
 from cfd_pneumatic.svg import Curve, Panel, chart
+from cfd_pneumatic.terminal import table
 
 SCHEMA = 1
 LEAK_FILE = 'leak.json'
@@ -59,9 +59,8 @@ def print_decay(name: str, decay: Decay, console: Console) -> None:
     settles = any(leak.settling for leak in decay.leaks)
     headings = ['law', 'conductance, 1/s', '95 % interval', 'error, Pa', 'over the noise', 'is it']
     headings[3:3] = ['settles by, kPa', 'within, s'] if settles else []
-    table = Table(title=f'{name}: laws, fitted to the first half and judged by the second', title_justify='left')
-    for heading in headings:
-        table.add_column(heading, justify='left' if heading in ('law', 'is it') else 'right')
+    title = f'{name}: laws, fitted to the first half and judged by the second'
+    laws = table(title, *headings, words=('law', 'is it'))
     for leak in decay.leaks:
         conductance = leak.conductance if leak.conductance > _ZERO * leak.interval[1] else 0.0
         cells = [leak.law, f'{conductance:.4g}', ' to '.join(f'{one:.3g}' for one in leak.interval)]
@@ -69,9 +68,9 @@ def print_decay(name: str, decay: Decay, console: Console) -> None:
             settled = f'{1e-3 * leak.settling:.3g}', f'{leak.time_constant:.3g}'
             cells += settled if leak.settling else ('', '')
         cells += [f'{leak.error:.4g}', f'{leak.error / decay.noise:.2f}', 'excluded' if leak.excluded else 'possible']
-        table.add_row(*cells)
-    table.caption, table.caption_justify = _CAPTION, 'left'
-    console.print(table)
+        laws.add_row(*cells)
+    laws.caption = _CAPTION
+    console.print(laws)
     for line in _sentences(name, decay):
         console.print(line)
 

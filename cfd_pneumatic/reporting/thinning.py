@@ -7,8 +7,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Times = TypeVar('Times', NDArray[np.float64], NDArray[np.int64])
+from cfd_pneumatic.arrays import Array
+
+Times = TypeVar('Times', Array, NDArray[np.int64])
 
 
 def thinned(times: Times, values: Array, columns: int) -> tuple[Times, Array]:

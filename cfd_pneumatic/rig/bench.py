@@ -5,33 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cfd_pneumatic.rig.device import Rig, Truth
 from cfd_pneumatic.rig.parameters import RigParameters, checked
 from cfd_pneumatic.rig.schedule import Schedule
-from cfd_pneumatic.rig.sensors import Instruments, Sensors
+from cfd_pneumatic.rig.sensors import Instruments, Readings, Sensors
 from cfd_pneumatic.rig.transmission import Transmission
 
 
 @dataclass(frozen=True, eq=False)
-class RigRecord:
+class RigRecord(Readings):
     """What a run on the rig left: what its sensors read, and beside it what really happened."""
-
-    times: NDArray[np.float64]
-    """Stamps of the samples [s], (n,)."""
-
-    displacement: NDArray[np.float64]
-    """Measured position of the piston [m], (n,)."""
-
-    pressures: NDArray[np.float64]
-    """Measured absolute pressures of the cylinders A and B [Pa], (n, 2)."""
-
-    setpoints: NDArray[np.float64]
-    """Absolute set pressures up to each sample, since the one before, as they were set [Pa], (n, 2)."""
-
-    force: NDArray[np.float64]
-    """Measured contact force along +x [N], (n,)."""
 
     truth: Truth
     """Without noise and at the samples' true times."""
@@ -93,11 +78,15 @@ class Bench:
         truth = replace(moved.every(knots), times=times)
         arrived = self._transmission.carry(moved, self.sampling_period / knots).every(knots)
         read = self._instruments.read(replace(arrived, times=times))
-        return RigRecord(read.times, read.displacement, read.pressures, truth.setpoints, read.force, truth)
+        return RigRecord(**vars(read), truth=truth)
 
 
 class Performance:
-    """A schedule being played on a bench, from its first sample to its last."""
+    """
+    A schedule being played on a bench, from its first sample to its last.
+
+    With `repeat` over and over, on the same rig: it has to lead back to where it began (`Schedule.with_return`).
+    """
 
     def __init__(
         self,
@@ -105,6 +94,8 @@ class Performance:
         parameters: RigParameters = RigParameters(),
         sensors: Sensors = Sensors(),
         seed: int = 0,
+        *,
+        repeat: bool = False,
     ) -> None:
         first = tuple(schedule.setpoints[0])
         rig = Rig(
@@ -116,10 +107,11 @@ class Performance:
         self._schedule = schedule
         self._bench = Bench(rig, schedule.sampling_period, sensors, seed)
         self._played = 0
+        self._repeat = repeat
 
     @property
     def remaining(self) -> int:
-        """Number of samples still to come."""
+        """Number of samples still to come, before it is repeated."""
         return self._schedule.samples - self._played
 
     @property
@@ -132,16 +124,12 @@ class Performance:
         """Let effects appear, grow or go before the next sample, as `Bench.change` does."""
         self._bench.change(parameters)
 
-    def rewind(self) -> None:
-        """Begin again on the same rig; the schedule has led it back to where it began (`Schedule.with_return`)."""
-        self._played = 0
-
     def take(self, samples: int) -> RigRecord:
         """Return the next samples; no more than remain."""
         schedule = self._schedule
         chosen = slice(self._played, self._played + min(samples, self.remaining))
         knots = slice(chosen.start * schedule.knots_per_sample, chosen.stop * schedule.knots_per_sample)
-        self._played = chosen.stop
+        self._played = 0 if self._repeat and chosen.stop == schedule.samples else chosen.stop
         return self._bench.take(schedule.positions[knots], schedule.velocities[knots], schedule.setpoints[chosen])
 
 

@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig import disturbance, physics
 from cfd_pneumatic.rig.linkage import Linkage
@@ -21,28 +22,28 @@ LONGEST_STEP = 5e-5
 class Truth:
     """What really happened at a number of times, which no sensor sees."""
 
-    times: NDArray[np.float64]
+    times: Array
     """Time since the rig was at rest [s], (n,)."""
 
-    displacement: NDArray[np.float64]
+    displacement: Array
     """Position of the tool, and of the piston but for lost motion [m], (n,)."""
 
-    velocity: NDArray[np.float64]
+    velocity: Array
     """Velocity of the same [m/s], (n,)."""
 
-    acceleration: NDArray[np.float64]
+    acceleration: Array
     """Acceleration of the piston [m/s^2], (n,)."""
 
-    pressures: NDArray[np.float64]
+    pressures: Array
     """Absolute pressure in the cylinders A and B [Pa], (n, 2)."""
 
-    sensed_pressures: NDArray[np.float64]
+    sensed_pressures: Array
     """Absolute pressure in the regulators' control chambers [Pa], (n, 2)."""
 
-    setpoints: NDArray[np.float64]
+    setpoints: Array
     """Absolute pressure that the regulators were set to up to each time [Pa], (n, 2)."""
 
-    force: NDArray[np.float64]
+    force: Array
     """Force on the workpiece along +x [N], (n,)."""
 
     def every(self, stride: int) -> Truth:
@@ -110,7 +111,7 @@ class Rig:
         return self._velocity
 
     @property
-    def pressures(self) -> NDArray[np.float64]:
+    def pressures(self) -> Array:
         """Absolute pressure in the cylinders A and B [Pa], (2,)."""
         return self._states[:, physics.OUTLET].copy()
 
@@ -167,7 +168,7 @@ class Rig:
             force=forces,
         )
 
-    def _reachable(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _reachable(self, positions: Array) -> Array:
         travel = self.parameters.piston.travel
         if not np.all(np.abs(positions) <= travel):
             raise InputError(
@@ -176,7 +177,7 @@ class Rig:
             )
         return positions
 
-    def _absolute(self, setpoints: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _absolute(self, setpoints: Array) -> Array:
         air = self.parameters.air
         absolute = setpoints + air.ambient_pressure
         if not np.all((absolute > 0.0) & (absolute < air.supply_pressure)):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.rig.effects import Effects
 from cfd_pneumatic.rig.oddities import Oddities
 from cfd_pneumatic.rig.parameters import RigParameters
 
 
-def shift(times: NDArray[np.float64], effects: Effects, odd: Oddities) -> NDArray[np.float64]:
+def shift(times: Array, effects: Effects, odd: Oddities) -> Array:
     """Return by how much a set pressure is off at some times [s], in Pa."""
     phases = 2.0 * np.pi * effects.pulsation_frequency * times + effects.pulsation_phase
     jumped = np.where(times >= effects.jump_time, effects.jump, 0.0)
@@ -18,9 +18,7 @@ def shift(times: NDArray[np.float64], effects: Effects, odd: Oddities) -> NDArra
     return effects.drift * times + effects.pulsation * np.sin(phases) + jumped + crept
 
 
-def disturbed(
-    setpoints: NDArray[np.float64], times: NDArray[np.float64], parameters: RigParameters
-) -> NDArray[np.float64]:
+def disturbed(setpoints: Array, times: Array, parameters: RigParameters) -> Array:
     """Return the set pressures of both cylinders that act at some times [s], in Pa, (n, 2)."""
     both = ((parameters.effects_a, parameters.odd_a), (parameters.effects_b, parameters.odd_b))
     if not any(effects.drift or effects.pulsation or effects.jump or odd.creep for effects, odd in both):

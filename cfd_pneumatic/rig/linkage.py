@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.rig.compiled import compiled
 
 
 @compiled
-def follow(held: float, half_gap: float, leading: NDArray[np.float64], following: NDArray[np.float64]) -> None:
+def follow(held: float, half_gap: float, leading: Array, following: Array) -> None:
     """Fill in where the follower in a gap goes; it is moved by either edge, and stays where it was in between [m]."""
     for index in range(leading.shape[0]):
         held = min(max(held, leading[index] - half_gap), leading[index] + half_gap)
@@ -34,9 +34,7 @@ class Linkage:
         self._position = position
         self._velocity = 0.0
 
-    def drive(
-        self, positions: NDArray[np.float64], velocities: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def drive(self, positions: Array, velocities: Array) -> tuple[Array, Array]:
         """
         Return the piston's positions [m] and velocities [m/s] at knots of the tool's, the present one put first.
 

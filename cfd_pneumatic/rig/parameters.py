@@ -225,37 +225,12 @@ MAY_BE_ZERO = frozenset(
         'pressure_dependence',
         'position_dependence',
         'mass',
-        'silencer_conductance',
-        'entrance_loss',
         'coulomb',
         'coulomb_per_pressure',
         'viscous',
-        'breakaway',
-        'lost_motion',
-        'leak_conductance',
-        'leak_admittance',
-        'lift_admittance',
-        'line_resistance',
-        'dead_band',
-        'play',
-        'poppet_frequency',
-        'droop',
-        'heat_transfer',
-        'stirring',
-        'pulsation',
-        'resonance_frequency',
-        'sensor_lag',
-        'hum',
-        'displacement_lag',
-        'displacement_delay',
-        'lifting',
-        'pop',
-        'starving',
-        'tilt',
-        'scar',
-        'bundle',
     }
 )
+"""Beside what is 0 by default."""
 
 
 def checked(parameters: RigParameters) -> RigParameters:
@@ -270,7 +245,8 @@ def checked(parameters: RigParameters) -> RigParameters:
     """
     for part, values in parameters._asdict().items():
         for name, value in values._asdict().items():
-            allowed = value > 0.0 or name in MAY_BE_NEGATIVE or (value == 0.0 and name in MAY_BE_ZERO)
+            may_be_zero = name in MAY_BE_ZERO or values._field_defaults[name] == 0.0
+            allowed = value > 0.0 or name in MAY_BE_NEGATIVE or (value == 0.0 and may_be_zero)
             if not math.isfinite(value) or not allowed:
                 raise InputError(f'rig parameter {part}.{name} = {value:g}: give a positive number')
     for part in ('cylinder_a', 'cylinder_b'):

@@ -10,9 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.rig.compiled import compiled, inner
 from cfd_pneumatic.rig.effects import Effects
 from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
@@ -489,7 +487,7 @@ def ahead(state: CylinderState, rates: CylinderState, duration: float) -> Cylind
 
 @inner
 def step_cylinder(
-    states: NDArray[np.float64],
+    states: Array,
     setpoint: float,
     start: tuple[float, float],
     middle: tuple[float, float],
@@ -520,17 +518,17 @@ def step_cylinder(
 
 @compiled
 def advance(
-    states: NDArray[np.float64],
+    states: Array,
     stretch: float,
-    positions: NDArray[np.float64],
-    velocities: NDArray[np.float64],
-    setpoints: NDArray[np.float64],
+    positions: Array,
+    velocities: Array,
+    setpoints: Array,
     period: float,
     steps: int,
     parameters: RigParameters,
-    trajectory: NDArray[np.float64],
-    forces: NDArray[np.float64],
-    accelerations: NDArray[np.float64],
+    trajectory: Array,
+    forces: Array,
+    accelerations: Array,
 ) -> float:
     """
     Carry the rig along a motion and return the seal's stretch at its end.

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+
+from cfd_pneumatic.arrays import Array
 
 
 class CommandedPiston:
@@ -37,7 +38,7 @@ class CommandedPiston:
         """Head for a position [m]."""
         self._target = min(max(target, -self._travel), self._travel)
 
-    def move(self, knots: int, period: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def move(self, knots: int, period: float) -> tuple[Array, Array]:
         """Return the positions [m] and velocities [m/s] at the next knots, one period [s] apart."""
         positions, velocities = np.empty(knots), np.empty(knots)
         for knot in range(knots):

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.stroke import Stroke
 from cfd_pneumatic.units import INCH, PSI
@@ -31,7 +31,7 @@ LONGEST = 1200.0
 LONGEST_KNOT = 2e-4
 """Longest time between knots of a motion [s]: a stop within a millisecond takes some."""
 
-Motion = Callable[[NDArray[np.float64]], 'tuple[NDArray[np.float64], NDArray[np.float64]]']
+Motion = Callable[[Array], 'tuple[Array, Array]']
 """Times [s] to positions [m] and velocities [m/s]."""
 
 
@@ -63,13 +63,13 @@ class Schedule:
     knots_per_sample: int
     """Knots of the motion in a sampling period; the motion is cubic in between."""
 
-    positions: NDArray[np.float64]
+    positions: Array
     """Displacement at the end of each knot's interval [m], (samples * knots_per_sample,)."""
 
-    velocities: NDArray[np.float64]
+    velocities: Array
     """Velocity there [m/s], of the same shape."""
 
-    setpoints: NDArray[np.float64]
+    setpoints: Array
     """Set pressures of A and B on the way to each sample, gauge [Pa], (samples, 2)."""
 
     @property
@@ -201,7 +201,7 @@ def out_and_back(
                 strokes.append(Stroke.flight(time + rest, reach, 0.0))
                 time += 2 * rest
 
-    def motion(times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def motion(times: Array) -> tuple[Array, Array]:
         positions, velocities = np.zeros_like(times), np.zeros_like(times)
         for stroke in strokes:
             leg, speed = stroke(times)
@@ -276,7 +276,7 @@ def _random_surface(amplitude: float, bandwidth: float, duration: float, rng: np
     highest = 3.5 * amplitude
     spline = CubicHermiteSpline(fastest * np.arange(count), scale * heights, scale * slopes)
 
-    def motion(times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def motion(times: Array) -> tuple[Array, Array]:
         nearness = np.clip(np.minimum(times, duration - times) / fade, 0.0, 1.0)
         envelope = nearness**3 * (10.0 - 15.0 * nearness + 6.0 * nearness**2)
         growth = 30.0 * (nearness * (1.0 - nearness)) ** 2 / fade * np.where(times < duration / 2, 1.0, -1.0)

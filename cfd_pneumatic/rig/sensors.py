@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.device import Truth
@@ -55,19 +56,19 @@ class Sensors:
             if not low < high:
                 raise InputError(f'sensor {name} from {low:g} to {high:g}: give the lower end first')
 
-    def measure_pressure(self, values: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
+    def measure_pressure(self, values: ArrayLike, rng: np.random.Generator) -> Array:
         """Return what a pressure sensor reads at some absolute pressures [Pa]."""
         return self._read(values, self.pressure_noise, self.pressure_range, rng)
 
-    def measure_displacement(self, values: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
+    def measure_displacement(self, values: ArrayLike, rng: np.random.Generator) -> Array:
         """Return what the displacement sensor reads at some positions [m]."""
         return self._read(values, self.displacement_noise, self.displacement_range, rng)
 
-    def measure_force(self, values: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
+    def measure_force(self, values: ArrayLike, rng: np.random.Generator) -> Array:
         """Return what the load cell reads at some forces [N]."""
         return self._read(values, self.force_noise, self.force_range, rng)
 
-    def stamp(self, times: ArrayLike, period: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    def stamp(self, times: ArrayLike, period: float, rng: np.random.Generator) -> Array:
         """
         Return the stamps [s] of samples taken at some times, one period [s] apart.
 
@@ -83,7 +84,7 @@ class Sensors:
 
     def _read(
         self, values: ArrayLike, noise: float, full_scale: tuple[float, float], rng: np.random.Generator
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         truth = np.asarray(values, dtype=float)
         noisy = truth + noise * rng.standard_normal(truth.shape)
         if not self.bits:
@@ -95,19 +96,22 @@ class Sensors:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What the sensors make of a number of samples."""
+    """What the sensors make of a number of samples, and what the regulators were set to."""
 
-    times: NDArray[np.float64]
-    """Stamps [s], (n,)."""
+    times: Array
+    """Stamps of the samples [s], (n,)."""
 
-    displacement: NDArray[np.float64]
-    """Position of the piston [m], (n,)."""
+    displacement: Array
+    """Measured position of the piston [m], (n,)."""
 
-    pressures: NDArray[np.float64]
-    """Absolute pressure in the cylinders A and B [Pa], (n, 2)."""
+    pressures: Array
+    """Measured absolute pressures of the cylinders A and B [Pa], (n, 2)."""
 
-    force: NDArray[np.float64]
-    """Contact force along +x [N], (n,)."""
+    setpoints: Array
+    """Absolute set pressures up to each sample, since the one before, as they were set [Pa], (n, 2)."""
+
+    force: Array
+    """Measured contact force along +x [N], (n,)."""
 
 
 class Instruments:
@@ -135,5 +139,6 @@ class Instruments:
                     for cylinder, rng in enumerate(self._pressures)
                 ]
             ),
+            setpoints=truth.setpoints,
             force=sensors.measure_force(truth.force, self._force),
         )

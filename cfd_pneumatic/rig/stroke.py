@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.units import INCH
 
 
@@ -47,7 +47,7 @@ class Stroke:
         duration = 10e-3 * math.sqrt(max(abs(end - start), 1e-6) / (60e-3 * INCH))
         return cls(time, start, end, duration, release=0.3 * duration, impact=0.08 * duration)
 
-    def __call__(self, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def __call__(self, times: Array) -> tuple[Array, Array]:
         """Return the positions [m] and velocities [m/s] at some times [s]."""
         speed = (self.end - self.start) / (self.duration - 0.5 * (self.release + self.impact))
         since = np.clip(times - self.time, 0.0, self.duration)
@@ -63,7 +63,7 @@ class Stroke:
         return positions, velocities
 
 
-def _ramp(times: NDArray[np.float64], duration: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _ramp(times: Array, duration: float) -> tuple[Array, Array]:
     """Return the distance [s] and speed [1] after some times [s] of speeding up from 0 to 1 in a duration [s]."""
     phase = np.pi * times / duration
     return 0.5 * (times - duration / np.pi * np.sin(phase)), 0.5 * (1.0 - np.cos(phase))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import expm
 
-from cfd_pneumatic.rig.compiled import compiled
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.rig.device import Truth
 from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
@@ -21,79 +20,46 @@ _OF_A_PICKUP = ('displacement_lag', 'displacement_delay')
 """What a displacement sensor has a state for."""
 
 
-@compiled
-def respond(
-    state: NDArray[np.float64],
-    last: float,
-    transition: NDArray[np.float64],
-    inputs: NDArray[np.float64],
-    outputs: NDArray[np.float64],
-) -> None:
-    """
-    Fill in the response of a second-order system to an input that runs straight from each value to the next.
-
-    `state` (2,) is advanced in place; `transition` (2, 4) multiplies it, the last input and the input's rise.
-    """
-    for index in range(inputs.shape[0]):
-        rise = inputs[index] - last
-        first = (
-            transition[0, 0] * state[0]
-            + transition[0, 1] * state[1]
-            + transition[0, 2] * last
-            + transition[0, 3] * rise
-        )
-        state[1] = (
-            transition[1, 0] * state[0]
-            + transition[1, 1] * state[1]
-            + transition[1, 2] * last
-            + transition[1, 3] * rise
-        )
-        state[0] = first
-        last = inputs[index]
-        outputs[index] = first
-
-
 class Response:
     """
-    A linear response of first or second order with unit gain, exact for an input that is straight between its values.
+    A linear response with unit gain, exact for an input that is straight between its values.
 
     Parameters
     ----------
-    system : (2, 2)
-        Its state matrix [1/s]; the first state is the output.
-    drive : (2,)
-        What the input adds to the states' rates [1/s].
+    denominator
+        Of its transfer function [s^2, s, 1] or [s, 1].
     rest
         Input and output so far.
 
     """
 
-    def __init__(self, system: list[list[float]], drive: list[float], rest: float) -> None:
-        self._augmented = np.zeros((4, 4))
-        self._augmented[:2, :2] = system
-        self._augmented[:2, 2] = drive
-        self._state = np.array([rest, 0.0])
-        self._last = rest
+    def __init__(self, denominator: Sequence[float], rest: float) -> None:
+        self._denominator = denominator
+        self._rest = rest
+        self._filter: tuple[Array, Array, Array] | None = None
 
     @classmethod
     def lag(cls, time_constant: float, rest: float) -> Response:
         """Return a first-order lag; its time constant in s."""
-        return cls([[-1.0 / time_constant, 0.0], [0.0, 0.0]], [1.0 / time_constant, 0.0], rest)
+        return cls((time_constant, 1.0), rest)
 
     @classmethod
     def resonance(cls, frequency: float, damping: float, rest: float) -> Response:
         """Return a mass on a spring, here of air, by its natural frequency [Hz] and damping ratio."""
         omega = 2.0 * np.pi * frequency
-        return cls([[0.0, omega], [-omega, -2.0 * damping * omega]], [0.0, omega], rest)
+        return cls((1.0 / omega**2, 2.0 * damping / omega, 1.0), rest)
 
-    def to(self, inputs: NDArray[np.float64], period: float) -> NDArray[np.float64]:
-        """Return the outputs with the next inputs, which are one period [s] apart."""
-        coupled = self._augmented * period
-        coupled[2, 3] = 1.0
-        outputs = np.empty(len(inputs))
-        respond(self._state, self._last, np.ascontiguousarray(expm(coupled)[:2]), np.ascontiguousarray(inputs), outputs)
-        self._last = float(inputs[-1])
-        return outputs
+    def to(self, inputs: Array, period: float) -> Array:
+        """Return the outputs with the next inputs, which are one period [s] apart, the same each time."""
+        from scipy.signal import cont2discrete, lfilter, lfilter_zi  # which take long to import
+
+        if self._filter is None:
+            numerator, denominator, _ = cont2discrete(([1.0], self._denominator), period, 'foh')
+            self._filter = numerator[0], denominator, lfilter_zi(numerator[0], denominator) * self._rest
+        numerator, denominator, state = self._filter
+        outputs, state = lfilter(numerator, denominator, inputs, zi=state)
+        self._filter = numerator, denominator, state
+        return np.asarray(outputs)
 
 
 class Delay:
@@ -113,7 +79,7 @@ class Delay:
         self._dead_time = dead_time
         self._past = np.array([rest])
 
-    def to(self, inputs: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+    def to(self, inputs: Array, period: float) -> Array:
         """Return the outputs with the next inputs, which are one period [s] apart."""
         whole = int(self._dead_time / period)
         share = self._dead_time / period - whole
@@ -124,7 +90,7 @@ class Delay:
         return np.asarray(late + share * (later - late))
 
 
-def read_force(force: NDArray[np.float64], pickup: Pickup, odd: ForceOddities) -> NDArray[np.float64]:
+def read_force(force: Array, pickup: Pickup, odd: ForceOddities) -> Array:
     """Return what the load cell makes of a force [N], without its noise."""
     borne = force + pickup.force_offset
     return np.asarray(borne * (1.0 - odd.bend * np.abs(borne)))
@@ -145,7 +111,7 @@ class Transmission:
 
     """
 
-    def __init__(self, parameters: RigParameters, pressures: NDArray[np.float64], position: float) -> None:
+    def __init__(self, parameters: RigParameters, pressures: Array, position: float) -> None:
         self._effects = (Effects(), Effects())
         self._lines: list[list[Response]] = [[], []]
         self._odd = (Oddities(), Oddities())
@@ -155,7 +121,7 @@ class Transmission:
         self._pickups: list[Response | Delay] = []
         self.change(parameters, pressures, position)
 
-    def change(self, parameters: RigParameters, pressures: NDArray[np.float64], position: float) -> None:
+    def change(self, parameters: RigParameters, pressures: Array, position: float) -> None:
         """Become what other parameters make; what differs from before begins at rest where the rig is."""
         changed = (parameters.effects_a, parameters.effects_b)
         for cylinder, (before, effects) in enumerate(zip(self._effects, changed)):
@@ -184,7 +150,7 @@ class Transmission:
             arrived = replace(arrived, pressures=np.column_stack(pressures))
         return arrived
 
-    def _arriving(self, cylinder: int, truth: Truth, period: float) -> NDArray[np.float64]:
+    def _arriving(self, cylinder: int, truth: Truth, period: float) -> Array:
         pressure = self._read(cylinder, truth)
         for response in self._lines[cylinder]:
             pressure = response.to(pressure, period)
@@ -193,7 +159,7 @@ class Transmission:
             return pressure
         return pressure + effects.hum * np.sin(2.0 * np.pi * effects.hum_frequency * truth.times + effects.hum_phase)
 
-    def _read(self, cylinder: int, truth: Truth) -> NDArray[np.float64]:
+    def _read(self, cylinder: int, truth: Truth) -> Array:
         """Return what a sensor that bends and tilts makes of the pressure [Pa]."""
         odd, pressure = self._odd[cylinder], truth.pressures[:, cylinder]
         if not (odd.kink or odd.tilt):

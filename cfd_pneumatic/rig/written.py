@@ -6,9 +6,9 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import SCHEDULE_COLUMNS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.schedule import SAMPLING_PERIOD, Schedule, SetPoints, lay_out
@@ -43,7 +43,7 @@ def written_schedule(path: Path, *, sampling_period: float = SAMPLING_PERIOD) ->
     if not (np.isfinite(course.c).all() and np.isfinite(speed.c).all()):
         raise InputError(f'{path}: a schedule is to have displacements and times that a piston can follow')
 
-    def motion(at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def motion(at: Array) -> tuple[Array, Array]:
         within = np.minimum(at, times[-1])
         return course(within), np.where(at < times[-1], speed(within), 0.0)
 
@@ -55,7 +55,7 @@ def written_schedule(path: Path, *, sampling_period: float = SAMPLING_PERIOD) ->
     return lay_out(path.stem, motion, setpoints, samples, sampling_period)
 
 
-def _columns(path: Path) -> NDArray[np.float64]:
+def _columns(path: Path) -> Array:
     """Return the columns of a file, shape (5, n)."""
     try:
         head, *rows = path.read_text(encoding='utf-8').splitlines()

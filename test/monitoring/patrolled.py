@@ -19,7 +19,7 @@ from cfd_pneumatic.monitoring import Finding, Settings, Watch, diagnose
 from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig import RigParameters, RigRecord, record, surface_following, with_changes
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
-from studies.rig_runs import EPOCH, surfaces, take
+from studies.rig_runs import EPOCH, surfaces
 
 RATE = 500
 SETTINGS = Settings(learning=20.0, window=15.0)
@@ -101,7 +101,7 @@ class Patrol:
     def go_on(self, seconds: float, spoil: Spoil = lambda sample: sample) -> Patrol:
         """Hear so many seconds, look after the watch each tenth of one."""
         for _ in range(round(seconds * 10)):
-            for sample in samples(take(self.performance, RATE // 10)):
+            for sample in samples(self.performance.take(RATE // 10)):
                 self.now = (sample.stamp - EPOCH) * 1e-9
                 spoilt = spoil(sample)
                 if spoilt is not None:

@@ -30,7 +30,7 @@ from generated import (
 )
 from pyarrow import parquet
 
-from cfd_pneumatic.plant import claimed
+from cfd_pneumatic.files import alone_in
 from cfd_pneumatic.plant.table import iso_time
 
 DASK = [sys.executable, '-m', 'dask']
@@ -134,7 +134,7 @@ def test_bags_that_fail_are_rows_the_others_finish_and_what_is_mended_is_done_ag
 def test_a_folder_of_another_run_and_an_address_of_no_scheduler_are_refused(small, tmp_path):
     folder, other = tmp_path / 'folder', tmp_path / 'other'
     folder.mkdir()
-    with claimed(folder):
+    with alone_in(folder):
         second = start('plant', '--each', '--jobs', 1, '--output', folder, cwd=small.parent)
         nowhere = start('plant', '--each', '--scheduler', 'ftp://localhost:1', '--output', other, cwd=small.parent)
         _, complaint = second.communicate(timeout=_PATIENCE)

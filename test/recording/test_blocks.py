@@ -5,7 +5,7 @@ from __future__ import annotations
 import made
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap import records
 from mcap.data_stream import RecordBuilder
@@ -29,8 +29,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import read_recording, write_recording
 from cfd_pneumatic.recording.bags.blocks import OneByOne
 from cfd_pneumatic.recording.bags.mcap_reading import McapFile
-from cfd_pneumatic.recording.bags.messages import FLOAT64, JOINT_STATE
-from cfd_pneumatic.recording.bags.sqlite_reading import SqliteRows
+from cfd_pneumatic.recording.bags.messages import JOINT_STATE
 
 TOPICS = ('/a', '/b', '/b', '/c')  # a topic may have several channels
 
@@ -88,19 +87,6 @@ def test_chunks_give_what_rosbags_gives(tmp_path_factory, messages, chunk_size, 
     chunked, one_by_one = chunked_and_one_by_one(path, topics)
     assert chunked == one_by_one
     assert sum(map(len, chunked.values())) == sum(TOPICS[channel] in topics for channel, _, _ in messages)
-
-
-@settings(max_examples=settings.default.max_examples // 3)
-@given(messages=any_messages, topics=st.sets(st.sampled_from(TOPICS), min_size=1))
-def test_rows_give_what_rosbags_gives(tmp_path_factory, messages, topics):
-    contents = [Message(TOPICS[channel], FLOAT64, time, payload) for channel, time, payload in messages]
-    path = write_bag(tmp_path_factory.mktemp('sqlite3') / 'any', contents, storage='sqlite3', in_order=False)
-    with Reader(path / 'any.db3') as reader:
-        wanted = [connection for connection in reader.connections if connection.topic in topics]
-        rows = SqliteRows(reader.storage.dbconn, reader.connections, reader.start_time)
-        one_by_one = OneByOne(reader, reader.start_time)
-        if wanted:
-            assert by_topic(rows.blocks(wanted)) == by_topic(one_by_one.blocks(wanted))
 
 
 def test_chunks_in_the_reverse_order_of_time_are_turned_round(tmp_path):

@@ -92,9 +92,8 @@ def test_a_schedule_played_in_pieces_is_the_same_to_the_last_bit(pieces: list[in
 
 def test_a_schedule_with_a_return_can_begin_again() -> None:
     schedule = paper_step().with_return()
-    played = Performance(schedule, seed=1)
+    played = Performance(schedule, seed=1, repeat=True)
     first = played.take(schedule.samples)
-    played.rewind()
     again = played.take(schedule.samples)
     assert again.truth.times[0] == pytest.approx(first.truth.times[-1] + schedule.sampling_period)
     assert again.truth.pressures == pytest.approx(first.truth.pressures, rel=1e-5)

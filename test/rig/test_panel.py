@@ -22,7 +22,6 @@ from cfd_pneumatic.rig.panel import (
     STRANGE,
     Draw,
     baseline_rmse,
-    describe,
     draw,
     draw_textbook,
     force_baseline_rmse,
@@ -123,13 +122,6 @@ def test_strengths_are_drawn_from_their_range(name: str) -> None:
     if low < high:
         share = np.mean(np.array(drawn) < np.sqrt(low * high))
         assert share == pytest.approx(0.5, abs=0.15), 'evenly on a logarithmic scale'
-
-
-def test_the_table_tells_of_each_effect() -> None:
-    assert EFFECTS.keys() == {*LIBRARY, *ON_FORCE, *FOREIGN, *STRANGE}
-    rows = describe().splitlines()
-    assert len(rows) == 2 + len(EFFECTS)
-    assert '| sensor_lag | 0.0005 | 0.015 | s | time constant |' in rows
 
 
 def test_of_each_strange_law_it_is_said_where_it_enters_and_on_what_it_depends() -> None:

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES
 from cfd_pneumatic.identification.data.split import MOTION, PARTS
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _BEYOND = 0.5  # longest time by which a signal may be read early [s]

@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_range
 from cfd_pneumatic.identification.data.smoother import Samples, likeliest
@@ -29,8 +29,6 @@ from cfd_pneumatic.identification.data.split import MOTION, stroke_times
 from cfd_pneumatic.identification.data.stamps import overlapping, regular_clock
 from cfd_pneumatic.parallel import each
 from cfd_pneumatic.recording import Recording, Signal
-
-Array = NDArray[np.float64]
 
 _ORDERS = (2, 3)  # how often white noise is integrated to give the displacement
 _MOST_PIECES = 8  # of one sample step

@@ -8,12 +8,10 @@ enough.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.compiling import compiler
 from cfd_pneumatic.identification.data.motion import Motion
-
-Array = NDArray[np.float64]
 
 _WIGGLE = 3.0  # standard deviations of noise that a reversal has to exceed
 _DIFFERENCES = 70.0**0.5  # standard deviation of fourth differences of white noise of unit variance

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.compiling import compiler
-
-Array = NDArray[np.float64]
 
 PARTS = ('train', 'validation', 'test')
 FRACTIONS = (0.6, 0.2, 0.2)

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-Array = NDArray[np.float64]
+from cfd_pneumatic.arrays import Array
 
 _FEWEST = 100  # of fewer, steps drawn anew are anticorrelated by chance
 _TOGETHER = 65_536  # samples that are looked at together

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.compiling import compiler
-
-Array = NDArray[np.float64]
 
 _HIGHEST_ORDER = 12
 _LONGEST_MEMORY = 2000  # samples

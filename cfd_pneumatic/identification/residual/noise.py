@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
-
-Array = NDArray[np.float64]
 
 _PIECE = 500_000  # samples
 SLOWEST = 6.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cfd_pneumatic.arrays import Array
 
 _LAGS = (0, -1, 1, -2, 2, 4, 8, 16, 32)  # [samples], in the order in which they are left out last
 _FEWEST_PER_SIGNAL = 10  # samples

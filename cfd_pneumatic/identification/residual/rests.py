@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-Array = NDArray[np.float64]
+from cfd_pneumatic.arrays import Array
 
 _SETTLING = 0.15  # after which a pressure is at rest [s]
 _SHORTEST_REST = 30  # samples
@@ -18,14 +17,13 @@ def runs_at_rest(times: Array, x: Array, setpoint: Array, slack: float, values: 
     window = max(int(_SETTLING / period), 2)
     if window >= times.size:
         return []
-    reach = x.max() - x.min()
-    spread = maximum_filter1d(x, window, origin=(window - 1) // 2) - minimum_filter1d(
-        x, window, origin=(window - 1) // 2
-    )
-    steps = maximum_filter1d(setpoint, window, origin=(window - 1) // 2) - minimum_filter1d(
-        setpoint, window, origin=(window - 1) // 2
-    )
-    still = (spread <= max(slack, 1e-3 * reach)) & (steps == 0.0)
-    runs = np.split(values, np.flatnonzero(np.diff(still.astype(np.int8)) != 0) + 1)
-    flags = np.split(still, np.flatnonzero(np.diff(still.astype(np.int8)) != 0) + 1)
-    return [run for run, flag in zip(runs, flags) if flag[0] and run.size >= _SHORTEST_REST]
+
+    def spread(series: Array) -> Array:
+        """Return the span of a window up to each sample."""
+        most = maximum_filter1d(series, window, origin=(window - 1) // 2)
+        return np.asarray(most - minimum_filter1d(series, window, origin=(window - 1) // 2))
+
+    still = (spread(x) <= max(slack, 1e-3 * float(np.ptp(x)))) & (spread(setpoint) == 0.0)
+    cuts = np.flatnonzero(np.diff(still)) + 1
+    runs = zip(np.split(values, cuts), np.split(still, cuts))
+    return [run for run, flags in runs if flags[0] and run.size >= _SHORTEST_REST]

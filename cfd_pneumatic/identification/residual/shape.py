@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cfd_pneumatic.arrays import Array
 
 _FASTEST_SUPPLY = 3.0  # highest frequency of a supply's variation [Hz]
 _MOST_FREQUENCIES = 100  # that are looked at closely

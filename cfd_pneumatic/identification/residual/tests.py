@@ -14,17 +14,15 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter
 from scipy.special import betaincinv, fdtri
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.autoregression import autocovariance, autoregression, driven, whitened
 from cfd_pneumatic.identification.residual.gram import gram
 from cfd_pneumatic.identification.residual.noise import SLOWEST, Noise
 from cfd_pneumatic.identification.residual.regressors import Regressors
-
-Array = NDArray[np.float64]
 
 SIGNIFICANCE = 0.001
 """Chance with which a test fails on noise alone."""
@@ -204,23 +202,10 @@ def _quick(length: int) -> int:
 
 
 def _orthogonal(columns: Array) -> Array:
-    """Return an orthonormal basis of what columns span, shape (n, rank)."""
-    basis, triangle = np.linalg.qr(_scaled(columns))  # the long way of a decomposition, and the quick one
-    directions, _ = _directions(triangle)
-    return np.asarray(basis @ directions, dtype=np.float64)
-
-
-def _scaled(columns: Array) -> Array:
-    """Return columns of one length, those that are zero left out."""
+    """Return an orthonormal basis of what columns span, those that are zero left out, shape (n, rank)."""
     size = np.linalg.norm(columns, axis=0)
-    return np.asarray(columns[:, size > 0.0] / size[size > 0.0])
-
-
-def _directions(triangle: Array) -> tuple[Array, int]:
-    """Return the directions in which columns differ, of which this is the triangular factor, and how many they are."""
-    directions, values, _ = np.linalg.svd(triangle)
-    rank = int(np.count_nonzero(values > _APART * values[0]))
-    return directions[:, :rank], rank
+    basis, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return np.asarray(basis[:, values > _APART * values[0]])
 
 
 def _line_test(spectra: Sequence[Sequence[Array]]) -> Test:

@@ -31,11 +31,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-
 FUNCTIONS = {
     'displacement': 'displacement of a sample [m], which the chamber follows in a straight line from the last one',
     'setpoint': 'set-point p_d [Pa]',

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys.store import Typestore
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, gather
 from cfd_pneumatic.recording.bags.fields import FieldPath
@@ -54,7 +55,7 @@ class Columns:
     """
 
     found: NDArray[np.bool_]
-    values: NDArray[np.float64]
+    values: Array
     stamps: NDArray[np.int64]
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import JOINT_STATE
 from cfd_pneumatic.recording.bags.blocks import MessageBlock
 from cfd_pneumatic.recording.bags.fields import NUMBERS, FieldPath, parse_path
@@ -76,7 +77,7 @@ class Form:
         self._number.pack_into(self._one, self._number_at, number)
         return bytes(self._one)
 
-    def block(self, times: NDArray[np.int64], numbers: NDArray[np.float64]) -> MessageBlock:
+    def block(self, times: NDArray[np.int64], numbers: Array) -> MessageBlock:
         """Return messages, shape (n,), stamped with and received at times [ns]."""
         rows = np.full(times.size, np.void(self.payload))
         blanks = rows.view(self._blanks)

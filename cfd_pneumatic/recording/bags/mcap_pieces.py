@@ -48,8 +48,6 @@ _BEGINNING = 128
 _RESERVED = range(0x10, 0x80)
 """No records are these; from 0x80 on they are somebody's own."""
 
-"""Bytes that any chunk may unpack to, and those for each of its own."""
-
 _RUN = 2**20
 """Bytes of records outside of chunks that are read together."""
 

@@ -14,7 +14,6 @@ from cfd_pneumatic.recording.bags.blocks import MessageBlock, OneByOne, Span
 from cfd_pneumatic.recording.bags.mcap_pieces import flaw as mcap_flaw
 from cfd_pneumatic.recording.bags.mcap_reading import McapFile
 from cfd_pneumatic.recording.bags.mcap_writing import McapWriter
-from cfd_pneumatic.recording.bags.sqlite_reading import SqliteRows
 from cfd_pneumatic.recording.bags.sqlite_salvage import SalvagedSqlite
 from cfd_pneumatic.recording.bags.sqlite_salvage import flaw as sqlite_flaw
 from cfd_pneumatic.recording.bags.sqlite_writing import SqliteWriter
@@ -102,7 +101,7 @@ STORAGES: Mapping[StorageName, Storage] = {
         '.db3',
         'sqlite3 .recover may mend it',
         sqlite_flaw,
-        lambda file: SqliteRows(file.dbconn, file.connections, file.metadata.start_time),
+        lambda file: OneByOne(file, file.metadata.start_time),
         _salvaged_sqlite,
         SqliteWriter,
     ),

@@ -9,7 +9,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import Aside, reported
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, join
@@ -157,9 +157,7 @@ class BagWriter:
         """Return the writer."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Close the bag, or drop it after an error."""
         if kind is not None:
             self.abort()
@@ -208,7 +206,7 @@ class Stream:
     topic: str
     form: Form
     times: NDArray[np.int64]
-    values: NDArray[np.float64]
+    values: Array
 
 
 def _portions(streams: Sequence[Stream]) -> Iterator[list[slice]]:

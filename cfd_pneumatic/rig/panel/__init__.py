@@ -14,7 +14,7 @@ The same seed draws the same device, schedule and noise whatever the effect, so 
 twin.
 """
 
-from cfd_pneumatic.rig.panel.drawing import NOISES, Draw, PanelRecording, PanelTruth, draw, draw_textbook
+from cfd_pneumatic.rig.panel.drawing import NOISES, Draw, PanelTruth, draw, draw_textbook
 from cfd_pneumatic.rig.panel.floors import (
     baseline_rmse,
     force_baseline_rmse,
@@ -25,7 +25,7 @@ from cfd_pneumatic.rig.panel.floors import (
 )
 from cfd_pneumatic.rig.panel.makes import MAKES, OWN_WAYS
 from cfd_pneumatic.rig.panel.strange import CLASSES, STRANGE
-from cfd_pneumatic.rig.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_FORCE, describe
+from cfd_pneumatic.rig.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_FORCE
 from cfd_pneumatic.rig.panel.textbook import Gains
 
 __all__ = [
@@ -40,10 +40,8 @@ __all__ = [
     'STRANGE',
     'Draw',
     'Gains',
-    'PanelRecording',
     'PanelTruth',
     'baseline_rmse',
-    'describe',
     'draw',
     'draw_textbook',
     'force_baseline_rmse',

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.device import Truth
@@ -20,7 +20,7 @@ from cfd_pneumatic.rig.panel.strengths import install
 from cfd_pneumatic.rig.panel.textbook import Gains, draw_gains, pressure_along
 from cfd_pneumatic.rig.parameters import Cylinder
 from cfd_pneumatic.rig.schedule import MIL, Schedule, out_and_back, paper_step, surface_following
-from cfd_pneumatic.rig.sensors import Instruments, Sensors
+from cfd_pneumatic.rig.sensors import Instruments, Readings, Sensors
 from cfd_pneumatic.units import PSI
 
 COLOUR = 0.9
@@ -37,26 +37,6 @@ NOISES = {
 
 MARGIN = 0.25
 """Time that a rig goes on after the last sample, for clocks that are late [s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class PanelRecording:
-    """What the sensors gave, and all that an identifier may see."""
-
-    times: NDArray[np.float64]
-    """Stamps [s], (n,)."""
-
-    displacement: NDArray[np.float64]
-    """Measured displacement [m], (n,)."""
-
-    pressures: NDArray[np.float64]
-    """Measured absolute pressures of the cylinders A and B [Pa], (n, 2)."""
-
-    setpoints: NDArray[np.float64]
-    """Absolute set pressures up to each sample, since the one before, as they were set [Pa], (n, 2)."""
-
-    force: NDArray[np.float64]
-    """Measured contact force along +x [N], (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +70,9 @@ class PanelTruth:
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """A recording, and apart from it the truth."""
+    """A recording, all that an identifier may see, and apart from it the truth."""
 
-    recording: PanelRecording
+    recording: Readings
     truth: PanelTruth
 
 
@@ -140,7 +120,7 @@ def motion_of(schedule: Schedule) -> Motion:
     )
 
 
-def at_times(times: NDArray[np.float64], truth: Truth) -> NDArray[np.float64]:
+def at_times(times: Array, truth: Truth) -> Array:
     """Return the pressures of both cylinders at some times [s], straight between the knots [Pa], (n, 2)."""
     return np.column_stack([np.interp(times, truth.times, pressure) for pressure in truth.pressures.T])
 
@@ -230,7 +210,7 @@ def _samples(truth: Truth, schedule: Schedule) -> Truth:
     return Truth(**{name: values[: schedule.samples] for name, values in vars(samples).items()})
 
 
-def _recorded(arrived: Truth, clock: Clock, schedule: Schedule, rng: np.random.Generator, noise: str) -> PanelRecording:
+def _recorded(arrived: Truth, clock: Clock, schedule: Schedule, rng: np.random.Generator, noise: str) -> Readings:
     """Return what the sensors read of what arrives at them at each knot."""
     if noise not in NOISES:
         raise InputError(f'noise {noise!r} is not known: use one of {", ".join(NOISES)}')
@@ -240,15 +220,14 @@ def _recorded(arrived: Truth, clock: Clock, schedule: Schedule, rng: np.random.G
     if noise == 'coloured':
         pressures = pressures + Sensors.pressure_noise * _coloured(pressures.shape, rng)
     instruments = Instruments(NOISES[noise], schedule.sampling_period, int(rng.integers(2**31)))
-    read = instruments.read(replace(samples, times=times, pressures=pressures))
-    return PanelRecording(read.times, read.displacement, read.pressures, samples.setpoints, read.force)
+    return instruments.read(replace(samples, times=times, pressures=pressures))
 
 
-def _coloured(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float64]:
+def _coloured(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     """Return noise of unit variance that remembers, each column on its own."""
     before = 100
     white = rng.standard_normal((before + shape[0], *shape[1:]))
-    noise: NDArray[np.float64] = lfilter([np.sqrt(1.0 - COLOUR**2)], [1.0, -COLOUR], white, axis=0)[before:]
+    noise: Array = lfilter([np.sqrt(1.0 - COLOUR**2)], [1.0, -COLOUR], white, axis=0)[before:]
     return noise
 
 

@@ -9,14 +9,15 @@ good as its oracle hasn't shown its effect.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.rig.panel.drawing import Draw, PanelRecording, at_times, motion_of
+from cfd_pneumatic.rig.panel.drawing import Draw, at_times, motion_of
 from cfd_pneumatic.rig.panel.specimen import Specimen
 from cfd_pneumatic.rig.panel.textbook import Gains, pressure_along
 from cfd_pneumatic.rig.parameters import Cylinder
 from cfd_pneumatic.rig.schedule import Schedule
+from cfd_pneumatic.rig.sensors import Readings
 from cfd_pneumatic.rig.transmission import read_force
 
 
@@ -25,7 +26,7 @@ def oracle_rmse(draw: Draw) -> float:
     return _rms(oracle_residual(draw))
 
 
-def oracle_residual(draw: Draw) -> NDArray[np.float64]:
+def oracle_residual(draw: Draw) -> Array:
     """Return what the true device, driven by the measured displacement, leaves of cylinder A's pressure [Pa], (n,)."""
     return _pressure_residual(draw, draw.truth.device)
 
@@ -40,7 +41,7 @@ def force_oracle_rmse(draw: Draw) -> float:
     return _rms(force_oracle_residual(draw))
 
 
-def force_oracle_residual(draw: Draw) -> NDArray[np.float64]:
+def force_oracle_residual(draw: Draw) -> Array:
     """Return what the true device, given the measured pressures, leaves of the force [N], (n,)."""
     device, force = draw.truth.device, draw.truth.samples.force
     thrust = _thrust(draw.recording.pressures) - _thrust(draw.truth.samples.pressures)
@@ -54,7 +55,7 @@ def force_baseline_rmse(draw: Draw) -> float:
     return _rms(draw.recording.force - _thrust(draw.recording.pressures))
 
 
-def predict(device: Specimen | Gains, recording: PanelRecording, schedule: Schedule) -> NDArray[np.float64]:
+def predict(device: Specimen | Gains, recording: Readings, schedule: Schedule) -> Array:
     """Return what cylinder A's sensor would read of a device that is moved as a recording says [Pa], (n,)."""
     motion = motion_of(schedule)
     times = motion.start + motion.period * np.arange(1.0, len(motion.positions) + 1.0)
@@ -72,15 +73,15 @@ def predict(device: Specimen | Gains, recording: PanelRecording, schedule: Sched
     return at_times(device.clock.sampled(taken), arrived)[:, 0]
 
 
-def _pressure_residual(draw: Draw, device: Specimen | Gains) -> NDArray[np.float64]:
+def _pressure_residual(draw: Draw, device: Specimen | Gains) -> Array:
     return draw.recording.pressures[:, 0] - predict(device, draw.recording, draw.truth.schedule)
 
 
-def _thrust(pressures: NDArray[np.float64]) -> NDArray[np.float64]:
+def _thrust(pressures: Array) -> Array:
     """Return the force of the air at some pressures of A and B [N]."""
     area = Cylinder().area
     return area * (pressures[:, 0] - pressures[:, 1])
 
 
-def _rms(errors: NDArray[np.float64]) -> float:
+def _rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(errors**2)))

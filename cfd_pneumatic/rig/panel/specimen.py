@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.rig import physics
 from cfd_pneumatic.rig.device import Rig, Truth
 from cfd_pneumatic.rig.effects import Effects
@@ -30,7 +30,7 @@ class Clock(NamedTuple):
     gain: float = 0.0
     """By how much of its own the pressures' clock runs fast."""
 
-    def sampled(self, stamps: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sampled(self, stamps: Array) -> Array:
         """Return when the pressures with some stamps [s] were there [s]."""
         return (stamps - self.delay) / (1.0 + self.gain)
 
@@ -48,13 +48,13 @@ class Approach(NamedTuple):
 class Motion(NamedTuple):
     """What a rig is put through, at knots one period apart."""
 
-    positions: NDArray[np.float64]
+    positions: Array
     """Displacement at the end of each knot's interval [m], (n,)."""
 
-    velocities: NDArray[np.float64]
+    velocities: Array
     """Velocity there [m/s], (n,)."""
 
-    setpoints: NDArray[np.float64]
+    setpoints: Array
     """Set pressures on the way to each knot, gauge [Pa], (n, 2)."""
 
     period: float

@@ -2,12 +2,13 @@
 The panel's effects: what is done to a device, and how strongly.
 
 A strength is drawn evenly on a logarithmic scale between the weakest, hardly to be seen in the longest schedule, and
-the strongest. `describe` prints the table. Cylinder A is the one that is tampered with.
+the strongest. Cylinder A is the one that is tampered with.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -15,6 +16,16 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.panel.situation import Changes, Effect, Situation
 from cfd_pneumatic.rig.panel.strange import STRANGE
 from cfd_pneumatic.rig.physics import ADIABATIC_EXPONENT, ELLIPSE, LEAK_CRITICAL_RATIO, SPECIFIC_HEAT, orifice_flow
+
+
+def _sets(field: str) -> Callable[[float, Situation], Changes]:
+    """Return what installs an effect whose strength is a value of the rig, by its name."""
+    return lambda strength, _: {field: strength}
+
+
+def _sets_either_way(field: str) -> Callable[[float, Situation], Changes]:
+    """Return the same for a value that may as well be negative."""
+    return lambda strength, situation: {field: strength * situation.sign()}
 
 
 def leakage(share: float, situation: Situation) -> Changes:
@@ -42,16 +53,6 @@ def positional_leakage(share: float, situation: Situation) -> Changes:
     }
 
 
-def transport_delay(delay: float, situation: Situation) -> Changes:
-    """Stamp the pressures late, or all else."""
-    return {'clock.delay': delay * situation.sign()}
-
-
-def sensor_lag(time_constant: float, situation: Situation) -> Changes:
-    """Give the pressure sensor a lag."""
-    return {'effects_a.sensor_lag': time_constant}
-
-
 def line_resonance(frequency: float, situation: Situation) -> Changes:
     """Let the line to the pressure sensor ring."""
     damping = situation.between(0.05, 0.3)
@@ -64,16 +65,6 @@ def line_restriction(time_constant: float, situation: Situation) -> Changes:
         'effects_a.line_resistance': time_constant / situation.mass_per_pressure,
         'effects_a.outlet_volume': 0.08 * situation.specimen.rig.cylinder_a.rest_volume,
     }
-
-
-def valve_dead_band(half_width: float, situation: Situation) -> Changes:
-    """Let the valves overlap."""
-    return {'effects_a.dead_band': half_width}
-
-
-def valve_hysteresis(half_width: float, situation: Situation) -> Changes:
-    """Give the valves play."""
-    return {'effects_a.play': half_width}
 
 
 def nonlinear_valve(bend: float, situation: Situation) -> Changes:
@@ -91,37 +82,12 @@ def flow_saturation(error: float, situation: Situation) -> Changes:
     }
 
 
-def operating_point(dependence: float, situation: Situation) -> Changes:
-    """Let flows, densities and stiffness follow the pressure."""
-    return {'cylinder_a.pressure_dependence': dependence}
-
-
-def volume_variation(dependence: float, situation: Situation) -> Changes:
-    """Let the volume follow the piston."""
-    return {'cylinder_a.position_dependence': dependence}
-
-
 def heat_transfer(time_constant: float, situation: Situation) -> Changes:
     """Let the air exchange heat with the wall, within a time constant; at first it is as stiff as without."""
     cylinder, air = situation.specimen.rig.cylinder_a, situation.specimen.rig.air
     volume = cylinder.rest_volume * ADIABATIC_EXPONENT / cylinder.polytropic_exponent
     mass = cylinder.reference_pressure * volume / (air.gas_constant * air.temperature)
     return {'cylinder_a.rest_volume': volume, 'effects_a.heat_transfer': mass * SPECIFIC_HEAT / time_constant}
-
-
-def lost_motion(gap: float, situation: Situation) -> Changes:
-    """Leave a gap between tool and piston."""
-    return {'piston.lost_motion': gap}
-
-
-def displacement_lag(time_constant: float, situation: Situation) -> Changes:
-    """Give the displacement sensor a lag."""
-    return {'pickup.displacement_lag': time_constant}
-
-
-def displacement_delay(dead_time: float, situation: Situation) -> Changes:
-    """Let the displacement sensor average or its clock run behind."""
-    return {'pickup.displacement_delay': dead_time}
 
 
 def set_point_drift(total: float, situation: Situation) -> Changes:
@@ -169,11 +135,6 @@ def stribeck_friction(breakaway: float, situation: Situation) -> Changes:
     }
 
 
-def force_offset(offset: float, situation: Situation) -> Changes:
-    """Take the load cell's zero away."""
-    return {'pickup.force_offset': offset * situation.sign()}
-
-
 def moving_mass(mass: float, situation: Situation) -> Changes:
     """Give the piston a mass, in half of the cases on an incline."""
     inclination = situation.rng.uniform(-0.5, 0.5) * math.pi if situation.rng.random() < 0.5 else 0.0
@@ -211,30 +172,25 @@ def mains_hum(amplitude: float, situation: Situation) -> Changes:
     }
 
 
-def fast_clock(gain: float, situation: Situation) -> Changes:
-    """Let the pressures' clock run fast."""
-    return {'clock.gain': gain}
-
-
 LIBRARY = {
     'leakage': Effect(0.0002, 0.05, '1', 'fall of the resting pressure, in gauge pressures', leakage),
     'positional_leakage': Effect(0.0003, 0.05, '1', 'the same with the seal lifted altogether', positional_leakage),
-    'transport_delay': Effect(0.0005, 0.015, 's', 'dead time', transport_delay),
-    'sensor_lag': Effect(0.0005, 0.015, 's', 'time constant', sensor_lag),
+    'transport_delay': Effect(0.0005, 0.015, 's', 'dead time', _sets_either_way('clock.delay')),
+    'sensor_lag': Effect(0.0005, 0.015, 's', 'time constant', _sets('effects_a.sensor_lag')),
     'line_resonance': Effect(200.0, 40.0, 'Hz', 'natural frequency', line_resonance),
     'line_restriction': Effect(
         0.0005, 0.008, 's', 'time constant of the cylinder filling through the line', line_restriction
     ),
-    'valve_dead_band': Effect(30.0, 1500.0, 'Pa', 'half the band', valve_dead_band),
-    'valve_hysteresis': Effect(30.0, 1500.0, 'Pa', 'half the play', valve_hysteresis),
+    'valve_dead_band': Effect(30.0, 1500.0, 'Pa', 'half the band', _sets('effects_a.dead_band')),
+    'valve_hysteresis': Effect(30.0, 1500.0, 'Pa', 'half the play', _sets('effects_a.play')),
     'nonlinear_valve': Effect(0.03, 0.6, '1', 'logarithm of the exponent, either way', nonlinear_valve),
     'flow_saturation': Effect(12000.0, 600.0, 'Pa', 'error at which the supply valve is fully open', flow_saturation),
-    'operating_point': Effect(1.0, 1.0, '1', 'dependence on pressure', operating_point),
-    'volume_variation': Effect(1.0, 1.0, '1', 'dependence on position', volume_variation),
+    'operating_point': Effect(1.0, 1.0, '1', 'dependence on pressure', _sets('cylinder_a.pressure_dependence')),
+    'volume_variation': Effect(1.0, 1.0, '1', 'dependence on position', _sets('cylinder_a.position_dependence')),
     'heat_transfer': Effect(1.0, 0.03, 's', "time constant to the wall's temperature", heat_transfer),
-    'lost_motion': Effect(1e-05, 0.0003, 'm', 'gap', lost_motion),
-    'displacement_lag': Effect(0.0005, 0.01, 's', 'time constant', displacement_lag),
-    'displacement_delay': Effect(0.025, 0.1, 's', 'dead time', displacement_delay),
+    'lost_motion': Effect(1e-05, 0.0003, 'm', 'gap', _sets('piston.lost_motion')),
+    'displacement_lag': Effect(0.0005, 0.01, 's', 'time constant', _sets('pickup.displacement_lag')),
+    'displacement_delay': Effect(0.025, 0.1, 's', 'dead time', _sets('pickup.displacement_delay')),
     'set_point_drift': Effect(50.0, 2000.0, 'Pa', 'drift over the recording', set_point_drift),
     'supply_variation': Effect(30.0, 1000.0, 'Pa', 'amplitude in the set pressure', supply_variation),
     'droop': Effect(0.0006, 0.02, 's', 'fall of the set pressure per rate at which the regulator fills', droop),
@@ -244,7 +200,7 @@ LIBRARY = {
 ON_FORCE = {
     'seal_friction': Effect(0.05, 5.0, 'N', 'Coulomb friction without pressure', seal_friction),
     'stribeck_friction': Effect(0.1, 5.0, 'N', 'excess where the piston hardly moves', stribeck_friction),
-    'force_offset': Effect(0.05, 5.0, 'N', 'offset', force_offset),
+    'force_offset': Effect(0.05, 5.0, 'N', 'offset', _sets_either_way('pickup.force_offset')),
     'moving_mass': Effect(0.03, 0.4, 'kg', 'mass', moving_mass),
 }
 """Effects on the force that it may be expected to name."""
@@ -254,7 +210,7 @@ FOREIGN = {
     'pulsation': Effect(30.0, 1000.0, 'Pa', 'amplitude in the set pressure', pulsation),
     'set_point_jump': Effect(50.0, 2000.0, 'Pa', 'height', set_point_jump),
     'mains_hum': Effect(20.0, 500.0, 'Pa', 'amplitude', mains_hum),
-    'fast_clock': Effect(3e-05, 0.01, '1', 'gain of the clock', fast_clock),
+    'fast_clock': Effect(3e-05, 0.01, '1', 'gain of the clock', _sets('clock.gain')),
 }
 """Effects that it can't name, but should not pass over."""
 
@@ -278,11 +234,3 @@ def install(name: str, situation: Situation, strength: float | None = None) -> t
     drawn = situation.between(effect.weakest, effect.strongest)
     strength = drawn if strength is None else strength
     return strength, effect.install(strength, situation)
-
-
-def describe() -> str:
-    """Return the effects and the ranges of their strengths as a table."""
-    rows = ['| effect | weakest | strongest | unit | strength |', '|---|---|---|---|---|']
-    for name, effect in EFFECTS.items():
-        rows.append(f'| {name} | {effect.weakest:g} | {effect.strongest:g} | {effect.unit} | {effect.meaning} |')
-    return '\n'.join(rows)

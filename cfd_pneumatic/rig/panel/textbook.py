@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.rig.compiled import compiled
 from cfd_pneumatic.units import PSI_PER_INCH
 
@@ -55,12 +55,12 @@ def rates(outlet: float, sensed: float, setpoint: float, velocity: float, gains:
 
 @compiled
 def integrate(
-    displacement: NDArray[np.float64],
-    setpoints: NDArray[np.float64],
+    displacement: Array,
+    setpoints: Array,
     period: float,
     steps: int,
     gains: Gains,
-    pressures: NDArray[np.float64],
+    pressures: Array,
 ) -> None:
     """
     Fill in the pressure [Pa] at each knot, from rest, by the classical Runge-Kutta method.
@@ -85,9 +85,7 @@ def integrate(
         pressures[knot] = outlet
 
 
-def pressure_along(
-    displacement: NDArray[np.float64], setpoints: NDArray[np.float64], period: float, gains: Gains
-) -> NDArray[np.float64]:
+def pressure_along(displacement: Array, setpoints: Array, period: float, gains: Gains) -> Array:
     """Return the pressure [Pa] at knots one period [s] apart; see `integrate`."""
     pressures = np.empty(len(displacement))
     steps = int(np.ceil(period / LONGEST_STEP * (1.0 - 1e-9)))
