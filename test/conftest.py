@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import json
 import os
 import signal
@@ -24,6 +25,8 @@ from studies.ros_environment import isolate
 from studies.tutorial import blocks, programs, run
 
 isolate()
+for name in ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE'):  # as Lyrical and Humble call it
+    os.environ[name] = str(Path(__file__).with_name('discovery.xml'))
 
 # Where a script starts the tests in the background, an interrupt is ignored, and what they start inherits that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -48,6 +51,13 @@ for folder, (name, modules) in NEEDS.items():
     except ImportError as error:
         collect_ignore.append(folder)
         left_out.append(f'test/{folder} is left out: {name} is not to be had here ({error})')
+
+
+def pytest_collection_finish():
+    """Let no collection look for garbage among the modules and tests that stay: it takes longer than many a test."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000)
 
 
 @pytest.fixture(scope='module')
