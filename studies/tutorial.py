@@ -50,8 +50,11 @@ def blocks(page: Path = PAGE) -> Iterator[Block]:
 def programs(folder: Path) -> dict[str, str]:
     """Return an environment in which a shell finds the programs of this tree, by way of a folder that is made."""
     folder.mkdir()
-    options = {name: f'-m {module} ' for name, module in package_facts.programs().items()}
-    for name, option in {**options, 'python3': ''}.items():
+    starts = {
+        name: f'-c "import sys; from cfd_pneumatic.start import {name}; sys.exit({name}())" '
+        for name in package_facts.programs()
+    }
+    for name, option in {**starts, 'python3': ''}.items():
         program = folder / name
         program.write_text(f'#!/bin/sh\nexec "{sys.executable}" {option}"$@"\n', encoding='utf-8')
         program.chmod(0o755)

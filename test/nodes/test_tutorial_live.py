@@ -55,7 +55,7 @@ def talk(tutorial) -> Iterator[Path]:
 
 def test_the_twin_runs_and_a_leak_is_named(graph: Graph, tutorial, talk: Path) -> None:
     forces = [graph.listen(WrenchStamped, f'/cfd/{name}/contact_force') for name in ('sim', 'bent_sim')]
-    assert graph.set_atomically('/cfd/monitor/monitor_node', learning=6.0, diagnosis_window=12.0).successful
+    assert graph.set_atomically('/cfd/monitor/monitor_node', learning=3.0, diagnosis_window=10.0).successful
 
     def says(words: str) -> None:
         limit = time.monotonic() + LONGEST

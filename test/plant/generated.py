@@ -23,7 +23,7 @@ SHIFTS = 8
 
 BAGS = 3 * SHIFTS
 
-PROGRAM = [sys.executable, '-m', 'cfd_pneumatic.commands.identify_bag']
+PROGRAM = [sys.executable, '-c', 'import sys; from cfd_pneumatic.start import identify_bag as run; sys.exit(run())']
 
 
 @cache
