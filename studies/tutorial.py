@@ -12,7 +12,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,7 +47,7 @@ def blocks(page: Path = PAGE) -> Iterator[Block]:
             yield Block(heading, found['language'], found['text'])
 
 
-def programs(folder: Path) -> dict[str, str]:
+def programs(folder: Path, around: Mapping[str, str] = os.environ) -> dict[str, str]:
     """Return an environment in which a shell finds the programs of this tree, by way of a folder that is made."""
     folder.mkdir()
     starts = {
@@ -58,9 +58,10 @@ def programs(folder: Path) -> dict[str, str]:
         program = folder / name
         program.write_text(f'#!/bin/sh\nexec "{sys.executable}" {option}"$@"\n', encoding='utf-8')
         program.chmod(0o755)
-    paths = [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]
-    return os.environ | {
-        'PATH': f'{folder}{os.pathsep}{os.environ["PATH"]}',
+    paths = [str(ROOT), *filter(None, [around.get('PYTHONPATH')])]
+    return {
+        **around,
+        'PATH': f'{folder}{os.pathsep}{around["PATH"]}',
         'PYTHONPATH': os.pathsep.join(paths),
     }
 
