@@ -18,7 +18,7 @@ from cfd_pneumatic.rig import paper_step, record
 FIRST = 1_700_000_000_000_000_000
 SHIFT = 8 * 3600 * 10**9
 
-SHIFTS = 8
+SHIFTS = 6
 """Of each of the three devices of the small plant: so many that a run can be interrupted."""
 
 BAGS = 3 * SHIFTS
