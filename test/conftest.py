@@ -55,14 +55,14 @@ for folder, (name, modules) in NEEDS.items():
 
 
 LONG = (
-    'nodes/test_tutorial_live.py',
-    'commands/test_help.py',
     'nodes/test_sim_node.py',
     'plant/test_each.py',
     'identification/test_cores.py',
     'test_mistakes.py',
     'identification/test_measured_loop.py',
+    'nodes/test_tutorial_live.py',
     'identification/test_loop.py',
+    'commands/test_help.py',
     'test_adding_an_effect.py',
     'identification/test_shapes.py',
     'nodes/test_monitor_node.py',
@@ -76,7 +76,11 @@ LONG = (
     'api/test_python.py',
     'identification/test_readings.py',
 )
-"""Files that take longest: where processes share the files, these come first, or one would work on alone in the end."""
+"""
+Files that take longest: where processes share the files, these come first, or one would work on alone in the end.
+
+Not quite first are those of what is typed meanwhile.
+"""
 
 
 def pytest_configure(config):
