@@ -12,7 +12,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,17 +47,21 @@ def blocks(page: Path = PAGE) -> Iterator[Block]:
             yield Block(heading, found['language'], found['text'])
 
 
-def programs(folder: Path) -> dict[str, str]:
+def programs(folder: Path, around: Mapping[str, str] = os.environ) -> dict[str, str]:
     """Return an environment in which a shell finds the programs of this tree, by way of a folder that is made."""
     folder.mkdir()
-    options = {name: f'-m {module} ' for name, module in package_facts.programs().items()}
-    for name, option in {**options, 'python3': ''}.items():
+    starts = {
+        name: f'-c "import sys; from cfd_pneumatic.start import {name}; sys.exit({name}())" '
+        for name in package_facts.programs()
+    }
+    for name, option in {**starts, 'python3': ''}.items():
         program = folder / name
         program.write_text(f'#!/bin/sh\nexec "{sys.executable}" {option}"$@"\n', encoding='utf-8')
         program.chmod(0o755)
-    paths = [str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]
-    return os.environ | {
-        'PATH': f'{folder}{os.pathsep}{os.environ["PATH"]}',
+    paths = [str(ROOT), *filter(None, [around.get('PYTHONPATH')])]
+    return {
+        **around,
+        'PATH': f'{folder}{os.pathsep}{around["PATH"]}',
         'PYTHONPATH': os.pathsep.join(paths),
     }
 

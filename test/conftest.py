@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import fcntl
+import gc
 import json
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
@@ -23,7 +25,13 @@ from studies.chromium import PROGRAM, Chromium
 from studies.ros_environment import isolate
 from studies.tutorial import blocks, programs, run
 
+# As programs do, before NumPy is there: the threads of its library take more than twice the time on the same cores.
+assert 'numpy' not in sys.modules
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
 isolate()
+for name in ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE'):  # as Lyrical and Humble call it
+    os.environ[name] = str(Path(__file__).with_name('discovery.xml'))
 
 # Where a script starts the tests in the background, an interrupt is ignored, and what they start inherits that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -50,6 +58,53 @@ for folder, (name, modules) in NEEDS.items():
         left_out.append(f'test/{folder} is left out: {name} is not to be had here ({error})')
 
 
+LONG = (
+    'nodes/test_sim_node.py',
+    'plant/test_each.py',
+    'identification/test_cores.py',
+    'test_mistakes.py',
+    'identification/test_measured_loop.py',
+    'nodes/test_tutorial_live.py',
+    'identification/test_loop.py',
+    'commands/test_help.py',
+    'test_adding_an_effect.py',
+    'identification/test_shapes.py',
+    'nodes/test_monitor_node.py',
+    'nodes/test_closed_loop.py',
+    'nodes/test_identifier_node.py',
+    'nodes/test_program.py',
+    'planning/test_against_the_rig.py',
+    'test_tutorial.py',
+    'plant/test_cluster.py',
+    'rig/test_panel.py',
+    'api/test_python.py',
+    'identification/test_readings.py',
+)
+"""
+Files that take longest: where processes share the files, these come first, or one would work on alone in the end.
+
+Not quite first are those of what is typed meanwhile.
+"""
+
+
+def pytest_configure(config):
+    config.option.loadscopereorder = False  # by which xdist would begin with the files of the most tests
+
+
+def pytest_collection_modifyitems(items):
+    if 'PYTEST_XDIST_WORKER' in os.environ:
+        folder = Path(__file__).parent
+        place = {folder / name: number for number, name in enumerate(LONG)}
+        items.sort(key=lambda item: place.get(item.path, len(place)))
+
+
+def pytest_collection_finish():
+    """Let no collection look for garbage among the modules and tests that stay: it takes longer than many a test."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000)
+
+
 @pytest.fixture(scope='module')
 def browser():
     """Yield a headless Chromium."""
@@ -67,7 +122,9 @@ class Session(NamedTuple):
     environment: dict[str, str]
 
 
-def once(factory: pytest.TempPathFactory, name: str, type_into: Callable[[Session], None]) -> Session:
+def once(
+    factory: pytest.TempPathFactory, name: str, type_into: Callable[[Session], None], around: Mapping[str, str]
+) -> Session:
     """Return a session that one worker of the tests types, while the others wait for it."""
     base = factory.getbasetemp()
     root = base.parent if 'PYTEST_XDIST_WORKER' in os.environ else base
@@ -76,36 +133,53 @@ def once(factory: pytest.TempPathFactory, name: str, type_into: Callable[[Sessio
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not kept.exists():
             folder.mkdir()
-            session = Session(folder, {}, programs(root / f'{name}_programs'))
+            session = Session(folder, {}, programs(root / f'{name}_programs', around))
             type_into(session)
             paths = {key: session.environment[key] for key in ('PATH', 'PYTHONPATH')}
             kept.write_text(json.dumps([session.said, paths]))
     said, paths = json.loads(kept.read_text())
-    return Session(folder, said, os.environ | paths)  # with this worker's own ROS graph
+    return Session(folder, said, {**around, **paths})  # with this worker's own ROS graph
 
 
-@pytest.fixture(scope='session')
-def tutorial(tmp_path_factory: pytest.TempPathFactory) -> Session:
-    """Type the tutorial's commands, but those that need measured data, which its last part alone does."""
-
-    def type_into(one: Session) -> None:
-        for block in blocks():
-            if block.language == 'sh' and 'CFD_PNEUMATIC_DATA' not in block.text:
-                one.said[block.heading] = one.said.get(block.heading, '') + run(block.text, one.folder, one.environment)
-
-    return once(tmp_path_factory, 'tutorial', type_into)
-
-
-@pytest.fixture(scope='session')
-def examples(tmp_path_factory: pytest.TempPathFactory) -> Session:
+def type_examples(one: Session) -> None:
     """Type the examples of the offline programs' help."""
+    for name, example in EXAMPLES.items():
+        if not name.endswith('_node'):
+            one.said[name] = run(example, one.folder, one.environment)
 
-    def type_into(one: Session) -> None:
-        for name, example in EXAMPLES.items():
-            if not name.endswith('_node'):
-                one.said[name] = run(example, one.folder, one.environment)
 
-    return once(tmp_path_factory, 'examples', type_into)
+def type_tutorial(one: Session) -> None:
+    """Type the tutorial's commands, but those that need measured data, which its last part alone does."""
+    for block in blocks():
+        if block.language == 'sh' and 'CFD_PNEUMATIC_DATA' not in block.text:
+            one.said[block.heading] = one.said.get(block.heading, '') + run(block.text, one.folder, one.environment)
+
+
+TYPED = {'examples': type_examples, 'tutorial': type_tutorial}
+"""What is typed, by the fixture that gives it."""
+
+
+@pytest.fixture(scope='session', autouse=True)
+def typed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future]]:
+    """Type what tests of this run want to see typed, beside the tests before them, which leave a core idle."""
+    wanted = [name for name in TYPED if any(name in item.fixturenames for item in request.session.items)]
+    around = dict(os.environ)  # which tests change meanwhile
+    tmp_path_factory.getbasetemp()  # is made once, by one thread
+    with ThreadPoolExecutor(1) as pool:
+        yield {name: pool.submit(once, tmp_path_factory, name, TYPED[name], around) for name in wanted}
+        pool.shutdown(cancel_futures=True)
+
+
+@pytest.fixture(scope='session')
+def tutorial(typed: dict[str, Future]) -> Session:
+    """Return what the tutorial's commands left and said."""
+    return typed['tutorial'].result()
+
+
+@pytest.fixture(scope='session')
+def examples(typed: dict[str, Future]) -> Session:
+    """Return what the examples left and said."""
+    return typed['examples'].result()
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -58,8 +58,8 @@ def open_loop() -> Identification:
 
 @cache
 def closed_on_two() -> Identification:
-    """Return the joint identification of two recordings."""
-    recordings = [recording(), recording('cell_7_tuesday', 1)]
+    """Return the joint identification of two recordings, of which the second repeats the first."""
+    recordings = [recording(), recording('cell_7_tuesday')]
     return _without_force(identify(recordings, Options(close_loop=True)))
 
 

@@ -476,10 +476,10 @@ def _with_other_effects_off(device: Device, report: Mapping[str, Any]) -> dict[s
     return {**off, **told, **device.given}
 
 
-def main(args: Sequence[str] | None = None) -> None:
-    """Run `identifier_node`."""
-    sys.exit(run('identifier_node', IdentifierNode, args))
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `identifier_node`; return the exit code."""
+    return run('identifier_node', IdentifierNode, args)
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

@@ -234,10 +234,10 @@ class MonitorNode(ModelNode):
         super().destroy_node()
 
 
-def main(args: Sequence[str] | None = None) -> None:
-    """Run `monitor_node`."""
-    sys.exit(run('monitor_node', MonitorNode, args))
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `monitor_node`; return the exit code."""
+    return run('monitor_node', MonitorNode, args)
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

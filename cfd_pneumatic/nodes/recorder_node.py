@@ -128,10 +128,10 @@ def _qos_for(offered: Sequence[QoSProfile]) -> QoSProfile:
     )
 
 
-def main(args: Sequence[str] | None = None) -> None:
-    """Run `recorder_node`."""
-    sys.exit(run('recorder_node', RecorderNode, args))
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `recorder_node`; return the exit code."""
+    return run('recorder_node', RecorderNode, args)
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

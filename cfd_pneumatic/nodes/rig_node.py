@@ -334,10 +334,10 @@ def _whole(lower: int, upper: int, description: str) -> ParameterDescriptor:
     )
 
 
-def main(args: Sequence[str] | None = None) -> None:
-    """Run `rig_node`."""
-    sys.exit(run('rig_node', RigNode, args))
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `rig_node`; return the exit code."""
+    return run('rig_node', RigNode, args)
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

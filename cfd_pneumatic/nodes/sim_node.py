@@ -172,10 +172,10 @@ class SimNode(ModelNode):
         self._say('input', self._health.verdict(self._value('timeout')), values)
 
 
-def main(args: Sequence[str] | None = None) -> None:
-    """Run `sim_node`."""
-    sys.exit(run('sim_node', SimNode, args))
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `sim_node`; return the exit code."""
+    return run('sim_node', SimNode, args)
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

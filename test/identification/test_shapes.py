@@ -25,16 +25,16 @@ MOMENT = Moment(0.0, 0.0, 0.0, 2e5, 2e5, 1e5)
 
 
 LAWS = {
-    'bulge': ('orifices', 0, 'surface_following'),
-    'rushing_air': (None, 0, surface_following(60e3, 1.5e-3, setpoint_steps=20e3, duration=12.0, seed=0)),
+    'bulge': ('orifices', 0.15, surface_following(70e3, 1.4e-3, duration=30.0, seed=0)),
+    'rushing_air': (None, None, surface_following(60e3, 1.5e-3, setpoint_steps=20e3, duration=12.0, seed=0)),
 }
-"""Makes and seeds of their devices, and a motion that shows them."""
+"""Makes of their devices, how strong they are where that is not drawn, and a motion that shows them."""
 
 
 @cache
 def drawn(law: str) -> Draw:
-    make, seed, schedule = LAWS[law]
-    return draw(law, schedule, seed, make=make)
+    make, strength, schedule = LAWS[law]
+    return draw(law, schedule, 0, make=make, given={} if strength is None else {law: strength})
 
 
 @cache

@@ -17,7 +17,7 @@ EIGHT = st.lists(st.floats(-1e6, 1e6), min_size=COUNT, max_size=COUNT).map(np.ar
 def in_lanes(function):
     """Return a function of arrays that has each lane compute one of their numbers."""
 
-    @njit('float64[::1](float64[::1], float64[::1])')
+    @njit  # on its first call: processes that run other tests load this file, too
     def computed(x, y):
         results = np.empty(x.size)
         for place in range(0, x.size, COUNT):

@@ -6,12 +6,15 @@ import itertools
 import json
 import math
 import os
+import select
 import signal
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -51,15 +54,99 @@ except ImportError:
     Executor = SingleThreadedExecutor
 
 PATIENCE = 180.0  # on a busy machine the model takes a third of it to be compiled
-DISCOVERY = 0.5
 QUEUE = QoSProfile(depth=10_000)
 MILLISECOND = 1_000_000
+
+OFTEN = {
+    module: f'import cfd_pneumatic.nodes.{module} as module; module._DIAGNOSTICS_PERIOD = 0.1'
+    for module in ('sim_node', 'monitor_node')
+}
+"""Lets a node report to `/diagnostics` ten times a second, and not once: tests wait for many reports."""
 
 _numbers = itertools.count()
 
 
 def unique_namespace() -> str:
     return f'/test_{next(_numbers)}'
+
+
+FORKING = """\
+import gc, json, os, signal, socket, sys
+from importlib import import_module
+from cfd_pneumatic import model, monitoring, start
+
+for name in ('identifier_node', 'monitor_node', 'recorder_node', 'rig_node', 'sim_node'):
+    import_module(f'cfd_pneumatic.nodes.{name}')
+model.warm_up()
+monitoring.warm_up()
+gc.freeze()
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+asked = socket.socket(fileno=int(sys.argv[1]))
+while (request := socket.recv_fds(asked, 1_000_000, 2))[0]:
+    asking, (stderr, told), *_ = request
+    if not os.fork():
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        node = os.fork()
+        if not node:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            os.dup2(stderr, 2)
+            for file in (asked.fileno(), stderr, told):
+                os.close(file)
+            module, before, sys.argv[1:] = json.loads(asking)
+            exec(before, {})
+            sys.exit(getattr(start, module)())
+        os.write(told, b'%d\\n' % node)
+        os.write(told, b'%d\\n' % os.waitstatus_to_exitcode(os.waitpid(node, 0)[1]))
+        os._exit(0)
+    for file in (stderr, told):
+        os.close(file)
+"""
+"""
+Forks nodes of a process in which all is imported and the model is there, which takes a node most of its start.
+
+Between it and a node stands a process that tells the node's number and, in the end, its exit code.
+"""
+
+
+@cache
+def forking() -> socket.socket:
+    """Return where nodes are asked for."""
+    ours, asked = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with asked:
+        subprocess.Popen([sys.executable, '-c', FORKING, str(asked.fileno())], pass_fds=[asked.fileno()])
+    return ours
+
+
+class Forked:
+    """A forked node; as much of `Popen` as a test wants."""
+
+    def __init__(self, module: str, arguments: Sequence[str], before: str, stderr: int) -> None:
+        told, tell = os.pipe()
+        socket.send_fds(forking(), [json.dumps([module, before, arguments]).encode()], [stderr, tell])
+        os.close(tell)
+        self._told = os.fdopen(told, 'rb', buffering=0)
+        self.pid = int(self._told.readline())
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        if self.returncode is None and select.select([self._told], [], [], 0.0)[0]:
+            self.wait()
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        if self.returncode is None:
+            if not select.select([self._told], [], [], timeout)[0]:
+                raise TimeoutError(f'it has not ended in {timeout} s')
+            self.returncode = int(self._told.readline())
+            self._told.close()
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
 
 
 class Process:
@@ -77,16 +164,20 @@ class Process:
         """
         Start it, perhaps in a folder and with environment variables of its own.
 
-        `before` is Python that its process runs first.
+        `before` is Python that its process runs first. It reports to `/diagnostics` ten times a second.
         """
-        start = ['-m', f'cfd_pneumatic.nodes.{module}']
-        if before:
-            start = ['-c', f'{before}\nfrom cfd_pneumatic.nodes.{module} import main; main()']
         self._stderr = TemporaryFile()  # noqa: SIM115
-        environment = os.environ | dict(environment or {})
-        self._process = subprocess.Popen(
-            [sys.executable, *start, *arguments], stderr=self._stderr, env=environment, cwd=folder
-        )
+        often = OFTEN.get(module, '')
+        if before or environment or folder:
+            start = f'{before}\n{often}\nimport sys; from cfd_pneumatic.start import {module}; sys.exit({module}())'
+            self._process: subprocess.Popen | Forked = subprocess.Popen(
+                [sys.executable, '-c', start, *arguments],
+                stderr=self._stderr,
+                env=os.environ | dict(environment or {}),
+                cwd=folder,
+            )
+        else:
+            self._process = Forked(module, arguments, often, self._stderr.fileno())
 
     @property
     def stderr(self) -> str:
@@ -144,10 +235,7 @@ for arguments in json.loads(sys.argv[2]):
     if not child:
         signal.alarm(60)  # ends a node that runs
         sys.argv[1:] = arguments
-        try:
-            main()
-        except SystemExit as end:
-            os._exit(end.code)
+        os._exit(main())
     print(f'exit code {os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])}', file=sys.stderr)
 """
 """Runs a node with one command line after the other, each in a process of its own, which has the imports done."""
@@ -205,6 +293,8 @@ class Graph:
             yield node
         finally:
             self.executor.remove_node(node)
+            for _ in range(10):
+                self.executor.spin_once(timeout_sec=0.0)  # or what it was about to do meets a node that is destroyed
             node.destroy_node()
 
     def until(
@@ -233,13 +323,24 @@ class Graph:
 
     def discover(self, service: type, *names: str) -> None:
         """Let services and a client of each discover each other, all at once, where they have not."""
-        # a reply that leaves before its sender has discovered the client is lost: one client for all calls, and time
+        # a reply that leaves before its sender has discovered the client is lost: one client for all calls
         new = {name: self.node.create_client(service, name) for name in names if name not in self.clients}
         if new:
             self.clients |= new
             self.until(lambda: all(client.service_is_ready() for client in new.values()))
-            discovered = time.monotonic() + DISCOVERY
-            self.until(lambda: time.monotonic() > discovered)
+            for node in {name.rpartition('/')[0] for name in new}:
+                self._greet(node)
+
+    def _greet(self, node: str) -> None:
+        """Ask a node again and again until it answers a client that is younger than all others, which it knows then."""
+        client = self.node.create_client(GetParameters, f'{node}/get_parameters')
+        answers: list[Future] = []
+        self.until(
+            lambda: any(map(Future.done, answers)),
+            doing=lambda: client.service_is_ready() and answers.append(client.call_async(GetParameters.Request())),
+            every=0.2,
+        )
+        self.node.destroy_client(client)
 
     def call(self, service: type, name: str, request: Any = None) -> Any:
         self.discover(service, name)
@@ -293,13 +394,6 @@ class Graph:
 
 def _parameter_messages(values: Mapping[str, Any]) -> list[Any]:
     return [Parameter(name.replace('__', '.'), value=value).to_parameter_msg() for name, value in values.items()]
-
-
-OFTEN = """\
-from cfd_pneumatic.nodes import monitor_node, sim_node
-monitor_node._DIAGNOSTICS_PERIOD = sim_node._DIAGNOSTICS_PERIOD = 0.1
-"""
-"""Lets a node report to `/diagnostics` ten times a second, for tests that wait for many reports."""
 
 
 class SimClient:

@@ -27,7 +27,7 @@ UNDECLARED = {'effects_a.leak_conductance': 1e-10}
 """A hole in cylinder A, which lowers its pressure at rest by 160 to 230 Pa, some 0.4 % of the set-point."""
 
 DEVICE = """
-import json, sys
+import json, os, sys
 from functools import partial
 import numpy as np
 from cfd_pneumatic.nodes.program import run
@@ -35,7 +35,7 @@ from cfd_pneumatic.nodes.rig_node import RigNode
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
 specimen, _ = draw_specimen(np.random.default_rng(int(sys.argv[1])))
 specimen = specimen.with_changes(json.loads(sys.argv[2]))
-sys.exit(run('rig_node', partial(RigNode, specimen.rig)))
+os._exit(run('rig_node', partial(RigNode, specimen.rig)))
 """
 """A program: `rig_node` with a device drawn at random, and something wrong with it."""
 DRAWN = 7
@@ -44,7 +44,7 @@ SENSORS = Sensors()
 NOISE = math.hypot(SENSORS.pressure_noise, SENSORS.step(SENSORS.pressure_range) / math.sqrt(12.0))
 """Of a pressure sensor, converter and all [Pa]."""
 
-DURATION = 3.0
+DURATION = 2.0
 SCHEDULE = surface_following(duration=DURATION).with_return()
 RECORDED = 0.98  # of it: the recording has to end at rest
 WINDOW = SCHEDULE.duration  # over which the residual is taken [s]

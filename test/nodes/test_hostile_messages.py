@@ -185,7 +185,7 @@ class MonitorClient:
         """Send samples, no faster than they are answered, until it has learned."""
 
         def samples() -> None:
-            for _ in range(50):
+            for _ in range(200):
                 self.send(pressure(self.stamp))
             self.is_answered()
 

@@ -28,6 +28,8 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SETPOINT = 10 * PSI
 GAINS = (5e6, 15.0, 30.0, 0.01)
 """So slow that the pressure does not overshoot: the piston only ever moves out, and nothing excites K_v."""
+IMPATIENT = 'import cfd_pneumatic.nodes.identifier_node as node; node._SERVICE_WAIT = 1.0'
+"""Waits for a second for a target that is not there, and not for five."""
 UNSET = {'bags': [''], 'output_dir': '', 'apply_to': '', 'split': '60/20/20', 'area': 0.0, 'geometric_factor': 0.0}
 
 
@@ -95,9 +97,9 @@ class Identifier:
 
 
 @contextmanager
-def identifier(graph: Graph, **parameters: object) -> Iterator[Identifier]:
+def identifier(graph: Graph, before: str = '', **parameters: object) -> Iterator[Identifier]:
     namespace = unique_namespace()
-    with graph.run('identifier_node', ros_arguments(namespace, parameters)) as process:
+    with graph.run('identifier_node', ros_arguments(namespace, parameters), before=before) as process:
         yield Identifier(graph, process, f'{namespace}/identifier_node')
 
 
@@ -184,8 +186,8 @@ def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(
     serve('stubborn', None)
     serve('stranger', {'use_sim_time'})
     own, nobody = {'bags': f'[{bag}]', 'output_dir': tmp_path / 'own'}, f'{namespace}/nobody'
-    with identifier(graph, apply_to=nobody, **own) as patient:  # which waits for its target meanwhile
-        patient.identify()
+    with identifier(graph, IMPATIENT, apply_to=nobody, **own) as other:  # which waits for its target meanwhile
+        other.identify()
         for target, words in (
             ('stubborn', f'{namespace}/stubborn refused the parameters: not today'),
             ('stranger', f'{namespace}/stranger (parameter apply_to) is no sim_node'),
@@ -193,8 +195,8 @@ def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(
             node.set(bags=[str(bag)], output_dir=str(tmp_path), apply_to=f'{namespace}/{target}')
             node.identify()
             assert node.status(words).level == DiagnosticStatus.ERROR
-        assert patient.status(f'{nobody} (parameter apply_to) is not there').level == DiagnosticStatus.ERROR
-        assert patient.result()['schema'] == 1, 'the report is there all the same'
+        assert other.status(f'{nobody} (parameter apply_to) is not there').level == DiagnosticStatus.ERROR
+        assert other.result()['schema'] == 1, 'the report is there all the same'
 
 
 def test_what_cannot_begin_is_refused_with_the_reason(

@@ -49,13 +49,13 @@ from cfd_pneumatic.rig.panel.specimen import draw_specimen
 from cfd_pneumatic.units import PSI
 
 DEVICE = """
-import sys
+import os
 from functools import partial
 import numpy as np
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.rig_node import RigNode
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
-sys.exit(run('rig_node', partial(RigNode, draw_specimen(np.random.default_rng(7))[0].rig)))
+os._exit(run('rig_node', partial(RigNode, draw_specimen(np.random.default_rng(7))[0].rig)))
 """
 """A program: `rig_node` with a device that is as the paper's model."""
 
@@ -70,7 +70,7 @@ LEAK = 'effects_a.leak_conductance=1e-10'
 @contextmanager
 def device(namespace: str) -> Iterator[subprocess.Popen]:
     """Run the device, which follows a surface as soon as somebody listens."""
-    settings = {'schedule': 'surface_following', 'repeat': True, 'start_subscribers': 2, 'start_delay': 1.0}
+    settings = {'schedule': 'surface_following', 'repeat': True, 'start_subscribers': 2, 'start_delay': 0.3}
     program = [sys.executable, '-c', DEVICE, *ros_arguments(namespace, settings)]
     process = subprocess.Popen(program, stderr=subprocess.DEVNULL)
     try:

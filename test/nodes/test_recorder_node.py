@@ -68,6 +68,7 @@ def test_nothing_is_lost_at_500_hertz_late_and_latched_topics_are_in_and_missing
             assert rig.wait() == 0
             (played,) = (int(line.split()[-2]) for line in rig.stderr.splitlines() if 'played' in line)
         assert late_out.wait_for_all_acked()
+        assert graph.get('/recorder_node', 'output') == [str(bag)]  # behind the messages
         assert not bag.exists(), 'it appears when it is complete'
         process.stop(signal.SIGTERM)
         assert f'never seen, so not in the bag: {never}' in process.stderr
@@ -109,6 +110,7 @@ def test_a_simulator_that_hears_the_recording_again_answers_bit_for_bit(graph: G
             if index == 100:  # a pause, in which there are previews
                 graph.until(lambda: sim.previews['contact_force'])
         graph.until(lambda: sim.answer(int(stamps[-1])))
+        graph.get('/recorder_node', 'output')  # behind the messages
         process.stop()
         messages = read_bag(bag)
         outputs = {

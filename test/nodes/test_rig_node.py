@@ -112,7 +112,8 @@ def listener() -> Iterator[Listener]:
 @contextmanager
 def rig(namespace: str = NAMESPACE, **parameters: object) -> Iterator[subprocess.Popen]:
     """Run the node; it ends with the block at the latest."""
-    command = [sys.executable, '-m', 'cfd_pneumatic.nodes.rig_node', '--ros-args', '-r', f'__ns:={namespace}']
+    program = 'import sys; from cfd_pneumatic.start import rig_node; sys.exit(rig_node())'
+    command = [sys.executable, '-c', program, '--ros-args', '-r', f'__ns:={namespace}']
     for name, value in parameters.items():
         command += ['-p', f'{name.replace("__", ".")}:={value}']
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)

@@ -21,7 +21,6 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from graph import (
     MILLISECOND,
-    OFTEN,
     PATIENCE,
     QUEUE,
     Graph,
@@ -112,7 +111,7 @@ def gains(points: OperatingPoints) -> dict[str, list[float]]:
 @pytest.fixture(scope='module')
 def shared(graph: Graph) -> Iterator[SimClient]:
     namespace = unique_namespace()
-    with graph.run('sim_node', ros_arguments(namespace), before=OFTEN):
+    with graph.run('sim_node', ros_arguments(namespace)):
         yield SimClient(graph, namespace).meet()
 
 
@@ -239,7 +238,7 @@ def test_one_cylinder_works_against_ambient_pressure(graph: Graph) -> None:
     with ExitStack() as stack:
         for _, missing, _, namespace in cells:
             parameters = {f'{missing}.enabled': False, 'ambient_pressure': 9.0e4, 'geometric_factor': 2.0}
-            stack.enter_context(graph.run('sim_node', ros_arguments(namespace, parameters), before=OFTEN))
+            stack.enter_context(graph.run('sim_node', ros_arguments(namespace, parameters)))
         graph.discover(Trigger, *(f'{namespace}/sim_node/reset' for *_, namespace in cells))
         for present, missing, sign, namespace in cells:
             sim = SimClient(graph, namespace, cylinders=[present]).meet()
@@ -353,7 +352,7 @@ def test_a_gap_and_a_stamp_that_goes_back_start_anew_and_equal_stamps_are_ignore
 
 def test_resets_are_warned_of(graph: Graph) -> None:
     namespace = unique_namespace()
-    with graph.run('sim_node', ros_arguments(namespace, {'max_gap': 0.25}), before=OFTEN) as process:
+    with graph.run('sim_node', ros_arguments(namespace, {'max_gap': 0.25})) as process:
         sim = SimClient(graph, namespace).meet()
         sim.sample(START, 0.0)
         sim.sample(START + 251 * MILLISECOND, 0.0)
@@ -479,7 +478,7 @@ def test_messages_that_were_lost_are_counted(graph: Graph) -> None:
     namespace = unique_namespace()
     topic = f'{namespace}/{PISTON_STATE}'
     shallow = {f'qos_overrides.{topic}.subscription.depth': 5}
-    with graph.run('sim_node', ros_arguments(namespace, shallow), before=OFTEN) as process:
+    with graph.run('sim_node', ros_arguments(namespace, shallow)) as process:
         sim = SimClient(graph, namespace).meet()
         sent = 0
 
@@ -526,7 +525,7 @@ def test_an_overload_is_shed_and_told_and_ends_with_its_cause(graph: Graph) -> N
     for index in range(10 * len(CYLINDERS)):
         topic = (PRESSURE_A, PRESSURE_B)[index % len(CYLINDERS)]
         deaf.create_subscription(FluidPressure, f'{namespace}/{topic}', print, QUEUE)
-    with graph.run('sim_node', ros_arguments(namespace), before=OFTEN + SLOW):
+    with graph.run('sim_node', ros_arguments(namespace), before=SLOW):
         sim = SimClient(graph, namespace).meet()
         before = sim.count('samples')
         sent = 0
@@ -581,7 +580,7 @@ def test_a_set_point_of_no_use_is_ignored(sim: SimClient) -> None:
 
 def test_warnings_are_throttled_and_say_what_is_wrong(graph: Graph) -> None:
     namespace = unique_namespace()
-    with graph.run('sim_node', ros_arguments(namespace, {'joint': 'slider'}), before=OFTEN) as process:
+    with graph.run('sim_node', ros_arguments(namespace, {'joint': 'slider'})) as process:
         sim = SimClient(graph, namespace)
         graph.until(
             lambda: sim.sent >= 10 and 'has no joint' in process.stderr,
@@ -634,7 +633,7 @@ def test_silence_is_an_error_until_samples_come_again(sim: SimClient) -> None:
 def test_the_watchdog_outlives_a_clock_that_stops(graph: Graph) -> None:
     namespace = unique_namespace()
     clock = graph.publisher(Clock, '/clock')
-    with graph.run('sim_node', ros_arguments(namespace, {'use_sim_time': True}), before=OFTEN):
+    with graph.run('sim_node', ros_arguments(namespace, {'use_sim_time': True})):
         sim = SimClient(graph, namespace).meet()  # a time is answered once, which must not be missed
         tick = Clock()
         tick.clock.sec = 77
@@ -760,7 +759,7 @@ def test_values_that_nobody_gave_are_told(graph: Graph, tmp_path: Path) -> None:
 
         def run(module: str, namespace: str, *more: str) -> tuple[str, Process]:
             arguments = [*ros_arguments(namespace), *more]
-            return f'{namespace}/{module}', stack.enter_context(graph.run(module, arguments, before=OFTEN))
+            return f'{namespace}/{module}', stack.enter_context(graph.run(module, arguments))
 
         modules = 'sim_node', 'monitor_node'
         without = [run(module, bare) for module in modules]

@@ -12,6 +12,7 @@ from graph import Graph, ros_arguments
 
 from cfd_pneumatic.convention import MONITOR_INPUTS, SIM_INPUTS
 from cfd_pneumatic.model import TABLE_1
+from cfd_pneumatic.nodes import topics
 from cfd_pneumatic.nodes.topics import Counting, Queue
 from cfd_pneumatic.rig import SCHEDULES, schedule_named
 from studies.layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
@@ -56,6 +57,13 @@ def test_what_the_layout_of_a_cell_shows_is_published(cell):
     assert {topic: FOXED[published[topic][0]] for topic in shown} == shown
 
 
+@pytest.fixture
+def standing(monkeypatch):
+    """Let what waits be shed after a tenth of a second."""
+    monkeypatch.setattr(topics, '_STANDING', 100_000_000)
+
+
+@pytest.mark.usefixtures('standing')
 def test_what_waits_too_long_is_shed_until_little_waits():
     queue = Queue()
 
@@ -63,13 +71,14 @@ def test_what_waits_too_long_is_shed_until_little_waits():
         return queue.stands(time.time_ns() - round(waited * 1e9))
 
     assert not stands(0.3)  # as behind a process that stood still
-    time.sleep(1.1)
+    time.sleep(0.15)
     assert stands(0.3)
     assert stands(0.1)
     assert not stands(0.0)
     assert not stands(0.1)
 
 
+@pytest.mark.usefixtures('standing')
 def test_whatever_is_shed_is_told_though_nothing_comes_after_it():
     lost: list[int] = []
     taken: list[int] = []
@@ -81,7 +90,7 @@ def test_whatever_is_shed_is_told_though_nothing_comes_after_it():
             count(number, {'publication_sequence_number': number, 'received_timestamp': received})
 
     send(range(1, 20))
-    time.sleep(1.1)
+    time.sleep(0.15)
     send(range(20, 39))
     assert taken == [*range(1, 20), 20, 30]
     assert sum(lost) + len(taken) == 38

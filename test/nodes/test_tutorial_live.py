@@ -13,6 +13,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 import yaml
@@ -25,9 +26,27 @@ LONGEST = 600.0
 """On a busy machine, to which a diagnosis leaves its turn [s]."""
 
 
+class Terminals(NamedTuple):
+    """What `health.py` says, as it grows, and the programs that run, by how they were started."""
+
+    talk: Path
+    running: dict[str, subprocess.Popen]
+
+    def end(self, word: str = '') -> None:
+        """Interrupt the programs with a word in their lines."""
+        ended = {program: process for program, process in self.running.items() if word in program}
+        for process in ended.values():
+            process.send_signal(signal.SIGINT)
+        failed = [program for program, process in ended.items() if process.wait(PATIENCE)]
+        # rclpy may be interrupted in the middle of taking a message, which our programs bear
+        assert [program for program in failed if 'health.py' not in program] == []
+        for program in ended:
+            del self.running[program]
+
+
 @pytest.fixture
-def talk(tutorial) -> Iterator[Path]:
-    """Start each program in a terminal of its own, and yield what `health.py` says, as it grows."""
+def terminals(tutorial) -> Iterator[Terminals]:
+    """Start each program in a terminal of its own."""
     talk = tutorial.folder / 'health.log'
     with talk.open('w') as stdout:
         running = {
@@ -40,32 +59,30 @@ def talk(tutorial) -> Iterator[Path]:
             for block in blocks()
             if block.language == 'bash'
         }
+        terminals = Terminals(talk, running)
         try:
-            yield talk
-            for process in running.values():
-                process.send_signal(signal.SIGINT)
-            failed = [program for program, process in running.items() if process.wait(PATIENCE)]
-            # rclpy may be interrupted in the middle of taking a message, which our programs bear
-            assert [program for program in failed if 'health.py' not in program] == []
+            yield terminals
+            terminals.end()
         finally:
             for process in running.values():
                 process.kill()
                 process.wait()
 
 
-def test_the_twin_runs_and_a_leak_is_named(graph: Graph, tutorial, talk: Path) -> None:
+def test_the_twin_runs_and_a_leak_is_named(graph: Graph, terminals: Terminals) -> None:
     forces = [graph.listen(WrenchStamped, f'/cfd/{name}/contact_force') for name in ('sim', 'bent_sim')]
-    assert graph.set_atomically('/cfd/monitor/monitor_node', learning=6.0, diagnosis_window=12.0).successful
+    graph.until(lambda: all(forces))
+    terminals.end('bent')
+    assert graph.set_atomically('/cfd/monitor/monitor_node', learning=3.0, diagnosis_window=10.0).successful
 
     def says(words: str) -> None:
         limit = time.monotonic() + LONGEST
-        while not any(words in line for line in talk.read_text().splitlines()):
-            assert time.monotonic() < limit, talk.read_text()
+        while not any(words in line for line in terminals.talk.read_text().splitlines()):
+            assert time.monotonic() < limit, terminals.talk.read_text()
             graph.executor.spin_once(timeout_sec=0.1)
 
     says('cylinder_a, OK: agrees with its model')
     says('cylinder_b, OK: agrees with its model')
-    assert all(forces)
     leak = next(block.text for block in blocks() if 'param set' in block.text)
     *_, node, name, value = shlex.split(leak)
     assert graph.set(node, **{name: yaml.safe_load(value)}).successful  # as ros2 reads it

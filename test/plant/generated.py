@@ -18,12 +18,12 @@ from cfd_pneumatic.rig import paper_step, record
 FIRST = 1_700_000_000_000_000_000
 SHIFT = 8 * 3600 * 10**9
 
-SHIFTS = 8
+SHIFTS = 6
 """Of each of the three devices of the small plant: so many that a run can be interrupted."""
 
 BAGS = 3 * SHIFTS
 
-PROGRAM = [sys.executable, '-m', 'cfd_pneumatic.commands.identify_bag']
+PROGRAM = [sys.executable, '-c', 'import sys; from cfd_pneumatic.start import identify_bag as run; sys.exit(run())']
 
 
 @cache

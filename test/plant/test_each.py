@@ -30,6 +30,7 @@ from generated import (
 )
 from pyarrow import parquet
 
+from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.files import alone_in
 from cfd_pneumatic.plant.table import iso_time
 
@@ -131,18 +132,16 @@ def test_bags_that_fail_are_rows_the_others_finish_and_what_is_mended_is_done_ag
     assert [path.name for path in asides(output)] == ['.mine~']
 
 
-def test_a_folder_of_another_run_and_an_address_of_no_scheduler_are_refused(small, tmp_path):
+def test_a_folder_of_another_run_and_an_address_of_no_scheduler_are_refused(small, tmp_path, capsys):
     folder, other = tmp_path / 'folder', tmp_path / 'other'
     folder.mkdir()
     with alone_in(folder):
-        second = start('plant', '--each', '--jobs', 1, '--output', folder, cwd=small.parent)
-        nowhere = start('plant', '--each', '--scheduler', 'ftp://localhost:1', '--output', other, cwd=small.parent)
-        _, complaint = second.communicate(timeout=_PATIENCE)
-    assert second.returncode == 2
-    assert 'another run' in complaint
+        assert identify_bag([str(small), '--each', '--jobs', '1', '--output', str(folder)]) == 2
+    assert 'another run' in capsys.readouterr().err
     assert list(folder.iterdir()) == []
-    _, complaint = nowhere.communicate(timeout=_PATIENCE)
-    assert nowhere.returncode == 2
+    nowhere = ['--scheduler', 'ftp://localhost:1', '--output', str(other)]
+    assert identify_bag([str(small), '--each', *nowhere]) == 2
+    complaint = capsys.readouterr().err
     assert complaint.startswith('identify_bag: error: no Dask scheduler answers at ftp://localhost:1')
     assert complaint.count('\n') == 1
 

@@ -3,11 +3,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from typing import NamedTuple
 
 import pytest
 from recording_cases import ROOT, assert_same
 
 from cfd_pneumatic.commands import program
+from cfd_pneumatic.commands.csv_to_bag import main
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import read_mapping, read_recording
 
@@ -39,7 +41,27 @@ def folder(tmp_path):
     return tmp_path
 
 
-def csv_to_bag(folder, *arguments):
+class Done(NamedTuple):
+    """How the program ended, and what it said."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def csv_to_bag(folder, monkeypatch, capsys):
+    """Return the program, run in the folder and in this process."""
+    monkeypatch.chdir(folder)
+
+    def run(*arguments):
+        capsys.readouterr()
+        return Done(main(arguments), *capsys.readouterr())
+
+    return run
+
+
+def in_a_process(folder, *arguments):
     return subprocess.run(
         [sys.executable, '-m', 'cfd_pneumatic.commands.csv_to_bag', *arguments],
         cwd=folder,
@@ -52,7 +74,7 @@ def csv_to_bag(folder, *arguments):
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
 def test_a_table_becomes_a_bag_that_says_the_same(folder, storage):
-    done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'out/bag', '--storage', storage)
+    done = in_a_process(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'out/bag', '--storage', storage)
     assert (done.returncode, done.stderr) == (0, '')
     said = done.stdout.splitlines()
     assert (said[0], said[-1]) == ('run.csv:', 'out/bag written')
@@ -72,7 +94,7 @@ def test_bad_input_ends_with_one_line_and_earlier_output_stays(folder):
     (folder / 'out' / 'metadata.yaml').write_text('of an earlier run')
     with (folder / 'run.csv').open('a') as rows:
         rows.write('500 x 1 1 1\n')
-    done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'out', '--force')
+    done = in_a_process(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'out', '--force')
     assert (done.returncode, done.stdout) == (2, '')
     assert done.stderr.startswith('csv_to_bag: error: run.csv: cannot be read as a table of numbers: ')
     assert done.stderr.count('\n') == 1
@@ -143,19 +165,19 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(('mapping', 'rows', 'message'), REFUSED.values(), ids=REFUSED.keys())
-def test_what_would_be_read_wrongly_is_refused_with_one_line(folder, mapping, rows, message):
+def test_what_would_be_read_wrongly_is_refused_with_one_line(csv_to_bag, folder, mapping, rows, message):
     (folder / 'run.csv').write_text(rows)
     (folder / 'mapping.yaml').write_text(mapping)
-    done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
+    done = csv_to_bag('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
     assert (done.returncode, done.stdout, done.stderr) == (2, '', f'csv_to_bag: error: {message}\n')
     assert sorted(os.listdir(folder)) == ['mapping.yaml', 'run.csv']
 
 
-def test_rows_that_are_left_out_are_said(folder):
+def test_rows_that_are_left_out_are_said(csv_to_bag, folder):
     """Without a time, and cut off where the logger was: 130 bar may have been 1300."""
     with (folder / 'run.csv').open('a') as rows:
         rows.write('nan 1 1 1 1\ninf 1 1 1 1\n500 1 1 1 1\n510 1 130')
-    done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
+    done = csv_to_bag('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
     assert (done.returncode, done.stderr) == (0, '')
     said = done.stdout.splitlines()
     assert said[5:7] == [
@@ -164,21 +186,21 @@ def test_rows_that_are_left_out_are_said(folder):
     ]
 
 
-def test_a_bag_that_is_there_is_kept_or_replaced(folder):
+def test_a_bag_that_is_there_is_kept_or_replaced(csv_to_bag, folder):
     arguments = ('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
-    assert csv_to_bag(folder, *arguments).returncode == 0
-    done = csv_to_bag(folder, *arguments)
+    assert csv_to_bag(*arguments).returncode == 0
+    done = csv_to_bag(*arguments)
     assert done.returncode == 2
     assert done.stderr == 'csv_to_bag: error: bag exists already: choose another name or let it be overwritten\n'
-    assert csv_to_bag(folder, *arguments, '--force', '--namespace', '/other').returncode == 0
+    assert csv_to_bag(*arguments, '--force', '--namespace', '/other').returncode == 0
     assert len(read_recording(folder / 'bag', namespace='/other').displacement) == 50
 
 
-def test_a_bag_that_holds_something_else_is_not_replaced(folder):
+def test_a_bag_that_holds_something_else_is_not_replaced(csv_to_bag, folder):
     arguments = ('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag', '--force')
-    assert csv_to_bag(folder, *arguments).returncode == 0
+    assert csv_to_bag(*arguments).returncode == 0
     os.replace(folder / 'run.csv', folder / 'bag' / 'run.csv')
-    done = csv_to_bag(folder, 'bag/run.csv', *arguments[1:])
+    done = csv_to_bag('bag/run.csv', *arguments[1:])
     assert done.stderr == (
         'csv_to_bag: error: bag holds run.csv beside a bag, and is not overwritten: move one of them\n'
     )
@@ -198,11 +220,11 @@ def test_streams_that_are_closed_are_no_error(folder, closed):
     assert len(read_recording(folder / 'bag').displacement) == 50
 
 
-def test_a_mapping_for_bags_does_not_do(folder):
+def test_a_mapping_for_bags_does_not_do(csv_to_bag, folder):
     (folder / 'mapping.yaml').write_text(
         'displacement: {topic: a, unit: m}\ncylinder_a: {pressure: {topic: b, unit: Pa, reference: gauge}}\n'
     )
-    done = csv_to_bag(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
+    done = csv_to_bag('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
     assert done.stderr == (
         'csv_to_bag: error: mapping.yaml maps the topics of a bag: for a table it needs the entry `table`\n'
     )
