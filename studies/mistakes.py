@@ -315,6 +315,7 @@ def _of_one() -> Iterator[Mistake]:
     yield Mistake('tutorial', 'one pressure absolute', entries(cylinder_a__pressure__reference='absolute'), REFERENCE)
     yield Mistake('tutorial', 'pressures absolute', every('reference', 'absolute', *PRESSURES), REFERENCE)
     yield Mistake('real', 'everything absolute, read as gauge', counted_from_nothing, REFERENCE)
+    yield Mistake('real', 'no set-points', without(*SETPOINTS), ('setpoint_assumed',))
     yield Mistake('rig', 'inch read as mm', entries(displacement__unit='mm'), UNIT)
     yield Mistake('rig', 's read as ms', entries(table__time__unit='ms'), UNIT)
     yield Mistake('rig', 'kPa read as psi', every('unit', 'psi', *PRESSURES, *SETPOINTS), (*UNIT, *SETPOINT))
@@ -358,6 +359,7 @@ WORDS = {
     'sign_suspect': 'sign',
     'cylinders_swapped': 'swapped',
     'sampling_slow': 'sample',
+    'setpoint_assumed': 'was not recorded, and it steps',
     'error': 'time runs backwards',
 }
 """What an error says instead of a code."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,42 +40,32 @@ _PIECES = 10  # of a recording, whose errors are compared
 _FEWEST = 50  # samples of a piece
 _CHANGED = 3.0  # times as large an error after a change as before, or the reverse
 _ABOVE_NOISE = 2.0  # times the noise: what is smaller has not changed anything that matters
-_STEPS = 0.5  # share of what is left without a set-point that a staircase explains
-_LEAST_STEP = 5.0  # times the noise
 _SEVERAL = 3  # recordings: of two none is the odd one
 _LAG = 'displacement_lag'  # as good as a delay
 _TOLD_BY_FORCE = 0.05  # change of the force's error
-_MOST_TOLD = 5
-_MOST_STEPS = 40
-_LEAST_SHARE = 0.01  # of the sum of squares, that each further step explains
 
 
 def doubts(
     recordings: Sequence[Recording],
     results: Mapping[str, ChannelResult],
     options: Options,
-    other_reading: Notice | None = None,
+    seen: Sequence[Notice] = (),
 ) -> tuple[Notice, ...]:
     """
     Return which mistakes recordings, and what was identified of them, look like; and what was assumed.
 
-    `other_reading` says how else the recordings may be read, where that was found already.
+    What was `seen` before effects were searched for is not looked for again.
     """
     found = [*of_recordings(recordings, options)]
     cylinders = {name: one for name, one in results.items() if not isinstance(one.channel, Force)}
     forces = [one for one in results.values() if isinstance(one.channel, Force)]
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in _of_chamber(one, recordings[0].displacement)]
-    if not any_warning(found) and other_reading is not None:
-        found.append(other_reading)
+    found += seen  # nothing was searched for: that has to be said, whatever else is
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in other_reference(one, options)]
     if not any_warning(found):
         found += [notice for one in results.values() if one.conclusion for notice in _of_a_stranger(one)]
-    if not any_warning(found):
-        for name, one in cylinders.items():
-            assumed = [held.cylinders[name].setpoint is None for held in recordings if name in held.cylinders]
-            found += _of_steps(one) if any(assumed) else []
     if not any_warning(found):
         found += [notice for one in results.values() for notice in _of_changes(one)]
         found += [notice for one in cylinders.values() for notice in _of_delay(one, forces, recordings, options)]
@@ -150,49 +139,6 @@ def _of_late_displacement(ratio: float = 1.0) -> str:
     if ratio < 1.0 - _TOLD_BY_FORCE:
         return f'look at {sensor}: moving the displacement by it lowers the error of the force to {100.0 * ratio:.0f} %'
     return f'look at {sensor}; or the delay stands for {dynamics}'
-
-
-def _of_steps(result: ChannelResult) -> Iterator[Notice]:
-    """Ask whether what is left without a recorded set-point is a staircase."""
-    for one in result.comparisons:
-        residual = one.residual(0)
-        times, levels = _staircase(residual)
-        if len(levels) < 2:
-            continue
-        left = residual - np.repeat(levels, np.diff([*times, residual.size]))
-        size = float(np.ptp(levels))
-        if float(np.var(left)) < (1.0 - _STEPS) * float(np.var(residual)) and size > _LEAST_STEP * result.noise.std:
-            at = [f'{one.times[first]:.2f} s' for first in times[1 : 1 + _MOST_TOLD]]
-            more = ' and later' if len(times) > 1 + _MOST_TOLD else ''
-            yield warning(
-                'setpoint_assumed',
-                f'{result.name}: the set-point was not recorded, and the pressure changes its level by up to '
-                f'{1e-3 * size:.3g} kPa, at {", ".join(at)}{more}',
-                'record the set-point, or cut the recording where it changes',
-            )
-
-
-def _staircase(values: Array) -> tuple[list[int], Array]:
-    """Return where levels begin, from the largest step on down, and the levels: a step has to explain a share."""
-    begins = [0, values.size]
-    for _ in range(_MOST_STEPS):
-        gains = [_best_cut(values[first:last]) for first, last in pairwise(begins)]
-        place = int(np.argmax([gain for gain, _ in gains]))
-        if gains[place][0] < _LEAST_SHARE * float(np.sum((values - np.mean(values)) ** 2)):
-            break
-        begins = sorted([*begins, begins[place] + gains[place][1]])
-    return begins[:-1], np.array([np.mean(values[first:last]) for first, last in pairwise(begins)])
-
-
-def _best_cut(values: Array) -> tuple[float, int]:
-    """Return by how much a step lowers the sum of squares at most, and where it is."""
-    if values.size < 2 * _FEWEST:
-        return 0.0, 0
-    sums = np.cumsum(values - np.mean(values))[_FEWEST - 1 : -_FEWEST]
-    before = np.arange(_FEWEST, values.size - _FEWEST + 1)[: sums.size]
-    gains = sums**2 * values.size / (before * (values.size - before))
-    best = int(np.argmax(gains))
-    return float(gains[best]), int(before[best])
 
 
 def _of_changes(result: ChannelResult) -> Iterator[Notice]:

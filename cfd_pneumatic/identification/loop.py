@@ -104,12 +104,15 @@ def close_loop(
         tests = likelihood.tests(after.model, noise)
     hidden = invisible(likelihood, after.model, noise) if shortage is None else ()
     left = [one.measured - values for one, values in zip(experiments, after.simulated)]
-    against += contradiction(experiments, left, noise.std)
+    if searching:
+        against += contradiction(experiments, left, noise.std)
     effects = tuple(name for name in after.model.effects if name != CURVE)
     used = PHYSICAL if after.model.core else LINEAR
     harmless = within(tolerance, channel.quantity.small.unit, experiments, after.simulated)
     law = '' if unknown is None else unknown.words
-    verdict, why = verdict_of(used, effects, alternatives, tests, shortage, ratio, interval, against, harmless, law)
+    verdict, why = verdict_of(
+        used, effects, alternatives, tests, shortage, ratio, interval, against, harmless, law, searching
+    )
     conclusion = Conclusion(
         verdict=verdict,
         why=why,

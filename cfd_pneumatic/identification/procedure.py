@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from cfd_pneumatic.identification.fit.fit import Fit, fit
 from cfd_pneumatic.identification.loop import close_loop, with_core
 from cfd_pneumatic.identification.readings import is_doubtful, other_reading
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
+from cfd_pneumatic.identification.steps import of_fit, of_pressure
 from cfd_pneumatic.identification.verdict import part_errors
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.parallel import each
@@ -109,15 +111,20 @@ def identify(
     failed = {name: one for name, one in fits.items() if isinstance(one, InputError)}
     for channel in channels:
         if channel.needed and channel.name in failed:
-            other = other_reading(recordings, options)
+            steps = of_pressure(channel, data.experiments(channel), recordings, options.ambient_pressure)
+            other = other_reading(recordings, options) or next(steps, None)
             reason = SuspectError(other) if other else failed[channel.name]
             raise _with_what_it_looks_like(reason, recordings, options)
     fitted = {channel: one for channel in channels if isinstance(one := fits[channel.name], Fit)}
     doubtful = is_doubtful([one for channel, one in fitted.items() if channel.needed])
     other = other_reading(recordings, options) if doubtful else None
+    seen = {name: [other] for name in waiting} if other else {}
+    if other is None:
+        stepped = {one.name: list(of_fit(found, recordings)) for one, found in fitted.items() if one.needed}
+        seen = {name: some for name, some in stepped.items() if some}
 
     def result_of(channel: Channel) -> ChannelResult:
-        found = _identified(channel, fitted[channel], data, options, misread=other is not None)
+        found = _identified(channel, fitted[channel], data, options, misread=channel.name in seen)
         waiting.remove(channel.name)
         share = 1.0 - (1.0 - _SMOOTHED) * len(waiting) / len(channels)
         progress(f'fitting {", ".join(waiting)}' if waiting else 'done', share)
@@ -125,7 +132,7 @@ def identify(
 
     results = {one.channel.name: one for one in together(result_of, fitted)}
     unidentified = {name: str(error) for name, error in failed.items()}
-    notices = doubts(recordings, results, options, other)
+    notices = doubts(recordings, results, options, list(dict.fromkeys(chain(*seen.values()))))
     misread = any_warning([one for one in notices if one.code != 'size_suspect'])
     notices += tuple(_notice_of(one, misread) for one in failed.values())
     results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}
