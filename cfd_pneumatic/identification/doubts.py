@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.options import Options
-from cfd_pneumatic.identification.readings import left_of_force, other_reference
+from cfd_pneumatic.identification.readings import left_of_force, other_pressure, other_scales
 from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import Recording, Signal
-from cfd_pneumatic.recording.inspection import LENGTHS, duplicates, in_other_units, shown_length
+from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, LENGTHS, duplicates, in_other_units, shown_length
 from cfd_pneumatic.recording.inspection import doubts as doubts_of_recording
 from cfd_pneumatic.units import INCH
 
 Array = NDArray[np.float64]
 
-CHAMBER_LENGTHS = (5e-3, 0.45)
-"""Absolute pressure over `k_x`: how long a chamber of the piston's area would be [m]."""
+USUAL_CHAMBERS = (1e-2, 0.1)
+"""Likewise, of most devices [m]."""
 
 SMALL_CHAMBER, SMALL_STROKE = 1e-2, 2.5e-4
 """Of a device that is odd by both: two wrong units make up for each other in the chamber, and not in the stroke [m]."""
@@ -63,12 +63,14 @@ def doubts(
         found += [notice for one in cylinders.values() for notice in _of_chamber(one, recordings[0].displacement)]
     found += seen  # nothing was searched for: that has to be said, whatever else is
     if not any_warning(found):
-        found += [notice for one in cylinders.values() for notice in other_reference(one, options)]
+        found += [notice for one in cylinders.values() for notice in other_pressure(one, recordings, options)]
     if not any_warning(found):
         found += [notice for one in results.values() if one.conclusion for notice in _of_a_stranger(one)]
     if not any_warning(found):
         found += [notice for one in results.values() for notice in _of_changes(one)]
         found += [notice for one in cylinders.values() for notice in _of_delay(one, forces, recordings, options)]
+    if not any_warning(found):
+        found += _of_chambers(cylinders, recordings, options)
     found += [notice for one in forces for notice in _of_force(one, options)]
     return tuple(found)
 
@@ -81,15 +83,15 @@ def of_recordings(recordings: Sequence[Recording], options: Options) -> tuple[No
 
 def _of_chamber(result: ChannelResult, displacement: Signal) -> Iterator[Notice]:
     """Ask whether the chamber has a size that a cylinder may have."""
-    estimate = next((one for one in (*result.gains[:1], result.fit.estimates[0]) if one.value is not None), None)
-    if estimate is None or estimate.value is None:
+    told = _chamber(result)
+    if told is None:
         return
-    pressure = float(np.median(np.concatenate([one.measured for one in result.experiments])))
-    length = pressure / estimate.value
+    pressure, sensitivity = told
+    length = pressure / sensitivity
     if not CHAMBER_LENGTHS[0] <= length <= CHAMBER_LENGTHS[1]:
         yield warning(
             'unit_suspect',
-            f'{result.name}: k_x of {estimate.value:.3g} Pa/m at {1e-3 * pressure:.4g} kPa is that of a chamber '
+            f'{result.name}: k_x of {sensitivity:.3g} Pa/m at {1e-3 * pressure:.4g} kPa is that of a chamber '
             f'{shown_length(length)} long',
             'check the units of pressure and displacement'
             + in_other_units(length, CHAMBER_LENGTHS, displacement.unit, LENGTHS, shown_length),
@@ -102,6 +104,41 @@ def _of_chamber(result: ChannelResult, displacement: Signal) -> Iterator[Notice]
             f'{result.name}: the piston moves {shown_length(stroke)} in a chamber {shown_length(length)} long',
             'check the units of pressure and displacement'
             + in_other_units(stroke, (SMALL_STROKE, CHAMBER_LENGTHS[1]), displacement.unit, LENGTHS, shown_length),
+        )
+
+
+def _chamber(result: ChannelResult) -> tuple[float, float] | None:
+    """Return the usual pressure and `k_x` [Pa, Pa/m]; None where that is not told."""
+    told = [one.value for one in (*result.gains[:1], result.fit.estimates[0]) if one.value is not None]
+    pressure = float(np.median(np.concatenate([one.measured for one in result.experiments])))
+    return (pressure, told[0]) if told else None
+
+
+def _of_chambers(
+    cylinders: Mapping[str, ChannelResult], recordings: Sequence[Recording], options: Options
+) -> Iterator[Notice]:
+    """Say how long the chambers are, which only the drawing tells better; of an unusual one what else it may be."""
+    lengths: list[str] = []
+    instead: list[str] = []
+    for name, one in cylinders.items():
+        told = _chamber(one)
+        if told is None:
+            continue
+        length = told[0] / told[1]
+        lengths.append(f'{shown_length(length)} ({name})')
+        if not instead and not USUAL_CHAMBERS[0] <= length <= USUAL_CHAMBERS[1]:
+            scales = other_scales(one, recordings, options.ambient_pressure)
+            instead = [
+                f'{shown_length(scale.chamber)} if they are {scale.true}'
+                for scale in scales
+                if USUAL_CHAMBERS[0] <= scale.chamber <= USUAL_CHAMBERS[1]
+            ]
+    if lengths:
+        also = f'; it would be {", ".join(instead)}' if instead else ''
+        yield note(
+            'chamber_told',
+            f'the pressures go with a chamber {" and ".join(lengths)} long, its line counted in',
+            f'check that against the drawing{also}',
         )
 
 

@@ -102,7 +102,7 @@ def close_loop(
     if after is not before:
         noise = likelihood.noise(after.model)
         tests = likelihood.tests(after.model, noise)
-    hidden = invisible(likelihood, after.model, noise) if shortage is None else ()
+    hidden = invisible(likelihood, after.model, noise) if searching and shortage is None else ()
     left = [one.measured - values for one, values in zip(experiments, after.simulated)]
     if searching:
         against += contradiction(experiments, left, noise.std)
@@ -128,6 +128,7 @@ def close_loop(
         not_visible=hidden,
         next_experiment=next_experiment(hidden, channel.library, shortage),
         unknown=unknown,
+        sought=searching,
     )
     return after, conclusion
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -24,7 +25,7 @@ _BESIDE = 4  # of a level: a quarter of it
 _FEWEST = 50  # samples of a level
 _MOST_STEPS = 40
 _LEAST_SHARE = 0.01  # of the sum of squares, that each further step explains
-_MOST_TOLD = 5
+_MOST_TOLD = 20
 
 
 def of_fit(fit: Fit, recordings: Sequence[Recording]) -> Iterator[Notice]:
@@ -45,6 +46,16 @@ def of_pressure(
         if one is not None:
             noise = sample_noise(one.sample_times, one.measured)
             yield from _steps(channel, one, one.measured - ambient_pressure, 0.0, noise)
+
+
+def with_steps(recording: Recording, experiment: Experiment, simulated: Array, channel: Channel) -> Experiment:
+    """Return an experiment whose set-point, where none was recorded, has the steps of what is left, too."""
+    if recording.cylinders[channel.name].setpoint is not None:
+        return experiment
+    begins, levels = _staircase(experiment.measured - simulated)
+    held = np.searchsorted(experiment.samples[begins], np.arange(experiment.times.size), side='right') - 1
+    setpoint = experiment.inputs['setpoint'] + levels[np.maximum(held, 0)]
+    return replace(experiment, inputs={**experiment.inputs, 'setpoint': setpoint})
 
 
 def _unrecorded(
@@ -72,7 +83,7 @@ def _steps(channel: Channel, experiment: Experiment, left: Array, level: float, 
         'setpoint_assumed',
         f'{channel.name}: the set-point of {experiment.recording} was not recorded, and it steps: about {first} above '
         f'ambient, {", ".join(steps[:_MOST_TOLD])}{more}',
-        'record the set-point, or cut the recording where it steps',
+        'record the set-point, or cut the recording where it steps and give all pieces: a set-point is found for each',
     )
 
 

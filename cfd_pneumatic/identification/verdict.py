@@ -80,6 +80,8 @@ class Conclusion:
         Whether a warning about the recordings puts all of it in doubt.
     unknown
         A law that is none of the effects, as the recordings have drawn it, or None.
+    sought
+        Whether effects were looked for: not in recordings that are misread.
 
     """
 
@@ -98,6 +100,7 @@ class Conclusion:
     next_experiment: str
     doubted: bool = False
     unknown: Shape | None = None
+    sought: bool = True
 
     @property
     def status(self) -> str:

@@ -29,8 +29,14 @@ PERIODS = (4e-5, 0.5)
 GAUGE_PRESSURES = (1.5e4, 1e6)
 """At which a regulator holds a cylinder [Pa]."""
 
-LENGTHS = ('m', 'mm', 'um', 'inch')
+CHAMBER_LENGTHS = (5e-3, 0.45)
+"""Absolute pressure over `k_x`: how long a chamber of the piston's area would be [m]."""
+
+LENGTHS = ('m', 'mm', 'um', 'inch', 'mil')
 """Units in which people record a displacement."""
+
+PRESSURES = ('Pa', 'kPa', 'psi', 'bar', 'MPa')
+"""Units in which people record a pressure."""
 
 _BELOW_AMBIENT = -5e3  # gauge; no regulator holds a vacuum [Pa]
 _OFF_SETPOINT = 1e4  # by which a pressure at rest may miss its set-point [Pa]
@@ -39,7 +45,7 @@ _AN_ATMOSPHERE = 0.15  # share by which a difference may miss ambient pressure a
 _MOST_LOOKED_AT = 100_000  # samples
 _STEADY, _ALIVE = 0.05, 0.5  # share of the samples at which a set-point changes at most, a pressure at least
 _ALIKE = 1e-9
-_MOST_GUESSES = 2
+_MOST_GUESSES = 3
 _ROUGHEST = 0.6  # change from sample to sample, as a share of the spread; 1.4 of independent samples
 
 
@@ -170,8 +176,7 @@ def _of_level(name: str, what: str, signal: Signal, ambient: float) -> list[Noti
         warning(
             'unit_suspect',
             f'{name}: the {what} is mostly {gauge / 1e3:.4g} kPa gauge ({gauge / PSI:.3g} psi)',
-            f'check the unit of the {what}'
-            + in_other_units(gauge, GAUGE_PRESSURES, signal.unit, _PRESSURES, _pressure),
+            f'check the unit of the {what}' + in_other_units(gauge, GAUGE_PRESSURES, signal.unit, PRESSURES, _pressure),
         )
     ]
 
@@ -240,7 +245,6 @@ def _period(signal: Signal) -> float:
     return float(np.median(np.diff(signal.times[:_MOST_LOOKED_AT]))) if len(signal) > 1 else 0.0
 
 
-_PRESSURES = ('Pa', 'kPa', 'psi', 'bar', 'MPa')
 _SCALES = {
     'with a thousandth of it': 1e-3,
     'with a millionth of it': 1e-6,
