@@ -25,6 +25,7 @@ from cfd_pneumatic.identification.verdict import part_errors
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.parallel import each
 from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.recording.inspection import of_motion
 
 Array = NDArray[np.float64]
 
@@ -116,12 +117,16 @@ def identify(
     other = other_reading(recordings, options) if doubtful else None
     seen = {name: [other] for name in waiting} if other else _steps(needed, data, options)
     seen_in_any = list(dict.fromkeys(chain(*seen.values())))
+    if any(one.code == 'unit_suspect' for held in recordings for one in of_motion(held.displacement)):
+        in_vain = {*waiting}  # a device whose millisecond is a second has no effects: to seek them would take minutes
+    else:
+        in_vain = {*seen}
     if untold:
         reason = _together(seen_in_any) if seen_in_any else untold[0]
         raise _with_what_it_looks_like(reason, recordings, options)
 
     def result_of(channel: Channel) -> ChannelResult:
-        found = _identified(channel, fitted[channel], data, options, misread=channel.name in seen)
+        found = _identified(channel, fitted[channel], data, options, misread=channel.name in in_vain)
         waiting.remove(channel.name)
         share = 1.0 - (1.0 - _SMOOTHED) * len(waiting) / len(channels)
         progress(f'fitting {", ".join(waiting)}' if waiting else 'done', share)

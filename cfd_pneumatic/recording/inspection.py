@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.notices import Notice, note, warning
-from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal
 from cfd_pneumatic.recording.wording import counted
 from cfd_pneumatic.units import PSI, UNITS
 
@@ -79,7 +79,7 @@ def _sampling(role: str, signal: Signal) -> str:
 def doubts(recording: Recording, ambient_pressure: float) -> list[Notice]:
     """Return which mistakes a recording looks like, and what has to be assumed of it."""
     return [
-        *(() if recording.rests else _of_motion(recording.displacement)),
+        *(() if recording.rests else of_motion(recording.displacement)),
         *(
             notice
             for name, own in recording.cylinders.items()
@@ -102,7 +102,8 @@ def duplicates(recordings: Sequence[Recording]) -> Iterator[Notice]:
                 )
 
 
-def _of_motion(displacement: Signal) -> Iterator[Notice]:
+def of_motion(displacement: Signal) -> Iterator[Notice]:
+    """Yield which mistakes a displacement and its times look like."""
     stroke, period = float(np.ptp(_some(displacement.values))), _period(displacement)
     if stroke > STROKES[1] or 0.0 < stroke < STROKES[0]:
         yield warning(
@@ -140,12 +141,11 @@ def _of_pressure(
             'swap pressure and set-point',
         )
     elif off is not None and abs(abs(off) - ambient) < _AN_ATMOSPHERE * ambient and gauge < GAUGE_PRESSURES[1]:
-        higher, lower = ('pressure', 'set-point') if off > 0.0 else ('set-point', 'pressure')
         yield warning(
             'reference_suspect',
             f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point, '
             'an atmosphere',
-            f'the {higher} is absolute and said to be gauge, or the {lower} gauge and said to be absolute',
+            _whose_reference(own, off > 0.0),
         )
     elif gauge < _BELOW_AMBIENT:
         yield warning(
@@ -165,6 +165,19 @@ def _of_pressure(
                 _whose(name, own, cylinders),
             )
         ]
+
+
+def _whose_reference(own: CylinderSignals, is_above: bool) -> str:
+    """Return which of a pressure and its set-point may have another reference than a mapping says."""
+    assert own.setpoint is not None
+    pair = ('pressure', own.pressure.reference), ('set-point', own.setpoint.reference)
+    (higher, of_higher), (lower, of_lower) = pair if is_above else pair[::-1]
+    may_be = []
+    if of_higher != ABSOLUTE:
+        may_be.append(f'the {higher} is absolute and said to be gauge')
+    if of_lower != GAUGE:
+        may_be.append(f'the {lower} is gauge and said to be absolute')
+    return ', or '.join(may_be) or 'check the ambient pressure, and whether this is its set-point'
 
 
 def _of_level(name: str, what: str, signal: Signal, ambient: float) -> list[Notice]:

@@ -83,6 +83,24 @@ def test_a_sign_is_told_beside_steps_of_a_set_point_that_was_not_recorded(schedu
     assert found.code == 'sign_suspect'
 
 
+def test_where_the_unit_of_the_time_is_wrong_nothing_is_searched_for():
+    recording = recording_of(record(surface_following(duration=10.0, seed=1), device_named('real', ''), seed=1))
+    quick = replace(
+        recording,
+        displacement=Signal(1e-3 * recording.displacement.times, recording.displacement.values),
+        cylinders={
+            name: CylinderSignals(
+                *(Signal(1e-3 * signal.times, signal.values) for signal in (own.pressure, own.setpoint))
+            )
+            for name, own in recording.cylinders.items()
+        },
+        force=None,
+    )
+    found = identify([quick], Options(close_loop=True))
+    assert any('unit of the time' in one.fix for one in found.notices)
+    assert all(one.conclusion.tried == () for one in found.cylinders.values())
+
+
 def test_in_recordings_that_are_misread_nothing_is_searched_for():
     schedule = surface_following(duration=20.0, seed=1)
     recording = recording_of(record(schedule, device_named('paper', ''), seed=1))

@@ -62,4 +62,11 @@ def test_the_unit_of_a_set_point_is_asked_for():
 @pytest.mark.parametrize(('off', 'higher'), [(1.0, 'pressure'), (-1.0, 'set-point')])
 def test_an_atmosphere_between_pressure_and_set_point_is_one_of_the_reference(off, higher):
     found = fixes(setpoint=Signal(TIMES[:1], np.array([AMBIENT_PRESSURE + LEVEL - off * AMBIENT_PRESSURE])))
-    assert found['reference_suspect'].startswith(f'the {higher} is absolute and said to be gauge')
+    assert found['reference_suspect'].startswith(f'the {higher} is absolute and said to be gauge, or the ')
+
+
+@pytest.mark.parametrize(('reference', 'fix'), [('gauge', 'pressure is absolute'), ('absolute', 'set-point is gauge')])
+def test_what_a_mapping_says_tells_whose_reference_it_is(reference, fix):
+    held = Signal(TIMES[:1], np.array([AMBIENT_PRESSURE + LEVEL]), 'kPa', reference)
+    read = Signal(TIMES, held.values + AMBIENT_PRESSURE + 1e3 * np.cos(TIMES), 'kPa', reference)
+    assert fixes(pressure=read, setpoint=held)['reference_suspect'].startswith(f'the {fix} and said to be')
