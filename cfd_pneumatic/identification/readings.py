@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
 
 import numpy as np
 
@@ -32,9 +31,7 @@ from cfd_pneumatic.identification.steps import with_steps
 from cfd_pneumatic.model.effects.curve import CURVE
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, GAUGE_PRESSURES, PRESSURES
-from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE
-from cfd_pneumatic.units import UNITS
+from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, GAUGE_PRESSURES, scales
 
 _DOUBTFUL = 0.3  # share of a pressure's spread that a model may leave of it; what is read rightly leaves far less
 _BETTER = 0.5  # of what the recordings leave as they are read: what another way leaves at most
@@ -153,20 +150,15 @@ class Scale:
 def other_scales(result: ChannelResult, recordings: Sequence[Recording], ambient: float) -> Iterator[Scale]:
     """Yield the units and references that would make usual pressures and a usual chamber of a cylinder's."""
     signal = next(own for one in recordings if (own := result.channel.signal(one)) is not None)
-    zeros = {GAUGE: ambient, ABSOLUTE: 0.0}
     pressure = float(np.median(np.concatenate([one.measured for one in result.experiments])))
     lowest = min(float(np.min(one.inputs['setpoint'])) for one in result.experiments)
     sensitivity = result.channel.sensitivity(result.fit.model)
     said = signal.unit or 'Pa'
-    references = [signal.reference] if signal.reference else zeros
-    for reference, unit, other in product(references, PRESSURES, zeros):
-        factor = UNITS[unit].si / UNITS[said].si
-        shift = zeros[other] - factor * zeros[reference]
+    for reference, unit, other, factor, shift in scales(signal, ambient):
         level = factor * pressure + shift
         chamber = level / (factor * sensitivity)
         if (
-            (unit, other) != (said, reference)
-            and GAUGE_PRESSURES[0] <= level - ambient <= GAUGE_PRESSURES[1]
+            GAUGE_PRESSURES[0] <= level - ambient <= GAUGE_PRESSURES[1]
             and factor * lowest + shift > ambient
             and CHAMBER_LENGTHS[0] <= chamber <= CHAMBER_LENGTHS[1]
         ):

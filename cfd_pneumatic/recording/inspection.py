@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,7 @@ PRESSURES = ('Pa', 'kPa', 'psi', 'bar', 'MPa')
 _BELOW_AMBIENT = -5e3  # gauge; no regulator holds a vacuum [Pa]
 _OFF_SETPOINT = 1e4  # by which a pressure at rest may miss its set-point [Pa]
 _OFF_SHARE = 0.3  # likewise, of the gauge pressure
+_AT_SETPOINT = 0.1  # likewise, where another unit is the reason
 _AN_ATMOSPHERE = 0.15  # share by which a difference may miss ambient pressure and still be one
 _MOST_LOOKED_AT = 100_000  # samples
 _STEADY, _ALIVE = 0.05, 0.5  # share of the samples at which a set-point changes at most, a pressure at least
@@ -162,7 +164,7 @@ def _of_pressure(
             warning(
                 'setpoint_suspect',
                 f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point',
-                _whose(name, own, cylinders),
+                _whose(name, own, cylinders, ambient),
             )
         ]
 
@@ -194,14 +196,45 @@ def _of_level(name: str, what: str, signal: Signal, ambient: float) -> list[Noti
     ]
 
 
-def _whose(name: str, own: CylinderSignals, cylinders: Mapping[str, CylinderSignals]) -> str:
+def _whose(name: str, own: CylinderSignals, cylinders: Mapping[str, CylinderSignals], ambient: float) -> str:
     """Return what a pressure off its set-point suggests: the other cylinder's."""
     assert own.setpoint is not None
     off = abs(_off(own.pressure, own.setpoint))
     for other, signals in cylinders.items():
         if other != name and signals.setpoint is not None and abs(_off(own.pressure, signals.setpoint)) < 0.5 * off:
             return f'it lies at that of {other}: check which set-point and which pressure is whose'
-    return 'check the units of both, and whether this is its set-point'
+    likely = ' or '.join(_at_its_set_point(own, ambient))
+    return 'check the units of both, and whether this is its set-point' + (f' (it is if {likely})' if likely else '')
+
+
+def _at_its_set_point(own: CylinderSignals, ambient: float) -> Iterator[str]:
+    """Yield in which other unit or reference a pressure would lie at its set-point, or the set-point at it."""
+    assert own.setpoint is not None
+    pair = {'pressure': own.pressure, 'set-point': own.setpoint}
+    at = {what: float(np.median(_some(signal.values))) for what, signal in pair.items()}
+    for (what, signal), other in zip(pair.items(), reversed(at.values())):
+        for _, unit, reference, factor, shift in scales(signal, ambient):
+            level = factor * at[what] + shift
+            if GAUGE_PRESSURES[0] <= level - ambient <= GAUGE_PRESSURES[1] and abs(level - other) < _AT_SETPOINT * (
+                level - ambient
+            ):
+                yield f'the {what} is {reference} {unit}'
+
+
+def scales(signal: Signal, ambient: float) -> Iterator[tuple[str, str, str, float, float]]:
+    """
+    Yield on which other scales a pressure may have been recorded.
+
+    The reference that it is said to have (each where nobody says one), unit and reference that it may have, and factor
+    and shift that make it of what was read [-, Pa].
+    """
+    zeros = {GAUGE: ambient, ABSOLUTE: 0.0}
+    said = signal.unit or 'Pa'
+    for reference in [signal.reference] if signal.reference else zeros:
+        for unit, other in product(PRESSURES, zeros):
+            factor = UNITS[unit].si / UNITS[said].si
+            if (unit, other) != (said, reference):
+                yield reference, unit, other, factor, zeros[other] - factor * zeros[reference]
 
 
 def _assumptions(recording: Recording) -> Iterator[Notice]:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.recording.inspection import GAUGE_PRESSURES, doubts
-from cfd_pneumatic.units import UNITS
+from cfd_pneumatic.units import PSI, UNITS
 
 TIMES = np.linspace(0.0, 10.0, 1001)
 PISTON = 2e-3 * np.sin(TIMES)
@@ -70,3 +70,10 @@ def test_what_a_mapping_says_tells_whose_reference_it_is(reference, fix):
     held = Signal(TIMES[:1], np.array([AMBIENT_PRESSURE + LEVEL]), 'kPa', reference)
     read = Signal(TIMES, held.values + AMBIENT_PRESSURE + 1e3 * np.cos(TIMES), 'kPa', reference)
     assert fixes(pressure=read, setpoint=held)['reference_suspect'].startswith(f'the {fix} and said to be')
+
+
+def test_of_a_pressure_off_its_set_point_the_unit_is_named_in_which_it_is_at_it():
+    in_psi = (AMBIENT_PRESSURE + LEVEL) / PSI
+    read = Signal(TIMES, AMBIENT_PRESSURE + 1e3 * in_psi + np.cos(TIMES), 'kPa', 'gauge')
+    held = Signal(TIMES[:1], np.array([AMBIENT_PRESSURE + LEVEL]), 'bar', 'gauge')
+    assert fixes(pressure=read, setpoint=held)['setpoint_suspect'].endswith('(it is if the pressure is absolute psi)')
