@@ -222,6 +222,19 @@ def inches_and_psi(columns: Columns, layout: Layout) -> None:
     every('unit', 'kPa', *PRESSURES, *SETPOINTS)(columns, layout)
 
 
+def absolute_psi_as_kpa(columns: Columns, layout: Layout) -> None:
+    """Write all pressures in absolute psi, and read them as kPa above ambient."""
+    counted_from_nothing(columns, layout)
+    columns.update({name: 1e5 / PSI * columns[name] for name in ('pA', 'pB', 'setA', 'setB')})
+    every('unit', 'kPa', *PRESSURES, *SETPOINTS)(columns, layout)
+
+
+def kpa_as_psi(columns: Columns, layout: Layout) -> None:
+    """Write all pressures in kPa above ambient, and read them as psi."""
+    columns.update({name: 1e2 * columns[name] for name in ('pA', 'pB', 'setA', 'setB')})
+    every('unit', 'psi', *PRESSURES, *SETPOINTS)(columns, layout)
+
+
 def columns_of(**names: str) -> Change:
     """Return a change of which column a signal is in."""
     return entries(**{f'{path}__column': name for path, name in names.items()})
@@ -301,6 +314,9 @@ def _of_one() -> Iterator[Mistake]:
     yield Mistake('tutorial', 'one pressure absolute', entries(cylinder_a__pressure__reference='absolute'), REFERENCE)
     yield Mistake('tutorial', 'pressures absolute', every('reference', 'absolute', *PRESSURES), REFERENCE)
     yield Mistake('real', 'everything absolute, read as gauge', counted_from_nothing, REFERENCE)
+    yield Mistake('real', 'absolute psi read as kPa', absolute_psi_as_kpa, UNIT)
+    yield Mistake('real', 'kPa read as psi', kpa_as_psi, UNIT)
+    yield Mistake('real', 'no set-points', without(*SETPOINTS), ('setpoint_assumed',))
     yield Mistake('rig', 'inch read as mm', entries(displacement__unit='mm'), UNIT)
     yield Mistake('rig', 's read as ms', entries(table__time__unit='ms'), UNIT)
     yield Mistake('rig', 'kPa read as psi', every('unit', 'psi', *PRESSURES, *SETPOINTS), (*UNIT, *SETPOINT))
@@ -344,6 +360,7 @@ WORDS = {
     'sign_suspect': 'sign',
     'cylinders_swapped': 'swapped',
     'sampling_slow': 'sample',
+    'setpoint_assumed': 'was not recorded, and it steps',
     'error': 'time runs backwards',
 }
 """What an error says instead of a code."""

@@ -14,6 +14,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
+# As programs do, before NumPy is there: the threads of its library take more than twice the time on the same cores.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.append(str(Path(__file__).parents[1]))  # studies/; last, so that an installed package comes first
 
@@ -24,10 +27,6 @@ from cfd_pneumatic.examples import EXAMPLES
 from studies.chromium import PROGRAM, Chromium
 from studies.ros_environment import isolate
 from studies.tutorial import blocks, programs, run
-
-# As programs do, before NumPy is there: the threads of its library take more than twice the time on the same cores.
-assert 'numpy' not in sys.modules
-os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 
 isolate()
 for name in ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE'):  # as Lyrical and Humble call it

@@ -15,6 +15,7 @@ TRIED = {
     *(('tutorial', what) for what in ('mm read as mil', 'set-points absolute', 'set-points swapped')),
     *(('tutorial', what) for what in ('pressures swapped', 'no set-points', 'the same twice', 'every fortieth row')),
     ('tutorial', 'inches read as mm, absolute psi as kPa'),
+    ('real', 'absolute psi read as kPa'),
     *(('rig', what) for what in ('another device from two thirds on', 'one pressure in bar', 'half the area')),
     *(('rig', 'force the other way'), ('measured', 'upside down'), ('measured', 'displacement the other way')),
 }

@@ -17,7 +17,7 @@ from cfd_pneumatic.errors import InputError
 
 if TYPE_CHECKING:
     from cfd_pneumatic.identification import Options
-    from cfd_pneumatic.recording import ChannelMapping
+    from cfd_pneumatic.recording import ChannelMapping, Recording
 
 PROGRESS_KEY = 'progress'
 """With `--progress lines` each line on standard output is JSON: {"progress": share, "what": text}."""
@@ -213,7 +213,6 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
     from cfd_pneumatic.files import make_folder, write_text
     from cfd_pneumatic.identification import identify
     from cfd_pneumatic.recording import read_recording
-    from cfd_pneumatic.recording.inspection import described
     from cfd_pneumatic.reporting import draft_effect, next_plan, print_report, write_report
     from cfd_pneumatic.terminal import terminal
 
@@ -227,8 +226,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         ]
         report('read', 0.2)
     if arguments.progress != 'lines':
-        for recording in recordings:
-            print(f'{recording.name}:', *described(recording, options.ambient_pressure), sep='\n  ')
+        _print_recordings(recordings, options)
     with _progress(arguments.progress) as report:
         identification = identify(recordings, options, lambda what, share: report(what, 0.2 + 0.7 * share))
         report('writing the report', 0.9)
@@ -244,6 +242,22 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
             print(f'To plan an experiment that tells more: {command}')
     if arguments.draft_effect is not None:
         write_text(arguments.draft_effect, draft_effect(identification, arguments.draft_effect.stem))
+
+
+def _print_recordings(recordings: Sequence[Recording], options: Options) -> None:
+    """Print what was recorded, and which mistakes that looks like, before minutes are spent on it."""
+    from cfd_pneumatic.identification.doubts import of_recordings
+    from cfd_pneumatic.notices import WARNING
+    from cfd_pneumatic.recording.inspection import described
+
+    for recording in recordings:
+        print(f'{recording.name}:', *described(recording, options.ambient_pressure), sep='\n  ')
+    warnings = [one for one in of_recordings(recordings, options) if one.level == WARNING]
+    for one in warnings:
+        print(f'warning: {one}')
+    if warnings:
+        print('It goes on nevertheless; Ctrl-C ends it, to mend that first.')
+    sys.stdout.flush()
 
 
 def _identify_each(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:

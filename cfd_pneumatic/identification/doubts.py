@@ -8,26 +8,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.options import Options
-from cfd_pneumatic.identification.readings import left_of_force, other_reference
+from cfd_pneumatic.identification.readings import left_of_force, other_pressure, other_scales
 from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import Recording, Signal
-from cfd_pneumatic.recording.inspection import LENGTHS, duplicates, in_other_units, shown_length
+from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, LENGTHS, duplicates, in_other_units, shown_length
 from cfd_pneumatic.recording.inspection import doubts as doubts_of_recording
 from cfd_pneumatic.units import INCH
 
 Array = NDArray[np.float64]
 
-CHAMBER_LENGTHS = (5e-3, 0.45)
-"""Absolute pressure over `k_x`: how long a chamber of the piston's area would be [m]."""
+USUAL_CHAMBERS = (1e-2, 0.1)
+"""Likewise, of most devices [m]."""
 
 SMALL_CHAMBER, SMALL_STROKE = 1e-2, 2.5e-4
 """Of a device that is odd by both: two wrong units make up for each other in the chamber, and not in the stroke [m]."""
@@ -41,45 +40,37 @@ _PIECES = 10  # of a recording, whose errors are compared
 _FEWEST = 50  # samples of a piece
 _CHANGED = 3.0  # times as large an error after a change as before, or the reverse
 _ABOVE_NOISE = 2.0  # times the noise: what is smaller has not changed anything that matters
-_STEPS = 0.5  # share of what is left without a set-point that a staircase explains
-_LEAST_STEP = 5.0  # times the noise
 _SEVERAL = 3  # recordings: of two none is the odd one
 _LAG = 'displacement_lag'  # as good as a delay
 _TOLD_BY_FORCE = 0.05  # change of the force's error
-_MOST_TOLD = 5
-_MOST_STEPS = 40
-_LEAST_SHARE = 0.01  # of the sum of squares, that each further step explains
 
 
 def doubts(
     recordings: Sequence[Recording],
     results: Mapping[str, ChannelResult],
     options: Options,
-    other_reading: Notice | None = None,
+    seen: Sequence[Notice] = (),
 ) -> tuple[Notice, ...]:
     """
     Return which mistakes recordings, and what was identified of them, look like; and what was assumed.
 
-    `other_reading` says how else the recordings may be read, where that was found already.
+    What was `seen` before effects were searched for is not looked for again.
     """
     found = [*of_recordings(recordings, options)]
     cylinders = {name: one for name, one in results.items() if not isinstance(one.channel, Force)}
     forces = [one for one in results.values() if isinstance(one.channel, Force)]
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in _of_chamber(one, recordings[0].displacement)]
-    if not any_warning(found) and other_reading is not None:
-        found.append(other_reading)
+    found += seen  # nothing was searched for: that has to be said, whatever else is
     if not any_warning(found):
-        found += [notice for one in cylinders.values() for notice in other_reference(one, options)]
+        found += [notice for one in cylinders.values() for notice in other_pressure(one, recordings, options)]
     if not any_warning(found):
         found += [notice for one in results.values() if one.conclusion for notice in _of_a_stranger(one)]
     if not any_warning(found):
-        for name, one in cylinders.items():
-            assumed = [held.cylinders[name].setpoint is None for held in recordings if name in held.cylinders]
-            found += _of_steps(one) if any(assumed) else []
-    if not any_warning(found):
         found += [notice for one in results.values() for notice in _of_changes(one)]
         found += [notice for one in cylinders.values() for notice in _of_delay(one, forces, recordings, options)]
+    if not any_warning(found):
+        found += _of_chambers(cylinders, recordings, options)
     found += [notice for one in forces for notice in _of_force(one, options)]
     return tuple(found)
 
@@ -92,15 +83,15 @@ def of_recordings(recordings: Sequence[Recording], options: Options) -> tuple[No
 
 def _of_chamber(result: ChannelResult, displacement: Signal) -> Iterator[Notice]:
     """Ask whether the chamber has a size that a cylinder may have."""
-    estimate = next((one for one in (*result.gains[:1], result.fit.estimates[0]) if one.value is not None), None)
-    if estimate is None or estimate.value is None:
+    told = _chamber(result)
+    if told is None:
         return
-    pressure = float(np.median(np.concatenate([one.measured for one in result.experiments])))
-    length = pressure / estimate.value
+    pressure, sensitivity = told
+    length = pressure / sensitivity
     if not CHAMBER_LENGTHS[0] <= length <= CHAMBER_LENGTHS[1]:
         yield warning(
             'unit_suspect',
-            f'{result.name}: k_x of {estimate.value:.3g} Pa/m at {1e-3 * pressure:.4g} kPa is that of a chamber '
+            f'{result.name}: k_x of {sensitivity:.3g} Pa/m at {1e-3 * pressure:.4g} kPa is that of a chamber '
             f'{shown_length(length)} long',
             'check the units of pressure and displacement'
             + in_other_units(length, CHAMBER_LENGTHS, displacement.unit, LENGTHS, shown_length),
@@ -113,6 +104,41 @@ def _of_chamber(result: ChannelResult, displacement: Signal) -> Iterator[Notice]
             f'{result.name}: the piston moves {shown_length(stroke)} in a chamber {shown_length(length)} long',
             'check the units of pressure and displacement'
             + in_other_units(stroke, (SMALL_STROKE, CHAMBER_LENGTHS[1]), displacement.unit, LENGTHS, shown_length),
+        )
+
+
+def _chamber(result: ChannelResult) -> tuple[float, float] | None:
+    """Return the usual pressure and `k_x` [Pa, Pa/m]; None where that is not told."""
+    told = [one.value for one in (*result.gains[:1], result.fit.estimates[0]) if one.value is not None]
+    pressure = float(np.median(np.concatenate([one.measured for one in result.experiments])))
+    return (pressure, told[0]) if told else None
+
+
+def _of_chambers(
+    cylinders: Mapping[str, ChannelResult], recordings: Sequence[Recording], options: Options
+) -> Iterator[Notice]:
+    """Say how long the chambers are, which only the drawing tells better; of an unusual one what else it may be."""
+    lengths: list[str] = []
+    instead: list[str] = []
+    for name, one in cylinders.items():
+        told = _chamber(one)
+        if told is None:
+            continue
+        length = told[0] / told[1]
+        lengths.append(f'{shown_length(length)} ({name})')
+        if not instead and not USUAL_CHAMBERS[0] <= length <= USUAL_CHAMBERS[1]:
+            scales = other_scales(one, recordings, options.ambient_pressure)
+            instead = [
+                f'{shown_length(scale.chamber)} if they are {scale.true}'
+                for scale in scales
+                if USUAL_CHAMBERS[0] <= scale.chamber <= USUAL_CHAMBERS[1]
+            ]
+    if lengths:
+        also = f'; it would be {", ".join(instead)}' if instead else ''
+        yield note(
+            'chamber_told',
+            f'the pressures go with a chamber {" and ".join(lengths)} long, its line counted in',
+            f'check that against the drawing{also}',
         )
 
 
@@ -150,49 +176,6 @@ def _of_late_displacement(ratio: float = 1.0) -> str:
     if ratio < 1.0 - _TOLD_BY_FORCE:
         return f'look at {sensor}: moving the displacement by it lowers the error of the force to {100.0 * ratio:.0f} %'
     return f'look at {sensor}; or the delay stands for {dynamics}'
-
-
-def _of_steps(result: ChannelResult) -> Iterator[Notice]:
-    """Ask whether what is left without a recorded set-point is a staircase."""
-    for one in result.comparisons:
-        residual = one.residual(0)
-        times, levels = _staircase(residual)
-        if len(levels) < 2:
-            continue
-        left = residual - np.repeat(levels, np.diff([*times, residual.size]))
-        size = float(np.ptp(levels))
-        if float(np.var(left)) < (1.0 - _STEPS) * float(np.var(residual)) and size > _LEAST_STEP * result.noise.std:
-            at = [f'{one.times[first]:.2f} s' for first in times[1 : 1 + _MOST_TOLD]]
-            more = ' and later' if len(times) > 1 + _MOST_TOLD else ''
-            yield warning(
-                'setpoint_assumed',
-                f'{result.name}: the set-point was not recorded, and the pressure changes its level by up to '
-                f'{1e-3 * size:.3g} kPa, at {", ".join(at)}{more}',
-                'record the set-point, or cut the recording where it changes',
-            )
-
-
-def _staircase(values: Array) -> tuple[list[int], Array]:
-    """Return where levels begin, from the largest step on down, and the levels: a step has to explain a share."""
-    begins = [0, values.size]
-    for _ in range(_MOST_STEPS):
-        gains = [_best_cut(values[first:last]) for first, last in pairwise(begins)]
-        place = int(np.argmax([gain for gain, _ in gains]))
-        if gains[place][0] < _LEAST_SHARE * float(np.sum((values - np.mean(values)) ** 2)):
-            break
-        begins = sorted([*begins, begins[place] + gains[place][1]])
-    return begins[:-1], np.array([np.mean(values[first:last]) for first, last in pairwise(begins)])
-
-
-def _best_cut(values: Array) -> tuple[float, int]:
-    """Return by how much a step lowers the sum of squares at most, and where it is."""
-    if values.size < 2 * _FEWEST:
-        return 0.0, 0
-    sums = np.cumsum(values - np.mean(values))[_FEWEST - 1 : -_FEWEST]
-    before = np.arange(_FEWEST, values.size - _FEWEST + 1)[: sums.size]
-    gains = sums**2 * values.size / (before * (values.size - before))
-    best = int(np.argmax(gains))
-    return float(gains[best]), int(before[best])
 
 
 def _of_changes(result: ChannelResult) -> Iterator[Notice]:

@@ -86,14 +86,17 @@ def close_loop(
     if after is not before:
         noise = likelihood.noise(after.model)
         tests = likelihood.tests(after.model, noise)
-    hidden = invisible(likelihood, after.model, noise) if shortage is None else ()
+    hidden = invisible(likelihood, after.model, noise) if searching and shortage is None else ()
     left = [one.measured - values for one, values in zip(experiments, after.simulated)]
-    against += contradiction(experiments, left, noise.std)
+    if searching:
+        against += contradiction(experiments, left, noise.std)
     effects = tuple(name for name in after.model.effects if name != CURVE)
     used = PHYSICAL if after.model.core else LINEAR
     harmless = within(tolerance, channel.quantity.small.unit, experiments, after.simulated)
     law = '' if unknown is None else unknown.words
-    verdict, why = verdict_of(used, effects, alternatives, tests, shortage, ratio, interval, against, harmless, law)
+    verdict, why = verdict_of(
+        used, effects, alternatives, tests, shortage, ratio, interval, against, harmless, law, searching
+    )
     conclusion = Conclusion(
         verdict=verdict,
         why=why,
@@ -109,6 +112,7 @@ def close_loop(
         not_visible=hidden,
         next_experiment=next_experiment(hidden, channel.library, shortage),
         unknown=unknown,
+        sought=searching,
     )
     return after, conclusion
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -19,10 +20,12 @@ from cfd_pneumatic.identification.fit.fit import Fit, fit
 from cfd_pneumatic.identification.loop import close_loop, with_core
 from cfd_pneumatic.identification.readings import is_doubtful, other_reading
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
+from cfd_pneumatic.identification.steps import of_fit, of_pressure
 from cfd_pneumatic.identification.verdict import part_errors
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.parallel import each
 from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.recording.inspection import of_motion
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and which share of the whole is done [0 to 1]."""
@@ -105,17 +108,23 @@ def identify(
     together = each if samples <= _TOGETHER else map  # one after the other where memory counts
     fits = dict(zip(waiting, together(lambda channel: _fitted(channel, data), channels)))
     failed = {name: one for name, one in fits.items() if isinstance(one, InputError)}
-    for channel in channels:
-        if channel.needed and channel.name in failed:
-            other = other_reading(recordings, options)
-            reason = SuspectError(other) if other else failed[channel.name]
-            raise _with_what_it_looks_like(reason, recordings, options)
     fitted = {channel: one for channel in channels if isinstance(one := fits[channel.name], Fit)}
-    doubtful = is_doubtful([one for channel, one in fitted.items() if channel.needed])
+    needed = {channel: fits[channel.name] for channel in channels if channel.needed}
+    untold = [one for one in needed.values() if isinstance(one, InputError)]
+    doubtful = bool(untold) or is_doubtful([one for one in needed.values() if isinstance(one, Fit)])
     other = other_reading(recordings, options) if doubtful else None
+    seen = {name: [other] for name in waiting} if other else _steps(needed, data, options)
+    seen_in_any = list(dict.fromkeys(chain(*seen.values())))
+    if any(one.code == 'unit_suspect' for held in recordings for one in of_motion(held.displacement)):
+        in_vain = {*waiting}  # a device whose millisecond is a second has no effects: to seek them would take minutes
+    else:
+        in_vain = {*seen}
+    if untold:
+        reason = _together(seen_in_any) if seen_in_any else untold[0]
+        raise _with_what_it_looks_like(reason, recordings, options)
 
     def result_of(channel: Channel) -> ChannelResult:
-        found = _identified(channel, fitted[channel], data, options, misread=other is not None)
+        found = _identified(channel, fitted[channel], data, options, misread=channel.name in in_vain)
         waiting.remove(channel.name)
         share = 1.0 - (1.0 - _SMOOTHED) * len(waiting) / len(channels)
         progress(f'fitting {", ".join(waiting)}' if waiting else 'done', share)
@@ -123,11 +132,28 @@ def identify(
 
     results = {one.channel.name: one for one in together(result_of, fitted)}
     unidentified = {name: str(error) for name, error in failed.items()}
-    notices = doubts(recordings, results, options, other)
+    notices = doubts(recordings, results, options, seen_in_any)
     misread = any_warning([one for one in notices if one.code != 'size_suspect'])
     notices += tuple(_notice_of(one, misread) for one in failed.values())
     results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}
     return Identification(data.recordings, data.splits, data.no_test, results, unidentified, options, notices)
+
+
+def _steps(needed: Mapping[Channel, Fit | InputError], data: Prepared, options: Options) -> dict[str, list[Notice]]:
+    """Return where set-points that were not recorded step, by the cylinders whose do."""
+    found = {}
+    for channel, one in needed.items():
+        if isinstance(one, Fit):
+            steps = of_fit(one, data.recordings)
+        else:
+            steps = of_pressure(channel, data.experiments(channel), data.recordings, options.ambient_pressure)
+        found[channel.name] = list(steps)
+    return {name: steps for name, steps in found.items() if steps}
+
+
+def _together(notices: Sequence[Notice]) -> SuspectError:
+    """Return notices of one kind, which have one mend, as an error."""
+    return SuspectError(replace(notices[0], message='; '.join(one.message for one in notices)))
 
 
 def _notice_of(error: InputError, doubted: bool) -> Notice:

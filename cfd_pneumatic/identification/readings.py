@@ -9,8 +9,8 @@ only the physical core sees.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,17 +22,21 @@ from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import observed_motion
 from cfd_pneumatic.identification.data.options import AUTO, Options
 from cfd_pneumatic.identification.data.split import split_recordings
-from cfd_pneumatic.identification.fit.fit import Fit, search
+from cfd_pneumatic.identification.fit.fit import Fit, fit, search
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
-from cfd_pneumatic.identification.residual.tests import explained, follows_inputs
+from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.identification.search.candidates import Candidates
+from cfd_pneumatic.identification.steps import with_steps
+from cfd_pneumatic.model.effects.curve import CURVE
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, GAUGE_PRESSURES, scales
 
 _DOUBTFUL = 0.3  # share of a pressure's spread that a model may leave of it; what is read rightly leaves far less
 _BETTER = 0.5  # of what the recordings leave as they are read: what another way leaves at most
 _NO_BETTER = 1.3  # times the squares that are left as it is read: a reference that roughly leaves more is no better
+_STEPPED = 3  # times that steps of a set-point which was not recorded are taken from what is left
 _LONGEST = 20_000  # samples that other ways are tried on
 _ROUGH = (1e-3, 30)  # tolerance and evaluations
 
@@ -64,42 +68,104 @@ def other_reading(recordings: Sequence[Recording], options: Options) -> Notice |
     return warning(code, 'the pressures do not follow the piston as it is read', fix)
 
 
-def other_reference(result: ChannelResult, options: Options) -> Iterator[Notice]:
-    """Ask whether a pressure that still follows the inputs is explained with an atmosphere less, or with one more."""
+def other_pressure(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[Notice]:
+    """
+    Ask whether a pressure is a whole device's in another unit, or against another zero.
+
+    Only that has the flows and the stiffness of its pressure. It is asked where something is left, and where what was
+    found is a law or physics that the core has: those are what a wrong scale looks like.
+    """
     conclusion = result.conclusion
     if options.core != AUTO or conclusion is None or not result.channel.cores:
         return
-    if not follows_inputs(conclusion.tests_after):
+    (name, *_) = result.channel.cores
+    physics = {*result.channel.effects[name].covers, *((CURVE,) if conclusion.unknown else ())}
+    if explained(conclusion.tests_after) and not physics & {*result.found.model.effects}:
         return
 
     left_as_found = result.fit.likelihood.residuals(result.found.simulated)
     most = _NO_BETTER * float(np.mean(np.concatenate(left_as_found) ** 2))
 
-    def by_core(experiments: Sequence[Experiment]) -> tuple[bool, float]:
-        candidates = Candidates(replace(result.fit.likelihood, experiments=tuple(experiments)), result.fit.model)
-        (name, *_) = result.channel.cores
-        found = candidates.with_core(candidates.baseline, name, most)
-        return explained(candidates.residual_tests(found)), found.rss
+    def by_core(scale: Scale) -> tuple[bool, float]:
+        experiments = [scale.of(one) for one in result.experiments]
+        try:
+            alike = result.fit if scale.factor == 1.0 else fit(result.channel, experiments)
+        except InputError:
+            return False, math.inf
+        candidates = Candidates(replace(alike.likelihood, experiments=tuple(experiments)), alike.model)
+        found = candidates.with_core(candidates.baseline, name, most * scale.factor**2)
+        return explained(candidates.residual_tests(found)), found.rss / scale.factor**2
 
-    for said, true, shift in (('gauge', 'absolute', -1.0), ('absolute', 'gauge', 1.0)):
-        moved = [_referred(one, shift * options.ambient_pressure) for one in result.experiments]
-        above_ambient = min(float(np.min(one.inputs['setpoint'])) for one in moved) > options.ambient_pressure
-        is_explained, left = by_core(moved) if above_ambient else (False, math.inf)
-        if not is_explained:
-            continue
-        is_explained_as_read, left_as_read = by_core(result.experiments)
-        if not is_explained_as_read and left < left_as_read:
-            yield warning(
-                'reference_suspect',
-                f'{result.name}: pressure and set-point look like {true} ones that are said to be {said}',
-                f'check their reference: with `reference: {true}` the model leaves only noise',
-            )
+    left = {}
+    for scale in other_scales(result, recordings, options.ambient_pressure):
+        is_explained, squares = by_core(scale)
+        if is_explained:
+            left[scale] = squares
+    if not left:
+        return
+    best = min(left, key=left.__getitem__)
+    is_explained_as_read, left_as_read = by_core(Scale())
+    if not is_explained_as_read and left[best] < left_as_read:
+        entries = ', '.join(f'`{key}: {value}`' for key, value in best.entries.items())
+        yield warning(
+            'unit_suspect' if 'unit' in best.entries else 'reference_suspect',
+            f'{result.name}: pressure and set-point look like {best.true} ones that are said to be {best.said}',
+            f'check their {" and ".join(best.entries)}: with {entries} the model leaves only noise',
+        )
 
 
-def _referred(experiment: Experiment, shift: float) -> Experiment:
-    """Return an experiment with pressure and set-point shifted [Pa]."""
-    inputs = {**experiment.inputs, 'setpoint': experiment.inputs['setpoint'] + shift}
-    return replace(experiment, measured=experiment.measured + shift, inputs=inputs)
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """
+    What pressures may be counted in instead.
+
+    Attributes
+    ----------
+    said, true
+        What they are said to be, and what they would be, for people.
+    entries
+        Of a mapping, that differ then.
+    factor, shift
+        What makes pressures of those that were read [-, Pa].
+    chamber
+        How long it would make the chamber [m].
+
+    """
+
+    said: str = ''
+    true: str = ''
+    entries: Mapping[str, str] = field(default_factory=dict)
+    factor: float = 1.0
+    shift: float = 0.0
+    chamber: float = 0.0
+
+    def of(self, experiment: Experiment) -> Experiment:
+        """Return an experiment with pressure and set-point on this scale."""
+        measured, setpoint = (
+            self.factor * one + self.shift for one in (experiment.measured, experiment.inputs['setpoint'])
+        )
+        return replace(experiment, measured=measured, inputs={**experiment.inputs, 'setpoint': setpoint})
+
+
+def other_scales(result: ChannelResult, recordings: Sequence[Recording], ambient: float) -> Iterator[Scale]:
+    """Yield the units and references that would make usual pressures and a usual chamber of a cylinder's."""
+    signal = next(own for one in recordings if (own := result.channel.signal(one)) is not None)
+    pressure = float(np.median(np.concatenate([one.measured for one in result.experiments])))
+    lowest = min(float(np.min(one.inputs['setpoint'])) for one in result.experiments)
+    sensitivity = result.channel.sensitivity(result.fit.model)
+    said = signal.unit or 'Pa'
+    for reference, unit, other, factor, shift in scales(signal, ambient):
+        level = factor * pressure + shift
+        chamber = level / (factor * sensitivity)
+        if (
+            GAUGE_PRESSURES[0] <= level - ambient <= GAUGE_PRESSURES[1]
+            and factor * lowest + shift > ambient
+            and CHAMBER_LENGTHS[0] <= chamber <= CHAMBER_LENGTHS[1]
+        ):
+            entries = {'unit': unit} if unit != said else {}
+            entries |= {'reference': other} if other != reference else {}
+            names = (f'{reference} {said}', f'{other} {unit}') if unit != said else (reference, other)
+            yield Scale(*names, entries, factor, shift, chamber)
 
 
 def left_of_force(recordings: Sequence[Recording], result: ChannelResult, options: Options, by: float = 0.0) -> float:
@@ -118,10 +184,10 @@ def _readings(recordings: Sequence[Recording]) -> dict[str, Reading]:
     other_way = 'with the other `sign` of the displacement'
     if not all(len(one.cylinders) == len(CYLINDERS) for one in recordings):
         return {other_way: _turned}
-    readings: dict[str, Reading] = {
-        'with the pressures of the two cylinders swapped': _pressures_swapped,
-        'with the set-points of the two cylinders swapped': lambda one: _swapped(_pressures_swapped(one)),
-    }
+    readings: dict[str, Reading] = {}
+    if any(own.setpoint is not None for one in recordings for own in one.cylinders.values()):
+        readings['with the pressures of the two cylinders swapped'] = _pressures_swapped
+        readings['with the set-points of the two cylinders swapped'] = lambda one: _swapped(_pressures_swapped(one))
     agrees = _force_agrees(recordings)
     if agrees is not False:
         readings[other_way] = _turned
@@ -183,7 +249,17 @@ def _left_by(channel: Channel, recordings: Sequence[Recording], options: Options
     likelihood = Likelihood.alike(channel, experiments)
     starts = channel.starts(experiments) if start is None else [start]
     best = min((search(likelihood, one, *_ROUGH) for one in starts), key=lambda one: one.cost)
-    return _left(likelihood.simulate(best.model), likelihood)
+    simulated = likelihood.simulate(best.model)
+    left = _left(simulated, likelihood)
+    for _ in range(_STEPPED if channel.name in CYLINDERS else 0):
+        if all(one.cylinders[channel.name].setpoint is not None for one in held):
+            break
+        experiments = [with_steps(*one, channel) for one in zip(held, experiments, simulated)]
+        likelihood = Likelihood.alike(channel, experiments)
+        best = search(likelihood, best.model, *_ROUGH)
+        simulated = likelihood.simulate(best.model)
+        left = _left(simulated, likelihood)
+    return left
 
 
 def _left(simulated: Sequence[np.ndarray], likelihood: Likelihood) -> float:

@@ -35,6 +35,7 @@ _FAILINGS = {
     'ljung_box': 'has a longer memory than the noise',
     'noise_floor': 'is larger than the noise',
 }
+_UNSOUGHT = 'effects are searched for once what the warning names is mended'
 _WHOLE = 'flows, stiffness and sensing follow pressure and position, as the physical core has it'
 _UNKNOWN = 'the model lacks something that is none of the effects known here'
 _FEWEST_SAMPLES = 100  # of the train part: below, a dozen unknowns and a noise floor are not to be told apart
@@ -77,6 +78,8 @@ class Conclusion:
         Whether a warning about the recordings puts all of it in doubt.
     unknown
         A law that is none of the effects, as the recordings have drawn it, or None.
+    sought
+        Whether effects were looked for: not in recordings that are misread.
 
     """
 
@@ -95,6 +98,7 @@ class Conclusion:
     next_experiment: str
     doubted: bool = False
     unknown: Shape | None = None
+    sought: bool = True
 
     @property
     def status(self) -> str:
@@ -171,12 +175,13 @@ def verdict_of(
     against: Sequence[str] = (),
     harmless: str = '',
     law: str = '',
+    sought: bool = True,
 ) -> tuple[str, str]:
     """
     Return the verdict and the sentence that says it; clauses of `against` withdraw it.
 
     Where `harmless` says why what is left does not matter, it makes no verdict `unexplained`. A `law` is what a curve
-    that was drawn does.
+    that was drawn does. Whether effects were `sought` at all is said, too.
     """
     if shortage is not None:
         return 'insufficient_data', shortage
@@ -199,7 +204,7 @@ def verdict_of(
         if failed:
             left = f', and something that is not known here: what is left {failed}'
     elif failed:
-        why, left = f'{whole}{_UNKNOWN}', f': what is left {failed}'
+        why, left = f'{whole}{_UNKNOWN if sought else _UNSOUGHT}', f': what is left {failed}'
     else:
         why, left = f'{whole}what the model leaves is noise', ': nothing is missing that these recordings could show'
     if failed and harmless:

@@ -75,6 +75,8 @@ def remainder(result: ChannelResult) -> str:
     noise, span = size / result.noise.std, size / result.span
     text = f'What is left is {number(size / small.si, 3)} {small.unit}, {number(noise, 2)} times the noise and '
     text += f'{percent(span)} of the span.'
+    if not result.findings.sought:  # what it goes with is the mistake
+        return text
     found = dependences(result)
     if not found:
         return f'{text} It goes with none of position, speed, pressure and time alone.'

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.notices import Notice, note, warning
-from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal
 from cfd_pneumatic.recording.wording import counted
 from cfd_pneumatic.units import PSI, UNITS
 
@@ -29,17 +30,24 @@ PERIODS = (4e-5, 0.5)
 GAUGE_PRESSURES = (1.5e4, 1e6)
 """At which a regulator holds a cylinder [Pa]."""
 
-LENGTHS = ('m', 'mm', 'um', 'inch')
+CHAMBER_LENGTHS = (5e-3, 0.45)
+"""Absolute pressure over `k_x`: how long a chamber of the piston's area would be [m]."""
+
+LENGTHS = ('m', 'mm', 'um', 'inch', 'mil')
 """Units in which people record a displacement."""
+
+PRESSURES = ('Pa', 'kPa', 'psi', 'bar', 'MPa')
+"""Units in which people record a pressure."""
 
 _BELOW_AMBIENT = -5e3  # gauge; no regulator holds a vacuum [Pa]
 _OFF_SETPOINT = 1e4  # by which a pressure at rest may miss its set-point [Pa]
 _OFF_SHARE = 0.3  # likewise, of the gauge pressure
+_AT_SETPOINT = 0.1  # likewise, where another unit is the reason
 _AN_ATMOSPHERE = 0.15  # share by which a difference may miss ambient pressure and still be one
 _MOST_LOOKED_AT = 100_000  # samples
 _STEADY, _ALIVE = 0.05, 0.5  # share of the samples at which a set-point changes at most, a pressure at least
 _ALIKE = 1e-9
-_MOST_GUESSES = 2
+_MOST_GUESSES = 3
 _ROUGHEST = 0.6  # change from sample to sample, as a share of the spread; 1.4 of independent samples
 
 
@@ -73,7 +81,7 @@ def _sampling(role: str, signal: Signal) -> str:
 def doubts(recording: Recording, ambient_pressure: float) -> list[Notice]:
     """Return which mistakes a recording looks like, and what has to be assumed of it."""
     return [
-        *(() if recording.rests else _of_motion(recording.displacement)),
+        *(() if recording.rests else of_motion(recording.displacement)),
         *(
             notice
             for name, own in recording.cylinders.items()
@@ -96,7 +104,8 @@ def duplicates(recordings: Sequence[Recording]) -> Iterator[Notice]:
                 )
 
 
-def _of_motion(displacement: Signal) -> Iterator[Notice]:
+def of_motion(displacement: Signal) -> Iterator[Notice]:
+    """Yield which mistakes a displacement and its times look like."""
     stroke, period = float(np.ptp(_some(displacement.values))), _period(displacement)
     if stroke > STROKES[1] or 0.0 < stroke < STROKES[0]:
         yield warning(
@@ -134,12 +143,11 @@ def _of_pressure(
             'swap pressure and set-point',
         )
     elif off is not None and abs(abs(off) - ambient) < _AN_ATMOSPHERE * ambient and gauge < GAUGE_PRESSURES[1]:
-        higher, lower = ('pressure', 'set-point') if off > 0.0 else ('set-point', 'pressure')
         yield warning(
             'reference_suspect',
             f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point, '
             'an atmosphere',
-            f'the {higher} is absolute and said to be gauge, or the {lower} gauge and said to be absolute',
+            _whose_reference(own, off > 0.0),
         )
     elif gauge < _BELOW_AMBIENT:
         yield warning(
@@ -156,9 +164,22 @@ def _of_pressure(
             warning(
                 'setpoint_suspect',
                 f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point',
-                _whose(name, own, cylinders),
+                _whose(name, own, cylinders, ambient),
             )
         ]
+
+
+def _whose_reference(own: CylinderSignals, is_above: bool) -> str:
+    """Return which of a pressure and its set-point may have another reference than a mapping says."""
+    assert own.setpoint is not None
+    pair = ('pressure', own.pressure.reference), ('set-point', own.setpoint.reference)
+    (higher, of_higher), (lower, of_lower) = pair if is_above else pair[::-1]
+    may_be = []
+    if of_higher != ABSOLUTE:
+        may_be.append(f'the {higher} is absolute and said to be gauge')
+    if of_lower != GAUGE:
+        may_be.append(f'the {lower} is gauge and said to be absolute')
+    return ', or '.join(may_be) or 'check the ambient pressure, and whether this is its set-point'
 
 
 def _of_level(name: str, what: str, signal: Signal, ambient: float) -> list[Notice]:
@@ -170,20 +191,50 @@ def _of_level(name: str, what: str, signal: Signal, ambient: float) -> list[Noti
         warning(
             'unit_suspect',
             f'{name}: the {what} is mostly {gauge / 1e3:.4g} kPa gauge ({gauge / PSI:.3g} psi)',
-            f'check the unit of the {what}'
-            + in_other_units(gauge, GAUGE_PRESSURES, signal.unit, _PRESSURES, _pressure),
+            f'check the unit of the {what}' + in_other_units(gauge, GAUGE_PRESSURES, signal.unit, PRESSURES, _pressure),
         )
     ]
 
 
-def _whose(name: str, own: CylinderSignals, cylinders: Mapping[str, CylinderSignals]) -> str:
+def _whose(name: str, own: CylinderSignals, cylinders: Mapping[str, CylinderSignals], ambient: float) -> str:
     """Return what a pressure off its set-point suggests: the other cylinder's."""
     assert own.setpoint is not None
     off = abs(_off(own.pressure, own.setpoint))
     for other, signals in cylinders.items():
         if other != name and signals.setpoint is not None and abs(_off(own.pressure, signals.setpoint)) < 0.5 * off:
             return f'it lies at that of {other}: check which set-point and which pressure is whose'
-    return 'check the units of both, and whether this is its set-point'
+    likely = ' or '.join(_at_its_set_point(own, ambient))
+    return 'check the units of both, and whether this is its set-point' + (f' (it is if {likely})' if likely else '')
+
+
+def _at_its_set_point(own: CylinderSignals, ambient: float) -> Iterator[str]:
+    """Yield in which other unit or reference a pressure would lie at its set-point, or the set-point at it."""
+    assert own.setpoint is not None
+    pair = {'pressure': own.pressure, 'set-point': own.setpoint}
+    at = {what: float(np.median(_some(signal.values))) for what, signal in pair.items()}
+    for (what, signal), other in zip(pair.items(), reversed(at.values())):
+        for _, unit, reference, factor, shift in scales(signal, ambient):
+            level = factor * at[what] + shift
+            if GAUGE_PRESSURES[0] <= level - ambient <= GAUGE_PRESSURES[1] and abs(level - other) < _AT_SETPOINT * (
+                level - ambient
+            ):
+                yield f'the {what} is {reference} {unit}'
+
+
+def scales(signal: Signal, ambient: float) -> Iterator[tuple[str, str, str, float, float]]:
+    """
+    Yield on which other scales a pressure may have been recorded.
+
+    The reference that it is said to have (each where nobody says one), unit and reference that it may have, and factor
+    and shift that make it of what was read [-, Pa].
+    """
+    zeros = {GAUGE: ambient, ABSOLUTE: 0.0}
+    said = signal.unit or 'Pa'
+    for reference in [signal.reference] if signal.reference else zeros:
+        for unit, other in product(PRESSURES, zeros):
+            factor = UNITS[unit].si / UNITS[said].si
+            if (unit, other) != (said, reference):
+                yield reference, unit, other, factor, zeros[other] - factor * zeros[reference]
 
 
 def _assumptions(recording: Recording) -> Iterator[Notice]:
@@ -240,7 +291,6 @@ def _period(signal: Signal) -> float:
     return float(np.median(np.diff(signal.times[:_MOST_LOOKED_AT]))) if len(signal) > 1 else 0.0
 
 
-_PRESSURES = ('Pa', 'kPa', 'psi', 'bar', 'MPa')
 _SCALES = {
     'with a thousandth of it': 1e-3,
     'with a millionth of it': 1e-6,

@@ -19,10 +19,11 @@ from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
 from cfd_pneumatic.recording.mapping import ChannelMapping, read_mapping
 from cfd_pneumatic.recording.memory_maps import parts
 from cfd_pneumatic.recording.sampling import Defaults, read_samples
-from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal
 from cfd_pneumatic.recording.sources import OTHER, Samples, SignalSource
 from cfd_pneumatic.recording.table import read_table
 from cfd_pneumatic.recording.topics import convention_channels, resolve
+from cfd_pneumatic.units import UNITS
 
 FORCE_AXES = ('x', 'y', 'z')
 
@@ -156,15 +157,15 @@ def _preferred(channels: Sequence[SignalSource]) -> list[SignalSource]:
 
 def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambient_pressure: float) -> Recording:
     """Make a recording of samples, at least of one pressure; without a displacement the piston is at rest."""
-    units = {(one.channel.role, one.channel.cylinder): one.channel.unit for one in samples}
+    said = {(one.channel.role, one.channel.cylinder): _said(one.channel) for one in samples}
     cleaned = {(one.channel.role, one.channel.cylinder): _clean(one, ambient_pressure) for one in samples}
     epoch = min(int(one.times[0]) for one in cleaned.values())
 
     def signal(role: str, cylinder: str | None = None) -> Signal | None:
         found = cleaned.get((role, cylinder))
-        return (
-            None if found is None else Signal(_seconds_since(epoch, found.times), found.values, units[role, cylinder])
-        )
+        if found is None:
+            return None
+        return Signal(_seconds_since(epoch, found.times), found.values, *said[role, cylinder])
 
     cylinders = {}
     for cylinder in CYLINDERS:
@@ -192,6 +193,13 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
         others=others,
         rests=moved is None,
     )
+
+
+def _said(channel: SignalSource) -> tuple[str | None, str | None]:
+    """Return the unit and the reference that a mapping says a signal to have; None for what it does not say."""
+    if channel.unit is None or UNITS[channel.unit].quantity != 'pressure':
+        return channel.unit, None
+    return channel.unit, GAUGE if channel.gauge else ABSOLUTE
 
 
 def _at_rest(cylinders: Mapping[str, CylinderSignals]) -> Signal:

@@ -15,6 +15,9 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.recording.memory_maps import give_back, parts
 
+GAUGE, ABSOLUTE = 'gauge', 'absolute'
+"""What a pressure may be counted from."""
+
 
 @dataclass(frozen=True, repr=False)
 class Signal:
@@ -29,12 +32,15 @@ class Signal:
         Finite values in SI units.
     unit : str or None
         Name of the unit in which it was recorded, as a mapping says; None for SI.
+    reference : str or None
+        Whether a pressure was recorded as `gauge` or `absolute`, as a mapping says; None where none does.
 
     """
 
     times: Array
     values: Array
     unit: str | None = None
+    reference: str | None = None
 
     def __len__(self) -> int:
         """Return the number of samples."""

@@ -17,8 +17,12 @@ def next_plan(identification: Identification, folder: Path = Path()) -> str | No
     """
     Return the command that plans an experiment for what these recordings did not tell; None where they told all.
 
+    None, too, where recordings are misread: they may tell it, read as they should be.
+
     `folder` is where the results are, as seen from where the command is to be run.
     """
+    if not all(result.findings.sought for result in identification.closed):
+        return None
     unidentifiable = {
         estimate.name
         for result in identification.cylinders.values()

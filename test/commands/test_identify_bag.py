@@ -76,6 +76,20 @@ def test_a_bag_becomes_a_report_and_parameters(bag, tmp_path, capsys):
     assert parameters['cylinder_b']['k_x'] == [report['cylinders']['cylinder_b']['parameters']['k_x']['value']]
 
 
+def test_what_looks_like_a_mistake_is_said_before_anything_is_identified(tmp_path, capsys):
+    table, mapping = tmp_path / 'press.csv', tmp_path / 'press.yaml'
+    table.write_text('t,x,p\n' + ''.join(f'{0.002 * row},{row % 7},700\n' for row in range(400)))
+    mapping.write_text(
+        'table: {time: {column: t, unit: s}, delimiter: comma, header_rows: 1}\n'
+        'displacement: {column: x, unit: m}\n'
+        'cylinder_a: {pressure: {column: p, unit: bar, reference: gauge}}\n'
+    )
+    assert main([str(table), '--mapping', str(mapping), '--output', str(tmp_path / 'out'), '--progress', 'none']) == 2
+    printed = capsys.readouterr().out
+    assert 'warning: the piston moves 6 m: check the unit of the displacement' in printed
+    assert 'Ctrl-C' in printed
+
+
 def test_a_name_is_no_markup(bag, tmp_path, capsys):
     odd = tmp_path / '[bold]press[7]:smile:'
     shutil.copytree(bag, odd)

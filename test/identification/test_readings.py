@@ -1,22 +1,27 @@
-"""Recordings that are misread: signs; gauge for absolute in all pressures, which only the physical core sees."""
+"""Recordings that are misread: signs; units and references of all pressures, which only the physical core sees."""
 
 from dataclasses import replace
 
 import pytest
-from reference import AMBIENT
+from reference import AMBIENT, PSI
 
 from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.identification.readings import other_reading
+from cfd_pneumatic.identification.whereabouts import remainder
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.recording import CylinderSignals, Signal, recording_of
-from cfd_pneumatic.rig import device_named, record, surface_following
+from cfd_pneumatic.reporting import next_plan
+from cfd_pneumatic.rig import device_named, out_and_back, record, surface_following
 
 
-def read_with(shift, duration=30.0, **levels):
-    """Return what is warned of cylinder A of a healthy device of full physics, pressure and set-point shifted [Pa]."""
+def read_with(shift, duration=30.0, factor=1.0, said=(None, None), **levels):
+    """Return what is warned of cylinder A of a healthy device of full physics, its pressures times `factor` shifted."""
     schedule = surface_following(duration=duration, seed=3, **levels)
     one = recording_of(record(schedule, device_named('real', ''), seed=3))
     own = one.cylinders['cylinder_a']
-    shifted = CylinderSignals(*(Signal(signal.times, signal.values + shift) for signal in (own.pressure, own.setpoint)))
+    shifted = CylinderSignals(
+        *(Signal(signal.times, factor * signal.values + shift, *said) for signal in (own.pressure, own.setpoint))
+    )
     found = identify([replace(one, cylinders={'cylinder_a': shifted}, force=None)], Options(close_loop=True))
     return [one for one in found.notices if one.level == WARNING]
 
@@ -34,8 +39,66 @@ def test_what_is_explained_with_an_atmosphere_more_or_less_has_another_reference
     assert f'{true} ones that are said to be {said}' in found.message
 
 
-def test_what_is_explained_as_it_is_read_is_no_suspect():
-    assert read_with(0.0) == []
+@pytest.mark.parametrize(
+    ('true', 'said', 'read'),
+    [
+        ('absolute psi', ('kPa', 'gauge'), (AMBIENT, 1e3 / PSI)),
+        ('gauge kPa', ('psi', 'gauge'), ((1.0 - PSI / 1e3) * AMBIENT, PSI / 1e3)),
+    ],
+)
+def test_what_is_explained_in_another_unit_is_in_it(true, said, read):
+    shift, factor = read
+    (found,) = read_with(shift, factor=factor, said=said)
+    assert found.code == 'unit_suspect'
+    assert f'look like {true} ones that are said to be gauge {said[0]}' in found.message
+
+
+@pytest.mark.parametrize('said', [(None, None), ('kPa', 'gauge'), ('psi', 'absolute')])
+def test_what_is_explained_as_it_is_read_is_no_suspect(said):
+    assert read_with(0.0, said=said) == []
+
+
+@pytest.mark.parametrize('factor', [1.0, 1e3 / PSI])
+def test_how_long_the_chamber_would_be_is_said_and_of_a_long_one_in_which_units(factor):
+    one = recording_of(record(surface_following(duration=10.0, seed=3), device_named('paper', ''), seed=3))
+    signals = (one.cylinders['cylinder_a'].pressure, one.cylinders['cylinder_a'].setpoint)
+    shift = AMBIENT if factor < 1.0 else 0.0
+    own = CylinderSignals(*(Signal(it.times, factor * it.values + shift, 'kPa', 'gauge') for it in signals))
+    found = identify([replace(one, cylinders={'cylinder_a': own}, force=None)], Options())
+    (told,) = [one for one in found.notices if one.code == 'chamber_told']
+    length = float(told.message.partition(' mm')[0].rpartition(' ')[2])
+    assert (30.0 < length < 40.0) == (factor == 1.0)
+    assert ('mm if they are absolute psi' in told.fix) == (factor < 1.0)
+
+
+@pytest.mark.parametrize(
+    'schedule', [out_and_back(), surface_following(duration=20.0, seed=17202)], ids=['two', 'many']
+)
+def test_a_sign_is_told_beside_steps_of_a_set_point_that_was_not_recorded(schedule):
+    one = recording_of(record(schedule, device_named('real', ''), seed=17202))
+    cylinders = {'cylinder_a': CylinderSignals(one.cylinders['cylinder_a'].pressure, None)}
+    turned = Signal(one.displacement.times, -one.displacement.values)
+    assert other_reading([replace(one, cylinders=cylinders, force=None)], Options()) is None
+    found = other_reading([replace(one, cylinders=cylinders, force=None, displacement=turned)], Options())
+    assert found.code == 'sign_suspect'
+
+
+def test_where_the_unit_of_the_time_is_wrong_nothing_is_searched_for():
+    recording = recording_of(record(surface_following(duration=10.0, seed=1), device_named('real', ''), seed=1))
+    quick = replace(
+        recording,
+        displacement=Signal(1e-3 * recording.displacement.times, recording.displacement.values),
+        cylinders={
+            name: CylinderSignals(
+                *(Signal(1e-3 * signal.times, signal.values) for signal in (own.pressure, own.setpoint))
+            )
+            for name, own in recording.cylinders.items()
+        },
+        force=None,
+    )
+    found = identify([quick], Options(close_loop=True))
+    assert any('unit of the time' in one.fix for one in found.notices)
+    assert all(one.conclusion.tried == () for one in found.cylinders.values())
 
 
 def test_in_recordings_that_are_misread_nothing_is_searched_for():
@@ -45,3 +108,5 @@ def test_in_recordings_that_are_misread_nothing_is_searched_for():
     found = identify([replace(recording, displacement=turned)], Options(close_loop=True))
     assert {one.code for one in found.notices if one.level == WARNING} == {'sign_suspect'}
     assert all(one.conclusion.tried == () and not one.found.model.parts for one in found.cylinders.values())
+    assert not any(one.conclusion.next_experiment or 'goes most' in remainder(one) for one in found.cylinders.values())
+    assert next_plan(found) is None

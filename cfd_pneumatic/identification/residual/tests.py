@@ -86,11 +86,6 @@ def explained(tests: Sequence[Test]) -> bool:
     return all(test.passed for test in tests if test.decisive)
 
 
-def follows_inputs(tests: Sequence[Test]) -> bool:
-    """Return whether a residual depends on the inputs, as far as can be told."""
-    return any(not test.passed for test in tests if test.name in ('inputs', 'slow_inputs'))
-
-
 def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise: Noise, refined: bool) -> list[Test]:
     """
     Return the tests of residuals, whatever they are of.
