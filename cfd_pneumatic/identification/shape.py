@@ -118,8 +118,14 @@ class Shape:
 
     @property
     def words(self) -> str:
-        """What it does, and where to look, in a clause for a mechanic."""
-        most = float(np.max(np.abs(self.value[self.visited]), initial=0.0))
+        """
+        What it does, and where to look, in a clause for a mechanic.
+
+        Of what is told but for a constant the size is by how much it changes.
+        """
+        seen = self.value[self.visited]
+        from_nothing = self.enters in ('chamber', 'leak')
+        most = float(np.max(np.abs(seen)) if from_nothing else np.ptp(seen)) if seen.size else 0.0
         size = 100.0 * most if self.unit in ('1', '1/s') else most
         what = f'{_ENTERS[self.enters].format(f"{size:.2g}")}, {_AGAINST[self.against]}'
         return f'{what}: look at {_LOOK[self.enters]}'
