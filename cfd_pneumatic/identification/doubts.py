@@ -18,7 +18,7 @@ from cfd_pneumatic.identification.readings import left_of_force, other_pressure,
 from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
-from cfd_pneumatic.recording import Recording, Signal
+from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, LENGTHS, duplicates, in_other_units, shown_length
 from cfd_pneumatic.recording.inspection import doubts as doubts_of_recording
 from cfd_pneumatic.units import INCH
@@ -57,11 +57,13 @@ def doubts(
     What was `seen` before effects were searched for is not looked for again.
     """
     found = [*of_recordings(recordings, options)]
+    odd = any(one.code == 'unit_suspect' for one in found)
     cylinders = {name: one for name, one in results.items() if not isinstance(one.channel, Force)}
     forces = [one for one in results.values() if isinstance(one.channel, Force)]
     if not any_warning(found):
-        found += [notice for one in cylinders.values() for notice in _of_chamber(one, recordings[0].displacement)]
-    found += seen  # nothing was searched for: that has to be said, whatever else is
+        found += [notice for one in cylinders.values() for notice in _of_chamber(one, recordings, options)]
+    if not odd:  # in a wrong unit signs and levels look wrong, too
+        found += seen
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in other_pressure(one, recordings, options)]
     if not any_warning(found):
@@ -81,12 +83,13 @@ def of_recordings(recordings: Sequence[Recording], options: Options) -> tuple[No
     return (*dict.fromkeys(alone), *duplicates(recordings))
 
 
-def _of_chamber(result: ChannelResult, displacement: Signal) -> Iterator[Notice]:
+def _of_chamber(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[Notice]:
     """Ask whether the chamber has a size that a cylinder may have."""
     told = _chamber(result)
     if told is None:
         return
     pressure, sensitivity = told
+    displacement = recordings[0].displacement
     length = pressure / sensitivity
     if not CHAMBER_LENGTHS[0] <= length <= CHAMBER_LENGTHS[1]:
         yield warning(
@@ -94,7 +97,11 @@ def _of_chamber(result: ChannelResult, displacement: Signal) -> Iterator[Notice]
             f'{result.name}: k_x of {sensitivity:.3g} Pa/m at {1e-3 * pressure:.4g} kPa is that of a chamber '
             f'{shown_length(length)} long',
             'check the units of pressure and displacement'
-            + in_other_units(length, CHAMBER_LENGTHS, displacement.unit, LENGTHS, shown_length),
+            + in_other_units(length, CHAMBER_LENGTHS, displacement.unit, LENGTHS, shown_length)
+            + ''.join(
+                f'; {shown_length(scale.chamber)} if the pressures are {scale.true}'
+                for scale in other_scales(result, recordings, options.ambient_pressure)
+            ),
         )
         return
     stroke = float(np.ptp(displacement.values))
