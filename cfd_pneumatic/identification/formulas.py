@@ -7,7 +7,8 @@ What is even of a curve is the gains' and the offset's (`Shape.free`): there a f
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -33,6 +34,8 @@ class Formula:
         As an effect's function has it, of the variable `z` and of its numbers' names.
     numbers
         A height `a`, and as far as there are these a place `b` and a length `c` of the variable, in SI units.
+    told
+        The curve as it has it at values of the variable, with the constant that came nearest.
     power
         Of the variable, by which the height is told.
 
@@ -41,6 +44,7 @@ class Formula:
     text: str
     code: str
     numbers: Mapping[str, float]
+    told: Function = field(repr=False, compare=False)
     power: int = 0
 
 
@@ -119,7 +123,16 @@ GRAMMAR = (
 """From the simplest on: a height `a`, the variable `z`, its `shift` from a place `b`, a length `c`."""
 
 
-def formulas(at: Array, value: Array, low: Array, high: Array, variable: str, *, free: bool) -> tuple[Formula, ...]:
+def formulas(
+    at: Array,
+    value: Array,
+    low: Array,
+    high: Array,
+    variable: str,
+    *,
+    free: bool,
+    holds: Callable[[Formula], bool] = lambda formula: True,
+) -> tuple[Formula, ...]:
     """
     Return the simplest formulas that stay within a band, of as many numbers each; none where none does.
 
@@ -131,6 +144,8 @@ def formulas(at: Array, value: Array, low: Array, high: Array, variable: str, *,
         How what it depends on is written.
     free
         Whether a constant is the gains' or the offset's.
+    holds
+        Tells whether one does when it is simulated in the curve's place.
 
     """
     if at.size < 5:
@@ -144,10 +159,10 @@ def formulas(at: Array, value: Array, low: Array, high: Array, variable: str, *,
         if found and 1 + len(form.starts) > found[0][0]:
             break
         numbers, height, constant = _fitted(form, u, value, weights, free)
-        told = height * form.function(u, *numbers) + constant
-        if np.all((told >= low) & (told <= high)):
-            misfit = float(np.sum(((told - value) * weights) ** 2))
-            found.append((1 + len(numbers), misfit, _written(form, numbers, height, middle, half, variable)))
+        formula = _written(form, numbers, height, constant, middle, half, variable)
+        told = formula.told(at)
+        if np.all((told >= low) & (told <= high)) and holds(formula):
+            found.append((1 + len(numbers), float(np.sum(((told - value) * weights) ** 2)), formula))
     found.sort(key=lambda one: one[1])
     return tuple(formula for _, _, formula in found[:_MOST])
 
@@ -177,8 +192,11 @@ def _fitted(form: Form, u: Array, value: Array, weights: Array, free: bool) -> t
     return numbers, float(known[0]), float(known[1]) if free else 0.0
 
 
-def _written(form: Form, numbers: Sequence[float], height: float, middle: float, half: float, variable: str) -> Formula:
+def _written(
+    form: Form, numbers: Sequence[float], height: float, constant: float, middle: float, half: float, variable: str
+) -> Formula:
     """Return a form with its numbers in SI units."""
+    curve = partial(_curve, form, numbers, height, constant, middle, half)
     own = dict(zip(form.has, numbers))
     told = {name: number * half + (middle if name == 'b' else 0.0) for name, number in own.items()}
     told['a'] = height / half**form.power
@@ -187,4 +205,10 @@ def _written(form: Form, numbers: Sequence[float], height: float, middle: float,
     place = told.get('b', 0.0)
     shift = f'{variable} {"-" if place > 0.0 else "+"} {abs(place):.4g}'
     text = form.text.format(a=f'{told["a"]:.4g}', z=variable, shift=shift, c=f'{told.get("c", 1.0):.4g}')
-    return Formula(text, form.code, {name: told[name] for name in f'a{form.has}'}, form.power)
+    return Formula(text, form.code, {name: told[name] for name in f'a{form.has}'}, curve, form.power)
+
+
+def _curve(
+    form: Form, numbers: Sequence[float], height: float, constant: float, middle: float, half: float, at: Array
+) -> Array:
+    return np.asarray(height * form.function((at - middle) / half, *numbers) + constant)

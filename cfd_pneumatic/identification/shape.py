@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.fit.fit import search
 from cfd_pneumatic.identification.fit.levenberg import Quadratic
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.formulas import Formula, formulas
@@ -19,11 +20,10 @@ from cfd_pneumatic.model.effects.curve import CURVE, KNOTS
 _POINTS = 41  # of a curve that is shown
 _CORNER = 0.125  # of a bend: by how much a straight line lies beside an even curve, at most
 _BAND = 1.96  # standard errors: 95 % at each point
-_GAINS = {
-    'gain': slice(0, 1),
-    'flow': slice(1, 3),
-    'stiffness': slice(0, 3),
-}  # of the model, that have what is even of a curve
+# gains of the model that have what is even of a curve
+_GAINS = {'gain': slice(0, 1), 'flow': slice(1, 3), 'stiffness': slice(0, 3)}
+_AS_WELL = 1.05  # times the curve's squares, which a formula may leave when it is simulated
+_ANEW = (1e-4, 10)  # tolerance and evaluations of that
 _FEWEST = 5  # samples near a point that has been visited
 
 UNITS = {
@@ -169,8 +169,16 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
             high[seen],
             _VARIABLES.get(slot.against, slot.against),
             free=slot.absorbed.size > 0,
+            holds=lambda one: _holds(likelihood, model, slot, one, _AS_WELL * here.total),
         ),
     )
+
+
+def _holds(likelihood: Likelihood, model: Model, slot: Slot, formula: Formula, most: float) -> bool:
+    """Return whether a formula leaves no more, simulated in its curve's place with the gains fitted anew."""
+    effects = {**model.effects, CURVE: slot.parameters(formula.told(slot.knots))}
+    formed = replace(model, effects=effects)
+    return search(likelihood, formed, *_ANEW, frozen=formed.parts).cost < most
 
 
 def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:
