@@ -299,6 +299,7 @@ def test_what_is_stamped_with_the_last_time_of_a_clock_is_survived(graph: Graph,
     device = unique_namespace()
     schedule = {'use_sim_time': True, 'schedule': 'paper_step', 'start_subscribers': 1}
     with graph.run('rig_node', ros_arguments(device, schedule)) as rig:
+        graph.until(lambda: clock.get_subscription_count() == len(nodes) + 1)  # it must not play at another time
         client = SimClient(graph, nodes['sim_node']).meet()  # one answer has the last time, and must not be missed
         graph.until(
             lambda: any(

@@ -86,4 +86,5 @@ def _remains(complement: Complement, name: str, start: Start, least: float) -> b
 
 
 def _rms(columns: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(columns**2, axis=0)))
+    with np.errstate(over='ignore'):  # an effect that makes a model run away shows
+        return np.asarray(np.sqrt(np.mean(columns**2, axis=0)))
