@@ -27,7 +27,7 @@ from cfd_pneumatic.identification.search.stepwise import ALIKE, TIE, Search, Sea
 _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 _MUCH = 3.0  # times the noise
 _HOPEFUL = 1.2  # times what another leaves: what leaves more roughly will not come down to it in the end
-_RIVALLING = 5.0  # times a law's squares, which an effect may still come down to when its core is fitted anew
+_RIVALLING = 30.0  # times a law's squares: an effect that leaves more roughly will not come near it
 _CLEARLY = 0.95  # of another's squares, of which those of the validation part were not fitted
 
 
@@ -50,6 +50,7 @@ class Cores:
         self._name = names[0] if names and core != LINEAR else None
         self._only = self._name is not None and core == PHYSICAL
         self._linear = Search(candidates, candidates.baseline)
+        self._led: list[Candidate] = []  # what a law led to: an effect that does as well
 
     @property
     def begins(self) -> list[Candidate]:
@@ -94,7 +95,7 @@ class Cores:
             begins.append(self.candidates.with_core(found.model, self._name, most))
         if enough and not any(_preferred(self.candidates, one, found.model, found.alternatives) for one in begins):
             return found  # what the linear core explains with one effect is not looked for elsewhere
-        begins = [self._alone, *(Search(self.candidates, self._alone).pruned(one) for one in begins[1:])]
+        begins = [self._alone, *(Search(self.candidates, self._alone).pruned(one) for one in begins[1:]), *self._led]
         begins.sort(key=lambda one: one.rss)
         begin = begins[0]
         beside = SearchResult(begin, {}, ()) if _leaves_noise(self.candidates, begin) else self._beside(begin)
@@ -133,16 +134,26 @@ class Cores:
         if any(_leaves_noise(self.candidates, one) for one in sorted(singles, key=lambda one: one.rss)[:1]):
             return None
         drawing = laws.best(self.begins, singles)
-        if self._name is None:
-            return drawing
-        if drawing is None and not self._only:
+        if drawing is None and self._name is not None and not self._only:
             drawing = laws.beside_core(self._alone, self.candidates.baseline, self._name, singles)
         if drawing is None:
             return None
+        rivals = self._rivals(drawing)
+        near = [one for one in rivals if laws.is_near(drawing, one) or _leaves_noise(self.candidates, one)]
+        self._led = sorted((one for one in near if one.model.core), key=lambda one: one.rss)[:1]
+        return None if near else drawing
+
+    def _rivals(self, drawing: Drawn) -> list[Candidate]:
+        """
+        Return single effects in a law's place.
+
+        They begin beside the core as it stands beside the law: one that was fitted without either is astray.
+        """
+        model = drawing.candidate.model
+        there = self.candidates.finished(replace(model, effects=drawing.begin.effects), drawing.begin.model)
+        names, _ = self.candidates.promising(there, self.candidates.names(there))
         most = _RIVALLING * self.candidates.roughly_left(drawing.candidate)
-        names, _ = self.candidates.promising(self._alone, self.candidates.names(self._alone))
-        others = self.candidates.beside(self._alone, names, most)
-        return drawing if laws.is_better(drawing, list(others.values())) else None
+        return list(self.candidates.beside(there, names, most).values())
 
     def _is_full_physics(self) -> bool:
         """Return whether the other core alone leaves noise, and no effect beside the linear one does as well."""

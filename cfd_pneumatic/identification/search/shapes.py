@@ -232,6 +232,10 @@ class Laws:
         """Return whether a curve explains more than every one of some models."""
         return all(_is_better(self.candidates, drawing.candidate, other) for other in dict.fromkeys(known))
 
+    def is_near(self, drawing: Drawn, other: Candidate) -> bool:
+        """Return whether a model foretells nearly as well as one with a curve."""
+        return _error(other) * _CLEARLY < _error(drawing.candidate)
+
     def _beside(self, begin: Candidate) -> list[Drawn]:
         """
         Return the most promising curves beside a model, fitted to the train part.
