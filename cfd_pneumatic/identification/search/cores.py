@@ -126,7 +126,8 @@ class Cores:
         """
         Return a law that leaves noise beside a core alone, where no single effect comes near it; None else.
 
-        So much is known before effects are looked for in company, which takes longest where none is the answer.
+        So much is known before effects are looked for in company, which takes longest where none is the answer. An
+        effect that does as well beside the core is where `searched` goes on from.
         """
         if self._name is not None and not self._only and self._is_full_physics():
             return None
@@ -141,7 +142,7 @@ class Cores:
         rivals = self._rivals(drawing)
         near = [one for one in rivals if laws.is_near(drawing, one) or _leaves_noise(self.candidates, one)]
         self._led = sorted((one for one in near if one.model.core), key=lambda one: one.rss)[:1]
-        return None if near else drawing
+        return drawing if _leaves_noise(self.candidates, drawing.candidate) and not near else None
 
     def _rivals(self, drawing: Drawn) -> list[Candidate]:
         """
