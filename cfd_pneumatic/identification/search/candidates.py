@@ -95,7 +95,7 @@ class Candidates:
         longer = whole.excerpt(_LONGER_EXCERPT)
         self._longer_excerpt = longer if 2 * longer.steps < self.train.steps else None
         noises = [sample_noise(one.sample_times, one.measured) ** 2 for one in self.train.experiments]
-        self._noise = math.sqrt(float(np.mean(noises)))
+        self.noise = math.sqrt(float(np.mean(noises)))
         self._is_long = self.train.steps > _LONG
         self._known_data: dict[Candidate, Data] = {}
         self._known_shares: dict[Candidate, dict[str, float]] = {}
@@ -259,7 +259,7 @@ class Candidates:
 
     def _begins(self, candidate: Candidate, names: Sequence[str]) -> dict[str, list[Model]]:
         """Return where fits with one more effect begin, by its name; those of a first one at other gains, too."""
-        astray = candidate.rss > self.train.samples * (_STRONG * self._noise) ** 2
+        astray = candidate.rss > self.train.samples * (_STRONG * self.noise) ** 2
         begins = [candidate.model] if candidate.model.parts else self.channel.beginnings(candidate.model, astray)
         return {
             name: [replace(begin, effects={**candidate.effects, name: start}) for begin in begins for start in own]

@@ -134,6 +134,8 @@ class Cores:
         singles = [] if self._only else list(self._first.candidates.values())
         if any(_leaves_noise(self.candidates, one) for one in sorted(singles, key=lambda one: one.rss)[:1]):
             return None
+        if not any(laws.may_explain(begin) for begin in self.begins):
+            return None
         drawing = laws.best(self.begins, singles)
         if drawing is None and self._name is not None and not self._only:
             drawing = laws.beside_core(self._alone, self.candidates.baseline, self._name, singles)

@@ -39,10 +39,12 @@ _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at r
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
 _ASKED = 20_000  # grid steps of each recording
 _FITTED = 4  # of the most promising
-_SHARPENED = 2  # of these
+_SHARPENED = 1  # of these
+_FARTHEST = 1.5  # times the noise: no fit to the end brings a curve from there down to it
 _RIVALLING = 2.0  # times what the best one leaves of an excerpt: those worth a fit to the end
+_MOST_OF_ALL = 0.25  # of that, which a law may leave that is asked for before effects in company
 _PROMISING = 0.6  # of what the best one promises: those worth a fit
-_MOST_LEFT = 0.65  # of the squares above the noise, as the linearised model foretells it
+_MOST_LEFT = 0.53  # of the squares above the noise, as the linearised model foretells it
 _FINE = (1e-5, 25)  # tolerance and evaluations of a fit
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
 _LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
@@ -201,6 +203,13 @@ class Laws:
     def __init__(self, candidates: Candidates) -> None:
         self.candidates = candidates
         self._known: dict[Candidate, list[Drawn]] = {}
+        self._sketches: dict[Candidate, list[_Sketch]] = {}
+        self._promised: dict[Candidate, list[Promise]] = {}
+
+    def may_explain(self, begin: Candidate) -> bool:
+        """Return whether a curve promises most of what is above the noise beside a model."""
+        promised, above = self._promises(begin), _size(self.candidates, begin) ** 2 - 1.0
+        return any(one.left * (above + 1.0) - 1.0 < _MOST_OF_ALL * above for one in promised)
 
     def best(self, begins: Sequence[Candidate], known: Sequence[Candidate]) -> Drawn | None:
         """
@@ -208,7 +217,9 @@ class Laws:
 
         An effect of the library that explains as much is preferred: `known` are models with what was found of it.
         """
-        drawings = [one for begin in begins for one in self._beside(begin)]
+        least = min((one.rss for one in known), default=math.inf)
+        hopeful = [begin for begin in begins if self._least_promised(begin) < least]
+        drawings = [one for begin in hopeful for one in self._beside(begin)]
         found = [one for one in drawings if self.is_better(one, [one.begin, *known])]
         if not found:
             return None
@@ -220,10 +231,13 @@ class Laws:
 
     def beside_core(self, core: Candidate, begin: Candidate, name: str, known: Sequence[Candidate]) -> Drawn | None:
         """Return a law beside a core that finds its place only beside the law, which was drawn beside another one."""
-        best = min(self._beside(begin), key=lambda one: _error(one.candidate), default=None)
-        if best is None or _error(best.candidate) > _MUCH_BETTER * _error(begin):
+        sketches, before = self._sketches.get(begin), self.candidates.roughly_left(begin)
+        is_nearer = _error(core) < _CLEARLY * _error(begin)
+        least = _MUCH_BETTER**2 * before * self.candidates.excerpt.samples
+        if not sketches or not is_nearer or sketches[0].found.cost > least:
             return None
-        model = self.candidates.with_core(best.candidate, name).model
+        drawn = self.candidates.finished(sketches[0].found.model, begin.model)
+        model = self.candidates.with_core(drawn, name).model
         there = self.candidates.finished(replace(model, effects=core.effects), core.model)
         self._known[core] = [replace(one, begin=core) for one in self._beside(there)]
         return self.best([core], known)
@@ -243,14 +257,16 @@ class Laws:
         An excerpt tells before which these are, and whether they do better with their knots elsewhere.
         """
         if begin not in self._known:
-            promised = promises(self.candidates, begin)
-            sketches = self._sketched(begin, _worth_a_fit(promised, _size(self.candidates, begin)))
+            promised = _worth_a_fit(self._promises(begin), _size(self.candidates, begin))
+            sketches = self._sketched(begin, promised)
             sharper = [
                 other for one in sketches[:_SHARPENED] for other in self._otherwise(begin, one.promise.slot, one.found)
             ]
             sketches = _best_first(sketches + self._sketched(begin, sharper))
-            rivals = [one for one in sketches if one.found.cost < _RIVALLING * sketches[0].found.cost][:_FITTED]
-            self._known[begin] = self._finished(begin, rivals)
+            self._sketches[begin] = sketches
+            noise = self.candidates.noise**2 * self.candidates.excerpt.samples
+            most = min(_RIVALLING * sketches[0].found.cost, _FARTHEST**2 * noise) if sketches else 0.0
+            self._known[begin] = self._finished(begin, [one for one in sketches if one.found.cost < most][:_FITTED])
         return self._known[begin]
 
     def _finished(self, begin: Candidate, sketches: Sequence[_Sketch]) -> list[Drawn]:
@@ -258,6 +274,15 @@ class Laws:
         models = each(lambda one: fitted(self.candidates.train, one.found.model, one.promise).model, sketches)
         finished = [self.candidates.finished(model, begin.model) for model in models]
         return [Drawn(one.promise, own, begin, ()) for one, own in zip(sketches, finished) if CURVE in own.effects]
+
+    def _least_promised(self, begin: Candidate) -> float:
+        """Return the least sum of squares that a curve promises to leave."""
+        return min((one.left for one in self._promises(begin)), default=1.0) * begin.rss
+
+    def _promises(self, begin: Candidate) -> list[Promise]:
+        if begin not in self._promised:
+            self._promised[begin] = promises(self.candidates, begin)
+        return self._promised[begin]
 
     def _sketched(self, begin: Candidate, promised: Sequence[Promise]) -> list[_Sketch]:
         """Return curves fitted to an excerpt, the best first."""
