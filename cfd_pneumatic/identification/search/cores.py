@@ -124,7 +124,7 @@ class Cores:
 
     def law(self, laws: Laws) -> Drawn | None:
         """
-        Return a law that leaves noise beside a core alone, where no single effect comes near it; None else.
+        Return a law that leaves noise beside a core alone, or hardly more, where no single effect comes near it.
 
         So much is known before effects are looked for in company, which takes longest where none is the answer. An
         effect that does as well beside the core is where `searched` goes on from.
@@ -144,7 +144,8 @@ class Cores:
         rivals = self._rivals(drawing)
         near = [one for one in rivals if laws.is_near(drawing, one) or _leaves_noise(self.candidates, one)]
         self._led = sorted((one for one in near if one.model.core), key=lambda one: one.rss)[:1]
-        return drawing if _leaves_noise(self.candidates, drawing.candidate) and not near else None
+        alone = _leaves_noise(self.candidates, drawing.candidate) or laws.is_far_better(drawing, [*singles, *rivals])
+        return drawing if alone and not near else None
 
     def _rivals(self, drawing: Drawn) -> list[Candidate]:
         """

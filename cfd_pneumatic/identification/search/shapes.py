@@ -39,7 +39,7 @@ _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at r
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
 _ASKED = 20_000  # grid steps of each recording
 _FITTED = 4  # of the most promising
-_SHARPENED = 1  # of these
+_SHARPENED = 2  # of these
 _FARTHEST = 1.5  # times the noise: no fit to the end brings a curve from there down to it
 _RIVALLING = 2.0  # times what the best one leaves of an excerpt: those worth a fit to the end
 _MOST_OF_ALL = 0.25  # of that, which a law may leave that is asked for before effects in company
@@ -49,6 +49,7 @@ _FINE = (1e-5, 25)  # tolerance and evaluations of a fit
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
 _LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
 _CLEARLY = 0.8  # times another's error of validation: whatever the train part, that one foretells too little
+_FAR_BETTER = 0.4  # times the error of effects: a law that may leave hardly more than noise, and still is the answer
 _MUCH_BETTER = 0.6  # times the error without a law: one that may have led a core astray
 _ALIKE = 1.05  # times the least error of validation: places that are not told apart
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
@@ -249,6 +250,10 @@ class Laws:
     def is_near(self, drawing: Drawn, other: Candidate) -> bool:
         """Return whether a model foretells nearly as well as one with a curve."""
         return _error(other) * _CLEARLY < _error(drawing.candidate)
+
+    def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
+        """Return whether a curve errs so much less than every one of some models that hardly two of them make up."""
+        return all(_error(drawing.candidate) < _FAR_BETTER * _error(one) for one in others)
 
     def _beside(self, begin: Candidate) -> list[Drawn]:
         """
