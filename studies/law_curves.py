@@ -1,5 +1,5 @@
 """
-How near curves that were drawn are to the laws of the rig: as a table has them, and as their formulas do.
+How near curves that were drawn are to the laws of the rig.
 
 What is even of a curve, or straight of a sensor's, is also the gains' and the offset's: the true law is told but for
 that, and one of the flow into the chamber but for its scale.
@@ -11,14 +11,12 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.shape import Shape
 from cfd_pneumatic.rig.oddities import Oddities
 from cfd_pneumatic.rig.panel import Draw
 from cfd_pneumatic.rig.physics import ONE_WAY_SPEED
-
-Array = NDArray[np.float64]
 
 
 class Law(NamedTuple):

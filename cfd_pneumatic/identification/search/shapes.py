@@ -15,8 +15,8 @@ from itertools import chain, product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.fit import Optimum
 from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
@@ -28,8 +28,6 @@ from cfd_pneumatic.identification.search.stepwise import small_enough
 from cfd_pneumatic.model.effects.curve import AGAINST, CURVE, ENTERS, KNOTS
 from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.parallel import each
-
-Array = NDArray[np.float64]
 
 _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
 _RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
