@@ -135,7 +135,7 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
     """Return the law that a model has, with its band; `without` is the model that lacks it."""
     slot = drawing.promise.slot
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, model)
-    own = [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{CURVE}.')]
+    own = [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{CURVE}.w')]
     here: Quadratic = likelihood.evaluate(unknowns, unknowns.start)
     residuals = likelihood.residuals(likelihood.simulate(model))
     share = independent_share(autoregression(residuals))

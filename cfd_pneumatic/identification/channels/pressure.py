@@ -41,6 +41,7 @@ from cfd_pneumatic.model.baseline import (
     told_gains,
 )
 from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
+from cfd_pneumatic.model.effects.curve import CURVE, is_of_flow
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide, extremes
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
@@ -192,10 +193,12 @@ class Pressure(Channel):
         return found
 
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
-        """Return what a core takes from data sheets, as recordings at one pressure don't tell it."""
+        """Return the lag of a law that has none, and what of a core recordings at one pressure do not tell."""
         counted = [one.at_samples('setpoint')[one.counts] + model.own[one.index, _OFFSET] for one in experiments]
         levels = np.concatenate(counted)
         held = dict(super().held(experiments, model))
+        if CURVE in model.effects and not is_of_flow(model.effects[CURVE]):
+            held[f'{CURVE}.lag'] = 'the law is none of the flow'
         if levels.size and float(np.max(levels)) >= _APART * float(np.min(levels)):
             return held
         reason = 'recordings at one set-point do not tell it: it stands as a data sheet has it'

@@ -34,6 +34,7 @@ _DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's s
 _LONGEST_STEP = 2.0
 _STRETCHES = 32  # of long recordings, which a search reads
 _STRETCH = 16_384  # samples
+_SPREAD = 16  # of short ones
 _LEAD = 0.1  # share of a stretch
 _LEAST = 1e-300  # sum of squares whose logarithm is taken
 
@@ -194,6 +195,23 @@ class Likelihood:
                 length = min(_STRETCH, (end - begin) // max(number, 1))
                 firsts = np.linspace(begin, end - length, number).astype(int).tolist()
                 places += [(rank, slice(first, first + length)) for first in firsts]
+        return self._cut(places)
+
+    def spread(self, steps: int) -> Likelihood:
+        """
+        Return short stretches spread evenly over each experiment, so many grid steps in all; itself if it has no more.
+
+        They see all that is done in a recording, as the liveliest part of it may not.
+        """
+        share = steps / self.steps
+        if share >= 1.0:
+            return self
+        number = math.ceil(_SPREAD / len(self.experiments))
+        places = []
+        for rank, one in enumerate(self.experiments):
+            length = max(int(share * one.part.size / number), 1)
+            firsts = np.linspace(0, one.part.size - length, number).astype(int).tolist()
+            places += [(rank, slice(first, first + length)) for first in firsts]
         return self._cut(places)
 
     def _cut(self, places: Sequence[tuple[int, slice]]) -> Likelihood:

@@ -142,7 +142,7 @@ class Cores:
         if drawing is None:
             return None
         rivals = self._rivals(drawing)
-        near = [one for one in rivals if laws.is_near(drawing, one) or _leaves_noise(self.candidates, one)]
+        near = [one for one in rivals if laws.is_near(drawing, one)]
         self._led = sorted((one for one in near if one.model.core), key=lambda one: one.rss)[:1]
         alone = _leaves_noise(self.candidates, drawing.candidate) or laws.is_far_better(drawing, [*singles, *rivals])
         return drawing if alone and not near else None

@@ -32,10 +32,11 @@ from cfd_pneumatic.parallel import each
 _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
 _RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
 _LAGS = (0.03, 0.1, 0.3)  # of the flow [s]
-_EVEN, _CROWDS = 1e6, (0.3, 0.1, 0.03, 0.01)  # how knots lie in a range, and about nothing moving
+_EVEN, _CROWDS = 1e6, (0.3, 0.1, 0.03)  # how knots lie in a range, and about nothing moving
 _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
-_ASKED = 20_000  # grid steps of each recording
+_ASKED = 10_000  # grid steps of which a promise is
+_SKETCHED = 10_000  # and of which the rough fits are
 _FITTED = 4  # of the most promising
 _SHARPENED = 2  # of these
 _FARTHEST = 1.5  # times the noise: no fit to the end brings a curve from there down to it
@@ -44,6 +45,8 @@ _MOST_OF_ALL = 0.25  # of that, which a law may leave that is asked for before e
 _PROMISING = 0.6  # of what the best one promises: those worth a fit
 _MOST_LEFT = 0.53  # of the squares above the noise, as the linearised model foretells it
 _FINE = (1e-5, 25)  # tolerance and evaluations of a fit
+_SHARES = (1.0, 0.3, 0.1, 0.03)  # of a promise, with which a fit begins
+_RENEWED = (1e-6, 1e3)  # by how much a penalty may change
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
 _LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
 _CLEARLY = 0.8  # times another's error of validation: whatever the train part, that one foretells too little
@@ -62,12 +65,8 @@ _ASKED_FOR = {
 }
 """Where a law of each variable may enter; one of the valve error at the chamber is one of the flow."""
 
-_FORMS = {
-    'speed': tuple((_LAGS[0], crowd) for crowd in _CROWDS),
-    'error': tuple((_LAGS[0], crowd) for crowd in _CROWDS),
-    'flow': tuple((lag, _CROWDS[0]) for lag in _LAGS),
-}
-"""Lags, and how knots crowd, that are tried of what goes both ways."""
+_BOTH_WAYS = ('speed', 'error', 'flow')
+"""What goes both ways: its knots may crowd about nothing moving."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +105,10 @@ class Slot:
     def name(self) -> tuple[str, str]:
         """Where it enters, and against what."""
         return self.enters, self.against
+
+    def lagging(self, model: Model) -> Slot:
+        """Return it with the lag that a model's curve has."""
+        return replace(self, lag=model.effects[CURVE][2])
 
     @property
     def absorbed(self) -> Array:
@@ -201,6 +204,7 @@ class Laws:
 
     def __init__(self, candidates: Candidates) -> None:
         self.candidates = candidates
+        self._excerpt = candidates.train.spread(_SKETCHED)
         self._known: dict[Candidate, list[Drawn]] = {}
         self._sketches: dict[Candidate, list[_Sketch]] = {}
         self._promised: dict[Candidate, list[Promise]] = {}
@@ -217,9 +221,12 @@ class Laws:
         An effect of the library that explains as much is preferred: `known` are models with what was found of it.
         """
         least = min((one.rss for one in known), default=math.inf)
-        hopeful = [begin for begin in begins if self._least_promised(begin) < least]
-        drawings = [one for begin in hopeful for one in self._beside(begin)]
-        found = [one for one in drawings if self.is_better(one, [one.begin, *known])]
+        found: list[Drawn] = []
+        for begin in sorted(begins, key=self._least_promised):
+            if self._least_promised(begin) < least:
+                found += [one for one in self._beside(begin) if self.is_better(one, [begin, *known])]
+            if any(small_enough(self.candidates.residual_tests(one.candidate)) for one in found):
+                break  # what leaves noise beside one core is not looked for beside another
         if not found:
             return None
         best = min(found, key=lambda one: _error(one.candidate))
@@ -230,9 +237,9 @@ class Laws:
 
     def beside_core(self, core: Candidate, begin: Candidate, name: str, known: Sequence[Candidate]) -> Drawn | None:
         """Return a law beside a core that finds its place only beside the law, which was drawn beside another one."""
-        sketches, before = self._sketches.get(begin), self.candidates.roughly_left(begin)
+        sketches = self._sketches.get(begin)
         is_nearer = _error(core) < _CLEARLY * _error(begin)
-        least = _MUCH_BETTER**2 * before * self.candidates.excerpt.samples
+        least = _MUCH_BETTER**2 * self._left(begin.model)
         if not sketches or not is_nearer or sketches[0].found.cost > least:
             return None
         drawn = self.candidates.finished(sketches[0].found.model, begin.model)
@@ -246,8 +253,8 @@ class Laws:
         return all(_is_better(self.candidates, drawing.candidate, other) for other in dict.fromkeys(known))
 
     def is_near(self, drawing: Drawn, other: Candidate) -> bool:
-        """Return whether a model foretells nearly as well as one with a curve."""
-        return _error(other) * _CLEARLY < _error(drawing.candidate)
+        """Return whether a model does nearly as well as one with a curve: on the validation part, and on everything."""
+        return all(size(other) * _CLEARLY < size(drawing.candidate) for size in (_error, self._size))
 
     def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
         """Return whether a curve errs so much less than every one of some models that hardly two of them make up."""
@@ -257,17 +264,15 @@ class Laws:
         """
         Return the most promising curves beside a model, fitted to the train part.
 
-        An excerpt tells before which these are, and whether they do better with their knots elsewhere.
+        Short stretches tell before which these are, and whether they do better with their knots elsewhere.
         """
         if begin not in self._known:
-            promised = _worth_a_fit(self._promises(begin), _size(self.candidates, begin))
-            sketches = self._sketched(begin, promised)
-            sharper = [
-                other for one in sketches[:_SHARPENED] for other in self._otherwise(begin, one.promise.slot, one.found)
-            ]
+            promised = _worth_a_fit(self._promises(begin), self._size(begin))
+            sketches = self._sketched(begin, [(one, self._begun(begin, one)) for one in promised])
+            sharper = [other for one in sketches[:_SHARPENED] for other in _otherwise(one)]
             sketches = _best_first(sketches + self._sketched(begin, sharper))
             self._sketches[begin] = sketches
-            noise = self.candidates.noise**2 * self.candidates.excerpt.samples
+            noise = self.candidates.noise**2 * self._excerpt.samples
             most = min(_RIVALLING * sketches[0].found.cost, _FARTHEST**2 * noise) if sketches else 0.0
             self._known[begin] = self._finished(begin, [one for one in sketches if one.found.cost < most][:_FITTED])
         return self._known[begin]
@@ -278,6 +283,9 @@ class Laws:
         finished = [self.candidates.finished(model, begin.model) for model in models]
         return [Drawn(one.promise, own, begin, ()) for one, own in zip(sketches, finished) if CURVE in own.effects]
 
+    def _size(self, candidate: Candidate) -> float:
+        return _size(self.candidates, candidate)
+
     def _least_promised(self, begin: Candidate) -> float:
         """Return the least sum of squares that a curve promises to leave."""
         return min((one.left for one in self._promises(begin)), default=1.0) * begin.rss
@@ -287,20 +295,27 @@ class Laws:
             self._promised[begin] = promises(self.candidates, begin)
         return self._promised[begin]
 
-    def _sketched(self, begin: Candidate, promised: Sequence[Promise]) -> list[_Sketch]:
-        """Return curves fitted to an excerpt, the best first."""
-        excerpt = self.candidates.excerpt
-        return _best_first(each(lambda one: _Sketch(one, fitted(excerpt, beside(begin.model, one), one)), promised))
+    def _begun(self, begin: Candidate, promise: Promise) -> Model:
+        """Return a model with so much of a promise as mends it: the whole of a large law may lead astray."""
+        models = [beside(begin.model, promise, share) for share in _SHARES]
+        return next((one for one in models if self._left(one) < self._left(begin.model)), models[-1])
 
-    def _otherwise(self, begin: Candidate, slot: Slot, found: Optimum) -> list[Promise]:
-        """Return a curve with its knots elsewhere: where it bends most, or of what goes both ways nearer to nothing."""
-        middle = slot.middle
-        if slot.against not in _FORMS:
-            bends = np.abs(np.diff(np.diff(found.model.effects[CURVE][-KNOTS:]) / np.diff(slot.knots)))
-            middle = float(slot.knots[1 + int(np.argmax(bends))])
-        some = [replace(slot, middle=middle, crowd=crowd) for crowd in _CROWDS]
-        ranked = promises(self.candidates, begin, [one for one in some if one != slot])
-        return ranked if slot.against in _FORMS else ranked[:1]
+    def _left(self, model: Model) -> float:
+        """Return the sum of squares that a model leaves of the short stretches."""
+        with np.errstate(over='ignore'):  # of one that runs away
+            return sum(float(run @ run) for run in self._excerpt.residuals(self._excerpt.simulate(model)))
+
+    def _sketched(self, begin: Candidate, some: Sequence[tuple[Promise, Model]]) -> list[_Sketch]:
+        """Return curves fitted to short stretches, from models that have them, the best first."""
+        share = independent_share(self.candidates.resting_coefficients(begin))
+
+        def sketch(promise: Promise, model: Model) -> _Sketch:
+            model = fitted(self._excerpt, model, promise).model
+            promise = replace(promise, slot=promise.slot.lagging(model))
+            again = renewed(self._excerpt, model, promise, share)
+            return _Sketch(again, fitted(self._excerpt, model, again))
+
+        return _best_first(each(lambda one: sketch(*one), some))
 
 
 class _Sketch(NamedTuple):
@@ -314,19 +329,42 @@ def _best_first(sketches: Sequence[_Sketch]) -> list[_Sketch]:
     return sorted(sketches, key=lambda one: one.found.cost)
 
 
-def beside(model: Model, promise: Promise) -> Model:
-    """Return a model with a curve as it is promised."""
-    curve = promise.slot.parameters(promise.slot.unit * promise.heights)
+def _otherwise(sketch: _Sketch) -> list[tuple[Promise, Model]]:
+    """Return a curve with its knots elsewhere: where it bends most, or of what goes both ways nearer to nothing."""
+    slot, model = sketch.promise.slot, sketch.found.model
+    heights = np.array(model.effects[CURVE][-KNOTS:])
+    others = [replace(slot, middle=_bend(slot, heights), crowd=crowd) for crowd in _CROWDS]
+    return [
+        (
+            replace(sketch.promise, slot=one),
+            replace(model, effects={**model.effects, CURVE: one.parameters(slot.along(one.knots) @ heights)}),
+        )
+        for one in others
+        if one != slot
+    ]
+
+
+def _bend(slot: Slot, heights: Array) -> float:
+    """Return where a curve bends most; of what goes both ways its middle, where nothing moves."""
+    if slot.against in _BOTH_WAYS:
+        return slot.middle
+    bends = np.abs(np.diff(np.diff(heights) / np.diff(slot.knots)))
+    return float(slot.knots[1 + int(np.argmax(bends))])
+
+
+def beside(model: Model, promise: Promise, share: float = 1.0) -> Model:
+    """Return a model with a share of a curve as it is promised."""
+    curve = promise.slot.parameters(share * promise.slot.unit * promise.heights)
     return replace(model, effects={**model.effects, CURVE: curve})
 
 
 def _worth_a_fit(promised: Sequence[Promise], size: float) -> list[Promise]:
-    """Return the most promising of each place, if they may bring a residual of a size down to the noise, which is 1."""
-    best: dict[tuple[str, str], Promise] = {}
+    """Return the most promising of each place and lag, if they may bring a residual down to the noise, which is 1."""
+    best: dict[tuple[str, str, float], Promise] = {}
     for one in promised:
         may = one.left * size**2 - 1.0 < _MOST_LEFT * (size**2 - 1.0)
         if may and one.evidence > max(_LEAST_EVIDENCE, _PROMISING * promised[0].evidence):
-            best.setdefault(one.slot.name, one)
+            best.setdefault((*one.slot.name, one.slot.lag), one)
     return list(best.values())[:_FITTED]
 
 
@@ -376,12 +414,19 @@ def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
     for against, places in _ASKED_FOR.items():
         low, high = ranges[against]
         if high - low > _LEAST_VISITED:
-            forms = _FORMS.get(against, ((_LAGS[0], _EVEN),))
             found += [
-                Slot(enters, against, lag, low, high, 0.5 * (low + high), crowd, units[enters])
-                for enters, (lag, crowd) in product(places, forms)
+                Slot(enters, against, lag, *ends, crowd, units[enters])
+                for enters, (lag, ends, crowd) in product(places, _forms(against, low, high))
             ]
     return found
+
+
+def _forms(against: str, low: float, high: float) -> list[tuple[float, tuple[float, float, float], float]]:
+    """Return lags, ends with the middle, and how knots crowd, that are tried of a variable with a range."""
+    whole = low, high, 0.5 * (low + high)
+    if against == 'flow':
+        return [(lag, whole, _CROWDS[0]) for lag in _LAGS]
+    return [(_LAGS[0], whole, crowd) for crowd in (_CROWDS if against in _BOTH_WAYS else (_EVEN,))]
 
 
 def _ranges(candidates: Candidates, begin: Candidate) -> dict[str, tuple[float, float]]:
@@ -391,7 +436,7 @@ def _ranges(candidates: Candidates, begin: Candidate) -> dict[str, tuple[float, 
         for name, values in candidates.channel.variables(one, simulated, begin.model).items():
             seen[name].append(np.quantile(values, (_VISITED, 1.0 - _VISITED)))
     ranges = {name: (float(np.min(ends)), float(np.max(ends))) for name, ends in seen.items()}
-    for name in ('speed', 'error', 'flow'):
+    for name in _BOTH_WAYS:
         most = max(map(abs, ranges[name]))
         ranges[name] = -most, most
     return ranges
@@ -399,7 +444,7 @@ def _ranges(candidates: Candidates, begin: Candidate) -> dict[str, tuple[float, 
 
 def promises(candidates: Candidates, begin: Candidate, some: Sequence[Slot] | None = None) -> list[Promise]:
     """Return what a curve in some places, or in all, promises beside a model, the most promising one first."""
-    complement = Complement(candidates.train.excerpt(_ASKED), begin.model)
+    complement = Complement(candidates.learn.spread(_ASKED), begin.model)
     residual = complement.residual
     share = independent_share(candidates.resting_coefficients(begin))
     units = np.eye(KNOTS)
@@ -461,9 +506,28 @@ def fitted(likelihood: Likelihood, begin: Model, promise: Promise) -> Optimum:
     return Optimum(unknowns.model(point), reached.total)
 
 
+def renewed(likelihood: Likelihood, model: Model, promise: Promise, share: float) -> Promise:
+    """
+    Return a promise with the penalty that goes with a fitted curve's bends and with what it leaves (MacKay, 1992).
+
+    Before the fit most of what is left is the law itself, and passes for noise, under which a curve seems smooth.
+    `share` is how many independent samples a sample is worth.
+    """
+    unknowns = Unknowns(likelihood.channel, likelihood.experiments, model)
+    here = likelihood.evaluate(unknowns, unknowns.start)
+    bends = penalty_of(unknowns, promise)
+    if not here.is_finite:
+        return promise
+    told = KNOTS - float(np.sum(np.linalg.pinv(here.normal + bends, hermitian=True) * bends))
+    heights = np.array(model.effects[CURVE][-KNOTS:]) / promise.slot.unit
+    variance = here.total / (likelihood.samples * share)
+    penalty = variance * told / max(float(heights @ roughness() @ heights), 1e-300)
+    return replace(promise, penalty=float(np.clip(penalty / promise.penalty, *_RENEWED)) * promise.penalty)
+
+
 def penalty_of(unknowns: Unknowns, promise: Promise) -> Array:
     """Return the matrix of the penalty on a curve, as unknowns are searched, shape (k, k)."""
-    own = [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{CURVE}.')]
+    own = [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{CURVE}.w')]
     scales = unknowns.scales(unknowns.start)[own] / promise.slot.unit
     matrix = np.zeros((len(unknowns.table), len(unknowns.table)))
     matrix[np.ix_(own, own)] = promise.penalty * roughness() * np.outer(scales, scales)

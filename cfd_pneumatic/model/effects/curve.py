@@ -7,6 +7,8 @@ lie on either side of its middle, evenly, or crowding about that.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import some, where
@@ -22,6 +24,11 @@ CURVE = 'curve'
 
 KNOTS = 17
 """How many values a curve has."""
+
+
+def is_of_flow(parameters: Sequence[float]) -> bool:
+    """Return whether a curve with some parameters depends on the flow, whose lag counts then."""
+    return AGAINST[round(parameters[1])] == 'flow'
 
 
 @inlined
@@ -96,8 +103,9 @@ def signal(p, moment, passed, enters, against, lag, low, high, middle, crowd, *h
 
 @inlined
 def evolve(moment, q, passed, enters, against, lag, low, high, middle, crowd, *heights):
-    """Return the rate of the lagged flow [Pa/s^2]."""
-    return ((q - passed) / lag,)
+    """Return the rate of the lagged flow [Pa/s^2], of that which passes."""
+    passing = flow(q, moment, passed, enters, against, lag, low, high, middle, crowd, *heights)
+    return ((passing - passed) / lag,)
 
 
 def fastest(speed: float, enters: float, against: float, lag: float, *more: float) -> float:
@@ -132,7 +140,7 @@ EFFECT = Effect(
             f'what it depends on: {", ".join(f"{number} {name}" for number, name in enumerate(AGAINST))}',
             choice=True,
         ),
-        EffectParameter('lag', 's', 1e-3, 1e2, 0.1, 'time constant of the flow that it depends on', choice=True),
+        EffectParameter('lag', 's', 1e-3, 10.0, 0.1, 'time constant of the flow that it depends on', logarithmic=True),
         EffectParameter('low', '-', -1e9, 1e9, -1.0, 'where it begins, in the unit of what it depends on', choice=True),
         EffectParameter('high', '-', -1e9, 1e9, 1.0, 'where it ends, likewise', choice=True),
         EffectParameter('middle', '-', -1e9, 1e9, 0.0, 'about which the knots crowd, likewise', choice=True),
