@@ -56,6 +56,10 @@ def _gain(at: Array, value: Array) -> list[Array]:
     return [1.0 + value]  # of a share that multiplies a gain, the gain has a part
 
 
+def _valves(at: Array, value: Array) -> list[Array]:
+    return [(1.0 + value) * (at > 0.0), (1.0 + value) * (at <= 0.0)]  # charging and exhausting have a gain each
+
+
 def _straight(at: Array, value: Array) -> list[Array]:
     return [np.ones_like(at), at]
 
@@ -73,7 +77,7 @@ LAWS: Mapping[str, tuple[Law, ...]] = {
         Law('leak', 'p', lambda p, odd: np.maximum(p - odd.pop_pressure, 0.0) / p, _nothing),
     ),
     'worn_seat': (
-        Law('flow', 'error', lambda e, odd: odd.groove * _hump(np.abs(e), odd.groove_error, odd.groove_width), _gain),
+        Law('flow', 'error', lambda e, odd: odd.groove * _hump(np.abs(e), odd.groove_error, odd.groove_width), _valves),
     ),
     'rushing_air': (Law('set_point', 'speed', lambda v, odd: -odd.port * _hump(v, 0.0, odd.port_speed), _constant),),
     'ledge': (

@@ -8,7 +8,7 @@ test part; say what was found, or that it is not known.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from cfd_pneumatic.identification.data.tolerance import Tolerance
 from cfd_pneumatic.identification.fit.data_sheets import as_data_sheets
 from cfd_pneumatic.identification.fit.fit import Fit, search, summary
 from cfd_pneumatic.identification.held_out import contradiction
-from cfd_pneumatic.identification.residual.tests import explained
+from cfd_pneumatic.identification.residual.tests import Test, explained
 from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.cores import Cores
@@ -42,6 +42,7 @@ from cfd_pneumatic.model.effects.curve import CURVE
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60
 _SEEN = 0.88  # of the error without a law, on validation or test: one that takes less may be a core's that is not exact
+_LARGE = 1.5  # times the noise
 _DOES_NOTHING = 'does nothing beside the others'
 _IDLE = 1.01  # times the sum of squares, up to which an effect that is taken out did nothing
 
@@ -117,9 +118,15 @@ def close_loop(
     return after, conclusion
 
 
-def _is_explained(fit: Fit) -> bool:
-    """Return whether what a fit to train and validation leaves is as noise would be."""
-    return explained(fit.likelihood.tests(fit.model, fit.likelihood.noise(fit.model)))
+def _tests(fit: Fit) -> list[Test]:
+    """Return the tests of what a fit leaves of train and validation."""
+    return fit.likelihood.tests(fit.model, fit.likelihood.noise(fit.model))
+
+
+def _is_enough(tests: Sequence[Test]) -> bool:
+    """Return whether a residual is as noise would be, and not so large that a law may pass for the noise's memory."""
+    (size,) = (one.statistic for one in tests if one.name == 'noise_floor')
+    return explained(tests) and size < _LARGE
 
 
 def _looked_for(
@@ -145,7 +152,7 @@ def _looked_for(
             for one in tried
         )
         alternatives |= _confounded(after)
-    if draws and not (explained(candidates.residual_tests(found.model)) or _is_explained(after)):
+    if draws and not (_is_enough(candidates.residual_tests(found.model)) or _is_enough(_tests(after))):
         # beside a core alone, for effects that were found instead of a law are none, and else beside them
         for begins in (cores.begins, [found.model]):
             drawing = laws.best(begins, [found.model])

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
 
 import numpy as np
@@ -28,6 +28,7 @@ _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 _MUCH = 3.0  # times the noise
 _HOPEFUL = 1.2  # times what another leaves: what leaves more roughly will not come down to it in the end
 _RIVALLING = 30.0  # times a law's squares: an effect that leaves more roughly will not come near it
+_OF_VALVES = ('flow', 'error')  # a law as effects of the library are, that show only with the core fitted anew
 _CLEARLY = 0.95  # of another's squares, of which those of the validation part were not fitted
 
 
@@ -96,7 +97,7 @@ class Cores:
         if enough and not any(_preferred(self.candidates, one, found.model, found.alternatives) for one in begins):
             return found  # what the linear core explains with one effect is not looked for elsewhere
         begins = [self._alone, *(Search(self.candidates, self._alone).pruned(one) for one in begins[1:]), *self._led]
-        begins.sort(key=lambda one: one.rss)
+        begins.sort(key=partial(_squares, self.candidates))
         begin = begins[0]
         beside = SearchResult(begin, {}, ()) if _leaves_noise(self.candidates, begin) else self._beside(begin)
         for other in begins[1:]:
@@ -139,11 +140,11 @@ class Cores:
         drawing = laws.best(self.begins, singles)
         if drawing is None and self._name is not None and not self._only:
             drawing = laws.beside_core(self._alone, self.candidates.baseline, self._name, singles)
-        if drawing is None:
+        if drawing is None or drawing.name == _OF_VALVES:
             return None
         rivals = self._rivals(drawing)
         near = [one for one in rivals if laws.is_near(drawing, one)]
-        self._led = sorted((one for one in near if one.model.core), key=lambda one: one.rss)[:1]
+        self._led = sorted((one for one in near if one.model.core), key=partial(_squares, self.candidates))[:1]
         alone = _leaves_noise(self.candidates, drawing.candidate) or laws.is_far_better(drawing, [*singles, *rivals])
         return drawing if alone and not near else None
 

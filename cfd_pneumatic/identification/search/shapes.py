@@ -33,6 +33,7 @@ _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what d
 _RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
 _LAGS = (0.03, 0.1, 0.3)  # of the flow [s]
 _EVEN, _CROWDS = 1e6, (0.3, 0.1, 0.03)  # how knots lie in a range, and about nothing moving
+_COARSE = np.maximum(1.0 - np.abs(0.5 * np.arange(KNOTS) - np.arange(KNOTS // 2 + 1)[:, None]), 0.0)  # every other knot
 _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
 _ASKED = 10_000  # grid steps of which a promise is
@@ -447,10 +448,9 @@ def promises(candidates: Candidates, begin: Candidate, some: Sequence[Slot] | No
     complement = Complement(candidates.learn.spread(_ASKED), begin.model)
     residual = complement.residual
     share = independent_share(candidates.resting_coefficients(begin))
-    units = np.eye(KNOTS)
 
     def promised(some: Sequence[Slot]) -> list[Promise]:
-        starts = [slot.parameters(slot.unit * unit) for slot in some for unit in units]
+        starts = [slot.parameters(slot.unit * coarse) for slot in some for coarse in _COARSE]
         changes = np.hsplit(complement.left(complement.changes(CURVE, starts)), len(some))
         return [_promise(slot, residual, own, share) for slot, own in zip(some, changes)]
 
@@ -461,14 +461,14 @@ def promises(candidates: Candidates, begin: Candidate, some: Sequence[Slot] | No
 
 def _promise(slot: Slot, residual: Array, changes: Array, share: float) -> Promise:
     """
-    Return what heights promise that change the simulation so, shape (n, knots).
+    Return what the coarse heights of a curve promise, which change the simulation so, shape (n, coarse).
 
     Heights are normal, with the inverse of the roughness as their covariance: the evidence is the marginal likelihood,
     of which the noise's variance is profiled out, at its best penalty.
     """
     if not np.all(np.isfinite(changes)) or not np.any(changes):
         return Promise(slot, -math.inf, 1.0, 1.0, np.zeros(KNOTS))
-    root = np.linalg.cholesky(roughness())
+    root = np.linalg.cholesky(_COARSE @ roughness() @ _COARSE.T)
     left, sizes, right = np.linalg.svd(np.linalg.solve(root, changes.T).T, full_matrices=False)
     along = left.T @ residual
     power, count = float(residual @ residual), residual.size * share
@@ -478,7 +478,7 @@ def _promise(slot: Slot, residual: Array, changes: Array, share: float) -> Promi
     values = count * np.log(np.maximum(remaining, 1e-300)) - np.sum(np.log1p(-taken), axis=1)
     best = int(np.argmin(values))
     penalty = float(penalties[best])
-    heights = np.linalg.solve(root.T, right.T @ (sizes / (sizes**2 + penalty) * along))
+    heights = np.linalg.solve(root.T, right.T @ (sizes / (sizes**2 + penalty) * along)) @ _COARSE
     return Promise(slot, -float(values[best]), float(remaining[best]), penalty, heights)
 
 
