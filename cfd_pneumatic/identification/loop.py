@@ -37,7 +37,6 @@ from cfd_pneumatic.identification.verdict import (
     verdict_of,
     within,
 )
-from cfd_pneumatic.model.effects.curve import CURVE
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60
@@ -90,7 +89,7 @@ def close_loop(
     left = [one.measured - values for one, values in zip(experiments, after.simulated)]
     if searching:
         against += contradiction(experiments, left, noise.std)
-    effects = tuple(name for name in after.model.effects if name != CURVE)
+    effects = tuple(name for name in after.model.effects if name != channel.curve.name)
     used = PHYSICAL if after.model.core else LINEAR
     harmless = within(tolerance, channel.quantity.small.unit, experiments, after.simulated)
     law = '' if unknown is None else unknown.words
@@ -128,8 +127,7 @@ def _looked_for(
     """Return the fit with what was found, alternatives to its effects, what was tried, and its law if it has one."""
     candidates = Candidates(before.likelihood, before.model)
     cores, laws = Cores(candidates, core), Laws(candidates)
-    draws = CURVE in before.likelihood.channel.effects
-    if draws and not is_explained:
+    if not is_explained:
         drawing = cores.law(laws)
         with_law = None if drawing is None else _as_drawn(drawing, before, before)
         if with_law is not None:
@@ -145,7 +143,7 @@ def _looked_for(
             for one in tried
         )
         alternatives |= _confounded(after)
-    if draws and not (explained(candidates.residual_tests(found.model)) or _is_explained(after)):
+    if not (explained(candidates.residual_tests(found.model)) or _is_explained(after)):
         # beside a core alone, for effects that were found instead of a law are none, and else beside them
         for begins in (cores.begins, [found.model]):
             drawing = laws.best(begins, [found.model])

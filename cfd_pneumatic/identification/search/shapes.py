@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.channels.channel import Curve, Model
 from cfd_pneumatic.identification.fit.fit import Optimum
 from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
@@ -25,13 +25,12 @@ from cfd_pneumatic.identification.residual.autoregression import autoregression,
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.stepwise import small_enough
-from cfd_pneumatic.model.effects.curve import AGAINST, CURVE, ENTERS, KNOTS
+from cfd_pneumatic.model.effects.knots import KNOTS
 from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.parallel import each
 
 _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
 _RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
-_LAGS = (0.03, 0.1, 0.3)  # of the flow [s]
 _EVEN, _CROWDS = 1e6, (0.3, 0.1, 0.03, 0.01)  # how knots lie in a range, and about nothing moving
 _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
@@ -52,22 +51,8 @@ _MUCH_BETTER = 0.6  # times the error without a law: one that may have led a cor
 _ALIKE = 1.05  # times the least error of validation: places that are not told apart
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
 
-_ASKED_FOR = {
-    'x': ENTERS,
-    'speed': ('set_point', 'gain', 'chamber', 'leak'),
-    'p': ENTERS,
-    'error': ('flow', 'gain'),
-    'flow': ('flow',),
-    'time': ('set_point', 'flow', 'gain', 'sensing'),
-}
-"""Where a law of each variable may enter; one of the valve error at the chamber is one of the flow."""
-
-_FORMS = {
-    'speed': tuple((_LAGS[0], crowd) for crowd in _CROWDS),
-    'error': tuple((_LAGS[0], crowd) for crowd in _CROWDS),
-    'flow': tuple((lag, _CROWDS[0]) for lag in _LAGS),
-}
-"""Lags, and how knots crowd, that are tried of what goes both ways."""
+FROM_NOTHING = ('chamber', 'leak', 'friction')
+"""Where a law enters of which no other number has what is even."""
 
 
 @dataclass(frozen=True)
@@ -78,29 +63,41 @@ class Slot:
     Attributes
     ----------
     enters, against
-        Where, and what it depends on: of `ENTERS` and `AGAINST`.
-    lag
-        Of the flow, where it depends on that [s].
+        Where, and what it depends on: of those of `curve`.
+    memory
+        Of the flow, where it depends on that [s], or of friction [m].
     low, high, middle, crowd
         Its range, and how its knots crowd about what middle.
     unit
         A height that is small beside what it acts on.
+    curve
+        What draws it.
 
     """
 
     enters: str
     against: str
-    lag: float
+    memory: float
     low: float
     high: float
     middle: float
     crowd: float
     unit: float
+    curve: Curve
 
     def parameters(self, heights: Sequence[float] | Array) -> tuple[float, ...]:
         """Return the parameters of a curve with some heights, shape (knots,)."""
-        where = float(ENTERS.index(self.enters)), float(AGAINST.index(self.against))
-        return (*where, self.lag, self.low, self.high, self.middle, self.crowd, *map(float, heights))
+        where = float(self.curve.enters.index(self.enters)), float(self.curve.against.index(self.against))
+        return (*where, self.memory, self.low, self.high, self.middle, self.crowd, *map(float, heights))
+
+    def heights(self, model: Model) -> Array:
+        """Return the heights that a model's curve has, shape (knots,)."""
+        return np.array(model.effects[self.curve.name][-KNOTS:])
+
+    def drawn(self, model: Model, heights: Array) -> Model:
+        """Return a model that has a curve with other heights, shape (knots,)."""
+        own = *model.effects[self.curve.name][:-KNOTS], *heights.tolist()
+        return replace(model, effects={**model.effects, self.curve.name: own})
 
     @property
     def name(self) -> tuple[str, str]:
@@ -110,7 +107,7 @@ class Slot:
     @property
     def absorbed(self) -> Array:
         """Heights that the model's own numbers make up for, shape (knots, k): what is even, on either side of zero."""
-        if self.enters in ('chamber', 'leak'):
+        if self.enters in FROM_NOTHING:
             return np.zeros((KNOTS, 0))
         if self.name == ('flow', 'error'):
             charging = np.heaviside(self.knots, 0.5)
@@ -276,7 +273,11 @@ class Laws:
         """Return sketches fitted to the train part."""
         models = each(lambda one: fitted(self.candidates.train, one.found.model, one.promise).model, sketches)
         finished = [self.candidates.finished(model, begin.model) for model in models]
-        return [Drawn(one.promise, own, begin, ()) for one, own in zip(sketches, finished) if CURVE in own.effects]
+        return [
+            Drawn(one.promise, own, begin, ())
+            for one, own in zip(sketches, finished)
+            if one.promise.slot.curve.name in own.effects
+        ]
 
     def _least_promised(self, begin: Candidate) -> float:
         """Return the least sum of squares that a curve promises to leave."""
@@ -295,12 +296,12 @@ class Laws:
     def _otherwise(self, begin: Candidate, slot: Slot, found: Optimum) -> list[Promise]:
         """Return a curve with its knots elsewhere: where it bends most, or of what goes both ways nearer to nothing."""
         middle = slot.middle
-        if slot.against not in _FORMS:
-            bends = np.abs(np.diff(np.diff(found.model.effects[CURVE][-KNOTS:]) / np.diff(slot.knots)))
+        if slot.against not in slot.curve.both_ways:
+            bends = np.abs(np.diff(np.diff(slot.heights(found.model)) / np.diff(slot.knots)))
             middle = float(slot.knots[1 + int(np.argmax(bends))])
         some = [replace(slot, middle=middle, crowd=crowd) for crowd in _CROWDS]
         ranked = promises(self.candidates, begin, [one for one in some if one != slot])
-        return ranked if slot.against in _FORMS else ranked[:1]
+        return ranked if slot.against in slot.curve.both_ways else ranked[:1]
 
 
 class _Sketch(NamedTuple):
@@ -316,8 +317,8 @@ def _best_first(sketches: Sequence[_Sketch]) -> list[_Sketch]:
 
 def beside(model: Model, promise: Promise) -> Model:
     """Return a model with a curve as it is promised."""
-    curve = promise.slot.parameters(promise.slot.unit * promise.heights)
-    return replace(model, effects={**model.effects, CURVE: curve})
+    slot = promise.slot
+    return replace(model, effects={**model.effects, slot.curve.name: slot.parameters(slot.unit * promise.heights)})
 
 
 def _worth_a_fit(promised: Sequence[Promise], size: float) -> list[Promise]:
@@ -360,38 +361,35 @@ def _is_noise(candidates: Candidates, candidate: Candidate) -> bool:
 
 def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
     """Return all places for a curve beside a model, over what the recordings have visited."""
-    ranges = _ranges(candidates, begin)
-    k_sv = float(begin.model.parameters[1])
+    ranges, curve = _ranges(candidates, begin), candidates.channel.curve
     noise = math.sqrt(begin.rss / candidates.train.samples)
-    units = {
-        'set_point': noise,
-        'flow': 1e-2,
-        'gain': 1e-2,
-        'chamber': k_sv * noise,
-        'leak': k_sv * noise / max(map(abs, ranges['p'])),
-        'sensing': noise,
-        'stiffness': 1e-2,
-    }
+    most = {name: max(map(abs, ends)) for name, ends in ranges.items()}
+    units = candidates.channel.law_units(begin.model, noise, most)
     found = []
-    for against, places in _ASKED_FOR.items():
+    for against, places in curve.asked.items():
         low, high = ranges[against]
-        if high - low > _LEAST_VISITED:
-            forms = _FORMS.get(against, ((_LAGS[0], _EVEN),))
+        if high - low <= _LEAST_VISITED:
+            continue
+        for enters in places:
+            memories = curve.memories.get((enters, against), (curve.memory,))
+            both_ways = _CROWDS[:1] if len(memories) > 1 else _CROWDS
+            crowds = both_ways if against in curve.both_ways else (_EVEN,)
             found += [
-                Slot(enters, against, lag, low, high, 0.5 * (low + high), crowd, units[enters])
-                for enters, (lag, crowd) in product(places, forms)
+                Slot(enters, against, memory, low, high, 0.5 * (low + high), crowd, units[enters], curve)
+                for memory, crowd in product(memories, crowds)
             ]
     return found
 
 
 def _ranges(candidates: Candidates, begin: Candidate) -> dict[str, tuple[float, float]]:
     """Return what the train and validation parts have visited of each variable; of speeds the same both ways."""
-    seen: dict[str, list[Array]] = {name: [] for name in AGAINST}
+    curve = candidates.channel.curve
+    seen: dict[str, list[Array]] = {name: [] for name in curve.against}
     for one, simulated in zip(candidates.learn.experiments, begin.simulated):
         for name, values in candidates.channel.variables(one, simulated, begin.model).items():
             seen[name].append(np.quantile(values, (_VISITED, 1.0 - _VISITED)))
     ranges = {name: (float(np.min(ends)), float(np.max(ends))) for name, ends in seen.items()}
-    for name in ('speed', 'error', 'flow'):
+    for name in curve.both_ways:
         most = max(map(abs, ranges[name]))
         ranges[name] = -most, most
     return ranges
@@ -406,7 +404,7 @@ def promises(candidates: Candidates, begin: Candidate, some: Sequence[Slot] | No
 
     def promised(some: Sequence[Slot]) -> list[Promise]:
         starts = [slot.parameters(slot.unit * unit) for slot in some for unit in units]
-        changes = np.hsplit(complement.left(complement.changes(CURVE, starts)), len(some))
+        changes = np.hsplit(complement.left(complement.changes(candidates.channel.curve.name, starts)), len(some))
         return [_promise(slot, residual, own, share) for slot, own in zip(some, changes)]
 
     places = slots(candidates, begin) if some is None else some
@@ -461,9 +459,14 @@ def fitted(likelihood: Likelihood, begin: Model, promise: Promise) -> Optimum:
     return Optimum(unknowns.model(point), reached.total)
 
 
+def heights_of(unknowns: Unknowns, slot: Slot) -> list[int]:
+    """Return which unknowns are the heights of a curve."""
+    return [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{slot.curve.name}.w')]
+
+
 def penalty_of(unknowns: Unknowns, promise: Promise) -> Array:
     """Return the matrix of the penalty on a curve, as unknowns are searched, shape (k, k)."""
-    own = [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{CURVE}.')]
+    own = heights_of(unknowns, promise.slot)
     scales = unknowns.scales(unknowns.start)[own] / promise.slot.unit
     matrix = np.zeros((len(unknowns.table), len(unknowns.table)))
     matrix[np.ix_(own, own)] = promise.penalty * roughness() * np.outer(scales, scales)
