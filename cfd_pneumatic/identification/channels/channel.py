@@ -28,6 +28,9 @@ from cfd_pneumatic.recording import Recording, Signal
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+EVEN = 1e6
+"""A share about which knots crowd so little that they lie evenly."""
+
 UNTOLD = 'the recordings do not tell it: it stands as a data sheet has it'
 """Why a number of a core has no estimate."""
 
@@ -88,6 +91,10 @@ class Curve:
         As what else, by where it enters and against what.
     both_ways
         Variables that go both ways: knots crowd about nothing moving.
+    crowds
+        Shares of the range about its middle within which knots crowd, of the others.
+    whole
+        Variables without outliers: all that they have visited is their range.
 
     """
 
@@ -98,6 +105,8 @@ class Curve:
     memory: float
     memories: Mapping[tuple[str, str], tuple[float, ...]]
     both_ways: tuple[str, ...]
+    crowds: tuple[float, ...] = (EVEN,)
+    whole: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from scipy.ndimage import uniform_filter1d
 
 from cfd_pneumatic.convention import AREAS, CONTACT_FORCE, CYLINDERS, MEASURED_FORCE, WRENCH_STAMPED
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import Channel, Curve, Estimate, Model, Quantity, Scale
+from cfd_pneumatic.identification.channels.channel import EVEN, Channel, Curve, Estimate, Model, Quantity, Scale
 from cfd_pneumatic.identification.channels.unknown import Unknown
 from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
 from cfd_pneumatic.identification.data.motion import Motion
@@ -79,6 +79,8 @@ class Force(Channel):
         memory=_PRESLIDINGS[0],
         memories={('friction', variable): _PRESLIDINGS for variable in AGAINST},
         both_ways=('speed',),
+        crowds=(EVEN, 1.0, 0.5),
+        whole=('x', 'time'),
     )
     parameters = MappingProxyType({'area': 'm^2', 'geometric_factor': '-'})
     own = ('stretch',)

@@ -132,7 +132,7 @@ class Cores:
         if self._name is not None and not self._only and self._is_full_physics():
             return None
         singles = [] if self._only else list(self._first.candidates.values())
-        if any(_leaves_noise(self.candidates, one) for one in sorted(singles, key=lambda one: one.rss)[:1]):
+        if any(laws.is_noise(one) for one in sorted(singles, key=lambda one: one.rss)[:1]):
             return None
         if not any(laws.may_explain(begin) for begin in self.begins):
             return None
@@ -142,7 +142,7 @@ class Cores:
         if drawing is None:
             return None
         rivals = self._rivals(drawing)
-        near = [one for one in rivals if laws.is_near(drawing, one) or _leaves_noise(self.candidates, one)]
+        near = [one for one in rivals if laws.is_near(drawing, one) or laws.is_noise(one)]
         self._led = sorted((one for one in near if one.model.core), key=lambda one: one.rss)[:1]
         alone = _leaves_noise(self.candidates, drawing.candidate) or laws.is_far_better(drawing, [*singles, *rivals])
         return drawing if alone and not near else None

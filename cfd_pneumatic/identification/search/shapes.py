@@ -22,6 +22,7 @@ from cfd_pneumatic.identification.fit.fit import Optimum
 from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
+from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.stepwise import small_enough
@@ -31,7 +32,7 @@ from cfd_pneumatic.parallel import each
 
 _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
 _RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
-_EVEN, _CROWDS = 1e6, (0.3, 0.1, 0.03, 0.01)  # how knots lie in a range, and about nothing moving
+_CROWDS = (0.3, 0.1, 0.03, 0.01)  # how knots lie about nothing moving, and where a curve bends
 _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
 _ASKED = 20_000  # grid steps of each recording
@@ -50,6 +51,7 @@ _FAR_BETTER = 0.4  # times the error of effects: a law that may leave hardly mor
 _MUCH_BETTER = 0.6  # times the error without a law: one that may have led a core astray
 _ALIKE = 1.05  # times the least error of validation: places that are not told apart
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
+_SMOOTHED = 0.02  # of what was left before: what a large law's corners leave beside straight pieces
 
 FROM_NOTHING = ('chamber', 'leak', 'friction')
 """Where a law enters of which no other number has what is even."""
@@ -220,7 +222,8 @@ class Laws:
         if not found:
             return None
         best = min(found, key=lambda one: _error(one.candidate))
-        if not _is_noise(self.candidates, best.candidate):
+        is_noise = small_enough(self.candidates.residual_tests(best.candidate))
+        if not is_noise and _size(self.candidates, best.candidate) > self._near_noise(best.begin):
             return None
         alike = [one.name for one in found if _error(one.candidate) < _ALIKE * _error(best.candidate)]
         return replace(best, others=tuple(dict.fromkeys(name for name in alike if name != best.name)))
@@ -246,6 +249,10 @@ class Laws:
         """Return whether a model foretells nearly as well as one with a curve."""
         return _error(other) * _CLEARLY < _error(drawing.candidate)
 
+    def is_noise(self, one: Candidate) -> bool:
+        """Return whether what a model leaves is noise in kind and in size, which a law would not better."""
+        return explained(self.candidates.residual_tests(one)) and _size(self.candidates, one) < _NEAR_NOISE
+
     def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
         """Return whether a curve errs so much less than every one of some models that hardly two of them make up."""
         return all(_error(drawing.candidate) < _FAR_BETTER * _error(one) for one in others)
@@ -265,7 +272,8 @@ class Laws:
             sketches = _best_first(sketches + self._sketched(begin, sharper))
             self._sketches[begin] = sketches
             noise = self.candidates.noise**2 * self.candidates.excerpt.samples
-            most = min(_RIVALLING * sketches[0].found.cost, _FARTHEST**2 * noise) if sketches else 0.0
+            farthest = (_FARTHEST * self._near_noise(begin) / _NEAR_NOISE) ** 2 * noise
+            most = min(_RIVALLING * sketches[0].found.cost, farthest) if sketches else 0.0
             self._known[begin] = self._finished(begin, [one for one in sketches if one.found.cost < most][:_FITTED])
         return self._known[begin]
 
@@ -278,6 +286,10 @@ class Laws:
             for one, own in zip(sketches, finished)
             if one.promise.slot.curve.name in own.effects
         ]
+
+    def _near_noise(self, begin: Candidate) -> float:
+        """Return the size up to which what a law leaves is hardly larger than the noise, which is 1."""
+        return max(_NEAR_NOISE, _SMOOTHED * _size(self.candidates, begin))
 
     def _least_promised(self, begin: Candidate) -> float:
         """Return the least sum of squares that a curve promises to leave."""
@@ -351,11 +363,6 @@ def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate) -
     return tells and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)
 
 
-def _is_noise(candidates: Candidates, candidate: Candidate) -> bool:
-    """Return whether what is left is noise in kind, or hardly larger."""
-    return small_enough(candidates.residual_tests(candidate)) or _size(candidates, candidate) < _NEAR_NOISE
-
-
 # where it may enter, and what that promises
 
 
@@ -373,7 +380,7 @@ def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
         for enters in places:
             memories = curve.memories.get((enters, against), (curve.memory,))
             both_ways = _CROWDS[:1] if len(memories) > 1 else _CROWDS
-            crowds = both_ways if against in curve.both_ways else (_EVEN,)
+            crowds = both_ways if against in curve.both_ways else curve.crowds
             found += [
                 Slot(enters, against, memory, low, high, 0.5 * (low + high), crowd, units[enters], curve)
                 for memory, crowd in product(memories, crowds)
@@ -387,7 +394,8 @@ def _ranges(candidates: Candidates, begin: Candidate) -> dict[str, tuple[float, 
     seen: dict[str, list[Array]] = {name: [] for name in curve.against}
     for one, simulated in zip(candidates.learn.experiments, begin.simulated):
         for name, values in candidates.channel.variables(one, simulated, begin.model).items():
-            seen[name].append(np.quantile(values, (_VISITED, 1.0 - _VISITED)))
+            end = 0.0 if name in curve.whole else _VISITED
+            seen[name].append(np.quantile(values, (end, 1.0 - end)))
     ranges = {name: (float(np.min(ends)), float(np.max(ends))) for name, ends in seen.items()}
     for name in curve.both_ways:
         most = max(map(abs, ranges[name]))
