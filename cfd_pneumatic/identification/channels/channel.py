@@ -358,6 +358,11 @@ class Channel(ABC):
         del experiments, effect, model
         return True
 
+    def may_hide(self, experiments: Sequence[Experiment]) -> bool:
+        """Return whether samples may hide what happens between them, so that no law may leave what follows the inputs."""
+        del experiments
+        return False
+
     def confounded(
         self,
         experiments: Sequence[Experiment],

@@ -267,6 +267,10 @@ class Force(Channel):
             return None
         return 'the acceleration changes from sample to sample: sample faster'
 
+    def may_hide(self, experiments: Sequence[Experiment]) -> bool:
+        """Return whether inertia is not resolved: a curve that takes some of it leaves the rest."""
+        return not _resolve_acceleration(experiments)
+
     def confounded(
         self,
         experiments: Sequence[Experiment],

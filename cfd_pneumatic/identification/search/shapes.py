@@ -222,8 +222,7 @@ class Laws:
         if not found:
             return None
         best = min(found, key=lambda one: _error(one.candidate))
-        is_noise = small_enough(self.candidates.residual_tests(best.candidate))
-        if not is_noise and _size(self.candidates, best.candidate) > self._near_noise(best.begin):
+        if not self._is_near_noise(best):
             return None
         alike = [one.name for one in found if _error(one.candidate) < _ALIKE * _error(best.candidate)]
         return replace(best, others=tuple(dict.fromkeys(name for name in alike if name != best.name)))
@@ -287,6 +286,14 @@ class Laws:
             if one.promise.slot.curve.name in own.effects
         ]
 
+    def _is_near_noise(self, drawing: Drawn) -> bool:
+        """Return whether what a law leaves is noise in kind, or hardly larger and no other cause's."""
+        tests = self.candidates.residual_tests(drawing.candidate)
+        follows = any(one.name == 'inputs' and not one.passed for one in tests)
+        if follows and self.candidates.channel.may_hide(self.candidates.train.experiments):
+            return False
+        return small_enough(tests) or _size(self.candidates, drawing.candidate) < self._near_noise(drawing.begin)
+
     def _near_noise(self, begin: Candidate) -> float:
         """Return the size up to which what a law leaves is hardly larger than the noise, which is 1."""
         return max(_NEAR_NOISE, _SMOOTHED * _size(self.candidates, begin))
@@ -296,8 +303,10 @@ class Laws:
         return min((one.left for one in self._promises(begin)), default=1.0) * begin.rss
 
     def _promises(self, begin: Candidate) -> list[Promise]:
+        """Return what curves promise; none where no part is left to foretell."""
         if begin not in self._promised:
-            self._promised[begin] = promises(self.candidates, begin)
+            told = self.candidates.baseline.validation_rmse is not None
+            self._promised[begin] = promises(self.candidates, begin) if told else []
         return self._promised[begin]
 
     def _sketched(self, begin: Candidate, promised: Sequence[Promise]) -> list[_Sketch]:
