@@ -359,7 +359,7 @@ class Channel(ABC):
         return True
 
     def may_hide(self, experiments: Sequence[Experiment]) -> bool:
-        """Return whether samples may hide what happens between them, so that no law may leave what follows the inputs."""
+        """Return whether samples may hide what happens between them: a law then leaves nothing that follows inputs."""
         del experiments
         return False
 
