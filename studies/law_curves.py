@@ -48,6 +48,11 @@ def _hump(at: Array, middle: float, width: float) -> Array:
     return np.asarray(np.exp(-(((at - middle) / width) ** 2)))
 
 
+def _bent(read: Array, odd: ForceOddities) -> Array:
+    """Return the share by which the cell reads more, of what it reads: that is less by the bend for each newton."""
+    return np.asarray(0.5 * (np.sqrt(1.0 - 4.0 * odd.bend * np.abs(read)) - 1.0))
+
+
 def _constant(at: Array, value: Array) -> list[Array]:
     return [np.ones_like(at)]
 
@@ -89,7 +94,7 @@ LAWS: Mapping[str, tuple[Law, ...]] = {
     'scarred_bore': (
         Law('friction', 'x', lambda x, odd: odd.scar * _hump(x, odd.scar_position, odd.scar_length), _nothing),
     ),
-    'bent_cell': (Law('cell', 'force', lambda f, odd: -odd.bend * np.abs(f), _gain),),
+    'bent_cell': (Law('cell', 'force', _bent, _gain),),
     'cable_bundle': (
         Law('force', 'x', lambda x, o: -o.bundle * np.sign(x) * np.maximum(np.abs(x) - o.bundle_slack, 0.0), _constant),
     ),
@@ -108,7 +113,7 @@ def nearness(shape: Shape, law: str, drawn: Draw) -> Nearness | None:
         if (own.enters, own.against) == (shape.enters, shape.against) and np.count_nonzero(shape.visited) > 1:
             seen = shape.visited
             at, told = shape.at[seen], shape.value[seen]
-            true = own.value(at, odd)
+            true = own.value(at * (1.0 + told) if own.enters == 'cell' else at, odd)
             if law in _SCALED:
                 true = true * (true @ told) / max(float(true @ true), 1e-300)
             columns = np.column_stack([*own.free(at, true), np.zeros_like(at)])
