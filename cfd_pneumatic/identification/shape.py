@@ -54,7 +54,7 @@ _ENTERS = {
     'leak': 'the chamber loses up to {} % of its gauge pressure a second',
     'sensing': 'the pressure sensor reads up to {} Pa too much or too little',
     'stiffness': 'the air in the chamber is up to {} % stiffer or softer',
-    'force': 'something beside the air pushes or pulls with up to {} N more or less',
+    'force': 'something beside the air adds or takes up to {} N',
     'friction': 'something rubs with up to {} N',
     'cell': 'the load cell reads up to {} % too much or too little',
 }
