@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -143,10 +144,16 @@ def _looked_for(
             for one in tried
         )
         alternatives |= _confounded(after)
-    if not (explained(candidates.residual_tests(found.model)) or _is_explained(after)):
+    may_do = explained(candidates.residual_tests(found.model)) or _is_explained(after)
+    if not (may_do and laws.is_noise(found.model)) and (after is not before or not may_do):
         # beside a core alone, for effects that were found instead of a law are none, and else beside them
-        for begins in (cores.begins, [found.model]):
-            drawing = laws.best(begins, [found.model])
+        asked = [partial(laws.best, cores.begins), partial(laws.best, [found.model])]
+        if not candidates.channel.cores:
+            asked.append(partial(laws.beside_effects, candidates.baseline))
+        for ask in asked:
+            drawing = ask([found.model])
+            if may_do and drawing is not None and laws.is_near(drawing, found.model):
+                continue
             with_law = None if drawing is None else _as_drawn(drawing, before, after)
             if with_law is not None:
                 after, unknown = with_law

@@ -49,6 +49,7 @@ _LEAST_DROP = 0.02  # share by which the error on the validation part has to fal
 _CLEARLY = 0.8  # times another's error of validation: whatever the train part, that one foretells too little
 _FAR_BETTER = 0.4  # times the error of effects: a law that may leave hardly more than noise, and still is the answer
 _MUCH_BETTER = 0.6  # times the error without a law: one that may have led a core astray
+_MOST_BESIDE = 3  # effects that are sought beside a law
 _ALIKE = 1.05  # times the least error of validation: places that are not told apart
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
 _SMOOTHED = 0.02  # of what was left before: what a large law's corners leave beside straight pieces
@@ -240,6 +241,23 @@ class Laws:
         self._known[core] = [replace(one, begin=core) for one in self._beside(there)]
         return self.best([core], known)
 
+    def beside_effects(self, begin: Candidate, known: Sequence[Candidate]) -> Drawn | None:
+        """Return a law beside effects that were sought beside the law: what was found without it may be astray."""
+        sketches = self._sketches.get(begin)
+        if not sketches:
+            return None
+        drawn = self.candidates.finished(sketches[0].found.model, begin.model)
+        for _ in range(_MOST_BESIDE):
+            beside = self.candidates.beside(drawn, self.candidates.names(drawn))
+            better = [one for one in beside.values() if _is_better(self.candidates, one, drawn)]
+            if not better:
+                break
+            drawn = min(better, key=lambda one: one.rss)
+        effects = {name: own for name, own in drawn.effects.items() if name in self.candidates.channel.library}
+        if not effects:
+            return None
+        return self.best([self.candidates.finished(replace(drawn.model, effects=effects), begin.model)], known)
+
     def is_better(self, drawing: Drawn, known: Sequence[Candidate]) -> bool:
         """Return whether a curve explains more than every one of some models."""
         return all(_is_better(self.candidates, drawing.candidate, other) for other in dict.fromkeys(known))
@@ -249,7 +267,7 @@ class Laws:
         return _error(other) * _CLEARLY < _error(drawing.candidate)
 
     def is_noise(self, one: Candidate) -> bool:
-        """Return whether what a model leaves is noise in kind and in size, which a law would not better."""
+        """Return whether what a model leaves is noise in kind and hardly larger: where none was seen it may be."""
         return explained(self.candidates.residual_tests(one)) and _size(self.candidates, one) < _NEAR_NOISE
 
     def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
