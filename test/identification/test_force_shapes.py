@@ -8,16 +8,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn import both_cylinders
+from drawn import both_cylinders, experiments_of
+from reference import AMBIENT
 
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.identification import ChannelResult, Identification, Options, identify
+from cfd_pneumatic.identification.channels.force import Force
+from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model.effects import ForceMoment
 from cfd_pneumatic.model.effects.force_curve import FORCE_CURVE
+from cfd_pneumatic.recording import recording_of
 from cfd_pneumatic.reporting import draft_effect
 from cfd_pneumatic.reporting.data import report_data
-from cfd_pneumatic.rig import surface_following
+from cfd_pneumatic.rig import device_named, record, surface_following
 from cfd_pneumatic.rig.panel import CLASSES, Draw, draw, force_oracle_residual
 from cfd_pneumatic.rig.schedule import Schedule
 
@@ -114,6 +119,26 @@ def test_a_draft_of_an_effect_does_what_the_formula_says(tmp_path: Path) -> None
     assert rms(told - value) < 0.05 * np.ptp(value)
     (stretch,) = module.slide(1e-2, -1.0, *own)
     assert stretch == pytest.approx(1.0)
+
+
+def test_a_law_is_told_from_friction_and_mass_that_a_real_device_has() -> None:
+    """Friction that takes the length of a stroke to turn round passes for the cables, before they are known."""
+    device = device_named('real', 'odd_force.bundle=3000 odd_force.bundle_slack=4e-4')
+    recording = recording_of(record(surface_following(duration=12.0, seed=0), device, seed=1), 'played')
+    channel = Force(None, 1.0, AMBIENT)
+    _, findings = close_loop(fit(channel, experiments_of([recording], channel)))
+    assert findings.verdict == 'shape_found'
+    assert findings.unknown is not None
+    assert (findings.unknown.enters, findings.unknown.against) == ('force', 'x')
+    assert set(findings.effects) == {'seal_friction', 'moving_mass'}
+
+
+def test_where_nobody_knows_the_area_no_law_is_claimed() -> None:
+    schedule = surface_following(60e3, 1.5e-3, setpoint_steps=0.0, duration=12.0, seed=0)
+    recording = both_cylinders(draw('cable_bundle', schedule, 1))
+    for area in (None, 1.14e-3):
+        result = identify([recording], Options(close_loop=True, area=area)).channels['force']
+        assert (result.findings.unknown is not None) == (area is not None)
 
 
 @pytest.mark.parametrize(

@@ -416,14 +416,18 @@ class Channel(ABC):
         """Return at each sample what a law may depend on, by the names of its `curve`."""
 
     @abstractmethod
-    def law_units(self, model: Model, noise: float, most: Mapping[str, float]) -> Mapping[str, float]:
+    def law_units(
+        self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
+    ) -> Mapping[str, float]:
         """
         Return heights of laws that are small beside what they act on, by where they enter [SI].
 
+        None is asked for at a place that is not among these.
+
         Parameters
         ----------
-        model
-            Beside which one is drawn.
+        experiments, model
+            Of which, and beside which, one is drawn.
         noise
             About as large as what that leaves [SI].
         most

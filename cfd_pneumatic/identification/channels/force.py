@@ -257,7 +257,7 @@ class Force(Channel):
     def may_tell(self, experiments: Sequence[Experiment], effect: str, model: Model) -> bool:
         """Return whether an effect shows beside the area, and beside an inertia that the samples do not resolve."""
         if self.effects[effect].constant:
-            return self.area is not None or _hold_several_levels(experiments)
+            return self._tells_constants(experiments)
         inert = any(self.effects[name].seen_against == 'acceleration' for name in model.effects)
         return not inert or _resolve_acceleration(experiments)  # what it leaves behind then looks like friction
 
@@ -266,6 +266,10 @@ class Force(Channel):
         if self.effects[effect].seen_against != 'acceleration' or _resolve_acceleration(experiments):
             return None
         return 'the acceleration changes from sample to sample: sample faster'
+
+    def _tells_constants(self, experiments: Sequence[Experiment]) -> bool:
+        """Return whether an area that is off can't pass for what the force has always."""
+        return self.area is not None or _hold_several_levels(experiments)
 
     def may_hide(self, experiments: Sequence[Experiment]) -> bool:
         """Return whether inertia is not resolved: a curve that takes some of it leaves the rest."""
@@ -344,9 +348,11 @@ class Force(Channel):
             'time': experiment.sample_times - experiment.begin,
         }
 
-    def law_units(self, model: Model, noise: float, most: Mapping[str, float]) -> Mapping[str, float]:
-        """Return the noise's size, and a hundredth of what the cell reads."""
-        return {'force': noise, 'friction': noise, 'cell': 1e-2}
+    def law_units(
+        self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        """Return the noise's size, and a hundredth of what the cell reads; none where a wrong area looks like a law."""
+        return {'force': noise, 'friction': noise, 'cell': 1e-2} if self._tells_constants(experiments) else {}
 
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
         """Return motion, pressures and their products."""

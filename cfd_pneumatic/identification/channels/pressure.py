@@ -393,7 +393,9 @@ class Pressure(Channel):
             'time': times - experiment.begin,
         }
 
-    def law_units(self, model: Model, noise: float, most: Mapping[str, float]) -> Mapping[str, float]:
+    def law_units(
+        self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
+    ) -> Mapping[str, float]:
         """Return the noise's size, a hundredth of what is scaled, and what the valves make of the noise."""
         rate = float(model.parameters[1]) * noise
         leak = rate / most['p']

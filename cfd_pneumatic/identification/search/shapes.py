@@ -398,13 +398,13 @@ def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
     ranges, curve = _ranges(candidates, begin), candidates.channel.curve
     noise = math.sqrt(begin.rss / candidates.train.samples)
     most = {name: max(map(abs, ends)) for name, ends in ranges.items()}
-    units = candidates.channel.law_units(begin.model, noise, most)
+    units = candidates.channel.law_units(candidates.train.experiments, begin.model, noise, most)
     found = []
     for against, places in curve.asked.items():
         low, high = ranges[against]
         if high - low <= _LEAST_VISITED:
             continue
-        for enters in places:
+        for enters in filter(units.__contains__, places):
             memories = curve.memories.get((enters, against), (curve.memory,))
             both_ways = _CROWDS[:1] if len(memories) > 1 else _CROWDS
             crowds = both_ways if against in curve.both_ways else curve.crowds
