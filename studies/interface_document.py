@@ -24,7 +24,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cfd_pneumatic.convention import CYLINDERS, EITHER, SCHEDULE_COLUMNS, meaning
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS, GENERIC
+from cfd_pneumatic.model.effects import EFFECTS, FORCE_PARTS, GENERIC
 from cfd_pneumatic.planning.report import PLAN_FILE, SCHEDULE_FILE
 from cfd_pneumatic.plant.table import COLUMNS, CSV_FILE, PARQUET_FILE
 from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE
@@ -316,7 +316,7 @@ def _effects(entries: Entries) -> Iterator[str]:
         '`cylinder_a.leakage.conductance`. All are doubles and live; by default they change nothing.'
     )
     known = {**EFFECTS, **GENERIC}
-    for prefix, some in ((EITHER, known.keys() - FORCE_EFFECTS.keys()), ('contact_force', FORCE_EFFECTS.keys())):
+    for prefix, some in ((EITHER, known.keys() - FORCE_PARTS.keys()), ('contact_force', FORCE_PARTS.keys())):
         rows = []
         for effect in sorted(some):
             label = f'[`{effect}`]({f"effects.md#{effect}" if effect in EFFECTS else "model.md#the-loop"})'

@@ -1,21 +1,21 @@
 """
 How near curves that were drawn are to the laws of the rig.
 
-What is even of a curve, or straight of a sensor's, is also the gains' and the offset's: the true law is told but for
-that, and one of the flow into the chamber but for its scale.
+What is even of a curve, or straight of a sensor's, is also the gains', the offset's or the area's: the true law is told
+but for that, and one of the flow into the chamber but for its scale.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.shape import Shape
-from cfd_pneumatic.rig.oddities import Oddities
-from cfd_pneumatic.rig.panel import Draw
+from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
+from cfd_pneumatic.rig.panel import STRANGE_FORCE, Draw
 from cfd_pneumatic.rig.physics import ONE_WAY_SPEED
 
 
@@ -24,7 +24,7 @@ class Law(NamedTuple):
 
     enters: str
     against: str
-    value: Callable[[Array, Oddities], Array]
+    value: Callable[[Array, Any], Array]
     """At some values of what it depends on, but for what is `free`."""
 
     free: Callable[[Array, Array], list[Array]]
@@ -46,6 +46,11 @@ class Nearness(NamedTuple):
 
 def _hump(at: Array, middle: float, width: float) -> Array:
     return np.asarray(np.exp(-(((at - middle) / width) ** 2)))
+
+
+def _bent(read: Array, odd: ForceOddities) -> Array:
+    """Return the share by which the cell reads more, of what it reads: that is less by the bend for each newton."""
+    return np.asarray(0.5 * (np.sqrt(1.0 - 4.0 * odd.bend * np.abs(read)) - 1.0))
 
 
 def _constant(at: Array, value: Array) -> list[Array]:
@@ -90,6 +95,13 @@ LAWS: Mapping[str, tuple[Law, ...]] = {
     'tilting_sensor': (
         Law('sensing', 'x', lambda x, odd: odd.tilt * np.sin(2.0 * np.pi * x / odd.tilt_length), _constant),
     ),
+    'scarred_bore': (
+        Law('friction', 'x', lambda x, odd: odd.scar * _hump(x, odd.scar_position, odd.scar_length), _nothing),
+    ),
+    'bent_cell': (Law('cell', 'force', _bent, _gain),),
+    'cable_bundle': (
+        Law('force', 'x', lambda x, o: -o.bundle * np.sign(x) * np.maximum(np.abs(x) - o.bundle_slack, 0.0), _constant),
+    ),
 }
 """By their names in the panel; the others are no curve of one variable as they stand."""
 
@@ -98,12 +110,14 @@ _SCALED = ('swimming_seal', 'pop_valve')  # by the chamber's volume, and what wa
 
 def nearness(shape: Shape, law: str, drawn: Draw) -> Nearness | None:
     """Return how near a curve is to a law of the rig; None where it was drawn in another place."""
-    odd = Oddities(**{name.removeprefix('odd_a.'): value for name, value in drawn.truth.changes.items()})
+    kind, whose = (ForceOddities, 'odd_force.') if law in STRANGE_FORCE else (Oddities, 'odd_a.')
+    changes = drawn.truth.changes.items()
+    odd = kind(**{name.removeprefix(whose): value for name, value in changes if name.startswith(whose)})
     for own in LAWS.get(law, ()):
         if (own.enters, own.against) == (shape.enters, shape.against) and np.count_nonzero(shape.visited) > 1:
             seen = shape.visited
             at, told = shape.at[seen], shape.value[seen]
-            true = own.value(at, odd)
+            true = own.value(at * (1.0 + told) if own.enters == 'cell' else at, odd)
             if law in _SCALED:
                 true = true * (true @ told) / max(float(true @ true), 1e-300)
             columns = np.column_stack([*own.free(at, true), np.zeros_like(at)])

@@ -13,7 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from itertools import product
+from itertools import chain, product
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,14 +23,30 @@ from rich.progress import track
 from scipy.stats import binomtest
 
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.rig.panel import CLASSES, MAKES, STRANGE, baseline_rmse, draw, oracle_residual, oracle_rmse
+from cfd_pneumatic.identification.wording import spoken
+from cfd_pneumatic.recording import recording_of
+from cfd_pneumatic.rig.panel import (
+    CLASSES,
+    MAKES,
+    STRANGE,
+    STRANGE_FORCE,
+    baseline_rmse,
+    draw,
+    force_baseline_rmse,
+    force_oracle_residual,
+    force_oracle_rmse,
+    oracle_residual,
+    oracle_rmse,
+)
 from studies.documents import table
 from studies.law_curves import nearness
 from studies.panel_rows import CYLINDER, VISIBLE, cylinder_a_of
 from studies.provenance import ROOT, commit
 
-LAWS = tuple(name for name, right in CLASSES.items() if not any(enters == 'force' for enters, _ in right))
-"""Those of the pressure."""
+FORCE = 'force'
+
+LAWS = {CYLINDER: tuple(name for name in CLASSES if name not in STRANGE_FORCE), FORCE: STRANGE_FORCE}
+"""Those of the pressure, and of the force; a healthy device is asked for both."""
 
 FIRST_SEED = 7000
 """Of the report; 0 to 999 are for developing."""
@@ -45,6 +61,7 @@ class Job(NamedTuple):
     """One recording; without a law it is of a healthy device."""
 
     law: str
+    channel: str
     whole: bool
     schedule: str
     seed: int
@@ -54,14 +71,17 @@ def measure(job: Job) -> dict[str, Any]:
     """Draw a recording, identify it, and return what came of it."""
     make = list(MAKES)[job.seed % len(MAKES)] if job.whole else None
     drawn = draw(job.law or None, job.schedule, job.seed, make=make)
-    row: dict[str, Any] = {**job._asdict(), 'visible': baseline_rmse(drawn) / oracle_rmse(drawn)}
+    on_force = job.channel == FORCE
+    healthy, true = (force_baseline_rmse, force_oracle_rmse) if on_force else (baseline_rmse, oracle_rmse)
+    row: dict[str, Any] = {**job._asdict(), 'visible': healthy(drawn) / true(drawn)}
     began = time.perf_counter()
     try:
-        result = identify([cylinder_a_of(drawn)], Options(close_loop=True)).cylinders[CYLINDER]
+        recording = recording_of(drawn.recording) if on_force else cylinder_a_of(drawn)
+        result = identify([recording], Options(close_loop=True)).channels[job.channel]
     except Exception as error:  # counted as a failure: one recording must not end the run
         return {**row, 'verdict': 'refused', 'why': f'{type(error).__name__}: {error}'}
     findings, judged = result.findings, result.judged(result.comparisons[0])
-    left = oracle_residual(drawn)[judged]
+    left = (force_oracle_residual if on_force else oracle_residual)(drawn)[judged]
     law = findings.unknown
     near = nearness(law, job.law, drawn) if law is not None and job.law else None
     return {
@@ -94,8 +114,14 @@ def report(rows: Sequence[dict[str, Any]]) -> str:
     """Return the table of what came of recordings."""
     lines = []
     seen = [row for row in rows if row['law'] and row['visible'] > VISIBLE]
-    groups = [(name, [row for row in seen if row['law'] == name]) for name in LAWS]
-    groups += [(f'all, {what}', [row for row in seen if row['whole'] == whole]) for what, whole in KINDS]
+    groups = [(name, [row for row in seen if row['law'] == name]) for name in chain(*LAWS.values())]
+    groups += [
+        (
+            f'all of {spoken(channel)}, {what}',
+            [row for row in seen if (row['channel'], row['whole']) == (channel, whole)],
+        )
+        for channel, (what, whole) in product(LAWS, KINDS)
+    ]
     for name, own in groups:
         lines.append(
             (
@@ -134,14 +160,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='laws', description=__doc__.split('\n\n')[0])
     parser.add_argument('--seeds', type=int, default=6, help='recordings of each law, schedule and kind of device')
     parser.add_argument('--first', type=int, default=FIRST_SEED, help='seed')
-    parser.add_argument('--laws', nargs='+', choices=(*LAWS, ''), default=(*LAWS, ''), help='which; empty: healthy')
+    known = (*chain(*LAWS.values()), '')
+    parser.add_argument('--laws', nargs='+', choices=known, default=known, help='which; empty: healthy')
     parser.add_argument('--jobs', type=int, default=2, help='processes')
     parser.add_argument('--rows', type=Path, default=ROOT / 'build' / 'laws.jsonl', help='file of what came of each')
     options = parser.parse_args(arguments)
-    assert set(LAWS) <= STRANGE.keys()
+    assert set(chain(*LAWS.values())) == STRANGE.keys()
+    asked = [(law, channel) for channel, own in LAWS.items() for law in (*own, '') if law in options.laws]
     jobs = [
-        Job(law, whole, schedule, options.first + seed)
-        for seed, law, (_, whole), schedule in product(range(options.seeds), options.laws, KINDS, SCHEDULES)
+        Job(law, channel, whole, schedule, options.first + seed)
+        for seed, (law, channel), (_, whole), schedule in product(range(options.seeds), asked, KINDS, SCHEDULES)
     ]
     rows = []
     options.rows.parent.mkdir(parents=True, exist_ok=True)

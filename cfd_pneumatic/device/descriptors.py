@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import SPECS, TABLE_1
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS, Effect
+from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.units import PSI
 
 Value = bool | float | tuple[float, ...] | tuple[str, ...]
@@ -131,7 +131,7 @@ def _device() -> Iterator[Descriptor]:
         0.0,
         1e-3,
     )
-    yield from _effects(force, FORCE_EFFECTS)
+    yield from _effects(force, FORCE_PARTS)
 
 
 def _cylinder(name: str) -> Iterator[Descriptor]:

@@ -13,7 +13,7 @@ from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.model import NAMES, TABLE_1, Cylinder, DeviceModel, ForceGeometry, OperatingPoints
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS, Effect
+from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.recording import Recording
 
 
@@ -118,7 +118,7 @@ class Device:
         geometry = ForceGeometry(self.number('area'), self.number('geometric_factor'), ambient)
         if geometry.geometric_factor == 0.0:
             raise InputError('geometric_factor is 0: no force could be set or derived')
-        force_effects = self._effects(CONTACT_FORCE, FORCE_EFFECTS)
+        force_effects = self._effects(CONTACT_FORCE, FORCE_PARTS)
         return DeviceModel(a, b, geometry, force_effects, self.number(f'{CONTACT_FORCE}.seal_play'))
 
     @property

@@ -11,7 +11,7 @@ from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification
 from cfd_pneumatic.model import SPECS
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS, Effect
+from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
 
 _SEAL_PLAY = 3.0  # standard deviations of the displacement's noise
 _LARGEST_SEAL_PLAY = 1e-3  # [m]
@@ -48,11 +48,11 @@ def identified_device(identification: Identification) -> Device:
     force = identification.channels.get('force')
     if force is not None and force.found.model.effects:
         effects = force.found.model.effects
-        if any(FORCE_EFFECTS[name].states for name in effects):
+        if any(FORCE_PARTS[name].states for name in effects):
             noise = max(one.motion.noise for one in force.experiments)
             values[f'{CONTACT_FORCE}.seal_play'] = min(_SEAL_PLAY * noise, _LARGEST_SEAL_PLAY)
             notes[f'{CONTACT_FORCE}.seal_play'] = "three standard deviations of the displacement's noise"
-        _add_effects(CONTACT_FORCE, effects, FORCE_EFFECTS, values)
+        _add_effects(CONTACT_FORCE, effects, FORCE_PARTS, values)
     _hold_within_ranges(values, notes)
     return Device(values, notes)
 

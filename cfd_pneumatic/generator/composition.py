@@ -11,7 +11,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from cfd_pneumatic.model import flow_function, lanes, lanewise
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, FUNCTIONS, MODULES, PRESSURE_PARTS
+from cfd_pneumatic.model.effects import FORCE_PARTS, FUNCTIONS, MODULES, PRESSURE_PARTS, knots
 from cfd_pneumatic.model.places import (
     ALWAYS,
     FORCE_PLACES,
@@ -29,7 +29,7 @@ _TEMPLATES = Path(__file__).parent
 def composed() -> str:
     """Return the kernel's text."""
     effects = [_described(name, PLACES[name], 'y{}') for name in PRESSURE_PARTS]
-    force_effects = [_described(name, FORCE_PLACES[name], 'state[{}]') for name in FORCE_EFFECTS]
+    force_effects = [_described(name, FORCE_PLACES[name], 'state[{}]') for name in FORCE_PARTS]
     held = _hold(effects)
     templates = Environment(loader=FileSystemLoader(_TEMPLATES), undefined=StrictUndefined, keep_trailing_newline=True)
 
@@ -96,5 +96,5 @@ def _resting(effects: Sequence[Mapping[str, Any]]) -> dict[int, str]:
 
 def _fingerprint() -> str:
     """Return what changes with all that is compiled in: Numba's files are made anew when the kernel's text changes."""
-    text = ''.join(inspect.getsource(module) for module in (*MODULES.values(), flow_function, lanes, lanewise))
+    text = ''.join(inspect.getsource(module) for module in (*MODULES.values(), knots, flow_function, lanes, lanewise))
     return hashlib.sha256(text.encode()).hexdigest()[:16]

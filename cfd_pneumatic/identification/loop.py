@@ -8,8 +8,9 @@ test part; say what was found, or that it is not known.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from cfd_pneumatic.identification.data.tolerance import Tolerance
 from cfd_pneumatic.identification.fit.data_sheets import as_data_sheets
 from cfd_pneumatic.identification.fit.fit import Fit, search, summary
 from cfd_pneumatic.identification.held_out import contradiction
-from cfd_pneumatic.identification.residual.tests import Test, explained
+from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.cores import Cores
@@ -37,12 +38,10 @@ from cfd_pneumatic.identification.verdict import (
     verdict_of,
     within,
 )
-from cfd_pneumatic.model.effects.curve import CURVE
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60
 _SEEN = 0.88  # of the error without a law, on validation or test: one that takes less may be a core's that is not exact
-_LARGE = 1.5  # times the noise
 _DOES_NOTHING = 'does nothing beside the others'
 _IDLE = 1.01  # times the sum of squares, up to which an effect that is taken out did nothing
 
@@ -91,7 +90,7 @@ def close_loop(
     left = [one.measured - values for one, values in zip(experiments, after.simulated)]
     if searching:
         against += contradiction(experiments, left, noise.std)
-    effects = tuple(name for name in after.model.effects if name != CURVE)
+    effects = tuple(name for name in after.model.effects if name != channel.curve.name)
     used = PHYSICAL if after.model.core else LINEAR
     harmless = within(tolerance, channel.quantity.small.unit, experiments, after.simulated)
     law = '' if unknown is None else unknown.words
@@ -118,15 +117,9 @@ def close_loop(
     return after, conclusion
 
 
-def _tests(fit: Fit) -> list[Test]:
-    """Return the tests of what a fit leaves of train and validation."""
-    return fit.likelihood.tests(fit.model, fit.likelihood.noise(fit.model))
-
-
-def _is_enough(tests: Sequence[Test]) -> bool:
-    """Return whether a residual is as noise would be, and not so large that a law may pass for the noise's memory."""
-    (size,) = (one.statistic for one in tests if one.name == 'noise_floor')
-    return explained(tests) and size < _LARGE
+def _is_explained(fit: Fit) -> bool:
+    """Return whether what a fit to train and validation leaves is as noise would be."""
+    return explained(fit.likelihood.tests(fit.model, fit.likelihood.noise(fit.model)))
 
 
 def _looked_for(
@@ -135,8 +128,7 @@ def _looked_for(
     """Return the fit with what was found, alternatives to its effects, what was tried, and its law if it has one."""
     candidates = Candidates(before.likelihood, before.model)
     cores, laws = Cores(candidates, core), Laws(candidates)
-    draws = CURVE in before.likelihood.channel.effects
-    if draws and not is_explained:
+    if not is_explained:
         drawing = cores.law(laws)
         with_law = None if drawing is None else _as_drawn(drawing, before, before)
         if with_law is not None:
@@ -152,10 +144,16 @@ def _looked_for(
             for one in tried
         )
         alternatives |= _confounded(after)
-    if draws and not (_is_enough(candidates.residual_tests(found.model)) or _is_enough(_tests(after))):
+    may_do = explained(candidates.residual_tests(found.model)) or _is_explained(after)
+    if not (may_do and laws.is_noise(found.model)) and (after is not before or not may_do):
         # beside a core alone, for effects that were found instead of a law are none, and else beside them
-        for begins in (cores.begins, [found.model]):
-            drawing = laws.best(begins, [found.model])
+        asked = [partial(laws.best, cores.begins), partial(laws.best, [found.model])]
+        if not candidates.channel.cores:
+            asked.append(partial(laws.beside_effects, candidates.baseline))
+        for ask in asked:
+            drawing = ask([found.model])
+            if may_do and drawing is not None and laws.is_near(drawing, found.model):
+                continue
             with_law = None if drawing is None else _as_drawn(drawing, before, after)
             if with_law is not None:
                 after, unknown = with_law

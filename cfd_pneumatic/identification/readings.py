@@ -28,7 +28,6 @@ from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.identification.steps import with_steps
-from cfd_pneumatic.model.effects.curve import CURVE
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, GAUGE_PRESSURES, scales
@@ -79,7 +78,7 @@ def other_pressure(result: ChannelResult, recordings: Sequence[Recording], optio
     if options.core != AUTO or conclusion is None or not result.channel.cores:
         return
     (name, *_) = result.channel.cores
-    physics = {*result.channel.effects[name].covers, *((CURVE,) if conclusion.unknown else ())}
+    physics = {*result.channel.effects[name].covers, *((result.channel.curve.name,) if conclusion.unknown else ())}
     if explained(conclusion.tests_after) and not physics & {*result.found.model.effects}:
         return
 

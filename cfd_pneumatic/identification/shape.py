@@ -14,8 +14,8 @@ from cfd_pneumatic.identification.fit.levenberg import Quadratic
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.formulas import Formula, formulas
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
-from cfd_pneumatic.identification.search.shapes import Drawn, Slot, penalty_of
-from cfd_pneumatic.model.effects.curve import CURVE, KNOTS
+from cfd_pneumatic.identification.search.shapes import FROM_NOTHING, Drawn, Slot, heights_of, penalty_of
+from cfd_pneumatic.model.effects.knots import KNOTS
 
 _POINTS = 41  # of a curve that is shown
 _CORNER = 0.125  # of a bend: by how much a straight line lies beside an even curve, at most
@@ -34,13 +34,16 @@ UNITS = {
     'leak': '1/s',
     'sensing': 'Pa',
     'stiffness': '1',
+    'force': 'N',
+    'friction': 'N',
+    'cell': '1',
 }
 """Of a curve's height, by where it enters."""
 
-UNITS_AGAINST = {'x': 'm', 'speed': 'm/s', 'p': 'Pa', 'error': 'Pa', 'flow': 'Pa/s', 'time': 's'}
+UNITS_AGAINST = {'x': 'm', 'speed': 'm/s', 'p': 'Pa', 'error': 'Pa', 'flow': 'Pa/s', 'time': 's', 'force': 'N'}
 """Of what it depends on."""
 
-_VARIABLES = {'speed': 'v', 'error': 'e', 'flow': 'q', 'time': 't'}
+_VARIABLES = {'speed': 'v', 'error': 'e', 'flow': 'q', 'time': 't', 'force': 'F'}
 """How what it depends on is written in a formula; x and p as they are."""
 
 _ENTERS = {
@@ -51,6 +54,9 @@ _ENTERS = {
     'leak': 'the chamber loses up to {} % of its gauge pressure a second',
     'sensing': 'the pressure sensor reads up to {} Pa too much or too little',
     'stiffness': 'the air in the chamber is up to {} % stiffer or softer',
+    'force': 'something beside the air adds or takes up to {} N',
+    'friction': 'something rubs with up to {} N',
+    'cell': 'the load cell reads up to {} % too much or too little',
 }
 _AGAINST = {
     'x': 'depending on the place along the stroke',
@@ -59,6 +65,7 @@ _AGAINST = {
     'error': 'depending on how far the valves are open',
     'flow': 'the more, or the less, air has flowed lately',
     'time': 'as time goes by',
+    'force': 'depending on the force',
 }
 _LOOK = {
     'set_point': 'the regulator, its control line and what it hangs on',
@@ -68,6 +75,9 @@ _LOOK = {
     'leak': 'the seal and the fittings',
     'sensing': 'the pressure sensor, its line and its supply',
     'stiffness': 'the chamber walls, hoses and what else is joined to the chamber',
+    'force': 'cables and hoses that the piston moves, stops, and the zero of the load cell',
+    'friction': 'the bore, the rod and its seals and guides',
+    'cell': 'the load cell, how it is mounted, and the linkage',
 }
 
 
@@ -79,7 +89,7 @@ class Shape:
     Attributes
     ----------
     enters, against
-        Where, and what it depends on: of `ENTERS` and `AGAINST` of `model.effects.curve`.
+        Where, and what it depends on: of those of the channel's `curve`.
     others
         Pairs of these that the recordings can't tell from its own.
     at
@@ -124,8 +134,7 @@ class Shape:
         Of what is told but for a constant the size is by how much it changes.
         """
         seen = self.value[self.visited]
-        from_nothing = self.enters in ('chamber', 'leak')
-        most = float(np.max(np.abs(seen)) if from_nothing else np.ptp(seen)) if seen.size else 0.0
+        most = float(np.max(np.abs(seen)) if self.enters in FROM_NOTHING else np.ptp(seen)) if seen.size else 0.0
         size = 100.0 * most if self.unit in ('1', '1/s') else most
         what = f'{_ENTERS[self.enters].format(f"{size:.2g}")}, {_AGAINST[self.against]}'
         return f'{what}: look at {_LOOK[self.enters]}'
@@ -135,7 +144,7 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
     """Return the law that a model has, with its band; `without` is the model that lacks it."""
     slot = drawing.promise.slot
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, model)
-    own = [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{CURVE}.w')]
+    own = heights_of(unknowns, slot)
     here: Quadratic = likelihood.evaluate(unknowns, unknowns.start)
     residuals = likelihood.residuals(likelihood.simulate(model))
     share = independent_share(autoregression(residuals))
@@ -145,7 +154,7 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
     covariance = covariance[np.ix_(own, own)] * np.outer(scales, scales)
     values = _visits(likelihood, model, slot.against)
     at = np.linspace(slot.low, slot.high, _POINTS)
-    heights = np.array(model.effects[CURVE][-KNOTS:])
+    heights = slot.heights(model)
     value = slot.along(at) @ heights
     along = slot.along(at) @ _own(slot, values, heights)
     std = np.sqrt(np.einsum('ij,jk,ik->i', along, covariance, along))
@@ -176,14 +185,13 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
 
 def _holds(likelihood: Likelihood, model: Model, slot: Slot, formula: Formula, most: float) -> bool:
     """Return whether a formula leaves no more, simulated in its curve's place with the gains fitted anew."""
-    effects = {**model.effects, CURVE: slot.parameters(formula.told(slot.knots))}
-    formed = replace(model, effects=effects)
+    formed = slot.drawn(model, formula.told(slot.knots))
     return search(likelihood, formed, *_ANEW, frozen=formed.parts).cost < most
 
 
 def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:
     """Return a model whose gains or offsets have what is even of its curve; it simulates the same."""
-    heights = np.array(model.effects[CURVE][-KNOTS:])
+    heights = slot.heights(model)
     visits = slot.along(_visits(likelihood, model, slot.against)).mean(axis=0)
     mean = float(visits @ heights) / float(visits.sum())
     parameters, own = model.parameters.copy(), model.own.copy()
@@ -195,12 +203,12 @@ def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:
     elif slot.enters == 'set_point':
         own[:, 0] += mean
         heights = heights - mean
-    return replace(model, parameters=parameters, own=own, effects={**model.effects, CURVE: slot.parameters(heights)})
+    return slot.drawn(replace(model, parameters=parameters, own=own), heights)
 
 
 def _own(slot: Slot, values: Array, heights: Array) -> Array:
     """Return what takes from changes of heights all that the model's own numbers make up for, where samples are."""
-    absorbed = slot.absorbed * (1.0 + heights[:, None]) if slot.enters in _GAINS else slot.absorbed
+    absorbed = slot.absorbed * (1.0 + heights[:, None]) if slot.enters in (*_GAINS, 'cell') else slot.absorbed
     weights = slot.along(values).sum(axis=0)[:, None] * absorbed
     known = np.linalg.pinv(absorbed.T @ weights)
     return np.asarray(np.eye(KNOTS) - absorbed @ known @ weights.T)

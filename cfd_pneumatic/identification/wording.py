@@ -31,6 +31,9 @@ LAW_PLACES = {
     'leak': 'leak, share of the gauge pressure',
     'sensing': 'reading, off by',
     'stiffness': 'stiffness of the air, more by',
+    'force': 'force, more by',
+    'friction': 'friction',
+    'cell': 'reading of the load cell, more by',
 }
 """Where a law enters, for the axis of its picture."""
 
@@ -41,6 +44,7 @@ LAW_VARIABLES = {
     'error': 'valve error',
     'flow': 'flow, lagged',
     'time': 'time',
+    'force': 'force',
 }
 """What it depends on, likewise."""
 

@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint ea2506a1e6a4772e; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint c513294957f4c81d; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from cfd_pneumatic.model.effects import (
     displacement_lag,
     droop,
     flow_saturation,
+    force_curve,
     force_offset,
     heat_transfer,
     leakage,
@@ -219,10 +220,10 @@ INTEGRATED = (
 )
 """The states that have rates, each with the switch it is behind: the two pressures' is always on."""
 
-FORCE_STATES = 2
+FORCE_STATES = 3
 """States of the effects on the force."""
 
-SLID = 2
+SLID = 3
 """Where, behind these, the displacement stands that the seals slid to last [m]."""
 
 
@@ -929,6 +930,35 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
         (state[0],) = seal_friction.slide(travel, state[0], a[2], a[3], a[4], a[5])
     if on & 8:
         (state[1],) = stribeck_friction.slide(travel, state[1], a[6], a[7], a[8])
+    if on & 16:
+        (state[2],) = force_curve.slide(
+            travel,
+            state[2],
+            a[9],
+            a[10],
+            a[11],
+            a[12],
+            a[13],
+            a[14],
+            a[15],
+            a[16],
+            a[17],
+            a[18],
+            a[19],
+            a[20],
+            a[21],
+            a[22],
+            a[23],
+            a[24],
+            a[25],
+            a[26],
+            a[27],
+            a[28],
+            a[29],
+            a[30],
+            a[31],
+            a[32],
+        )
     state[SLID] = x
     moment = ForceMoment(time, x, rate, acceleration, p_a, p_opposing, ambient)
     force = area_times_factor * (p_a - p_opposing)
@@ -939,7 +969,37 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
     if on & 8:
         force = stribeck_friction.force(force, moment, state[1], a[6], a[7], a[8])
     if on & 16:
-        force = force_offset.force(force, moment, a[9])
+        force = force_curve.force(
+            force,
+            moment,
+            state[2],
+            a[9],
+            a[10],
+            a[11],
+            a[12],
+            a[13],
+            a[14],
+            a[15],
+            a[16],
+            a[17],
+            a[18],
+            a[19],
+            a[20],
+            a[21],
+            a[22],
+            a[23],
+            a[24],
+            a[25],
+            a[26],
+            a[27],
+            a[28],
+            a[29],
+            a[30],
+            a[31],
+            a[32],
+        )
+    if on & 32:
+        force = force_offset.force(force, moment, a[33])
     return force
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from cfd_pneumatic.model.composed import FORCE_STATES, SLID, rest_force, step_force
 from cfd_pneumatic.model.cylinder import Cylinder, CylinderState
-from cfd_pneumatic.model.effects import FORCE_EFFECTS
+from cfd_pneumatic.model.effects import FORCE_PARTS
 from cfd_pneumatic.model.extended import Movement, check_effects
 from cfd_pneumatic.model.places import FORCE_PLACES, all_force_parameters, force_switches
 
@@ -117,7 +117,7 @@ class DeviceModel:
         """Check that there is a cylinder, and the effects."""
         if not self.cylinders:
             raise ValueError('a device has at least one cylinder')
-        check_effects(self.force_effects, FORCE_EFFECTS, 'force')
+        check_effects(self.force_effects, FORCE_PARTS, 'force')
 
     @property
     def cylinders(self) -> dict[str, Cylinder]:

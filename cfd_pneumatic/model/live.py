@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cfd_pneumatic.model.cylinder import Cylinder
 from cfd_pneumatic.model.device import DeviceModel, DeviceState, ForceGeometry
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS
+from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS
 from cfd_pneumatic.model.extended import Movement
 from cfd_pneumatic.model.parameters import TABLE_1
 
@@ -135,7 +135,7 @@ def warm_up() -> None:
     With the effects, too, so that switching one on later compiles nothing.
     """
     every, every_on_force = (
-        {name: effect.null for name, effect in among.items()} for among in (PRESSURE_PARTS, FORCE_EFFECTS)
+        {name: effect.null for name, effect in among.items()} for among in (PRESSURE_PARTS, FORCE_PARTS)
     )
     for on_pressure, on_force in (({}, {}), (every, every_on_force)):
         cylinder = Cylinder(TABLE_1, 1e5, on_pressure)

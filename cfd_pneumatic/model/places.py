@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, PRESSURE_PARTS, Effect
+from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.model.parameters import SPECS
 
 GAINS = len(SPECS)
@@ -67,15 +67,15 @@ MEASURED = STATES + 1
 PARAMETERS = GAINS + sum(len(effect.parameters) for effect in PRESSURE_PARTS.values())
 """Number of parameters: the gains, and those of the effects on the pressure."""
 
-FORCE_PLACES = _places(FORCE_EFFECTS, 0, 0)
+FORCE_PLACES = _places(FORCE_PARTS, 0, 0)
 """Place of each effect on the force, by name."""
 
-FORCE_STATES = sum(effect.states for effect in FORCE_EFFECTS.values())
+FORCE_STATES = sum(effect.states for effect in FORCE_PARTS.values())
 """Number of states of the force."""
 
 
 _NULL = np.concatenate([np.zeros(GAINS), *(effect.null for effect in PRESSURE_PARTS.values())])
-_FORCE_NULL = np.concatenate([np.empty(0), *(effect.null for effect in FORCE_EFFECTS.values())])
+_FORCE_NULL = np.concatenate([np.empty(0), *(effect.null for effect in FORCE_PARTS.values())])
 
 
 def all_parameters(gains: Sequence[float] | Array, effects: Mapping[str, Sequence[float]]) -> Array:

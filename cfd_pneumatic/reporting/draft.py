@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import Identification
+from cfd_pneumatic.identification import ChannelResult, Identification
 from cfd_pneumatic.identification.shape import Shape
 
 _FLOW = ('flow', 'q', 'q * (1.0 + {})', "the pressure rate that the valves' flow makes [Pa/s]")
@@ -16,6 +16,9 @@ _FUNCTIONS = {
     'leak': (('chamber', 'rate', 'rate - {} * (moment.p - moment.ambient)', "the outlet pressure's rate [Pa/s]"),),
     'sensing': (('signal', 'p', 'p + {}', 'what the sensor reads [Pa]'),),
     'stiffness': (_GAIN, _FLOW),
+    'force': (('force', 'value', 'value + {}', 'the contact force [N]'),),
+    'friction': (('force', 'value', 'value - {} * stretch', 'the contact force, less what rubs [N]'),),
+    'cell': (('force', 'value', 'value * (1.0 + {})', 'what the load cell reads [N]'),),
 }
 """An effect's functions by where a law enters, what each takes and returns, and what that is."""
 
@@ -25,8 +28,12 @@ _VARIABLES = {
     'p': ('moment.p - moment.ambient', 'pressure'),
     'error': ('moment.setpoint - moment.p_f', 'valve error'),
     'time': ('moment.time', 'time'),
+    'force': ('value', 'pressure'),
 }
 """What a law depends on, of a `Moment`, and against what a residual shows it."""
+
+_BOTH_PRESSURES = 'moment.p - moment.ambient + moment.opposing - moment.ambient'
+"""What the pressure is in a law of the force."""
 
 _NUMBERS = {'a': ('height', 'how strong it is'), 'b': ('place', 'where it is'), 'c': ('length', 'over how much')}
 
@@ -35,7 +42,6 @@ _FILE = '''"""{title}: {words}."""
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import inlined
 {imports}
 {functions}
 def starts(data: Data) -> list[tuple[float, ...]]:
@@ -53,19 +59,31 @@ EFFECT = Effect(
     starts=starts,
     shown_by='what was recorded when it was found',
     seen_against='{against}',
-    moves_rest=True,
-)
+{more})
 '''
 
 _FUNCTION = '''
 @inlined
-def {function}({taken}, moment, {names}):
+def {function}({taken}, moment, {parameters}):
     """Return {what}."""
     z = {variable}
     {letters} = {names}
     return {result}
 
 '''
+
+_SLIDE = '''
+@inlined
+def slide(travel, {parameters}):
+    """Return how far friction has turned round, -1 to 1."""
+    return (stretched(travel, stretch, presliding),)
+
+'''
+
+_PRESLIDING = """
+        EffectParameter(
+            'presliding', 'm', 1e-6, 1e-2, 1e-4, 'displacement over which friction turns round', logarithmic=True
+        ),"""
 
 
 def draft_effect(identification: Identification, name: str) -> str:
@@ -81,41 +99,59 @@ def draft_effect(identification: Identification, name: str) -> str:
     for result in identification.closed:
         law = result.findings.unknown
         if law is not None and law.formulas and law.against in _VARIABLES:
-            return _drafted(law, name, result.name)
+            return _drafted(law, name, result)
     raise InputError('no effect is drafted: no law was drawn that has a formula in what it depends on')
 
 
-def _drafted(law: Shape, name: str, where: str) -> str:
+def _drafted(law: Shape, name: str, result: ChannelResult) -> str:
     formula = law.formulas[0]
     variable, against = _VARIABLES[law.against]
     names = [_NUMBERS[letter][0] for letter in formula.numbers]
     values = [f'{value:.6g}' for value in formula.numbers.values()]
     used = [one for one in ('exp', 'tanh', 'wave') if f'{one}(' in formula.code]
+    imports = ['from cfd_pneumatic.model.kernel import inlined']
+    if used:
+        imports.append(f'from cfd_pneumatic.model.lanewise import {", ".join(used)}')
+    own, more, last = names, '', ''
+    if _FUNCTIONS[law.enters][0][0] != 'force':
+        more = '    moves_rest=True,\n'
+    elif law.against == 'p':
+        variable = _BOTH_PRESSURES
+    if law.enters == 'friction':
+        imports.insert(0, 'from cfd_pneumatic.model.effects.seal_friction import stretched')
+        own, more = ['stretch', *names, 'presliding'], "    states=1,\n    follows='motion',\n"
+        presliding = result.found.model.effects[result.channel.curve.name][2]
+        values.append(f'{presliding:.6g}')
+        last = _PRESLIDING
     units = {'a': _unit_of_height(law, formula.power)}
     parameters = '\n'.join(_parameter(letter, units.get(letter, law.unit_against), law) for letter in formula.numbers)
     functions = [
         _FUNCTION.format(
             function=function,
             taken=taken,
+            parameters=', '.join(own),
             names=', '.join(names),
             letters=', '.join(formula.numbers),
             what=what,
             variable=variable,
-            result=result.format(f'({formula.code})'),
+            result=changed.format(f'({formula.code})'),
         )
-        for function, taken, result, what in _FUNCTIONS[law.enters]
+        for function, taken, changed, what in _FUNCTIONS[law.enters]
     ]
+    if law.enters == 'friction':
+        functions.append(_SLIDE.format(parameters=', '.join(own)))
     return _FILE.format(
         title=name.replace('_', ' ').capitalize(),
         words=law.words.partition(': look')[0],
-        imports=f'from cfd_pneumatic.model.lanewise import {", ".join(used)}\n' if used else '',
+        imports=''.join(f'{one}\n' for one in imports),
         functions=''.join(functions),
-        where=where,
+        where=result.name,
         found=f'({", ".join(values)},)',
         otherwise=f'({", ".join([_turned(values[0]), *values[1:]])},)',
         name=name,
-        parameters=parameters,
+        parameters=parameters + last,
         against=against,
+        more=more,
     )
 
 

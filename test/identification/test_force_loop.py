@@ -197,11 +197,12 @@ def test_a_constant_may_be_a_weight():
     assert closure.alternatives['force_offset'] == ()  # 0.2 kg would have shown
 
 
-def test_an_effect_that_is_not_known_is_unexplained():
+def test_friction_that_is_not_known_is_drawn():
     library = {name: effect for name, effect in FORCE_EFFECTS.items() if 'friction' not in name}
     _, closure = closed('seal_friction', 'surface_following', 24, library=library)
-    assert closure.verdict == 'unexplained'
-    assert 'not known here' in closure.why or 'none of the effects' in closure.why
+    assert closure.verdict == 'shape_found'
+    assert closure.unknown.enters == 'friction'
+    assert 'none of the effects' in closure.why
 
 
 def test_a_force_sensor_that_trails_is_unexplained():

@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cfd_pneumatic.identification.channels.pressure import Pressure
 from cfd_pneumatic.identification.search.shapes import Slot
-from cfd_pneumatic.model.effects import EFFECTS, GENERIC, PRESSURE_PARTS, Moment, curve
-from cfd_pneumatic.model.effects.curve import AGAINST, ENTERS, KNOTS
+from cfd_pneumatic.model.effects import EFFECTS, FORCE_PARTS, GENERIC, PRESSURE_PARTS, Moment, curve
+from cfd_pneumatic.model.effects.curve import AGAINST, ENTERS
+from cfd_pneumatic.model.effects.knots import KNOTS
 
 AMBIENT = 101325.0
 VALUES = {'x': 0.3, 'speed': -0.4, 'p': 0.5, 'error': -0.6, 'flow': 0.7, 'time': 0.8}
@@ -26,7 +28,7 @@ HEIGHTS = tuple(np.linspace(-3.0, 2.0, KNOTS) ** 2)
 
 
 def slot(enters: str = 'flow', against: str = 'x', crowd: float = 1e6, middle: float = 0.0) -> Slot:
-    return Slot(enters, against, 0.1, -1.0, 1.0, middle, crowd, 1.0)
+    return Slot(enters, against, 0.1, -1.0, 1.0, middle, crowd, 1.0, Pressure.curve)
 
 
 def height(place: Slot, at: float, heights: tuple[float, ...] = HEIGHTS) -> float:
@@ -35,9 +37,10 @@ def height(place: Slot, at: float, heights: tuple[float, ...] = HEIGHTS) -> floa
 
 
 def test_it_is_no_effect_that_a_search_may_name() -> None:
-    assert GENERIC.keys() == {'curve'}
+    assert GENERIC.keys() == {'curve', 'force_curve'}
     assert GENERIC.keys().isdisjoint(EFFECTS)
-    assert GENERIC.keys() <= PRESSURE_PARTS.keys()
+    assert 'curve' in PRESSURE_PARTS
+    assert 'force_curve' in FORCE_PARTS
 
 
 @pytest.mark.parametrize('middle', [0.0, 0.7])

@@ -10,7 +10,15 @@ from hypothesis import strategies as st
 from reference import AMBIENT
 
 from cfd_pneumatic.model.composed import FORCE_STATES, SLID, rest_force, step_force
-from cfd_pneumatic.model.effects import CORES, EFFECTS, FORCE_EFFECTS, GENERIC, PRESSURE_EFFECTS, PRESSURE_PARTS
+from cfd_pneumatic.model.effects import (
+    CORES,
+    EFFECTS,
+    FORCE_EFFECTS,
+    FORCE_PARTS,
+    GENERIC,
+    PRESSURE_EFFECTS,
+    PRESSURE_PARTS,
+)
 from cfd_pneumatic.model.effects.seal_friction import slide
 from cfd_pneumatic.model.extended_force import ExtendedForce
 from cfd_pneumatic.model.places import FORCE_PLACES, PLACES, all_force_parameters, force_switches
@@ -44,9 +52,10 @@ def change(effects, **options):
 
 def test_every_effect_is_on_the_force_or_on_the_pressure():
     assert {**PRESSURE_EFFECTS, **FORCE_EFFECTS} == EFFECTS
-    assert {**CORES, **PRESSURE_EFFECTS, **GENERIC} == PRESSURE_PARTS
+    assert {**CORES, **EFFECTS, **GENERIC} == {**PRESSURE_PARTS, **FORCE_PARTS}
+    assert PRESSURE_PARTS.keys().isdisjoint(FORCE_PARTS)
     assert PRESSURE_PARTS.keys() == PLACES.keys()
-    assert FORCE_EFFECTS.keys() == FORCE_PLACES.keys()
+    assert FORCE_PARTS.keys() == FORCE_PLACES.keys()
     assert PRESSURE_EFFECTS.keys().isdisjoint(FORCE_EFFECTS)
     assert FORCE_EFFECTS.keys() >= {'seal_friction', 'stribeck_friction', 'force_offset', 'moving_mass'}
 
@@ -59,9 +68,9 @@ def test_a_single_cylinder_works_against_ambient():
     np.testing.assert_array_equal(force({}, b=None), AREA * (A - AMBIENT))
 
 
-@pytest.mark.parametrize('name', FORCE_EFFECTS)
+@pytest.mark.parametrize('name', FORCE_PARTS)
 def test_at_its_null_value_an_effect_is_exactly_absent(name):
-    np.testing.assert_array_equal(force({name: FORCE_EFFECTS[name].null}, stretch=0.7), force({}))
+    np.testing.assert_array_equal(force({name: FORCE_PARTS[name].null}, stretch=0.7), force({}))
 
 
 @pytest.mark.parametrize('name', FORCE_EFFECTS)

@@ -7,7 +7,7 @@ import pytest
 from reference import AMBIENT, PSI
 
 from cfd_pneumatic.model import TABLE_1, Arrival, Cylinder, DeviceModel, ForceGeometry, LiveDevice
-from cfd_pneumatic.model.effects import FORCE_EFFECTS
+from cfd_pneumatic.model.effects import FORCE_PARTS
 from cfd_pneumatic.model.extended_force import ExtendedForce
 
 GEOMETRY = ForceGeometry(area=1.1e-3, geometric_factor=1.5, ambient_pressure=AMBIENT)
@@ -18,6 +18,7 @@ STRONG = {
     'seal_friction': (2.0, 2e-5, 40.0, 1e-4),
     'stribeck_friction': (1.0, 5e-3, 3e-5),
     'force_offset': (-0.7,),
+    'force_curve': (1.0, 0.0, 5e-5, -1e-3, 1e-3, 0.0, 1e6, *(0.1 * knot for knot in range(17))),
 }
 CASES = [*({name: own} for name, own in STRONG.items()), STRONG]
 SETPOINTS = (AMBIENT + 8.0 * PSI, AMBIENT + 4.0 * PSI)
@@ -104,9 +105,9 @@ def test_without_effects_it_is_area_times_difference():
         assert live.device.contact_force(state) == GEOMETRY.contact_force(state.a.p, state.b.p)
 
 
-@pytest.mark.parametrize('name', FORCE_EFFECTS)
+@pytest.mark.parametrize('name', FORCE_PARTS)
 def test_at_its_null_value_an_effect_is_absent(name):
-    live = LiveDevice(make_device({name: FORCE_EFFECTS[name].null}), max_gap=0.1)
+    live = LiveDevice(make_device({name: FORCE_PARTS[name].null}), max_gap=0.1)
     states = follow(live)
     plain = [GEOMETRY.contact_force(state.a.p, state.b.p) for state in states]
     np.testing.assert_allclose(forces(live, states), plain, rtol=1e-13)

@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, pressure_topic
 from cfd_pneumatic.model import TABLE_1, Cylinder, DeviceModel, ForceGeometry, LiveDevice, composed, propagation
-from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS, PRESSURE_EFFECTS
+from cfd_pneumatic.model.effects import FORCE_PARTS, MODULES, PRESSURE_EFFECTS
 from cfd_pneumatic.nodes import sim_node
 from cfd_pneumatic.nodes.messages import nanoseconds
 from cfd_pneumatic.nodes.sim_node import SimNode
@@ -40,11 +40,12 @@ FORCE_PLAY = {
     'stribeck_friction': (1.0, 5e-3, 3e-5),
     'force_offset': (-0.7,),
     'moving_mass': (0.4, 0.3),
+    'force_curve': (1.0, 0.0, 5e-5, -1e-3, 1e-3, 0.0, 1e6, *(0.1 * knot for knot in range(17))),
 }
 """Effects on the force, with parameters."""
 
 SEAL_PLAY = 2e-6
-BELOW = [(cylinder, PRESSURE_EFFECTS) for cylinder in CYLINDERS] + [(CONTACT_FORCE, FORCE_EFFECTS)]
+BELOW = [(cylinder, PRESSURE_EFFECTS) for cylinder in CYLINDERS] + [(CONTACT_FORCE, FORCE_PARTS)]
 """Prefix of parameters, and the effects below it."""
 
 Effects = dict[str, tuple[float, ...]]
@@ -60,7 +61,7 @@ def settings(prefix: str, effects: Effects, enabled: bool = True) -> dict[str, f
     values: dict[str, float | bool] = {}
     for name, own in effects.items():
         values[f'{prefix}.{name}.enabled'] = enabled
-        for parameter, value in zip(EFFECTS[name].parameters, own):
+        for parameter, value in zip(MODULES[name].EFFECT.parameters, own):
             values[f'{prefix}.{name}.{parameter.name}'] = value
     return values
 
@@ -291,7 +292,8 @@ def test_a_parameter_file_with_effects_runs_as_it_is(graph: Graph, tmp_path: Pat
         for name, own in effects.items():
             lines += [f'      {name}:', '        enabled: true']
             lines += [
-                f'        {parameter.name}: {value:.6f}' for parameter, value in zip(EFFECTS[name].parameters, own)
+                f'        {parameter.name}: {value:.6f}'
+                for parameter, value in zip(MODULES[name].EFFECT.parameters, own)
             ]
     file = tmp_path / 'parameters.yaml'
     file.write_text('\n'.join(lines) + '\n')

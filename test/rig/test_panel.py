@@ -20,6 +20,7 @@ from cfd_pneumatic.rig.panel import (
     ON_FORCE,
     OWN_WAYS,
     STRANGE,
+    STRANGE_FORCE,
     Draw,
     baseline_rmse,
     draw,
@@ -36,7 +37,6 @@ from cfd_pneumatic.rig.panel.specimen import Clock, Specimen
 
 SCHEDULES = ('paper_step', 'out_and_back', 'surface_following')
 READ = ('times', 'displacement', 'pressures', 'setpoints', 'force')
-STRANGE_FORCE = tuple(name for name, right in CLASSES.items() if ('force', 'x') in right or ('force', 'p') in right)
 STRANGE_PRESSURE = tuple(name for name in STRANGE if name not in STRANGE_FORCE)
 OTHERWISE_NAMED = {'displacement_delay'}  # where it is weak
 SPEED_MATTERS = {'swimming_seal', 'rushing_air'}  # which is measured badly
@@ -126,7 +126,7 @@ def test_strengths_are_drawn_from_their_range(name: str) -> None:
 
 def test_of_each_strange_law_it_is_said_where_it_enters_and_on_what_it_depends() -> None:
     assert CLASSES.keys() == STRANGE.keys()
-    places = {'set_point', 'flow', 'chamber', 'gain', 'stiffness', 'sensing', 'force'}
+    places = {'set_point', 'flow', 'chamber', 'gain', 'stiffness', 'sensing', 'force', 'friction', 'cell'}
     against = {'x', 'speed', 'direction', 'p', 'error', 'flow', 'time', 'force'}
     assert {pair for right in CLASSES.values() for pair in right} <= set(product(places, against))
 

@@ -22,11 +22,14 @@ from cfd_pneumatic.identification.residual.noise import Noise, noise_of, roundin
 from cfd_pneumatic.identification.residual.regressors import Regressors
 from cfd_pneumatic.identification.residual.rests import runs_at_rest
 from cfd_pneumatic.model.effects import CORES, Data, Effect
-from cfd_pneumatic.model.effects.curve import KNOTS
+from cfd_pneumatic.model.effects.knots import KNOTS
 from cfd_pneumatic.recording import Recording, Signal
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+EVEN = 1e6
+"""A share about which knots crowd so little that they lie evenly."""
 
 UNTOLD = 'the recordings do not tell it: it stands as a data sheet has it'
 """Why a number of a core has no estimate."""
@@ -67,6 +70,43 @@ class Quantity:
     small: Scale
     other: Scale
     large: Scale
+
+
+@dataclass(frozen=True)
+class Curve:
+    """
+    What draws the laws that nobody knows of a channel, and which it asks for.
+
+    Attributes
+    ----------
+    name
+        Of the effect.
+    enters, against
+        Where a law may enter and what it may depend on, by the numbers of the effect's parameters.
+    asked
+        Where one of each variable is asked for.
+    memory
+        What the effect's third parameter begins as [its unit].
+    memories
+        As what else, by where it enters and against what.
+    both_ways
+        Variables that go both ways: knots crowd about nothing moving.
+    crowds
+        Shares of the range about its middle within which knots crowd, of the others.
+    whole
+        Variables without outliers: all that they have visited is their range.
+
+    """
+
+    name: str
+    enters: tuple[str, ...]
+    against: tuple[str, ...]
+    asked: Mapping[str, tuple[str, ...]]
+    memory: float
+    memories: Mapping[tuple[str, str], tuple[float, ...]]
+    both_ways: tuple[str, ...]
+    crowds: tuple[float, ...] = (EVEN,)
+    whole: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -164,6 +204,8 @@ class Channel(ABC):
         What may stand in the linear core's place.
     library
         Effects that a search chooses from.
+    curve
+        What draws a law where none of these explains what is left.
     parameters
         Units of the parameters without effects, by their names.
     hints
@@ -192,6 +234,7 @@ class Channel(ABC):
     effects: Mapping[str, Effect]
     cores: Mapping[str, Effect] = MappingProxyType({})
     library: Mapping[str, Effect]
+    curve: Curve
     parameters: Mapping[str, str]
     hints: Mapping[str, str] = MappingProxyType({})
     own: tuple[str, ...]
@@ -315,6 +358,11 @@ class Channel(ABC):
         del experiments, effect, model
         return True
 
+    def may_hide(self, experiments: Sequence[Experiment]) -> bool:
+        """Return whether samples may hide what happens between them: a law then leaves nothing that follows inputs."""
+        del experiments
+        return False
+
     def confounded(
         self,
         experiments: Sequence[Experiment],
@@ -363,10 +411,29 @@ class Channel(ABC):
     def data(self, experiments: Sequence[Experiment], model: Model, simulated: Sequence[Array]) -> Data:
         """Return what effects draw their starting values from; `residual`, `mean` and `lag` are among it."""
 
+    @abstractmethod
     def variables(self, experiment: Experiment, simulated: Array, model: Model) -> Mapping[str, Array]:
-        """Return at each sample what a law may depend on, by the names of `model.effects.curve`; empty: nothing."""
-        del experiment, simulated, model
-        return {}
+        """Return at each sample what a law may depend on, by the names of its `curve`."""
+
+    @abstractmethod
+    def law_units(
+        self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        """
+        Return heights of laws that are small beside what they act on, by where they enter [SI].
+
+        None is asked for at a place that is not among these.
+
+        Parameters
+        ----------
+        experiments, model
+            Of which, and beside which, one is drawn.
+        noise
+            About as large as what that leaves [SI].
+        most
+            How far what a law may depend on goes from zero, by its name [SI].
+
+        """
 
     def precision(self, experiment: Experiment, simulated: Array) -> Array:
         """Return the inverse of each sample's standard deviation, relative to one at rest, shape (m,) in (0, 1]."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
@@ -18,7 +19,7 @@ from scipy.ndimage import uniform_filter1d
 
 from cfd_pneumatic.convention import AREAS, CONTACT_FORCE, CYLINDERS, MEASURED_FORCE, WRENCH_STAMPED
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Model, Quantity, Scale
+from cfd_pneumatic.identification.channels.channel import EVEN, Channel, Curve, Estimate, Model, Quantity, Scale
 from cfd_pneumatic.identification.channels.unknown import Unknown
 from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
 from cfd_pneumatic.identification.data.motion import Motion
@@ -28,7 +29,8 @@ from cfd_pneumatic.identification.data.reversals import reversals, travelled
 from cfd_pneumatic.identification.data.split import Split
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
 from cfd_pneumatic.identification.residual.regressors import Regressors
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, Data
+from cfd_pneumatic.model.effects import FORCE_EFFECTS, FORCE_PARTS, Data
+from cfd_pneumatic.model.effects.force_curve import AGAINST, ENTERS, FORCE_CURVE
 from cfd_pneumatic.model.extended_force import ExtendedForce
 from cfd_pneumatic.notices import SuspectError, warning
 from cfd_pneumatic.recording import Recording, Signal
@@ -42,6 +44,7 @@ _SMOOTHED = 25  # samples
 _SLOW = 0.05  # share of the speed's spread at which the piston stands, as far as friction goes
 _ROUGH = 0.3  # share of an acceleration that may stray from its neighbours' mean
 _TIED = 3.2  # standard errors: by so much the criterion tells as little as between tied effects
+_PRESLIDINGS = (5e-5, 5e-4)  # where a law of friction begins [m]
 _AREA, _FACTOR = range(2)
 
 
@@ -60,8 +63,25 @@ class Force(Channel):
     )
     topics = MEASURED_FORCE, CONTACT_FORCE
     msgtype = WRENCH_STAMPED
-    effects = FORCE_EFFECTS
+    effects = FORCE_PARTS
     library = FORCE_EFFECTS
+    curve = Curve(
+        FORCE_CURVE,
+        ENTERS,
+        AGAINST,
+        asked={
+            'x': ENTERS,
+            'speed': ('force', 'friction'),
+            'p': ('force', 'friction'),
+            'force': ('friction', 'cell'),
+            'time': ENTERS,
+        },
+        memory=_PRESLIDINGS[0],
+        memories={('friction', variable): _PRESLIDINGS for variable in AGAINST},
+        both_ways=('speed',),
+        crowds=(EVEN, 1.0, 0.5),
+        whole=('x', 'time'),
+    )
     parameters = MappingProxyType({'area': 'm^2', 'geometric_factor': '-'})
     own = ('stretch',)
     steady = 'level'
@@ -196,7 +216,7 @@ class Force(Channel):
         if 'area' not in self.held(experiments, model):
             area = self._first_area(experiments)
             found.append(Unknown('area', 'm^2', _AREA, area / _LARGEST_RATIO, area * _LARGEST_RATIO, area))
-        if any(self.effects[name].states for name in model.effects):
+        if any(self.effects[name].states for name in model.effects if name != FORCE_CURVE or _rubs(model)):
             for index in sorted({one.index for one in experiments if one.whole}):
                 found.append(Unknown('', '1', self.own_slots(index)[0], -1.0, 1.0, 1.0))
         return found
@@ -204,6 +224,8 @@ class Force(Channel):
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
         """Return why the factor, and at one set-point the area, is not searched."""
         reasons = {'geometric_factor': f'only its product with the area shows: it is held at {self.factor:g}'}
+        if FORCE_CURVE in model.effects and not _rubs(model):
+            reasons[f'{FORCE_CURVE}.presliding'] = 'nothing turns round'
         if not _hold_several_levels(experiments):
             level = float(np.median(np.concatenate([one.at_samples('level') for one in experiments])))
             reasons['area'] = (
@@ -235,7 +257,7 @@ class Force(Channel):
     def may_tell(self, experiments: Sequence[Experiment], effect: str, model: Model) -> bool:
         """Return whether an effect shows beside the area, and beside an inertia that the samples do not resolve."""
         if self.effects[effect].constant:
-            return self.area is not None or _hold_several_levels(experiments)
+            return self._tells_constants(experiments)
         inert = any(self.effects[name].seen_against == 'acceleration' for name in model.effects)
         return not inert or _resolve_acceleration(experiments)  # what it leaves behind then looks like friction
 
@@ -244,6 +266,14 @@ class Force(Channel):
         if self.effects[effect].seen_against != 'acceleration' or _resolve_acceleration(experiments):
             return None
         return 'the acceleration changes from sample to sample: sample faster'
+
+    def _tells_constants(self, experiments: Sequence[Experiment]) -> bool:
+        """Return whether an area that is off can't pass for what the force has always."""
+        return self.area is not None or _hold_several_levels(experiments)
+
+    def may_hide(self, experiments: Sequence[Experiment]) -> bool:
+        """Return whether inertia is not resolved: a curve that takes some of it leaves the rest."""
+        return not _resolve_acceleration(experiments)
 
     def confounded(
         self,
@@ -304,6 +334,26 @@ class Force(Channel):
         """Return zero: the measured pressures have it in them."""
         return 0.0
 
+    def variables(self, experiment: Experiment, simulated: Array, model: Model) -> Mapping[str, Array]:
+        """Return what a law may depend on; the force is that without it."""
+        others = {name: own for name, own in model.effects.items() if name != FORCE_CURVE}
+        if FORCE_CURVE in model.effects:
+            (simulated,) = self.simulated([experiment], replace(model, effects=others))
+        gauge = experiment.at_samples('pressure') + experiment.at_samples('opposing') - 2.0 * self.ambient_pressure
+        return {
+            'x': experiment.at_samples('displacement'),
+            'speed': experiment.at_samples('rate'),
+            'p': gauge,
+            'force': simulated,
+            'time': experiment.sample_times - experiment.begin,
+        }
+
+    def law_units(
+        self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        """Return the noise's size, and a hundredth of what the cell reads; none where a wrong area looks like a law."""
+        return {'force': noise, 'friction': noise, 'cell': 1e-2} if self._tells_constants(experiments) else {}
+
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
         """Return motion, pressures and their products."""
         x, rate, acceleration = (experiment.at_samples(name) for name in ('displacement', 'rate', 'acceleration'))
@@ -353,6 +403,11 @@ class Force(Channel):
             'piston speed': experiment.at_samples('rate'),
             'pressure difference': _difference(experiment),
         }
+
+
+def _rubs(model: Model) -> bool:
+    """Return whether a law that a model has is one of friction."""
+    return FORCE_CURVE in model.effects and ENTERS[round(model.effects[FORCE_CURVE][0])] == 'friction'
 
 
 def _against(what: str) -> SuspectError:

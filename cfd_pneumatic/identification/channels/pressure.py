@@ -15,6 +15,7 @@ from cfd_pneumatic.convention import CYLINDERS, FLUID_PRESSURE, pressure_topic
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import (
     Channel,
+    Curve,
     Estimate,
     Model,
     Quantity,
@@ -41,7 +42,7 @@ from cfd_pneumatic.model.baseline import (
     told_gains,
 )
 from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
-from cfd_pneumatic.model.effects.curve import CURVE, is_of_flow
+from cfd_pneumatic.model.effects.curve import AGAINST, CURVE, ENTERS, is_of_flow
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide, extremes
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
@@ -58,6 +59,7 @@ _SENSED = 0.03  # after which a sensed pressure that is not known at the start i
 _SHORTEST_GAP = 1e-9  # [s]
 _SHORTEST_STROKE = 1e-5  # that effects along the stroke are tried over, whatever the piston does [m]
 _APART = 1.01  # times the lowest set-point: where they are nearer, no dependence on the pressure is told
+_FLOW_LAGS = (0.03, 0.1, 0.3)  # of the flow that a law depends on [s]
 _OFFSET, _START = range(2)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
 
@@ -75,6 +77,22 @@ class Pressure(Channel):
     effects = PRESSURE_PARTS
     cores = CORES
     library = PRESSURE_EFFECTS
+    curve = Curve(
+        CURVE,
+        ENTERS,
+        AGAINST,
+        asked={
+            'x': ENTERS,
+            'speed': ('set_point', 'gain', 'chamber', 'leak'),
+            'p': ENTERS,
+            'error': ('flow', 'gain'),  # one at the chamber is one of the flow
+            'flow': ('flow',),
+            'time': ('set_point', 'flow', 'gain', 'sensing'),
+        },
+        memory=_FLOW_LAGS[0],
+        memories={('flow', 'flow'): _FLOW_LAGS},
+        both_ways=('speed', 'error', 'flow'),
+    )
     parameters = MappingProxyType({spec.name: spec.unit for spec in SPECS})
     hints = HINTS
     own = ('offset', 'start')
@@ -376,6 +394,15 @@ class Pressure(Channel):
             'flow': slope + k_x * rate,
             'time': times - experiment.begin,
         }
+
+    def law_units(
+        self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
+    ) -> Mapping[str, float]:
+        """Return the noise's size, a hundredth of what is scaled, and what the valves make of the noise."""
+        rate = float(model.parameters[1]) * noise
+        leak = rate / most['p']
+        shares = dict.fromkeys(('flow', 'gain', 'stiffness'), 1e-2)
+        return {**shares, 'set_point': noise, 'chamber': rate, 'leak': leak, 'sensing': noise}
 
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
         """Return inputs, what the model makes of them, and their products."""

@@ -94,13 +94,16 @@ class Candidates:
         self.excerpt = whole.excerpt(_EXCERPT)
         longer = whole.excerpt(_LONGER_EXCERPT)
         self._longer_excerpt = longer if 2 * longer.steps < self.train.steps else None
-        noises = [sample_noise(one.sample_times, one.measured) ** 2 for one in self.train.experiments]
-        self.noise = math.sqrt(float(np.mean(noises)))
         self._is_long = self.train.steps > _LONG
         self._known_data: dict[Candidate, Data] = {}
         self._known_shares: dict[Candidate, dict[str, float]] = {}
         self._known_tests: dict[Candidate, list[Test]] = {}
         self.baseline = self.finished(search(self.train, begin, *_FINE).model, begin)
+        noises = [  # of the residual: what drives the force has noise, too
+            sample_noise(one.sample_times, one.measured - values[: one.part.size]) ** 2
+            for one, values in zip(self.train.experiments, self.baseline.simulated)
+        ]
+        self.noise = math.sqrt(float(np.mean(noises)))
 
     def with_core(self, candidate: Candidate, name: str, most: float = math.inf) -> Candidate:
         """

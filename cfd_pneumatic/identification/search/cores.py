@@ -133,7 +133,7 @@ class Cores:
         if self._name is not None and not self._only and self._is_full_physics():
             return None
         singles = [] if self._only else list(self._first.candidates.values())
-        if any(_leaves_noise(self.candidates, one) for one in sorted(singles, key=lambda one: one.rss)[:1]):
+        if any(laws.is_noise(one) for one in sorted(singles, key=lambda one: one.rss)[:1]):
             return None
         if not any(laws.may_explain(begin) for begin in self.begins):
             return None

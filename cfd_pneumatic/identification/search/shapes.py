@@ -17,22 +17,22 @@ from typing import NamedTuple
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.channels.channel import Curve, Model
 from cfd_pneumatic.identification.fit.fit import Optimum
 from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
+from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.stepwise import small_enough
-from cfd_pneumatic.model.effects.curve import AGAINST, CURVE, ENTERS, KNOTS
+from cfd_pneumatic.model.effects.knots import KNOTS
 from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.parallel import each
 
 _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
 _RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
-_LAGS = (0.03, 0.1, 0.3)  # of the flow [s]
-_EVEN, _CROWDS = 1e6, (0.3, 0.1, 0.03)  # how knots lie in a range, and about nothing moving
+_CROWDS = (0.3, 0.1, 0.03)  # how knots lie about nothing moving, and where a curve bends
 _COARSE = np.maximum(1.0 - np.abs(0.5 * np.arange(KNOTS) - np.arange(KNOTS // 2 + 1)[:, None]), 0.0)  # every other knot
 _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
@@ -53,21 +53,13 @@ _LEAST_DROP = 0.02  # share by which the error on the validation part has to fal
 _CLEARLY = 0.8  # times another's error of validation: whatever the train part, that one foretells too little
 _FAR_BETTER = 0.4  # times the error of effects: a law that may leave hardly more than noise, and still is the answer
 _MUCH_BETTER = 0.6  # times the error without a law: one that may have led a core astray
+_MOST_BESIDE = 3  # effects that are sought beside a law
 _ALIKE = 1.05  # times the least error of validation: places that are not told apart
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
+_SMOOTHED = 0.02  # of what was left before: what a large law's corners leave beside straight pieces
 
-_ASKED_FOR = {
-    'x': ENTERS,
-    'speed': ('set_point', 'gain', 'chamber', 'leak'),
-    'p': ENTERS,
-    'error': ('flow', 'gain'),
-    'flow': ('flow',),
-    'time': ('set_point', 'flow', 'gain', 'sensing'),
-}
-"""Where a law of each variable may enter; one of the valve error at the chamber is one of the flow."""
-
-_BOTH_WAYS = ('speed', 'error', 'flow')
-"""What goes both ways: its knots may crowd about nothing moving."""
+FROM_NOTHING = ('chamber', 'leak', 'friction')
+"""Where a law enters of which no other number has what is even."""
 
 
 @dataclass(frozen=True)
@@ -78,43 +70,59 @@ class Slot:
     Attributes
     ----------
     enters, against
-        Where, and what it depends on: of `ENTERS` and `AGAINST`.
-    lag
-        Of the flow, where it depends on that [s].
+        Where, and what it depends on: of those of `curve`.
+    memory
+        Of the flow, where it depends on that [s], or of friction [m].
     low, high, middle, crowd
         Its range, and how its knots crowd about what middle.
     unit
         A height that is small beside what it acts on.
+    curve
+        What draws it.
 
     """
 
     enters: str
     against: str
-    lag: float
+    memory: float
     low: float
     high: float
     middle: float
     crowd: float
     unit: float
+    curve: Curve
 
     def parameters(self, heights: Sequence[float] | Array) -> tuple[float, ...]:
         """Return the parameters of a curve with some heights, shape (knots,)."""
-        where = float(ENTERS.index(self.enters)), float(AGAINST.index(self.against))
-        return (*where, self.lag, self.low, self.high, self.middle, self.crowd, *map(float, heights))
+        where = float(self.curve.enters.index(self.enters)), float(self.curve.against.index(self.against))
+        return (*where, self.memory, self.low, self.high, self.middle, self.crowd, *map(float, heights))
+
+    def heights(self, model: Model) -> Array:
+        """Return the heights that a model's curve has, shape (knots,)."""
+        return np.array(model.effects[self.curve.name][-KNOTS:])
+
+    def on(self, model: Model, heights: Array) -> Model:
+        """Return a model with a curve here that has some heights, shape (knots,)."""
+        return replace(model, effects={**model.effects, self.curve.name: self.parameters(heights)})
+
+    def drawn(self, model: Model, heights: Array) -> Model:
+        """Return a model that has a curve with other heights, shape (knots,)."""
+        own = *model.effects[self.curve.name][:-KNOTS], *heights.tolist()
+        return replace(model, effects={**model.effects, self.curve.name: own})
 
     @property
     def name(self) -> tuple[str, str]:
         """Where it enters, and against what."""
         return self.enters, self.against
 
-    def lagging(self, model: Model) -> Slot:
-        """Return it with the lag that a model's curve has."""
-        return replace(self, lag=model.effects[CURVE][2])
+    def remembering(self, model: Model) -> Slot:
+        """Return it with the memory that a model's curve has."""
+        return replace(self, memory=model.effects[self.curve.name][2])
 
     @property
     def absorbed(self) -> Array:
         """Heights that the model's own numbers make up for, shape (knots, k): what is even, on either side of zero."""
-        if self.enters in ('chamber', 'leak'):
+        if self.enters in FROM_NOTHING:
             return np.zeros((KNOTS, 0))
         if self.name == ('flow', 'error'):
             charging = np.heaviside(self.knots, 0.5)
@@ -231,7 +239,7 @@ class Laws:
         if not found:
             return None
         best = min(found, key=lambda one: _error(one.candidate))
-        if not _is_noise(self.candidates, best.candidate):
+        if not self._is_near_noise(best):
             return None
         alike = [one.name for one in found if _error(one.candidate) < _ALIKE * _error(best.candidate)]
         return replace(best, others=tuple(dict.fromkeys(name for name in alike if name != best.name)))
@@ -249,6 +257,23 @@ class Laws:
         self._known[core] = [replace(one, begin=core) for one in self._beside(there)]
         return self.best([core], known)
 
+    def beside_effects(self, begin: Candidate, known: Sequence[Candidate]) -> Drawn | None:
+        """Return a law beside effects that were sought beside the law: what was found without it may be astray."""
+        sketches = self._sketches.get(begin)
+        if not sketches:
+            return None
+        drawn = self.candidates.finished(sketches[0].found.model, begin.model)
+        for _ in range(_MOST_BESIDE):
+            beside = self.candidates.beside(drawn, self.candidates.names(drawn))
+            better = [one for one in beside.values() if _is_better(self.candidates, one, drawn)]
+            if not better:
+                break
+            drawn = min(better, key=lambda one: one.rss)
+        effects = {name: own for name, own in drawn.effects.items() if name in self.candidates.channel.library}
+        if not effects:
+            return None
+        return self.best([self.candidates.finished(replace(drawn.model, effects=effects), begin.model)], known)
+
     def is_better(self, drawing: Drawn, known: Sequence[Candidate]) -> bool:
         """Return whether a curve explains more than every one of some models."""
         return all(_is_better(self.candidates, drawing.candidate, other) for other in dict.fromkeys(known))
@@ -256,6 +281,10 @@ class Laws:
     def is_near(self, drawing: Drawn, other: Candidate) -> bool:
         """Return whether a model does nearly as well as one with a curve: on the validation part, and on everything."""
         return all(size(other) * _CLEARLY < size(drawing.candidate) for size in (_error, self._size))
+
+    def is_noise(self, one: Candidate) -> bool:
+        """Return whether what a model leaves is noise in kind and hardly larger: where none was seen it may be."""
+        return explained(self.candidates.residual_tests(one)) and _size(self.candidates, one) < _NEAR_NOISE
 
     def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
         """Return whether a curve errs so much less than every one of some models that hardly two of them make up."""
@@ -274,7 +303,8 @@ class Laws:
             sketches = _best_first(sketches + self._sketched(begin, sharper))
             self._sketches[begin] = sketches
             noise = self.candidates.noise**2 * self._excerpt.samples
-            most = min(_RIVALLING * sketches[0].found.cost, _FARTHEST**2 * noise) if sketches else 0.0
+            farthest = (_FARTHEST * self._near_noise(begin) / _NEAR_NOISE) ** 2 * noise
+            most = min(_RIVALLING * sketches[0].found.cost, farthest) if sketches else 0.0
             self._known[begin] = self._finished(begin, [one for one in sketches if one.found.cost < most][:_FITTED])
         return self._known[begin]
 
@@ -282,7 +312,23 @@ class Laws:
         """Return sketches fitted to the train part."""
         models = each(lambda one: fitted(self.candidates.train, one.found.model, one.promise).model, sketches)
         finished = [self.candidates.finished(model, begin.model) for model in models]
-        return [Drawn(one.promise, own, begin, ()) for one, own in zip(sketches, finished) if CURVE in own.effects]
+        return [
+            Drawn(one.promise, own, begin, ())
+            for one, own in zip(sketches, finished)
+            if one.promise.slot.curve.name in own.effects
+        ]
+
+    def _is_near_noise(self, drawing: Drawn) -> bool:
+        """Return whether what a law leaves is noise in kind, or hardly larger and no other cause's."""
+        tests = self.candidates.residual_tests(drawing.candidate)
+        follows = any(one.name == 'inputs' and not one.passed for one in tests)
+        if follows and self.candidates.channel.may_hide(self.candidates.train.experiments):
+            return False
+        return small_enough(tests) or _size(self.candidates, drawing.candidate) < self._near_noise(drawing.begin)
+
+    def _near_noise(self, begin: Candidate) -> float:
+        """Return the size up to which what a law leaves is hardly larger than the noise, which is 1."""
+        return max(_NEAR_NOISE, _SMOOTHED * _size(self.candidates, begin))
 
     def _size(self, candidate: Candidate) -> float:
         return _size(self.candidates, candidate)
@@ -292,8 +338,10 @@ class Laws:
         return min((one.left for one in self._promises(begin)), default=1.0) * begin.rss
 
     def _promises(self, begin: Candidate) -> list[Promise]:
+        """Return what curves promise; none where no part is left to foretell."""
         if begin not in self._promised:
-            self._promised[begin] = promises(self.candidates, begin)
+            told = self.candidates.baseline.validation_rmse is not None
+            self._promised[begin] = promises(self.candidates, begin) if told else []
         return self._promised[begin]
 
     def _begun(self, begin: Candidate, promise: Promise) -> Model:
@@ -312,7 +360,7 @@ class Laws:
 
         def sketch(promise: Promise, model: Model) -> _Sketch:
             model = fitted(self._excerpt, model, promise).model
-            promise = replace(promise, slot=promise.slot.lagging(model))
+            promise = replace(promise, slot=promise.slot.remembering(model))
             again = renewed(self._excerpt, model, promise, share)
             return _Sketch(again, fitted(self._excerpt, model, again))
 
@@ -333,13 +381,10 @@ def _best_first(sketches: Sequence[_Sketch]) -> list[_Sketch]:
 def _otherwise(sketch: _Sketch) -> list[tuple[Promise, Model]]:
     """Return a curve with its knots elsewhere: where it bends most, or of what goes both ways nearer to nothing."""
     slot, model = sketch.promise.slot, sketch.found.model
-    heights = np.array(model.effects[CURVE][-KNOTS:])
+    heights = slot.heights(model)
     others = [replace(slot, middle=_bend(slot, heights), crowd=crowd) for crowd in _CROWDS]
     return [
-        (
-            replace(sketch.promise, slot=one),
-            replace(model, effects={**model.effects, CURVE: one.parameters(slot.along(one.knots) @ heights)}),
-        )
+        (replace(sketch.promise, slot=one), one.on(model, slot.along(one.knots) @ heights))
         for one in others
         if one != slot
     ]
@@ -347,7 +392,7 @@ def _otherwise(sketch: _Sketch) -> list[tuple[Promise, Model]]:
 
 def _bend(slot: Slot, heights: Array) -> float:
     """Return where a curve bends most; of what goes both ways its middle, where nothing moves."""
-    if slot.against in _BOTH_WAYS:
+    if slot.against in slot.curve.both_ways:
         return slot.middle
     bends = np.abs(np.diff(np.diff(heights) / np.diff(slot.knots)))
     return float(slot.knots[1 + int(np.argmax(bends))])
@@ -355,17 +400,16 @@ def _bend(slot: Slot, heights: Array) -> float:
 
 def beside(model: Model, promise: Promise, share: float = 1.0) -> Model:
     """Return a model with a share of a curve as it is promised."""
-    curve = promise.slot.parameters(share * promise.slot.unit * promise.heights)
-    return replace(model, effects={**model.effects, CURVE: curve})
+    return promise.slot.on(model, share * promise.slot.unit * promise.heights)
 
 
 def _worth_a_fit(promised: Sequence[Promise], size: float) -> list[Promise]:
-    """Return the most promising of each place and lag, if they may bring a residual down to the noise, which is 1."""
+    """Return the most promising of each place and memory, if they may bring a residual down to the noise, of 1."""
     best: dict[tuple[str, str, float], Promise] = {}
     for one in promised:
         may = one.left * size**2 - 1.0 < _MOST_LEFT * (size**2 - 1.0)
         if may and one.evidence > max(_LEAST_EVIDENCE, _PROMISING * promised[0].evidence):
-            best.setdefault((*one.slot.name, one.slot.lag), one)
+            best.setdefault((*one.slot.name, one.slot.memory), one)
     return list(best.values())[:_FITTED]
 
 
@@ -389,55 +433,41 @@ def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate) -
     return tells and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)
 
 
-def _is_noise(candidates: Candidates, candidate: Candidate) -> bool:
-    """Return whether what is left is noise in kind, or hardly larger."""
-    return small_enough(candidates.residual_tests(candidate)) or _size(candidates, candidate) < _NEAR_NOISE
-
-
 # where it may enter, and what that promises
 
 
 def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
     """Return all places for a curve beside a model, over what the recordings have visited."""
-    ranges = _ranges(candidates, begin)
-    k_sv = float(begin.model.parameters[1])
+    ranges, curve = _ranges(candidates, begin), candidates.channel.curve
     noise = math.sqrt(begin.rss / candidates.train.samples)
-    units = {
-        'set_point': noise,
-        'flow': 1e-2,
-        'gain': 1e-2,
-        'chamber': k_sv * noise,
-        'leak': k_sv * noise / max(map(abs, ranges['p'])),
-        'sensing': noise,
-        'stiffness': 1e-2,
-    }
+    most = {name: max(map(abs, ends)) for name, ends in ranges.items()}
+    units = candidates.channel.law_units(candidates.train.experiments, begin.model, noise, most)
     found = []
-    for against, places in _ASKED_FOR.items():
+    for against, places in curve.asked.items():
         low, high = ranges[against]
-        if high - low > _LEAST_VISITED:
+        if high - low <= _LEAST_VISITED:
+            continue
+        for enters in filter(units.__contains__, places):
+            memories = curve.memories.get((enters, against), (curve.memory,))
+            both_ways = _CROWDS[:1] if len(memories) > 1 else _CROWDS
+            crowds = both_ways if against in curve.both_ways else curve.crowds
             found += [
-                Slot(enters, against, lag, *ends, crowd, units[enters])
-                for enters, (lag, ends, crowd) in product(places, _forms(against, low, high))
+                Slot(enters, against, memory, low, high, 0.5 * (low + high), crowd, units[enters], curve)
+                for memory, crowd in product(memories, crowds)
             ]
     return found
 
 
-def _forms(against: str, low: float, high: float) -> list[tuple[float, tuple[float, float, float], float]]:
-    """Return lags, ends with the middle, and how knots crowd, that are tried of a variable with a range."""
-    whole = low, high, 0.5 * (low + high)
-    if against == 'flow':
-        return [(lag, whole, _CROWDS[0]) for lag in _LAGS]
-    return [(_LAGS[0], whole, crowd) for crowd in (_CROWDS if against in _BOTH_WAYS else (_EVEN,))]
-
-
 def _ranges(candidates: Candidates, begin: Candidate) -> dict[str, tuple[float, float]]:
     """Return what the train and validation parts have visited of each variable; of speeds the same both ways."""
-    seen: dict[str, list[Array]] = {name: [] for name in AGAINST}
+    curve = candidates.channel.curve
+    seen: dict[str, list[Array]] = {name: [] for name in curve.against}
     for one, simulated in zip(candidates.learn.experiments, begin.simulated):
         for name, values in candidates.channel.variables(one, simulated, begin.model).items():
-            seen[name].append(np.quantile(values, (_VISITED, 1.0 - _VISITED)))
+            end = 0.0 if name in curve.whole else _VISITED
+            seen[name].append(np.quantile(values, (end, 1.0 - end)))
     ranges = {name: (float(np.min(ends)), float(np.max(ends))) for name, ends in seen.items()}
-    for name in _BOTH_WAYS:
+    for name in curve.both_ways:
         most = max(map(abs, ranges[name]))
         ranges[name] = -most, most
     return ranges
@@ -451,7 +481,7 @@ def promises(candidates: Candidates, begin: Candidate, some: Sequence[Slot] | No
 
     def promised(some: Sequence[Slot]) -> list[Promise]:
         starts = [slot.parameters(slot.unit * coarse) for slot in some for coarse in _COARSE]
-        changes = np.hsplit(complement.left(complement.changes(CURVE, starts)), len(some))
+        changes = np.hsplit(complement.left(complement.changes(candidates.channel.curve.name, starts)), len(some))
         return [_promise(slot, residual, own, share) for slot, own in zip(some, changes)]
 
     places = slots(candidates, begin) if some is None else some
@@ -506,6 +536,11 @@ def fitted(likelihood: Likelihood, begin: Model, promise: Promise) -> Optimum:
     return Optimum(unknowns.model(point), reached.total)
 
 
+def heights_of(unknowns: Unknowns, slot: Slot) -> list[int]:
+    """Return which unknowns are the heights of a curve."""
+    return [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{slot.curve.name}.w')]
+
+
 def renewed(likelihood: Likelihood, model: Model, promise: Promise, share: float) -> Promise:
     """
     Return a promise with the penalty that goes with a fitted curve's bends and with what it leaves (MacKay, 1992).
@@ -519,7 +554,7 @@ def renewed(likelihood: Likelihood, model: Model, promise: Promise, share: float
     if not here.is_finite:
         return promise
     told = KNOTS - float(np.sum(np.linalg.pinv(here.normal + bends, hermitian=True) * bends))
-    heights = np.array(model.effects[CURVE][-KNOTS:]) / promise.slot.unit
+    heights = promise.slot.heights(model) / promise.slot.unit
     variance = here.total / (likelihood.samples * share)
     penalty = variance * told / max(float(heights @ roughness() @ heights), 1e-300)
     return replace(promise, penalty=float(np.clip(penalty / promise.penalty, *_RENEWED)) * promise.penalty)
@@ -527,7 +562,7 @@ def renewed(likelihood: Likelihood, model: Model, promise: Promise, share: float
 
 def penalty_of(unknowns: Unknowns, promise: Promise) -> Array:
     """Return the matrix of the penalty on a curve, as unknowns are searched, shape (k, k)."""
-    own = [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{CURVE}.w')]
+    own = heights_of(unknowns, promise.slot)
     scales = unknowns.scales(unknowns.start)[own] / promise.slot.unit
     matrix = np.zeros((len(unknowns.table), len(unknowns.table)))
     matrix[np.ix_(own, own)] = promise.penalty * roughness() * np.outer(scales, scales)

@@ -36,7 +36,10 @@ FORCE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if hasattr(MOD
 PRESSURE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if name not in FORCE_EFFECTS}
 """Those on a cylinder's pressure, in that order."""
 
-PRESSURE_PARTS = {name: module.EFFECT for name, module in MODULES.items() if name not in FORCE_EFFECTS}
+FORCE_PARTS = {name: module.EFFECT for name, module in MODULES.items() if hasattr(module, 'force')}
+"""Those on the force and what is drawn from data, in that order: what can be switched on in the contact force."""
+
+PRESSURE_PARTS = {name: module.EFFECT for name, module in MODULES.items() if name not in FORCE_PARTS}
 """Those, the cores and what is drawn from data, in that order: what can be switched on in a cylinder."""
 
 FAMILIES = {
@@ -50,6 +53,7 @@ __all__ = [
     'EFFECTS',
     'FAMILIES',
     'FORCE_EFFECTS',
+    'FORCE_PARTS',
     'FUNCTIONS',
     'GENERIC',
     'MODULES',

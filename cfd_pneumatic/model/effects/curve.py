@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.knots import PARAMETERS, choice, height
 from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import some, where
 
@@ -22,9 +23,6 @@ AGAINST = ('x', 'speed', 'p', 'error', 'flow', 'time')
 CURVE = 'curve'
 """Its name."""
 
-KNOTS = 17
-"""How many values a curve has."""
-
 
 def is_of_flow(parameters: Sequence[float]) -> bool:
     """Return whether a curve with some parameters depends on the flow, whose lag counts then."""
@@ -32,29 +30,23 @@ def is_of_flow(parameters: Sequence[float]) -> bool:
 
 
 @inlined
-def _height(moment, flow, against, low, high, middle, crowd, heights):
-    """Return the height of the curve where the cylinder is: the slopes of all pieces, as far as it is along each."""
+def _own_height(moment, flow, against, low, high, middle, crowd, heights):
+    """Return the height of the curve where the cylinder is."""
     at = where(against < 0.5, moment.x, moment.rate)
     at = where(against > 1.5, moment.p - moment.ambient, at)
     at = where(against > 2.5, moment.setpoint - moment.p_f, at)
     at = where(against > 3.5, flow, at)
     at = where(against > 4.5, moment.time, at)
-    at = where(abs(against - 2.0) < 0.5, at, min(max(at, low), high))
-    share = (at - middle) / where(at > middle, high - middle, middle - low)
-    place = 0.5 * (KNOTS - 1) * (1.0 + share * (1.0 + crowd) / (abs(share) + crowd))
-    height = heights[0] + (heights[1] - heights[0]) * min(place, 1.0)
-    for knot in range(1, KNOTS - 2):
-        height += (heights[knot + 1] - heights[knot]) * min(max(place - knot, 0.0), 1.0)
-    return height + (heights[KNOTS - 1] - heights[KNOTS - 2]) * max(place - (KNOTS - 2), 0.0)
+    return height(at, abs(against - 2.0) < 0.5, low, high, middle, crowd, heights)
 
 
 @inlined
 def _entering(here, moment, flow, against, low, high, middle, crowd, heights):
     """Return the height of the curve if it enters here, else nothing; not computed where none does."""
-    height = 0.0 * moment.p
+    own = 0.0 * moment.p
     if some(here):
-        height = where(here, _height(moment, flow, against, low, high, middle, crowd, heights), 0.0)
-    return height
+        own = where(here, _own_height(moment, flow, against, low, high, middle, crowd, heights), 0.0)
+    return own
 
 
 @inlined
@@ -122,37 +114,10 @@ EFFECT = Effect(
     name=CURVE,
     description='a law that nobody knows, as data have drawn it',
     parameters=(
-        EffectParameter(
-            'enters',
-            '-',
-            0.0,
-            len(ENTERS) - 1.0,
-            0.0,
-            f'where it enters: {", ".join(f"{number} {name}" for number, name in enumerate(ENTERS))}',
-            choice=True,
-        ),
-        EffectParameter(
-            'against',
-            '-',
-            0.0,
-            len(AGAINST) - 1.0,
-            0.0,
-            f'what it depends on: {", ".join(f"{number} {name}" for number, name in enumerate(AGAINST))}',
-            choice=True,
-        ),
+        choice('enters', 'where it enters', ENTERS),
+        choice('against', 'what it depends on', AGAINST),
         EffectParameter('lag', 's', 1e-3, 10.0, 0.1, 'time constant of the flow that it depends on', logarithmic=True),
-        EffectParameter('low', '-', -1e9, 1e9, -1.0, 'where it begins, in the unit of what it depends on', choice=True),
-        EffectParameter('high', '-', -1e9, 1e9, 1.0, 'where it ends, likewise', choice=True),
-        EffectParameter('middle', '-', -1e9, 1e9, 0.0, 'about which the knots crowd, likewise', choice=True),
-        EffectParameter(
-            'crowd', '-', 1e-3, 1e6, 1e6, 'share of the range about its middle within which they do', choice=True
-        ),
-        *(
-            EffectParameter(
-                f'w{number}', '-', -1e12, 1e12, 0.0, f'height at knot {number}, in the unit of where it enters'
-            )
-            for number in range(KNOTS)
-        ),
+        *PARAMETERS,
     ),
     starts=starts,
     generic=True,

@@ -24,7 +24,7 @@ from cfd_pneumatic.rig.panel.floors import (
     oracle_rmse,
 )
 from cfd_pneumatic.rig.panel.makes import MAKES, OWN_WAYS
-from cfd_pneumatic.rig.panel.strange import CLASSES, STRANGE
+from cfd_pneumatic.rig.panel.strange import CLASSES, STRANGE, STRANGE_FORCE
 from cfd_pneumatic.rig.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_FORCE
 from cfd_pneumatic.rig.panel.textbook import Gains
 
@@ -38,6 +38,7 @@ __all__ = [
     'ON_FORCE',
     'OWN_WAYS',
     'STRANGE',
+    'STRANGE_FORCE',
     'Draw',
     'Gains',
     'PanelTruth',

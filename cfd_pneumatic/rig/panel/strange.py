@@ -156,8 +156,11 @@ CLASSES = {
     'creep': {('set_point', 'time')},
     'kinked_sensor': {('sensing', 'p')},
     'tilting_sensor': {('sensing', 'x')},
-    'scarred_bore': {('force', 'x')},
-    'bent_cell': {('force', 'p'), ('force', 'force')},
+    'scarred_bore': {('friction', 'x')},
+    'bent_cell': {('cell', 'force')},
     'cable_bundle': {('force', 'x')},
 }
 """Where each enters, and against what: whoever says one of these is right."""
+
+STRANGE_FORCE = ('scarred_bore', 'bent_cell', 'cable_bundle')
+"""Those of the contact force."""
