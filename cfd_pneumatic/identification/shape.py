@@ -19,6 +19,7 @@ from cfd_pneumatic.model.effects.knots import KNOTS
 
 _POINTS = 41  # of a curve that is shown
 _CORNER = 0.125  # of a bend: by how much a straight line lies beside an even curve, at most
+_INEXACT = 0.01  # of its range, which no noise tells: what the model beside it is wrong by
 _BAND = 1.96  # standard errors: 95 % at each point
 # gains of the model that have what is even of a curve
 _GAINS = {'gain': slice(0, 1), 'flow': slice(1, 3), 'stiffness': slice(0, 3)}
@@ -159,7 +160,8 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
     along = slot.along(at) @ _own(slot, values, heights)
     std = np.sqrt(np.einsum('ij,jk,ik->i', along, covariance, along))
     bend = slot.along(at) @ np.pad(np.abs(np.diff(heights, 2)), 1, 'edge')  # straight from knot to knot it cuts corners
-    half, seen = _BAND * std + _CORNER * bend, _visited(values, at)
+    seen = _visited(values, at)
+    half = _BAND * std + _CORNER * bend + _INEXACT * (float(np.ptp(value[seen])) if seen.any() else 0.0)
     low, high = value - half, value + half
     before = sum(float(run @ run) for run in likelihood.residuals(likelihood.simulate(without)))
     return Shape(

@@ -79,6 +79,26 @@ def test_the_curve_is_the_law_but_for_what_the_gains_have() -> None:
     assert np.mean(shape.high[seen] - shape.low[seen]) < 0.3 * np.ptp(true)
 
 
+def test_a_supply_that_starves_is_a_law_of_what_has_flowed_lately() -> None:
+    one = draw('starving_supply', 'out_and_back', 1, given={'starving_supply': 1e5})
+    result = identify([recording_of(one)], Options(close_loop=True)).cylinders['cylinder_a']
+    assert result.findings.unknown is not None
+    assert (result.findings.unknown.enters, result.findings.unknown.against) == ('flow', 'flow')
+    assert result.rmse(1) < 1.1 * floor(one, result)
+    (lag,) = result.found.model.effects[CURVE][2:3]
+    assert lag not in {0.03, 0.1, 0.3}, 'it is fitted'
+
+
+def test_short_stretches_see_all_of_a_recording() -> None:
+    whole = found('bulge').found.likelihood
+    few = whole.spread(2000)
+    assert 0.8 * 2000 < few.steps < 1.2 * 2000
+    begins = [one.times[0] for one in few.experiments]
+    begin, end = whole.experiments[0].times[[0, -1]]
+    assert np.max(np.diff([*begins, end])) < 0.1 * (end - begin)
+    assert whole.spread(whole.steps) is whole
+
+
 def test_it_stands_in_the_report_and_runs_in_the_device() -> None:
     identification = identified('rushing_air')
     block = report_data(identification)['cylinders']['cylinder_a']

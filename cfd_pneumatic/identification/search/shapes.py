@@ -9,6 +9,7 @@ few are fitted inside the simulation and compared by what they foretell.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, product
@@ -39,7 +40,8 @@ _VISITED = 0.002  # share of the samples at either end of a range that does not 
 _ASKED = 10_000  # grid steps of which a promise is
 _SKETCHED = 10_000  # and of which the rough fits are
 _FITTED = 4  # of the most promising
-_SHARPENED = 2  # of these
+_OF_EACH = 2  # with their knots here or there
+_SHARPENED = 2  # of the most promising
 _FARTHEST = 1.5  # times the noise: no fit to the end brings a curve from there down to it
 _RIVALLING = 2.0  # times what the best one leaves of an excerpt: those worth a fit to the end
 _MOST_OF_ALL = 0.25  # of that, which a law may leave that is asked for before effects in company
@@ -56,7 +58,7 @@ _MUCH_BETTER = 0.6  # times the error without a law: one that may have led a cor
 _MOST_BESIDE = 3  # effects that are sought beside a law
 _ALIKE = 1.05  # times the least error of validation: places that are not told apart
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
-_SMOOTHED = 0.02  # of what was left before: what a large law's corners leave beside straight pieces
+_SMOOTHED = 0.05  # of what was left before: what a large law's corners leave beside straight pieces
 
 FROM_NOTHING = ('chamber', 'leak', 'friction')
 """Where a law enters of which no other number has what is even."""
@@ -305,7 +307,8 @@ class Laws:
             noise = self.candidates.noise**2 * self._excerpt.samples
             farthest = (_FARTHEST * self._near_noise(begin) / _NEAR_NOISE) ** 2 * noise
             most = min(_RIVALLING * sketches[0].found.cost, farthest) if sketches else 0.0
-            self._known[begin] = self._finished(begin, [one for one in sketches if one.found.cost < most][:_FITTED])
+            near = _few_of_each([one for one in sketches if one.found.cost < most])
+            self._known[begin] = self._finished(begin, near[:_FITTED])
         return self._known[begin]
 
     def _finished(self, begin: Candidate, sketches: Sequence[_Sketch]) -> list[Drawn]:
@@ -376,6 +379,17 @@ class _Sketch(NamedTuple):
 
 def _best_first(sketches: Sequence[_Sketch]) -> list[_Sketch]:
     return sorted(sketches, key=lambda one: one.found.cost)
+
+
+def _few_of_each(sketches: Sequence[_Sketch]) -> list[_Sketch]:
+    """Return the best few of each place, so that others have their turn."""
+    ranks: Counter[tuple[str, str]] = Counter()
+    few = []
+    for one in sketches:
+        ranks[one.promise.slot.name] += 1
+        if ranks[one.promise.slot.name] <= _OF_EACH:
+            few.append(one)
+    return few
 
 
 def _otherwise(sketch: _Sketch) -> list[tuple[Promise, Model]]:
