@@ -24,8 +24,8 @@ from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.cores import Cores
-from cfd_pneumatic.identification.search.shapes import Drawn, Laws
-from cfd_pneumatic.identification.search.shapes import fitted as fitted_curve
+from cfd_pneumatic.identification.search.curves import fitted as fitted_curve
+from cfd_pneumatic.identification.search.laws import Drawn, Laws
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.search.visibility import invisible
 from cfd_pneumatic.identification.shape import Shape, centred, shape_of

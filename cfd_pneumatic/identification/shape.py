@@ -14,7 +14,9 @@ from cfd_pneumatic.identification.fit.levenberg import Quadratic
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.formulas import Formula, formulas
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
-from cfd_pneumatic.identification.search.shapes import FROM_NOTHING, Drawn, Slot, heights_of, penalty_of
+from cfd_pneumatic.identification.search.curves import heights_of, penalty_of
+from cfd_pneumatic.identification.search.laws import Drawn
+from cfd_pneumatic.identification.search.slots import FROM_NOTHING, Slot
 from cfd_pneumatic.model.effects.knots import KNOTS
 
 _POINTS = 41  # of a curve that is shown

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.identification.channels.pressure import Pressure
-from cfd_pneumatic.identification.search.shapes import Slot
+from cfd_pneumatic.identification.search.slots import Slot
 from cfd_pneumatic.model.effects import EFFECTS, FORCE_PARTS, GENERIC, PRESSURE_PARTS, Moment, curve
 from cfd_pneumatic.model.effects.curve import AGAINST, ENTERS
 from cfd_pneumatic.model.effects.knots import KNOTS

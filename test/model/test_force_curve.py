@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cfd_pneumatic.identification.channels.force import Force
-from cfd_pneumatic.identification.search.shapes import Slot
+from cfd_pneumatic.identification.search.slots import Slot
 from cfd_pneumatic.model.effects import ForceMoment, force_curve
 from cfd_pneumatic.model.effects.force_curve import AGAINST, ENTERS
 from cfd_pneumatic.model.effects.knots import KNOTS

@@ -21,7 +21,7 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.autoregression import autoregression
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.shapes import Drawn, Laws
+from cfd_pneumatic.identification.search.laws import Drawn, Laws
 from cfd_pneumatic.identification.search.stepwise import ALIKE, TIE, Search, SearchResult, Step, Trial
 
 _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})

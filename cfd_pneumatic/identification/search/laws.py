@@ -1,9 +1,8 @@
 """
-The shape of what nobody knows: a curve, where no effect of the library leaves noise.
+Laws that nobody knows: curves, where no effect of the library leaves noise.
 
-Where it enters and on what it depends is asked of the residual, linearised: what each place and each variable may take
-beside the model's own unknowns, by the marginal likelihood of a smooth curve (restricted maximum likelihood). The best
-few are fitted inside the simulation and compared by what they foretell.
+The most promising places are fitted inside the simulation, first to short stretches, and compared by what they
+foretell.
 """
 
 from __future__ import annotations
@@ -12,32 +11,20 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, product
 from typing import NamedTuple
 
 import numpy as np
 
-from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Curve, Model
+from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.fit import Optimum
-from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
-from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.complement import Complement
+from cfd_pneumatic.identification.search.curves import fitted, renewed
+from cfd_pneumatic.identification.search.promises import Promise, beside, promises
 from cfd_pneumatic.identification.search.stepwise import small_enough
-from cfd_pneumatic.model.effects.knots import KNOTS
-from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.parallel import each
 
-_PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
-_RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
-_CROWDS = (0.3, 0.1, 0.03)  # how knots lie about nothing moving, and where a curve bends
-_COARSE = np.maximum(1.0 - np.abs(0.5 * np.arange(KNOTS) - np.arange(KNOTS // 2 + 1)[:, None]), 0.0)  # every other knot
-_LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
-_VISITED = 0.002  # share of the samples at either end of a range that does not count
-_ASKED = 10_000  # grid steps of which a promise is
 _SKETCHED = 10_000  # and of which the rough fits are
 _FITTED = 4  # of the most promising
 _OF_EACH = 2  # with their knots here or there
@@ -47,9 +34,7 @@ _RIVALLING = 2.0  # times what the best one leaves of an excerpt: those worth a 
 _MOST_OF_ALL = 0.25  # of that, which a law may leave that is asked for before effects in company
 _PROMISING = 0.6  # of what the best one promises: those worth a fit
 _MOST_LEFT = 0.53  # of the squares above the noise, as the linearised model foretells it
-_FINE = (1e-5, 25)  # tolerance and evaluations of a fit
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a promise, with which a fit begins
-_RENEWED = (1e-6, 1e3)  # by how much a penalty may change
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
 _LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
 _CLEARLY = 0.8  # times another's error of validation: whatever the train part, that one foretells too little
@@ -59,118 +44,6 @@ _MOST_BESIDE = 3  # effects that are sought beside a law
 _ALIKE = 1.05  # times the least error of validation: places that are not told apart
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
 _SMOOTHED = 0.05  # of what was left before: what a large law's corners leave beside straight pieces
-
-FROM_NOTHING = ('chamber', 'leak', 'friction')
-"""Where a law enters of which no other number has what is even."""
-
-
-@dataclass(frozen=True)
-class Slot:
-    """
-    A place for a curve.
-
-    Attributes
-    ----------
-    enters, against
-        Where, and what it depends on: of those of `curve`.
-    memory
-        Of the flow, where it depends on that [s], or of friction [m].
-    low, high, middle, crowd
-        Its range, and how its knots crowd about what middle.
-    unit
-        A height that is small beside what it acts on.
-    curve
-        What draws it.
-
-    """
-
-    enters: str
-    against: str
-    memory: float
-    low: float
-    high: float
-    middle: float
-    crowd: float
-    unit: float
-    curve: Curve
-
-    def parameters(self, heights: Sequence[float] | Array) -> tuple[float, ...]:
-        """Return the parameters of a curve with some heights, shape (knots,)."""
-        where = float(self.curve.enters.index(self.enters)), float(self.curve.against.index(self.against))
-        return (*where, self.memory, self.low, self.high, self.middle, self.crowd, *map(float, heights))
-
-    def heights(self, model: Model) -> Array:
-        """Return the heights that a model's curve has, shape (knots,)."""
-        return np.array(model.effects[self.curve.name][-KNOTS:])
-
-    def on(self, model: Model, heights: Array) -> Model:
-        """Return a model with a curve here that has some heights, shape (knots,)."""
-        return replace(model, effects={**model.effects, self.curve.name: self.parameters(heights)})
-
-    def drawn(self, model: Model, heights: Array) -> Model:
-        """Return a model that has a curve with other heights, shape (knots,)."""
-        own = *model.effects[self.curve.name][:-KNOTS], *heights.tolist()
-        return replace(model, effects={**model.effects, self.curve.name: own})
-
-    @property
-    def name(self) -> tuple[str, str]:
-        """Where it enters, and against what."""
-        return self.enters, self.against
-
-    def remembering(self, model: Model) -> Slot:
-        """Return it with the memory that a model's curve has."""
-        return replace(self, memory=model.effects[self.curve.name][2])
-
-    @property
-    def absorbed(self) -> Array:
-        """Heights that the model's own numbers make up for, shape (knots, k): what is even, on either side of zero."""
-        if self.enters in FROM_NOTHING:
-            return np.zeros((KNOTS, 0))
-        if self.name == ('flow', 'error'):
-            charging = np.heaviside(self.knots, 0.5)
-            return np.column_stack([charging, 1.0 - charging])
-        return np.ones((KNOTS, 1))
-
-    @property
-    def knots(self) -> Array:
-        """Where its knots are, shape (knots,)."""
-        place = np.linspace(-1.0, 1.0, KNOTS)
-        share = place * self.crowd / (1.0 + self.crowd - np.abs(place))
-        return np.asarray(self.middle + share * np.where(share > 0.0, self.high - self.middle, self.middle - self.low))
-
-    def along(self, at: Array) -> Array:
-        """Return what each knot's height adds to the curve's at some points of its range, shape (points, knots)."""
-        at = np.clip(at, self.low, self.high)
-        share = (at - self.middle) / np.where(at > self.middle, self.high - self.middle, self.middle - self.low)
-        place = 0.5 * (KNOTS - 1) * (1.0 + share * (1.0 + self.crowd) / (np.abs(share) + self.crowd))
-        return np.asarray(np.maximum(1.0 - np.abs(place[:, None] - np.arange(KNOTS)), 0.0))
-
-
-@dataclass(frozen=True)
-class Promise:
-    """
-    What a curve in some place promises.
-
-    Attributes
-    ----------
-    slot
-        The place.
-    evidence
-        By how much it raises twice the log likelihood.
-    left
-        Share of the residual's squares that it leaves.
-    penalty
-        Of its roughness: the variance of the noise over that of its bends.
-    heights
-        In the slot's unit, shape (knots,).
-
-    """
-
-    slot: Slot
-    evidence: float
-    left: float
-    penalty: float
-    heights: Array
 
 
 @dataclass(frozen=True)
@@ -393,28 +266,11 @@ def _few_of_each(sketches: Sequence[_Sketch]) -> list[_Sketch]:
 
 
 def _otherwise(sketch: _Sketch) -> list[tuple[Promise, Model]]:
-    """Return a curve with its knots elsewhere: where it bends most, or of what goes both ways nearer to nothing."""
+    """Return a curve with its knots elsewhere, as it was fitted."""
     slot, model = sketch.promise.slot, sketch.found.model
     heights = slot.heights(model)
-    others = [replace(slot, middle=_bend(slot, heights), crowd=crowd) for crowd in _CROWDS]
-    return [
-        (replace(sketch.promise, slot=one), one.on(model, slot.along(one.knots) @ heights))
-        for one in others
-        if one != slot
-    ]
-
-
-def _bend(slot: Slot, heights: Array) -> float:
-    """Return where a curve bends most; of what goes both ways its middle, where nothing moves."""
-    if slot.against in slot.curve.both_ways:
-        return slot.middle
-    bends = np.abs(np.diff(np.diff(heights) / np.diff(slot.knots)))
-    return float(slot.knots[1 + int(np.argmax(bends))])
-
-
-def beside(model: Model, promise: Promise, share: float = 1.0) -> Model:
-    """Return a model with a share of a curve as it is promised."""
-    return promise.slot.on(model, share * promise.slot.unit * promise.heights)
+    others = slot.elsewhere(heights)
+    return [(replace(sketch.promise, slot=one), one.on(model, slot.along(one.knots) @ heights)) for one in others]
 
 
 def _worth_a_fit(promised: Sequence[Promise], size: float) -> list[Promise]:
@@ -445,139 +301,3 @@ def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate) -
     criteria = [candidates.train.criterion(one.residuals, one.unknowns, coefficients) for one in (begin, candidate)]
     tells = criteria[0] - criteria[1] > _LEAST_EVIDENCE or _error(candidate) < _CLEARLY * _error(begin)
     return tells and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)
-
-
-# where it may enter, and what that promises
-
-
-def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
-    """Return all places for a curve beside a model, over what the recordings have visited."""
-    ranges, curve = _ranges(candidates, begin), candidates.channel.curve
-    noise = math.sqrt(begin.rss / candidates.train.samples)
-    most = {name: max(map(abs, ends)) for name, ends in ranges.items()}
-    units = candidates.channel.law_units(candidates.train.experiments, begin.model, noise, most)
-    found = []
-    for against, places in curve.asked.items():
-        low, high = ranges[against]
-        if high - low <= _LEAST_VISITED:
-            continue
-        for enters in filter(units.__contains__, places):
-            memories = curve.memories.get((enters, against), (curve.memory,))
-            both_ways = _CROWDS[:1] if len(memories) > 1 else _CROWDS
-            crowds = both_ways if against in curve.both_ways else curve.crowds
-            found += [
-                Slot(enters, against, memory, low, high, 0.5 * (low + high), crowd, units[enters], curve)
-                for memory, crowd in product(memories, crowds)
-            ]
-    return found
-
-
-def _ranges(candidates: Candidates, begin: Candidate) -> dict[str, tuple[float, float]]:
-    """Return what the train and validation parts have visited of each variable; of speeds the same both ways."""
-    curve = candidates.channel.curve
-    seen: dict[str, list[Array]] = {name: [] for name in curve.against}
-    for one, simulated in zip(candidates.learn.experiments, begin.simulated):
-        for name, values in candidates.channel.variables(one, simulated, begin.model).items():
-            end = 0.0 if name in curve.whole else _VISITED
-            seen[name].append(np.quantile(values, (end, 1.0 - end)))
-    ranges = {name: (float(np.min(ends)), float(np.max(ends))) for name, ends in seen.items()}
-    for name in curve.both_ways:
-        most = max(map(abs, ranges[name]))
-        ranges[name] = -most, most
-    return ranges
-
-
-def promises(candidates: Candidates, begin: Candidate, some: Sequence[Slot] | None = None) -> list[Promise]:
-    """Return what a curve in some places, or in all, promises beside a model, the most promising one first."""
-    complement = Complement(candidates.learn.spread(_ASKED), begin.model)
-    residual = complement.residual
-    share = independent_share(candidates.resting_coefficients(begin))
-
-    def promised(some: Sequence[Slot]) -> list[Promise]:
-        starts = [slot.parameters(slot.unit * coarse) for slot in some for coarse in _COARSE]
-        changes = np.hsplit(complement.left(complement.changes(candidates.channel.curve.name, starts)), len(some))
-        return [_promise(slot, residual, own, share) for slot, own in zip(some, changes)]
-
-    places = slots(candidates, begin) if some is None else some
-    together = [places[first : first + COUNT] for first in range(0, len(places), COUNT)]
-    return sorted(chain.from_iterable(each(promised, together)), key=lambda one: -one.evidence)
-
-
-def _promise(slot: Slot, residual: Array, changes: Array, share: float) -> Promise:
-    """
-    Return what the coarse heights of a curve promise, which change the simulation so, shape (n, coarse).
-
-    Heights are normal, with the inverse of the roughness as their covariance: the evidence is the marginal likelihood,
-    of which the noise's variance is profiled out, at its best penalty.
-    """
-    if not np.all(np.isfinite(changes)) or not np.any(changes):
-        return Promise(slot, -math.inf, 1.0, 1.0, np.zeros(KNOTS))
-    root = np.linalg.cholesky(_COARSE @ roughness() @ _COARSE.T)
-    left, sizes, right = np.linalg.svd(np.linalg.solve(root, changes.T).T, full_matrices=False)
-    along = left.T @ residual
-    power, count = float(residual @ residual), residual.size * share
-    penalties = _PENALTIES * float(np.max(sizes)) ** 2
-    taken = sizes**2 / (sizes**2 + penalties[:, None])
-    remaining = 1.0 - taken @ along**2 / max(power, 1e-300)
-    values = count * np.log(np.maximum(remaining, 1e-300)) - np.sum(np.log1p(-taken), axis=1)
-    best = int(np.argmin(values))
-    penalty = float(penalties[best])
-    heights = np.linalg.solve(root.T, right.T @ (sizes / (sizes**2 + penalty) * along)) @ _COARSE
-    return Promise(slot, -float(values[best]), float(remaining[best]), penalty, heights)
-
-
-def roughness() -> Array:
-    """Return the matrix of a curve's squared bends, and of a little of its height, shape (knots, knots)."""
-    bends = np.diff(np.eye(KNOTS), 2, axis=0)
-    return np.asarray(bends.T @ bends + _RIDGE * np.eye(KNOTS))
-
-
-# a fit
-
-
-def fitted(likelihood: Likelihood, begin: Model, promise: Promise) -> Optimum:
-    """Return a model that has a curve, fitted with a penalty on its roughness, which counts among what it leaves."""
-    unknowns = Unknowns(likelihood.channel, likelihood.experiments, begin)
-    bends = penalty_of(unknowns, promise)
-
-    def evaluate(point: Array) -> Quadratic:
-        here = likelihood.evaluate(unknowns, point)
-        slope = bends @ point
-        return Quadratic(here.total + float(point @ slope), here.gradient + slope, here.normal + bends)
-
-    start, lower, upper = unknowns.start, unknowns.lower, unknowns.upper
-    point, reached = least_squares(evaluate, start, lower, upper, *_FINE, longest=unknowns.longest_step)
-    return Optimum(unknowns.model(point), reached.total)
-
-
-def heights_of(unknowns: Unknowns, slot: Slot) -> list[int]:
-    """Return which unknowns are the heights of a curve."""
-    return [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{slot.curve.name}.w')]
-
-
-def renewed(likelihood: Likelihood, model: Model, promise: Promise, share: float) -> Promise:
-    """
-    Return a promise with the penalty that goes with a fitted curve's bends and with what it leaves (MacKay, 1992).
-
-    Before the fit most of what is left is the law itself, and passes for noise, under which a curve seems smooth.
-    `share` is how many independent samples a sample is worth.
-    """
-    unknowns = Unknowns(likelihood.channel, likelihood.experiments, model)
-    here = likelihood.evaluate(unknowns, unknowns.start)
-    bends = penalty_of(unknowns, promise)
-    if not here.is_finite:
-        return promise
-    told = KNOTS - float(np.sum(np.linalg.pinv(here.normal + bends, hermitian=True) * bends))
-    heights = promise.slot.heights(model) / promise.slot.unit
-    variance = here.total / (likelihood.samples * share)
-    penalty = variance * told / max(float(heights @ roughness() @ heights), 1e-300)
-    return replace(promise, penalty=float(np.clip(penalty / promise.penalty, *_RENEWED)) * promise.penalty)
-
-
-def penalty_of(unknowns: Unknowns, promise: Promise) -> Array:
-    """Return the matrix of the penalty on a curve, as unknowns are searched, shape (k, k)."""
-    own = heights_of(unknowns, promise.slot)
-    scales = unknowns.scales(unknowns.start)[own] / promise.slot.unit
-    matrix = np.zeros((len(unknowns.table), len(unknowns.table)))
-    matrix[np.ix_(own, own)] = promise.penalty * roughness() * np.outer(scales, scales)
-    return matrix
