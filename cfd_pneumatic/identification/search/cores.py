@@ -97,7 +97,7 @@ class Cores:
         if enough and not any(_preferred(self.candidates, one, found.model, found.alternatives) for one in begins):
             return found  # what the linear core explains with one effect is not looked for elsewhere
         begins = [self._alone, *(Search(self.candidates, self._alone).pruned(one) for one in begins[1:]), *self._led]
-        begins.sort(key=partial(_squares, self.candidates))
+        begins.sort(key=lambda one: one.rss)
         begin = begins[0]
         beside = SearchResult(begin, {}, ()) if _leaves_noise(self.candidates, begin) else self._beside(begin)
         for other in begins[1:]:
