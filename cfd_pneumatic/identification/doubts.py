@@ -116,7 +116,8 @@ def _of_chamber(result: ChannelResult, recordings: Sequence[Recording], options:
 
 def _chamber(result: ChannelResult) -> tuple[float, float] | None:
     """Return the usual pressure and `k_x` [Pa, Pa/m]; None where that is not told."""
-    told = [one.value for one in (*result.gains[:1], result.fit.estimates[0]) if one.value is not None]
+    gains = () if result.conclusion and result.conclusion.unknown else result.gains[:1]  # a law may have a part
+    told = [one.value for one in (*gains, result.fit.estimates[0]) if one.value is not None]
     pressure = float(np.median(np.concatenate([one.measured for one in result.experiments])))
     return (pressure, told[0]) if told else None
 
