@@ -145,7 +145,7 @@ def _looked_for(
         )
         alternatives |= _confounded(after)
     may_do = explained(candidates.residual_tests(found.model)) or _is_explained(after)
-    if not (may_do and laws.is_noise(found.model)) and (after is not before or not may_do):
+    if not (may_do and laws.is_noise(found.model)):
         # beside a core alone, for effects that were found instead of a law are none, and else beside them
         asked = [partial(laws.best, cores.begins), partial(laws.best, [found.model])]
         if not candidates.channel.cores:
