@@ -43,8 +43,16 @@ Reading = Callable[[Recording], Recording]
 
 
 def is_doubtful(fits: Sequence[Fit]) -> bool:
-    """Return whether a pressure hardly follows the piston, or not at all, in cylinders' fits without effects."""
-    return any(not one.estimates[0].identifiable or _left(one.simulated, one.likelihood) > _DOUBTFUL for one in fits)
+    """
+    Return whether a pressure hardly follows the piston, or not at all, in cylinders' fits without effects.
+
+    How much is left says nothing where recordings span pressures: then the gains are wrong, and no reading.
+    """
+
+    def hardly(one: Fit) -> bool:
+        return not one.spans_pressures and _left(one.simulated, one.likelihood) > _DOUBTFUL
+
+    return any(not one.estimates[0].identifiable or hardly(one) for one in fits)
 
 
 def other_reading(recordings: Sequence[Recording], options: Options) -> Notice | None:

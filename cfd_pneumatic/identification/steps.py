@@ -19,7 +19,6 @@ from cfd_pneumatic.recording import Recording
 Array = NDArray[np.float64]
 
 _EXPLAINED = 0.5  # share of what is left that a staircase has to explain
-_APART = 1.5  # times another gauge pressure
 _LEAST_STEP = 5.0  # times the noise
 _STEEP = 0.8  # share of the steps that has to be there beside them: slopes and swings have less
 _BESIDE = 4  # of a level: a quarter of it
@@ -33,12 +32,12 @@ def of_fit(fit: Fit, recordings: Sequence[Recording]) -> Iterator[Notice]:
     """Ask whether what a cylinder's fit leaves is a staircase where no set-point was recorded."""
     channel, experiments = fit.likelihood.channel, fit.likelihood.experiments
     noise = fit.likelihood.noise(fit.model).std
-    levels = [float(level[0]) for level in channel.levels(experiments, fit.model)]
-    if levels and max(levels) > _APART * min(levels):
-        return  # one gain for pressures so far apart leaves strokes that look like steps
+    if fit.spans_pressures:
+        return  # it leaves strokes, which look like steps
+    levels = channel.levels(experiments, fit.model)
     for one, simulated, level in zip(_unrecorded(channel, experiments, recordings), fit.simulated, levels):
         if one is not None:
-            yield from _steps(channel, one, one.measured - simulated, level, noise)
+            yield from _steps(channel, one, one.measured - simulated, float(level[0]), noise)
 
 
 def of_pressure(

@@ -3,11 +3,12 @@
 from dataclasses import replace
 
 import pytest
+from measured import MAPPING, ROOT, needs_measured_data
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.notices import WARNING
-from cfd_pneumatic.recording import CylinderSignals, recording_of
+from cfd_pneumatic.recording import CylinderSignals, read_mapping, read_recording, recording_of
 from cfd_pneumatic.rig import device_named, out_and_back, record, surface_following
 
 STEPS = 'effects_a.jump=3000 effects_a.jump_time=8'
@@ -50,6 +51,16 @@ def test_a_pressure_that_steps_and_so_does_not_follow_the_piston_is_said_to():
 
 def test_one_step_is_enough():
     assert '71.8 kPa from 8.01 s on' in steps_of(at_one_set_point(STEPS))[0]
+
+
+@needs_measured_data
+@pytest.mark.parametrize('seal', ['KDN', 'O-ring257'])
+def test_recordings_at_pressures_far_apart_are_neither_stepped_nor_misread(seal):
+    """The gains of one pressure leave strokes at another, which look like steps, or like those of another sign."""
+    files = [ROOT / 'friction' / f'{seal}_{bar}bar.csv' for bar in (1, 5, 7)]
+    together = identify([read_recording(one, mapping=read_mapping(MAPPING)) for one in files], Options())
+    assert together.cylinders['cylinder_a'].fit.spans_pressures
+    assert [one.code for one in together.notices if one.level == WARNING] == []
 
 
 @pytest.mark.parametrize('faults', ['', DRIFTS, SWINGS, CREEPS], ids=('healthy', 'drifts', 'swings', 'creeps'))

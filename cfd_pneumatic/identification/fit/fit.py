@@ -32,6 +32,7 @@ CONFIDENCE = 0.95
 _EXCERPT = 10_000  # grid steps that starts are chosen on
 _AS_KNOWN = 0.7  # of the spread that is known beforehand: a number that recordings tell no better, they don't tell
 _AT_BOUND = 1e-3  # of what is searched
+_APART = 1.5  # times another gauge pressure
 _SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not determined
 
 
@@ -60,6 +61,12 @@ class Fit:
     stds: Array
     simulated: tuple[Array, ...]
     likelihood: Likelihood
+
+    @property
+    def spans_pressures(self) -> bool:
+        """Whether recordings begin at pressures so far apart that the gains of none of them hold for all."""
+        levels = [float(one[0]) for one in self.likelihood.channel.levels(self.likelihood.experiments, self.model)]
+        return bool(levels) and max(levels) > _APART * min(levels)
 
 
 def fit(channel: Channel, experiments: Sequence[Experiment], initial: Model | None = None) -> Fit:
