@@ -41,7 +41,7 @@ from cfd_pneumatic.identification.verdict import (
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60
-_SEEN = 0.88  # of the error without a law, on validation or test: one that takes less may be a core's that is not exact
+_SEEN = 0.92  # of the error without a law, on validation or test: one that takes less may be a core's that is not exact
 _DOES_NOTHING = 'does nothing beside the others'
 _IDLE = 1.01  # times the sum of squares, up to which an effect that is taken out did nothing
 
@@ -145,14 +145,18 @@ def _looked_for(
         )
         alternatives |= _confounded(after)
     may_do = explained(candidates.residual_tests(found.model)) or _is_explained(after)
-    if not (may_do and laws.is_noise(found.model)):
+    is_noise, several = may_do and laws.is_noise(found.model), len(found.model.effects) > 1
+    if several or not is_noise:
         # beside a core alone, for effects that were found instead of a law are none, and else beside them
-        asked = [partial(laws.best, cores.begins), partial(laws.best, [found.model])]
+        asked = [partial(laws.best, cores.begins)]
+        if not is_noise:
+            asked.append(partial(laws.best, [found.model]))
         if not candidates.channel.cores:
             asked.append(partial(laws.beside_effects, candidates.baseline))
         for ask in asked:
             drawing = ask([found.model])
-            if may_do and drawing is not None and laws.is_near(drawing, found.model):
+            is_plainer = several and drawing is not None and not drawing.begin.effects  # one law, for several effects
+            if may_do and drawing is not None and not is_plainer and laws.is_near(drawing, found.model):
                 continue
             with_law = None if drawing is None else _as_drawn(drawing, before, after)
             if with_law is not None:

@@ -19,7 +19,7 @@ from cfd_pneumatic.planning import Limits, plan
 from cfd_pneumatic.reporting import draft_effect
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.rig import surface_following
-from cfd_pneumatic.rig.panel import CLASSES, Draw, draw, oracle_residual
+from cfd_pneumatic.rig.panel import CLASSES, MAKES, Draw, draw, oracle_residual
 
 MOMENT = Moment(0.0, 0.0, 0.0, 2e5, 2e5, 1e5)
 
@@ -87,6 +87,22 @@ def test_a_supply_that_starves_is_a_law_of_what_has_flowed_lately() -> None:
     assert result.rmse(1) < 1.1 * floor(one, result)
     (lag,) = result.found.model.effects[CURVE][2:3]
     assert lag not in {0.03, 0.1, 0.3}, 'it is fitted'
+
+
+def test_a_small_law_counts_by_what_it_foretells() -> None:
+    result = identify([recording_of(draw('creep', 'out_and_back', 10000))], Options(close_loop=True)).cylinders
+    shape = result['cylinder_a'].findings.unknown
+    assert shape is not None
+    assert {(shape.enters, shape.against), *shape.others} == {('set_point', 'time'), ('sensing', 'time')}
+
+
+def test_one_law_is_preferred_to_several_effects_that_do_less() -> None:
+    one = draw('ledge', 'out_and_back', 10001, make=list(MAKES)[10001 % len(MAKES)])
+    result = identify([recording_of(one)], Options(close_loop=True)).cylinders['cylinder_a']
+    assert result.findings.effects == ()
+    assert result.findings.unknown is not None
+    assert ('set_point', 'x') in {(result.findings.unknown.enters, 'x'), *result.findings.unknown.others}
+    assert result.rmse(1) < 1.02 * floor(one, result)
 
 
 def test_short_stretches_see_all_of_a_recording() -> None:

@@ -249,7 +249,7 @@ class Pressure(Channel):
             for parts in zip(*(self._exact(experiment, row, count, slopes=False) for row in rows)):
                 yield parts[0][0], np.column_stack([pressure for _, pressure, _ in parts])
             return
-        for block, _, pressures in self._composed(experiment, effects, rows, count):
+        for block, _, pressures in self._composed(experiment, effects, rows, count, rows):
             yield block.samples, pressures
 
     def linearised(
@@ -263,7 +263,7 @@ class Pressure(Channel):
         if effects:
             late = np.isin(slots, self._late(effects)[0])
             rows = stepped(row, slots[~late], steps[~late])
-            for block, course, pressures in self._composed(experiment, effects, rows, count):
+            for block, course, pressures in self._composed(experiment, effects, rows, count, row[None]):
                 jacobian = np.empty((len(pressures), slots.size), order='F')
                 jacobian[:, ~late] = differences(pressures, steps[~late])
                 jacobian[:, late] = -_slope(block.times, course)[block.at]
@@ -288,12 +288,13 @@ class Pressure(Channel):
             yield block.samples, pressure[block.at], jacobian[block.at] if slopes else jacobian
 
     def _composed(
-        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int
+        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int, unlike: Array
     ) -> Iterator[tuple[Block, Array, Array]]:
         """
         Yield pressures with effects, and that of the first row on the grid of its block, shape (n, 1).
 
-        Cylinders that are read as late, and moved as late, are simulated side by side.
+        Cylinders that are read as late, and moved as late, are simulated side by side, in steps that are short enough
+        for the stiffest of the rows that are `unlike`: the others differ hardly from them.
         """
         displacement, setpoint = experiment.inputs['displacement'], experiment.inputs['setpoint']
         cylinders = [
@@ -302,7 +303,7 @@ class Pressure(Channel):
                 {name: row[list(self.slots_of(name))].tolist() for name in effects},
                 self.ambient_pressure,
             )
-            for row in rows
+            for row in unlike
         ]
         reached = extremes(experiment.times, displacement, setpoint)
         stiffest = max(one.stiffness(*reached) for one in cylinders)

@@ -297,7 +297,10 @@ def _error(candidate: Candidate) -> float:
 
 
 def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate) -> bool:
-    coefficients = autoregression(candidate.residuals)
-    criteria = [candidates.train.criterion(one.residuals, one.unknowns, coefficients) for one in (begin, candidate)]
-    tells = criteria[0] - criteria[1] > _LEAST_EVIDENCE or _error(candidate) < _CLEARLY * _error(begin)
+    """Return whether a curve explains more than a model: of the train part, and of what it was not fitted to."""
+    learn, coefficients = candidates.learn, autoregression(candidate.residuals)
+    before, after = (
+        learn.criterion(learn.residuals(one.simulated), one.unknowns, coefficients) for one in (begin, candidate)
+    )
+    tells = before - after > _LEAST_EVIDENCE or _error(candidate) < _CLEARLY * _error(begin)
     return tells and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)

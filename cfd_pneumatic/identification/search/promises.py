@@ -27,6 +27,7 @@ from cfd_pneumatic.parallel import each
 _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
 _RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
 _COARSE = np.maximum(1.0 - np.abs(0.5 * np.arange(KNOTS) - np.arange(KNOTS // 2 + 1)[:, None]), 0.0)  # every other knot
+_LEAST_SQUARE = 1e-14  # of a direction's changes, against the largest
 _ASKED = 10_000  # grid steps of which a promise is
 
 
@@ -88,16 +89,18 @@ def _promise(slot: Slot, residual: Array, changes: Array, share: float) -> Promi
     if not np.all(np.isfinite(changes)) or not np.any(changes):
         return Promise(slot, -math.inf, 1.0, 1.0, np.zeros(KNOTS))
     root = np.linalg.cholesky(_COARSE @ roughness() @ _COARSE.T)
-    left, sizes, right = np.linalg.svd(np.linalg.solve(root, changes.T).T, full_matrices=False)
-    along = left.T @ residual
+    bent = np.linalg.solve(root, changes.T)
+    squares, axes = np.linalg.eigh(bent @ bent.T)
+    squares = np.maximum(squares, _LEAST_SQUARE * squares[-1])  # below rounding, and far below every penalty
+    along = axes.T @ (bent @ residual)
     power, count = float(residual @ residual), residual.size * share
-    penalties = _PENALTIES * float(np.max(sizes)) ** 2
-    taken = sizes**2 / (sizes**2 + penalties[:, None])
-    remaining = 1.0 - taken @ along**2 / max(power, 1e-300)
+    penalties = _PENALTIES * float(squares[-1])
+    taken = squares / (squares + penalties[:, None])
+    remaining = 1.0 - taken @ (along**2 / squares) / max(power, 1e-300)
     values = count * np.log(np.maximum(remaining, 1e-300)) - np.sum(np.log1p(-taken), axis=1)
     best = int(np.argmin(values))
     penalty = float(penalties[best])
-    heights = np.linalg.solve(root.T, right.T @ (sizes / (sizes**2 + penalty) * along)) @ _COARSE
+    heights = np.linalg.solve(root.T, axes @ (along / (squares + penalty))) @ _COARSE
     return Promise(slot, -float(values[best]), float(remaining[best]), penalty, heights)
 
 
