@@ -33,6 +33,8 @@ _FARTHEST = 1.5  # times the noise: no fit to the end brings a curve from there 
 _RIVALLING = 2.0  # times what the best one leaves of an excerpt: those worth a fit to the end
 _MOST_OF_ALL = 0.25  # of that, which a law may leave that is asked for before effects in company
 _PROMISING = 0.6  # of what the best one promises: those worth a fit
+_HARDLY_PROMISING = 0.2  # of that: those that are tried where none of the others comes near
+_ROUGHLY = 9.0  # times the squares that are to be undercut: fitted, a large law takes more than it promises
 _MOST_LEFT = 0.53  # of the squares above the noise, as the linearised model foretells it
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a promise, with which a fit begins
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
@@ -107,7 +109,7 @@ class Laws:
         least = min((one.rss for one in known), default=math.inf)
         found: list[Drawn] = []
         for begin in sorted(begins, key=self._least_promised):
-            if self._least_promised(begin) < least:
+            if begin in self._known or self._least_promised(begin) < _ROUGHLY * least:
                 found += [one for one in self._beside(begin) if self.is_better(one, [begin, *known])]
             if any(small_enough(self.candidates.residual_tests(one.candidate)) for one in found):
                 break  # what leaves noise beside one core is not looked for beside another
@@ -172,17 +174,27 @@ class Laws:
         Short stretches tell before which these are, and whether they do better with their knots elsewhere.
         """
         if begin not in self._known:
-            promised = _worth_a_fit(self._promises(begin), self._size(begin))
-            sketches = self._sketched(begin, [(one, self._begun(begin, one)) for one in promised])
-            sharper = [other for one in sketches[:_SHARPENED] for other in _otherwise(one)]
-            sketches = _best_first(sketches + self._sketched(begin, sharper))
-            self._sketches[begin] = sketches
-            noise = self.candidates.noise**2 * self._excerpt.samples
-            farthest = (_FARTHEST * self._near_noise(begin) / _NEAR_NOISE) ** 2 * noise
-            most = min(_RIVALLING * sketches[0].found.cost, farthest) if sketches else 0.0
-            near = _few_of_each([one for one in sketches if one.found.cost < most])
+            promised, size = self._promises(begin), self._size(begin)
+            most = max((one.evidence for one in promised), default=0.0)
+            likely = _worth_a_fit(promised, size, _PROMISING * most)
+            near = self._near(begin, likely)
+            if likely and not near:  # a large law is far from where it was linearised
+                names = {one.slot.name for one in likely}
+                others = [one for one in promised if one.slot.name not in names]
+                near = self._near(begin, _worth_a_fit(others, size, _HARDLY_PROMISING * most))
             self._known[begin] = self._finished(begin, near[:_FITTED])
         return self._known[begin]
+
+    def _near(self, begin: Candidate, promised: Sequence[Promise]) -> list[_Sketch]:
+        """Return sketches that come near the noise, the best first."""
+        sketches = self._sketched(begin, [(one, self._begun(begin, one)) for one in promised])
+        sharper = [other for one in sketches[:_SHARPENED] for other in _otherwise(one)]
+        sketches = _best_first(sketches + self._sketched(begin, sharper))
+        self._sketches[begin] = _best_first(self._sketches.get(begin, []) + sketches)
+        noise = self.candidates.noise**2 * self._excerpt.samples
+        farthest = (_FARTHEST * self._near_noise(begin) / _NEAR_NOISE) ** 2 * noise
+        most = min(_RIVALLING * sketches[0].found.cost, farthest) if sketches else 0.0
+        return _few_of_each([one for one in sketches if one.found.cost < most])
 
     def _finished(self, begin: Candidate, sketches: Sequence[_Sketch]) -> list[Drawn]:
         """Return sketches fitted to the train part."""
@@ -273,12 +285,16 @@ def _otherwise(sketch: _Sketch) -> list[tuple[Promise, Model]]:
     return [(replace(sketch.promise, slot=one), one.on(model, slot.along(one.knots) @ heights)) for one in others]
 
 
-def _worth_a_fit(promised: Sequence[Promise], size: float) -> list[Promise]:
-    """Return the most promising of each place and memory, if they may bring a residual down to the noise, of 1."""
+def _worth_a_fit(promised: Sequence[Promise], size: float, least: float) -> list[Promise]:
+    """
+    Return the most promising of each place and memory, if they may bring a residual down to the noise, of 1.
+
+    Their evidence is to be more than `least`.
+    """
     best: dict[tuple[str, str, float], Promise] = {}
     for one in promised:
         may = one.left * size**2 - 1.0 < _MOST_LEFT * (size**2 - 1.0)
-        if may and one.evidence > max(_LEAST_EVIDENCE, _PROMISING * promised[0].evidence):
+        if may and one.evidence > max(_LEAST_EVIDENCE, least):
             best.setdefault((*one.slot.name, one.slot.memory), one)
     return list(best.values())[:_FITTED]
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.identification.residual.autoregression import autoregression
 from cfd_pneumatic.identification.residual.tests import Test, explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
+from cfd_pneumatic.parallel import each
 
 Array = NDArray[np.float64]
 
@@ -275,13 +277,12 @@ class Search:
     def pruned(self, model: Candidate) -> Candidate:
         """Return a model without the effects that it does not need any more; the last one only beside a core."""
         names = list(model.effects)
-        for name in names if model.model.core else names[:-1]:
-            fewer = self._rest(model, name)
-            coefficients = autoregression(model.residuals)
+        names = names if model.model.core else names[:-1]
+        coefficients, rank = autoregression(model.residuals), len(model.effects) - 1
+        for fewer in each(lambda name: self._rest(model, name), names):
             gain = self.criterion(fewer, coefficients) - self.criterion(model, coefficients)
-            rank = len(model.effects) - 1
             if objection(gain, 1.0 - model.rss / fewer.rss, rank, model.validation_rmse, math.inf) is not None:
-                model = fewer
+                return self.pruned(fewer)
         return model
 
     def _instead(self, rest: Candidate, rivals: Mapping[str, Candidate]) -> dict[str, Candidate]:
@@ -290,6 +291,13 @@ class Search:
         known = {name: self._tried[key] for name, key in keys.items() if key in self._tried}
         fresh = {name: rival for name, rival in rivals.items() if name not in known}
         return {**known, **self.candidates.instead(rest, fresh)} if fresh else known
+
+    def _rivals(
+        self, model: Candidate, ranking: Mapping[str, Mapping[str, Candidate]], name: str
+    ) -> dict[str, Candidate]:
+        """Return a model with each of an effect's rivals in its place."""
+        others = {rival: one for rival, one in ranking.get(name, {}).items() if rival not in model.effects}
+        return self._instead(self._rest(model, name), others)
 
     def challenged(
         self, model: Candidate, ranking: Mapping[str, Mapping[str, Candidate]]
@@ -303,10 +311,7 @@ class Search:
             )
             alternatives: dict[str, tuple[str, ...]] = {}
             better: tuple[float, Candidate] | None = None
-            for name in model.effects:
-                rest = self._rest(model, name)
-                others = {rival: one for rival, one in ranking.get(name, {}).items() if rival not in model.effects}
-                rivals = self._instead(rest, others)
+            for name, rivals in zip(model.effects, each(partial(self._rivals, model, ranking), model.effects)):
                 gains = {rival: own - self.criterion(one, coefficients) for rival, one in rivals.items()}
                 ties = [rival for rival in gains if gains[rival] > -TIE]
                 if more_is_left:
