@@ -8,21 +8,24 @@ from studies.mistakes import MEASURED, MISTAKES, answer, is_told, warnings_of_cl
 
 SAMPLED = 3
 
-TOO_LARGE = ('one pressure in bar', 'set-points absolute', 'bar read as MPa')
+TOO_LARGE = ('everything in bar', 'set-points absolute')
 """What no device holds ends in a report with a warning all the same."""
 
 TRIED = {
     *(('tutorial', what) for what in ('mm read as mil', 'set-points absolute', 'set-points swapped')),
     *(('tutorial', what) for what in ('pressures swapped', 'no set-points', 'the same twice', 'every fortieth row')),
-    ('tutorial', 'inches read as mm, absolute psi as kPa'),
-    ('real', 'absolute psi read as kPa'),
-    *(('rig', what) for what in ('another device from two thirds on', 'one pressure in bar', 'half the area')),
-    *(('rig', 'force the other way'), ('measured', 'upside down'), ('measured', 'displacement the other way')),
+    *(('tutorial', what) for what in ('inches read as mm, absolute psi as kPa', 'another device from two thirds on')),
+    *(('rig', what) for what in ('everything in bar', 'half the area', 'force the other way')),
+    *(('measured', what) for what in ('bar read as Pa', 'upside down', 'displacement the other way')),
 }
-"""One of each code that tells of a mistake; a sample of the others comes on top, and `make mistakes` makes all."""
+"""
+One of each code that tells of a mistake; a sample of the others comes on top, and `make mistakes` makes all.
 
-OTHERS = [one for one in MISTAKES if (one.on, one.what) not in TRIED]
-CHOSEN = [one for one in MISTAKES if one not in OTHERS] + random.Random(16).sample(OTHERS, SAMPLED)
+What only the physical core sees of devices of full physics is for `identification/test_readings.py`.
+"""
+
+OTHERS = [one for one in MISTAKES if (one.on, one.what) not in TRIED and one.on != 'real']
+CHOSEN = [one for one in MISTAKES if (one.on, one.what) in TRIED] + random.Random(16).sample(OTHERS, SAMPLED)
 
 
 def test_there_are_many_mistakes():
@@ -42,6 +45,6 @@ def test_a_mistake_is_noticed(mistake):
         assert 'error' not in said.codes
 
 
-@pytest.mark.parametrize('seed', [*range(8), 1213, 1465])  # others than the document's, but for two once warned of
+@pytest.mark.parametrize('seed', [*range(4), 1213, 1465])  # others than the document's, but for two once warned of
 def test_clean_recordings_raise_no_warning(seed):
     assert warnings_of_clean(seed) == []
