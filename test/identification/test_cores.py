@@ -134,8 +134,9 @@ def test_a_healthy_device_of_the_papers_law_needs_no_other_core():
 
 
 def test_a_core_can_be_asked_for():
-    drawn, linear = closed(None, 'walls', core='linear')
+    _, linear = closed(None, 'drilled', core='linear')
     assert linear.cylinders['cylinder_a'].found.model.core == {}
+    drawn, _ = closed(None, 'walls')
     fitted = identify([recording_of(drawn)], Options(core='physical')).cylinders['cylinder_a']
     assert fitted.conclusion is None
     assert fitted.after['test'].rmse < 0.25 * fitted.before['test'].rmse

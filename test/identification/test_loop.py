@@ -59,7 +59,7 @@ def test_names_nothing_where_nothing_is_missing(schedule, noise):
     assert closure.ratio is None
 
 
-@pytest.mark.parametrize('effect', ['poppet_inertia', 'pulsation', 'set_point_jump', 'mains_hum'])
+@pytest.mark.parametrize('effect', ['poppet_inertia', 'pulsation', 'set_point_jump'])
 def test_does_not_pretend_to_know_what_is_none_of_its_effects(effect):
     closure, _ = closed(draw(effect, 'out_and_back', 1))
     assert closure.verdict == 'unexplained'
