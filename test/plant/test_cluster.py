@@ -40,11 +40,6 @@ def client():
         yield one
 
 
-def test_a_dead_worker_is_replaced_and_its_job_done_again(client, tmp_path):
-    jobs = [tmp_path / 'once', *range(20)]
-    assert dict(results(client, work, jobs)) == {job: 2 * str(job) for job in jobs}
-
-
 def test_only_the_job_that_kills_every_worker_is_given_up(client):
     jobs = ['die', *range(20)]
     done = dict(results(client, work, jobs))
@@ -52,7 +47,7 @@ def test_only_the_job_that_kills_every_worker_is_given_up(client):
     assert done == {job: 2 * str(job) for job in range(20)}
 
 
-def test_a_worker_that_takes_longer_than_dask_waits_to_begin_anew_is_waited_for(tmp_path):
+def test_a_dead_worker_is_waited_for_longer_than_dask_does_and_its_job_done_again(tmp_path):
     def is_kept():
         assert slow.cluster.workers, 'it was given up for good'
 
