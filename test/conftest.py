@@ -61,11 +61,13 @@ LONG = (
     'nodes/test_sim_node.py',
     'plant/test_each.py',
     'identification/test_cores.py',
-    'test_mistakes.py',
+    'identification/test_readings.py',
     'identification/test_measured_loop.py',
     'nodes/test_tutorial_live.py',
+    'test_mistakes.py',
     'identification/test_loop.py',
     'commands/test_help.py',
+    'identification/test_force_loop.py',
     'test_adding_an_effect.py',
     'identification/test_shapes.py',
     'nodes/test_monitor_node.py',
@@ -77,7 +79,8 @@ LONG = (
     'plant/test_cluster.py',
     'rig/test_panel.py',
     'api/test_python.py',
-    'identification/test_readings.py',
+    'test_files.py',
+    'test_fuzzing.py',
 )
 """
 Files that take longest: where processes share the files, these come first, or one would work on alone in the end.
