@@ -45,6 +45,7 @@ def composed() -> str:
         parameters=PARAMETERS,
         held=held,
         resting=_resting(effects),
+        last_lag=max(effect['rank'] for effect in effects if effect['follows'] == 'signal'),
         force_states=FORCE_STATES,
         fingerprint=_fingerprint(),
     )
@@ -65,7 +66,9 @@ def _described(name: str, place: Place, state: str) -> dict[str, Any]:
         'follows': MODULES[name].EFFECT.follows,
         'rests_at_pressure': MODULES[name].EFFECT.rests_at_pressure,
         'state_indices': list(states),
-        'parameter_indices': list(range(place.parameters.start, place.parameters.stop)),
+        'first_parameter': place.parameters.start,
+        'parameters': len(MODULES[name].EFFECT.parameters),
+        'rank': MODULES[name].EFFECT.rank,
         'integrated': hasattr(MODULES[name], 'evolve'),
         'compiled': any(hasattr(MODULES[name], function) for function in FUNCTIONS),
     }
@@ -76,9 +79,10 @@ def _hold(effects: Sequence[dict[str, Any]]) -> int:
     held = 0
     for effect in effects:
         own = MODULES[effect['name']].EFFECT.held
-        effect['own_rows'] = [f'H{held + rank}' for rank in range(own)] or [
-            f'A{index}' for index in effect['parameter_indices']
-        ]
+        effect['held_row'] = f'H{held}'
+        effect['own_row'], effect['own_rows'] = (
+            (effect['held_row'], own) if own else (f'A{effect["first_parameter"]}', effect['parameters'])
+        )
         held += own
     return held
 

@@ -5,12 +5,14 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint c513294957f4c81d; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint a228c578b7305c12; changes by hand are lost.
 """
 
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from cfd_pneumatic.model.effects import (
     curve,
@@ -41,7 +43,7 @@ from cfd_pneumatic.model.effects import (
 )
 from cfd_pneumatic.model.effects.effect import ForceMoment, Moment
 from cfd_pneumatic.model.kernel import inlined, kernel
-from cfd_pneumatic.model.lanes import COUNT, load, store, where
+from cfd_pneumatic.model.lanes import COUNT, load, loads, rows_of, store, where
 
 # states: pressures p and p_f, then the effects' own
 Y0 = 0 * COUNT
@@ -206,19 +208,13 @@ OFFSET_ROW = OFFSET // COUNT
 SIGNAL_ROW = SIGNAL // COUNT
 """Row of what the pressure sensor reads [Pa]."""
 
-INTEGRATED = (
-    (0, 1),
-    (1, 1),
-    (2, 4),
-    (4, 1024),
-    (6, 32768),
-    (7, 131072),
-    (8, 131072),
-    (9, 524288),
-    (10, 1048576),
-    (11, 2097152),
-)
-"""The states that have rates, each with the switch it is behind: the two pressures' is always on."""
+# stages of Runge and Kutta: what is kept of the rates' sum, the weight of the rate there, the share of the sum that the
+# states take, how far ahead the rate is followed, and how much time passes to the next stage
+KEPT = np.array([0.0, 1.0, 1.0, 1.0])
+WEIGHT = np.array([1.0, 2.0, 2.0, 1.0])
+SHARE = np.array([0.0, 0.0, 0.0, 1.0 / 6.0])
+AHEAD = np.array([0.5, 0.5, 1.0, 0.0])
+PASSED = np.array([0.5, 0.0, 0.5, 0.0])
 
 FORCE_STATES = 3
 """States of the effects on the force."""
@@ -228,58 +224,25 @@ SLID = 3
 
 
 @inlined
-def moment_of(time, x, rate, p, p_f, swept, sensing, ambient, w, dense=1.0):
+def moment_of(time, p, p_f, swept, sensing, ambient, w, dense):
     """Return where the cylinder is, as effects see it."""
-    return Moment(time, x, rate, p, load(w, SETPOINT), ambient, swept, load(w, A0), p_f, sensing, dense)
+    x, rate, setpoint, k_x = load(w, X), load(w, RATE), load(w, SETPOINT), load(w, A0)
+    return Moment(time, x, rate, p, setpoint, ambient, swept, k_x, p_f, sensing, dense)
+
+
+@inlined
+def seen(time, p, p_f, ambient, w):
+    """Return the same before anything is computed."""
+    nothing = 0.0 * load(w, RATE)
+    return moment_of(time, p, p_f, nothing, nothing, ambient, w, nothing + 1.0)
 
 
 @inlined
 def hold(time, ambient, w, on):
     """Compute what stays the same while the set-point and the piston's speed do."""
-    rate = load(w, RATE)
-    still = 0.0 * rate
-    moment = moment_of(time, load(w, X), rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
+    moment = seen(time, load(w, Y0), load(w, Y1), ambient, w)
     if on & 4:
-        (
-            h0,
-            h1,
-            h2,
-            h3,
-            h4,
-            h5,
-            h6,
-            h7,
-            h8,
-            h9,
-            h10,
-            h11,
-        ) = physical_core.hold(
-            moment,
-            load(w, A6),
-            load(w, A7),
-            load(w, A8),
-            load(w, A9),
-            load(w, A10),
-            load(w, A11),
-            load(w, A12),
-            load(w, A13),
-            load(w, A14),
-            load(w, A15),
-            load(w, A16),
-            load(w, A17),
-        )
-        store(w, H0, h0)
-        store(w, H1, h1)
-        store(w, H2, h2)
-        store(w, H3, h3)
-        store(w, H4, h4)
-        store(w, H5, h5)
-        store(w, H6, h6)
-        store(w, H7, h7)
-        store(w, H8, h8)
-        store(w, H9, h9)
-        store(w, H10, h10)
-        store(w, H11, h11)
+        store(w, H0, physical_core.hold(moment, *loads(w, A6, 12)))
 
 
 @inlined
@@ -287,500 +250,174 @@ def valve_error(moment, w, on):
     """Return the valves' error, from the set-point that acts [Pa]."""
     target = moment.setpoint
     if on & 32:
-        target = set_point_drift.setpoint(target, moment, load(w, A22))
+        target = set_point_drift.setpoint(target, moment, *loads(w, A22, 1))
     if on & 256:
-        target = supply_variation.setpoint(target, moment, load(w, A25), load(w, A26), load(w, A27))
+        target = supply_variation.setpoint(target, moment, *loads(w, A25, 3))
     if on & 1024:
-        target = droop.setpoint(target, moment, load(w, S4), load(w, A29), load(w, A30))
+        target = droop.setpoint(target, moment, load(w, S4), *loads(w, A29, 2))
     if on & 1048576:
-        target = curve.setpoint(
-            target,
-            moment,
-            load(w, S10),
-            load(w, A48),
-            load(w, A49),
-            load(w, A50),
-            load(w, A51),
-            load(w, A52),
-            load(w, A53),
-            load(w, A54),
-            load(w, A55),
-            load(w, A56),
-            load(w, A57),
-            load(w, A58),
-            load(w, A59),
-            load(w, A60),
-            load(w, A61),
-            load(w, A62),
-            load(w, A63),
-            load(w, A64),
-            load(w, A65),
-            load(w, A66),
-            load(w, A67),
-            load(w, A68),
-            load(w, A69),
-            load(w, A70),
-            load(w, A71),
-        )
-    return target - load(w, S1)
+        target = curve.setpoint(target, moment, load(w, S10), *loads(w, A48, 24))
+    return target - moment.p_f
 
 
 @inlined
 def slopes(time, ambient, w, on):
     """Compute the rates of all states."""
-    x, rate, p = load(w, X), load(w, RATE), load(w, S0)
-    still = 0.0 * rate
-    moment = moment_of(time, x, rate, p, load(w, S1), still, still, ambient, w)
-    dense = still + 1.0
+    moment = seen(time, load(w, S0), load(w, S1), ambient, w)
+    p, p_f, nothing, dense = moment.p, moment.p_f, moment.swept, moment.dense
     if on & 4:
-        dense = physical_core.density(
-            dense,
-            moment,
-            load(w, S2),
-            load(w, H0),
-            load(w, H1),
-            load(w, H2),
-            load(w, H3),
-            load(w, H4),
-            load(w, H5),
-            load(w, H6),
-            load(w, H7),
-            load(w, H8),
-            load(w, H9),
-            load(w, H10),
-            load(w, H11),
-        )
-    moment = moment_of(time, x, rate, p, load(w, S1), still, still, ambient, w, dense)
+        dense = physical_core.density(dense, moment, load(w, S2), *loads(w, H0, 12))
+    moment = moment_of(time, p, p_f, nothing, nothing, ambient, w, dense)
     gain = load(w, A0)
     if on & 4:
-        gain = physical_core.velocity_gain(
-            gain,
-            moment,
-            load(w, S2),
-            load(w, H0),
-            load(w, H1),
-            load(w, H2),
-            load(w, H3),
-            load(w, H4),
-            load(w, H5),
-            load(w, H6),
-            load(w, H7),
-            load(w, H8),
-            load(w, H9),
-            load(w, H10),
-            load(w, H11),
-        )
+        gain = physical_core.velocity_gain(gain, moment, load(w, S2), *loads(w, H0, 12))
     if on & 8:
-        gain = volume_variation.velocity_gain(gain, moment, load(w, A18))
+        gain = volume_variation.velocity_gain(gain, moment, *loads(w, A18, 1))
     if on & 16:
-        gain = operating_point.velocity_gain(gain, moment, load(w, A19), load(w, A20), load(w, A21))
+        gain = operating_point.velocity_gain(gain, moment, *loads(w, A19, 3))
     if on & 1048576:
-        gain = curve.velocity_gain(
-            gain,
-            moment,
-            load(w, S10),
-            load(w, A48),
-            load(w, A49),
-            load(w, A50),
-            load(w, A51),
-            load(w, A52),
-            load(w, A53),
-            load(w, A54),
-            load(w, A55),
-            load(w, A56),
-            load(w, A57),
-            load(w, A58),
-            load(w, A59),
-            load(w, A60),
-            load(w, A61),
-            load(w, A62),
-            load(w, A63),
-            load(w, A64),
-            load(w, A65),
-            load(w, A66),
-            load(w, A67),
-            load(w, A68),
-            load(w, A69),
-            load(w, A70),
-            load(w, A71),
-        )
-    swept = gain * rate
-    moment = moment_of(time, x, rate, p, load(w, S1), swept, still, ambient, w, dense)
+        gain = curve.velocity_gain(gain, moment, load(w, S10), *loads(w, A48, 24))
+    swept = gain * moment.rate
+    moment = moment_of(time, p, p_f, swept, nothing, ambient, w, dense)
     error = valve_error(moment, w, on)
     if on & 4:
-        error = physical_core.error(
-            error,
-            moment,
-            load(w, S2),
-            load(w, H0),
-            load(w, H1),
-            load(w, H2),
-            load(w, H3),
-            load(w, H4),
-            load(w, H5),
-            load(w, H6),
-            load(w, H7),
-            load(w, H8),
-            load(w, H9),
-            load(w, H10),
-            load(w, H11),
-        )
+        error = physical_core.error(error, moment, load(w, S2), *loads(w, H0, 12))
     if on & 512:
-        error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A28))
+        error = valve_hysteresis.error(error, moment, load(w, S3), *loads(w, A28, 1))
     if on & 65536:
-        error = valve_dead_band.error(error, moment, load(w, A42))
+        error = valve_dead_band.error(error, moment, *loads(w, A42, 1))
     if on & 262144:
-        error = nonlinear_valve.error(error, moment, load(w, A45))
+        error = nonlinear_valve.error(error, moment, *loads(w, A45, 1))
     flow = where(error > 0.0, load(w, A1), load(w, A2)) * error
     if on & 2:
-        flow = flow_saturation.flow(flow, moment, load(w, A4), load(w, A5))
+        flow = flow_saturation.flow(flow, moment, *loads(w, A4, 2))
     if on & 4:
-        flow = physical_core.flow(
-            flow,
-            moment,
-            load(w, S2),
-            load(w, H0),
-            load(w, H1),
-            load(w, H2),
-            load(w, H3),
-            load(w, H4),
-            load(w, H5),
-            load(w, H6),
-            load(w, H7),
-            load(w, H8),
-            load(w, H9),
-            load(w, H10),
-            load(w, H11),
-        )
+        flow = physical_core.flow(flow, moment, load(w, S2), *loads(w, H0, 12))
     if on & 8:
-        flow = volume_variation.flow(flow, moment, load(w, A18))
+        flow = volume_variation.flow(flow, moment, *loads(w, A18, 1))
     if on & 16:
-        flow = operating_point.flow(flow, moment, load(w, A19), load(w, A20), load(w, A21))
+        flow = operating_point.flow(flow, moment, *loads(w, A19, 3))
     if on & 524288:
-        (rate9,) = line_restriction.evolve(moment, flow, load(w, S9), load(w, A46), load(w, A47))
-        store(w, K9, rate9)
-        flow = line_restriction.flow(flow, moment, load(w, S9), load(w, A46), load(w, A47))
+        store(w, K9, line_restriction.evolve(moment, flow, load(w, S9), *loads(w, A46, 2)))
+        flow = line_restriction.flow(flow, moment, load(w, S9), *loads(w, A46, 2))
     if on & 1048576:
-        (rate10,) = curve.evolve(
-            moment,
-            flow,
-            load(w, S10),
-            load(w, A48),
-            load(w, A49),
-            load(w, A50),
-            load(w, A51),
-            load(w, A52),
-            load(w, A53),
-            load(w, A54),
-            load(w, A55),
-            load(w, A56),
-            load(w, A57),
-            load(w, A58),
-            load(w, A59),
-            load(w, A60),
-            load(w, A61),
-            load(w, A62),
-            load(w, A63),
-            load(w, A64),
-            load(w, A65),
-            load(w, A66),
-            load(w, A67),
-            load(w, A68),
-            load(w, A69),
-            load(w, A70),
-            load(w, A71),
-        )
-        store(w, K10, rate10)
-        flow = curve.flow(
-            flow,
-            moment,
-            load(w, S10),
-            load(w, A48),
-            load(w, A49),
-            load(w, A50),
-            load(w, A51),
-            load(w, A52),
-            load(w, A53),
-            load(w, A54),
-            load(w, A55),
-            load(w, A56),
-            load(w, A57),
-            load(w, A58),
-            load(w, A59),
-            load(w, A60),
-            load(w, A61),
-            load(w, A62),
-            load(w, A63),
-            load(w, A64),
-            load(w, A65),
-            load(w, A66),
-            load(w, A67),
-            load(w, A68),
-            load(w, A69),
-            load(w, A70),
-            load(w, A71),
-        )
+        store(w, K10, curve.evolve(moment, flow, load(w, S10), *loads(w, A48, 24)))
+        flow = curve.flow(flow, moment, load(w, S10), *loads(w, A48, 24))
     if on & 2097152:
-        flow = heat_transfer.flow(flow, moment, load(w, S11), load(w, A72))
+        flow = heat_transfer.flow(flow, moment, load(w, S11), *loads(w, A72, 1))
     if on & 1024:
-        (rate4,) = droop.evolve(moment, flow, load(w, S4), load(w, A29), load(w, A30))
-        store(w, K4, rate4)
+        store(w, K4, droop.evolve(moment, flow, load(w, S4), *loads(w, A29, 2)))
     outlet = p
     if on & 524288:
-        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), load(w, A46), load(w, A47))
+        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), *loads(w, A46, 2))
     tau = load(w, A3)
     if on & 4:
-        tau = physical_core.time_constant(
-            tau,
-            moment,
-            load(w, S2),
-            load(w, H0),
-            load(w, H1),
-            load(w, H2),
-            load(w, H3),
-            load(w, H4),
-            load(w, H5),
-            load(w, H6),
-            load(w, H7),
-            load(w, H8),
-            load(w, H9),
-            load(w, H10),
-            load(w, H11),
-        )
+        tau = physical_core.time_constant(tau, moment, load(w, S2), *loads(w, H0, 12))
     if on & 16:
-        tau = operating_point.time_constant(tau, moment, load(w, A19), load(w, A20), load(w, A21))
-    sensing = (outlet - load(w, S1)) / tau
-    moment = moment_of(time, x, rate, p, load(w, S1), swept, sensing, ambient, w, dense)
+        tau = operating_point.time_constant(tau, moment, *loads(w, A19, 3))
+    sensing = (outlet - p_f) / tau
+    moment = moment_of(time, p, p_f, swept, sensing, ambient, w, dense)
     chamber = flow - swept
     if on & 2048:
-        chamber = leakage.chamber(chamber, moment, load(w, A31), load(w, A32))
+        chamber = leakage.chamber(chamber, moment, *loads(w, A31, 2))
     if on & 4096:
-        chamber = positional_leakage.chamber(
-            chamber, moment, load(w, A33), load(w, A34), load(w, A35), load(w, A36), load(w, A37), load(w, A38)
-        )
+        chamber = positional_leakage.chamber(chamber, moment, *loads(w, A33, 6))
     if on & 1048576:
-        chamber = curve.chamber(
-            chamber,
-            moment,
-            load(w, S10),
-            load(w, A48),
-            load(w, A49),
-            load(w, A50),
-            load(w, A51),
-            load(w, A52),
-            load(w, A53),
-            load(w, A54),
-            load(w, A55),
-            load(w, A56),
-            load(w, A57),
-            load(w, A58),
-            load(w, A59),
-            load(w, A60),
-            load(w, A61),
-            load(w, A62),
-            load(w, A63),
-            load(w, A64),
-            load(w, A65),
-            load(w, A66),
-            load(w, A67),
-            load(w, A68),
-            load(w, A69),
-            load(w, A70),
-            load(w, A71),
-        )
+        chamber = curve.chamber(chamber, moment, load(w, S10), *loads(w, A48, 24))
     if on & 4:
-        (rate2,) = physical_core.evolve(
-            moment,
-            chamber,
-            load(w, S2),
-            load(w, H0),
-            load(w, H1),
-            load(w, H2),
-            load(w, H3),
-            load(w, H4),
-            load(w, H5),
-            load(w, H6),
-            load(w, H7),
-            load(w, H8),
-            load(w, H9),
-            load(w, H10),
-            load(w, H11),
-        )
-        store(w, K2, rate2)
-        chamber = physical_core.chamber(
-            chamber,
-            moment,
-            load(w, S2),
-            load(w, H0),
-            load(w, H1),
-            load(w, H2),
-            load(w, H3),
-            load(w, H4),
-            load(w, H5),
-            load(w, H6),
-            load(w, H7),
-            load(w, H8),
-            load(w, H9),
-            load(w, H10),
-            load(w, H11),
-        )
+        store(w, K2, physical_core.evolve(moment, chamber, load(w, S2), *loads(w, H0, 12)))
+        chamber = physical_core.chamber(chamber, moment, load(w, S2), *loads(w, H0, 12))
     if on & 2097152:
-        (rate11,) = heat_transfer.evolve(moment, chamber, load(w, S11), load(w, A72))
-        store(w, K11, rate11)
-        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), load(w, A72))
+        store(w, K11, heat_transfer.evolve(moment, chamber, load(w, S11), *loads(w, A72, 1)))
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), *loads(w, A72, 1))
     signal = p
     if on & 32768:
-        (rate6,) = sensor_lag.evolve(moment, signal, load(w, S6), load(w, A41))
-        store(w, K6, rate6)
-        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A41))
+        store(w, K6, sensor_lag.evolve(moment, signal, load(w, S6), *loads(w, A41, 1)))
+        signal = sensor_lag.signal(signal, moment, load(w, S6), *loads(w, A41, 1))
     if on & 131072:
-        (
-            rate7,
-            rate8,
-        ) = line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), load(w, A43), load(w, A44))
-        store(w, K7, rate7)
-        store(w, K8, rate8)
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A43), load(w, A44))
-    if on & 1048576:
-        signal = curve.signal(
-            signal,
-            moment,
-            load(w, S10),
-            load(w, A48),
-            load(w, A49),
-            load(w, A50),
-            load(w, A51),
-            load(w, A52),
-            load(w, A53),
-            load(w, A54),
-            load(w, A55),
-            load(w, A56),
-            load(w, A57),
-            load(w, A58),
-            load(w, A59),
-            load(w, A60),
-            load(w, A61),
-            load(w, A62),
-            load(w, A63),
-            load(w, A64),
-            load(w, A65),
-            load(w, A66),
-            load(w, A67),
-            load(w, A68),
-            load(w, A69),
-            load(w, A70),
-            load(w, A71),
-        )
+        store(w, K7, line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), *loads(w, A43, 2)))
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *loads(w, A43, 2))
     store(w, K0, chamber)
     store(w, K1, sensing)
 
 
 @inlined
-def begin_stages(w, on):
-    """Begin a step of Runge and Kutta where the states are."""
-    for state, switch in INTEGRATED:
-        if on & switch:
-            row = state * COUNT
-            store(w, S0 + row, load(w, Y0 + row))
-            store(w, SUM0 + row, 0.0)
+def follow_rate(state, h, stage, w):
+    """Go on from a stage of a step of h seconds to the next one, or to the end of the step, with one state."""
+    rate = load(w, K0 + state)
+    total = KEPT[stage] * load(w, SUM0 + state) + WEIGHT[stage] * rate
+    reached = load(w, Y0 + state) + h * SHARE[stage] * total
+    store(w, SUM0 + state, total)
+    store(w, Y0 + state, reached)
+    store(w, S0 + state, reached + h * AHEAD[stage] * rate)
 
 
 @inlined
-def next_stage(weight, ahead, w, on):
-    """Add the rates of a stage to their sum, and go ahead of the states by some seconds at these rates."""
-    for state, switch in INTEGRATED:
-        if on & switch:
-            row = state * COUNT
-            rate = load(w, K0 + row)
-            store(w, SUM0 + row, load(w, SUM0 + row) + weight * rate)
-            store(w, S0 + row, load(w, Y0 + row) + ahead * rate)
-
-
-@inlined
-def end_stages(sixth, w, on):
-    """Advance the states by the sum of the rates times a sixth of the step [s]."""
-    for state, switch in INTEGRATED:
-        if on & switch:
-            row = state * COUNT
-            reached = load(w, Y0 + row) + sixth * (load(w, SUM0 + row) + load(w, K0 + row))
-            store(w, Y0 + row, reached)
-            store(w, S0 + row, reached)
-
-
-@inlined
-def move(h, w):
-    """Move the piston on by h seconds."""
-    store(w, X, load(w, X) + h * load(w, RATE))
+def follow_rates(h, stage, w, on):
+    """Do so with all states."""
+    follow_rate(Y0, h, stage, w)
+    follow_rate(Y1, h, stage, w)
+    if on & 4:
+        follow_rate(Y2, h, stage, w)
+    if on & 1024:
+        follow_rate(Y4, h, stage, w)
+    if on & 32768:
+        follow_rate(Y6, h, stage, w)
+    if on & 131072:
+        follow_rate(Y7, h, stage, w)
+        follow_rate(Y8, h, stage, w)
+    if on & 524288:
+        follow_rate(Y9, h, stage, w)
+    if on & 1048576:
+        follow_rate(Y10, h, stage, w)
+    if on & 2097152:
+        follow_rate(Y11, h, stage, w)
 
 
 @inlined
 def advance(time, h, steps, ambient, w, on):
     """Advance the states by h seconds from a time on, cut into equal steps; the piston keeps its speed."""
     h /= steps
-    half = 0.5 * h
-    for _ in range(steps):
-        begin_stages(w, on)
+    # a compiler would write out a loop of four stages, and each once more for a switch that is asked here
+    for count in range(4 * steps):
+        stage = count % 4
         slopes(time, ambient, w, on)
-        next_stage(1.0, half, w, on)
-        move(half, w)
-        slopes(time + half, ambient, w, on)
-        next_stage(2.0, half, w, on)
-        slopes(time + half, ambient, w, on)
-        next_stage(2.0, h, w, on)
-        move(half, w)
-        slopes(time + h, ambient, w, on)
-        end_stages(h / 6.0, w, on)
-        time += h
-        if on & 512:
-            leave_behind_valve_hysteresis(time, ambient, w, on)
+        follow_rates(h, stage, w, on)
+        passed = h * PASSED[stage]
+        time += passed
+        store(w, X, load(w, X) + passed * load(w, RATE))
+        leave_behind_valve_hysteresis(time, stage, ambient, w, on)
 
 
 @inlined
-def leave_behind_valve_hysteresis(time, ambient, w, on):
-    """Compute the error at which this play stands."""
-    rate = load(w, RATE)
-    still = 0.0 * rate
-    moment = moment_of(time, load(w, X), rate, load(w, S0), load(w, S1), still, still, ambient, w)
-    error = valve_error(moment, w, on)
-    if on & 4:
-        error = physical_core.error(
-            error,
-            moment,
-            load(w, S2),
-            load(w, H0),
-            load(w, H1),
-            load(w, H2),
-            load(w, H3),
-            load(w, H4),
-            load(w, H5),
-            load(w, H6),
-            load(w, H7),
-            load(w, H8),
-            load(w, H9),
-            load(w, H10),
-            load(w, H11),
-        )
-    error = valve_hysteresis.error(error, moment, load(w, S3), load(w, A28))
-    store(w, Y3, error)
-    store(w, S3, error)
+def leave_behind_valve_hysteresis(time, stage, ambient, w, on):
+    """Compute the error at which this play stands behind the last stage of a step."""
+    if stage == 3 and on & 512:
+        moment = seen(time, load(w, S0), load(w, S1), ambient, w)
+        error = valve_error(moment, w, on)
+        if on & 4:
+            error = physical_core.error(error, moment, load(w, S2), *loads(w, H0, 12))
+        error = valve_hysteresis.error(error, moment, load(w, S3), *loads(w, A28, 1))
+        store(w, Y3, error)
+        store(w, S3, error)
 
 
 @kernel
-def follow(time, x, h, ambient, w, on):
+def follow(time, x, h, ambient, numbers, on):
     """Set the piston in motion to where the chamber follows a displacement measured h seconds after the last."""
+    w = rows_of(numbers)
     last = load(w, FOLLOWED)
-    rate = (x - load(w, MEASURED)) / h
+    store(w, RATE, (x - load(w, MEASURED)) / h)
     store(w, MEASURED, x)
     store(w, X, x)
     x_followed = load(w, X)
-    still = 0.0 * rate
-    moment = moment_of(time, x_followed, rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
+    moment = seen(time, load(w, Y0), load(w, Y1), ambient, w)
     if on & 64:
-        x_followed = displacement_delay.displacement(x_followed, moment, load(w, A23))
+        x_followed = displacement_delay.displacement(x_followed, moment, *loads(w, A23, 1))
     if on & 128:
-        x_followed = displacement_lag.displacement(x_followed, moment, load(w, A24))
+        x_followed = displacement_lag.displacement(x_followed, moment, *loads(w, A24, 1))
     if on & 16384:
-        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), load(w, A40))
+        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), *loads(w, A40, 1))
         store(w, Y5, x_followed)
     store(w, RATE, (x_followed - last) / h)
     store(w, X, last)
@@ -788,52 +425,24 @@ def follow(time, x, h, ambient, w, on):
 
 
 @kernel
-def read(time, ambient, w, on):
+def read(time, ambient, numbers, on):
     """Compute what the pressure sensor reads [Pa]."""
-    rate = load(w, RATE)
-    still = 0.0 * rate
-    moment = moment_of(time, load(w, X), rate, load(w, Y0), load(w, Y1), still, still, ambient, w)
-    signal = load(w, Y0)
+    w = rows_of(numbers)
+    moment = seen(time, load(w, S0), load(w, S1), ambient, w)
+    signal = moment.p
     if on & 32768:
-        signal = sensor_lag.signal(signal, moment, load(w, S6), load(w, A41))
+        signal = sensor_lag.signal(signal, moment, load(w, S6), *loads(w, A41, 1))
     if on & 131072:
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), load(w, A43), load(w, A44))
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *loads(w, A43, 2))
     if on & 1048576:
-        signal = curve.signal(
-            signal,
-            moment,
-            load(w, S10),
-            load(w, A48),
-            load(w, A49),
-            load(w, A50),
-            load(w, A51),
-            load(w, A52),
-            load(w, A53),
-            load(w, A54),
-            load(w, A55),
-            load(w, A56),
-            load(w, A57),
-            load(w, A58),
-            load(w, A59),
-            load(w, A60),
-            load(w, A61),
-            load(w, A62),
-            load(w, A63),
-            load(w, A64),
-            load(w, A65),
-            load(w, A66),
-            load(w, A67),
-            load(w, A68),
-            load(w, A69),
-            load(w, A70),
-            load(w, A71),
-        )
+        signal = curve.signal(signal, moment, load(w, S10), *loads(w, A48, 24))
     store(w, SIGNAL, signal)
 
 
 @kernel
-def rest(x, setpoint, w):
+def rest(x, setpoint, numbers):
     """Set the states to rest at a displacement [m] and a pressure [Pa], each lane's at its own."""
+    w = rows_of(numbers)
     pressure = setpoint + load(w, OFFSET)
     store(w, Y0, pressure)
     store(w, S0, pressure)
@@ -867,8 +476,9 @@ def rest(x, setpoint, w):
 
 
 @kernel
-def settle(setpoint, duration, ambient, stiffness, w, on):
+def settle(setpoint, duration, ambient, stiffness, numbers, on):
     """Let the cylinders stand still at a set-point for some seconds, before time begins."""
+    w = rows_of(numbers)
     store(w, SETPOINT, setpoint + load(w, OFFSET))
     store(w, RATE, 0.0)
     store(w, X, load(w, FOLLOWED))
@@ -879,36 +489,37 @@ def settle(setpoint, duration, ambient, stiffness, w, on):
 
 
 @kernel
-def step(time, x, h, setpoint, ambient, stiffness, w, on):
+def step(time, x, h, setpoint, ambient, stiffness, numbers, on):
     """
     Advance the states to a sample h seconds after the last one, and read the pressure sensor.
 
     The time and x are those of the new sample. Steps are short against 1/stiffness, the fastest time constant [s].
     """
-    follow(time, x, h, ambient, w, on)
+    follow(time, x, h, ambient, numbers, on)
+    w = rows_of(numbers)
     store(w, SETPOINT, setpoint + load(w, OFFSET))
     hold(time - h, ambient, w, on)
     steps = max(1, math.ceil(h * stiffness))
     advance(time - h, h, steps, ambient, w, on)
-    read(time, ambient, w, on)
+    read(time, ambient, numbers, on)
 
 
 @kernel
-def propagate(times, displacement, setpoint, begin, ambient, stiffness, w, on, signals):
+def propagate(times, displacement, setpoint, begin, ambient, stiffness, numbers, on, signals):
     """
     Advance over a recording, as `propagation.propagate` does; write the lanes' readings, (n, lanes) [Pa].
 
     Time began at `begin`, with the first of the recording's times or, of a piece of it, earlier.
     """
     lanes = signals.shape[1]
-    read(times[0] - begin, ambient, w, on)
+    read(times[0] - begin, ambient, numbers, on)
     for j in range(lanes):
-        signals[0, j] = w[SIGNAL + j]
+        signals[0, j] = numbers[SIGNAL + j]
     for i in range(1, times.size):
         h = times[i] - times[i - 1]
-        step(times[i] - begin, displacement[i], h, setpoint[i], ambient, stiffness, w, on)
+        step(times[i] - begin, displacement[i], h, setpoint[i], ambient, stiffness, numbers, on)
         for j in range(lanes):
-            signals[i, j] = w[SIGNAL + j]
+            signals[i, j] = numbers[SIGNAL + j]
 
 
 @kernel

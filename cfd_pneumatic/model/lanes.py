@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from numba import types
-from numba.core.cgutils import get_or_insert_function, ir  # type: ignore[attr-defined]  # as Numba has it
+from numba.core.cgutils import get_or_insert_function, ir, unpack_tuple  # type: ignore[attr-defined]  # as Numba has it
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 Build = Callable[..., Any]
@@ -60,31 +60,60 @@ def _built(function: Any) -> Any:
     return intrinsic(function)
 
 
+def _built_by_constants(function: Any) -> Any:
+    """Do the same for one that has to know constants among what it takes."""
+    return intrinsic(prefer_literal=True)(function)
+
+
+@_built
+def rows_of(typing_context: Any, numbers: types.Type) -> tuple[Any, Build]:
+    """Return where an array of floats stands, for `load` and `store`: nobody counts who refers to that."""
+
+    def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
+        return context.make_array(numbers)(context, builder, values[0]).data
+
+    return types.CPointer(types.float64)(numbers), code
+
+
 @_built
 def load(typing_context: Any, numbers: types.Type, place: types.Type) -> tuple[Any, Build]:
     """Return the lanes that stand in an array of floats from a place on."""
 
     def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
-        return builder.load(_pointer(context, builder, signature, values), align=8)
+        return builder.load(_pointer(builder, values), align=8)
 
     return LANES(numbers, place), code
 
 
-@_built
-def store(typing_context: Any, numbers: types.Type, place: types.Type, value: types.Type) -> tuple[Any, Build]:
-    """Put lanes into an array of floats from a place on, or a float into each of them."""
+@_built_by_constants
+def loads(typing_context: Any, numbers: types.Type, place: types.Type, count: Any) -> tuple[Any, Build]:
+    """Return as many lanes as a constant says, which stand one behind another in an array of floats from a place on."""
 
     def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
-        (value,) = _vectors(context, builder, signature.args[2:], values[2:])
-        builder.store(value, _pointer(context, builder, signature, values), align=8)
+        first = _pointer(builder, values)
+        each = [builder.load(builder.gep(first, [_INDEX(rank)]), align=8) for rank in range(count.literal_value)]
+        return context.make_tuple(builder, signature.return_type, each)
+
+    return types.UniTuple(LANES, count.literal_value)(numbers, types.intp, count), code
+
+
+@_built
+def store(typing_context: Any, numbers: types.Type, place: types.Type, value: Any) -> tuple[Any, Build]:
+    """Put lanes into an array of floats from a place on, or a float into each of them; several one behind another."""
+
+    def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
+        first, kinds, each = _pointer(builder, values), signature.args[2:], values[2:]
+        if isinstance(value, types.BaseTuple):
+            kinds, each = value.types, unpack_tuple(builder, each[0])  # type: ignore[attr-defined]  # as above
+        for rank, vector in enumerate(_vectors(context, builder, kinds, each)):
+            builder.store(vector, builder.gep(first, [_INDEX(rank)]), align=8)
         return context.get_dummy_value()
 
     return types.none(numbers, place, value), code
 
 
-def _pointer(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
-    array = context.make_array(signature.args[0])(context, builder, values[0])
-    return builder.bitcast(builder.gep(array.data, [values[1]]), _FLOATS.as_pointer())
+def _pointer(builder: ir.IRBuilder, values: Sequence[ir.Value]) -> ir.Value:
+    return builder.bitcast(builder.gep(values[0], [values[1]]), _FLOATS.as_pointer())
 
 
 def power_of_two(whole: float) -> float:
