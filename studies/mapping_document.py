@@ -56,7 +56,8 @@ The keys below are those of the code: `make interface-document` writes this page
 ```yaml
 {table_example}```
 
-All rows have the same number of fields, as many as the header has names. Numbers have decimal points.
+All rows have the same number of fields, as many as the header has names. Numbers have decimal points, unless `table`
+has `decimal: comma`. The file is UTF-8, UTF-16 or Latin-1.
 
 ## A bag
 

@@ -58,14 +58,18 @@ TOPIC_KEYS = {
 """Further keys of a signal in a bag."""
 
 TABLE_KEYS = {
-    'time': '`column` and `unit` of the time, needed; `thousands` if a character groups its digits, as in 119.141.000',
+    'time': '`column` and `unit` of the time, needed; `date` is the unit of 2024-05-01 12:00:00.25 and of 12:00:00.25; '
+    '`thousands` if a character groups its digits, as in 119.141.000',
     'delimiter': f'one character, or one of {", ".join(_DELIMITERS)}; white space if not given',
+    'decimal': '`comma` where numbers are written 1,5; points if not given',
     'header_rows': 'rows before the numbers, the last of which names the columns; 0 if not given',
     'skip_rows': 'rows of numbers to leave out at the beginning; 0 if not given',
 }
 """Keys of `table`."""
 
 
+_DATE = 'date'
+_DECIMALS = {'comma': ',', ',': ',', 'point': '.', '.': '.'}
 _MOST_ROWS = 10**9
 _LARGEST_NUMBER = 1e30
 _LONGEST_OFFSET = 1e9  # thirty years [s]
@@ -123,6 +127,8 @@ class _Entry:
 
     def __init__(self, name: str, content: object) -> None:
         self.name = name
+        if content is None:
+            raise self.error('is empty: it must hold keys and values')
         if not isinstance(content, dict):
             raise self.error(f'must hold keys and values, not {content!r}')
         self.content: dict[str, Any] = content
@@ -241,11 +247,15 @@ def _table(entry: _Entry) -> TableFormat:
     delimiter_ = _DELIMITERS.get(delimiter, delimiter)
     if delimiter_ is not None and len(delimiter_) != 1:
         raise entry.error(f'delimiter must be one character or one of {", ".join(_DELIMITERS)}, not {delimiter!r}')
+    decimal = _DECIMALS[str(entry.choice('decimal', tuple(_DECIMALS)))] if 'decimal' in entry else '.'
+    if decimal == delimiter_:
+        raise entry.error('delimiter and decimal are the same character: no number could be told from two')
     return TableFormat(
         time=time.column(),
-        time_unit=time.unit('time'),
+        time_unit=None if time.content.get('unit') == _DATE else time.unit('time'),
         thousands=time.text('thousands') if 'thousands' in time else '',
         delimiter=None if delimiter_ == ' ' else delimiter_,
+        decimal=decimal,
         header_rows=entry.count('header_rows'),
         skip_rows=entry.count('skip_rows'),
     )
@@ -255,6 +265,8 @@ def _channel(entry: _Entry, role: str, cylinder: str | None, table: TableFormat 
     source_keys = TOPIC_KEYS if table is None else COLUMN_KEYS
     quantity = ROLES[role].quantity if role in ROLES else units.quantity(entry.text('unit'))
     pressure = quantity == 'pressure'
+    if table is None and 'column' in entry:
+        raise entry.error('a column is one of a table: the mapping needs the entry `table`, with the time')
     entry.check_keys(*source_keys, *NUMBER_KEYS, *(PRESSURE_KEYS if pressure else ()))
     source = entry.text('topic') if table is None else entry.column()
     sign = entry.choice('sign', (1, -1)) if 'sign' in entry else 1

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE, getincrementaldecoder
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import date
 from itertools import chain, islice
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 
-from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.sources import Samples, SignalSource
 from cfd_pneumatic.recording.wording import counted, reason_of
@@ -22,7 +25,21 @@ _MAX_TIME = 2**62
 _LONGEST_LINE = 2**24
 """Characters of a line beyond which a file is no table."""
 
-_CHECK = 'check delimiter and header_rows in the mapping; numbers must have decimal points, not commas'
+_MOST_NAMES = 20
+"""Columns that a message lists."""
+
+_LOOKED_AT = 2**16
+"""Bytes that tell how a file is encoded."""
+
+_CHECK = 'check delimiter and header_rows in the mapping; numbers with decimal commas need `decimal: comma`'
+
+_DATE = re.compile(
+    r'(?:(\d{4})-(\d\d)-(\d\d)[ T])?(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?) ?(?:Z|([+-])(\d\d):?(\d\d))?', re.ASCII
+)
+_DATES = 'times are to be such as 2024-05-01 12:00:00.25 or 12:00:00.25'
+_MOST_ALIKE = 0.1  # share of rows with the time of another
+_DAY = 86_400  # seconds
+_BEFORE_EPOCH = date(1970, 1, 1).toordinal()
 
 
 @dataclass(frozen=True)
@@ -34,12 +51,14 @@ class TableFormat:
     ----------
     time : str or int
         Column of the time: its name, or its number from 1 on.
-    time_unit : float
-        Unit of the time [s].
+    time_unit : float or None
+        Unit of the time [s]; None where the column holds dates, or times of the day.
     thousands : str
         What groups the digits of the time; empty where nothing does.
     delimiter : str or None
         Between columns; None for white space.
+    decimal : str
+        Before the fraction of a number.
     header_rows : int
         Rows above the samples; the last of them names the columns.
     skip_rows : int
@@ -48,9 +67,10 @@ class TableFormat:
     """
 
     time: str | int
-    time_unit: float
+    time_unit: float | None
     thousands: str = ''
     delimiter: str | None = None
+    decimal: str = '.'
     header_rows: int = 0
     skip_rows: int = 0
 
@@ -68,36 +88,45 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
         lengths.
 
     """
-    columns, names = _resolve(path, layout, [layout.time, *(channel.source for channel in channels)])
+    encoding = _encoding(path)
+    columns, names = _resolve(path, encoding, layout, [layout.time, *(channel.source for channel in channels)])
     notes: list[str] = []
-    lines = _rows(path, layout, names, notes)
+    lines = _rows(path, encoding, layout, names, notes)
     try:
         first = next(lines, None)
         if first is None:
             raise InputError('holds no samples')
         rows = np.loadtxt(
-            chain([first], lines),
+            (row for _, row in chain([first], lines)),
             delimiter=layout.delimiter,
             usecols=columns,
             ndmin=2,
-            converters={columns[0]: lambda text: float(text.replace(layout.thousands, ''))}
-            if layout.thousands
-            else None,
+            converters=_converters(layout, columns),
             encoding='utf-8',
         )
     except (ValueError, IndexError) as error:
-        raise InputError(f'cannot be read as a table of numbers: {reason_of(error)}; {_CHECK}') from error
+        numbered = (number for number, _ in _rows(path, encoding, layout, names, []))
+        raise InputError(f'cannot be read as a table of numbers: {_explained(error, layout, numbered)}') from error
     rows = rows[layout.skip_rows :]
     timed = np.isfinite(rows[:, 0])
     if not timed.any():
-        raise InputError(f'holds no samples after the {layout.skip_rows} that are skipped')
+        skipped = f' after the {layout.skip_rows} that are skipped' if layout.skip_rows else ' with a time'
+        raise InputError(f'holds no samples{skipped}')
     if not timed.all():
         notes.append(f'time: dropped {counted(int(np.sum(~timed)), "row")} not finite')
         rows = rows[timed]
     with np.errstate(over='ignore'):
-        nanoseconds = np.rint(rows[:, 0] * (layout.time_unit * NANOSECONDS))
+        nanoseconds = np.rint(rows[:, 0] * ((layout.time_unit or 1.0) * NANOSECONDS))
     if np.abs(nanoseconds).max() > _MAX_TIME:
         raise InputError(f'the times in column {layout.time} are far too large: check their unit')
+    alike = int(np.count_nonzero(np.diff(nanoseconds) == 0.0))
+    if alike and alike == len(rows) - 1:
+        raise InputError(f'the time in column {layout.time} never changes: is it the time, with all its digits?')
+    if alike > _MOST_ALIKE * len(rows):
+        notes.append(
+            f'time: {alike:,} of {counted(len(rows), "row")} have the time of the row before: were its last digits '
+            'cut off, or rows written twice?'
+        )
     offsets = [round(channel.time_offset * NANOSECONDS) for channel in channels]
     times = nanoseconds.astype(np.int64)
     times -= min(0, int(times.min()) + min(offsets))
@@ -108,15 +137,80 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
     return samples, notes
 
 
-def _rows(path: Path, layout: TableFormat, names: Sequence[str], notes: list[str]) -> Iterator[str]:
-    """
-    Yield the rows below the header: each has a field for each name, or without names as many as the first row.
+def _converters(layout: TableFormat, columns: Sequence[int]) -> dict[int | str, Callable[[str], float]] | None:
+    """Return what makes numbers of the fields that are none as they stand."""
 
-    A last row without a line end is left out, and noted: a logger that is switched off may cut a number anywhere.
+    def number(text: str) -> float:
+        return float(text.replace(',', '.'))
+
+    converters: dict[int | str, Callable[[str], float]] = {}
+    if layout.decimal == ',':
+        converters |= dict.fromkeys(columns, number)
+    if layout.time_unit is None:
+        converters[columns[0]] = seconds_of
+    elif layout.thousands:
+        converters[columns[0]] = lambda text: number(text.replace(layout.thousands, ''))
+    return converters or None
+
+
+class _DateError(ValueError):
+    """A text is no date."""
+
+
+def seconds_of(text: str) -> float:
+    """
+    Return the time of a date such as `2024-05-01 12:00:00.25`, or of a time of the day [s].
+
+    Without a zone it is UTC.
+
+    Raises
+    ------
+    ValueError
+        If it is neither.
+
+    """
+    found = _DATE.fullmatch(text.strip().strip('"'))
+    if not found:
+        raise _DateError(_DATES)
+    year, month, day, hours, minutes, seconds, sign, *zone = found.groups()
+    try:
+        days = date(int(year), int(month), int(day)).toordinal() - _BEFORE_EPOCH if year else 0
+    except ValueError as error:
+        raise _DateError(_DATES) from error
+    ahead = int(f'{sign}1') * (60 * int(zone[0]) + int(zone[1])) if sign else 0
+    return days * _DAY + 3600 * int(hours) + 60 * (int(minutes) - ahead) + float(seconds.replace(',', '.'))
+
+
+def _explained(error: Exception, layout: TableFormat, numbered: Iterator[int]) -> str:
+    """Return why a row is none of numbers, with its line in the file, and what to look at."""
+    reason = reason_of(error)
+    found = re.search(r"string '(.*)' to float64 at row (\d+), column (\d+)", reason)
+    if not found:
+        return f'{reason}; {_CHECK}'
+    text, row, column = found.groups()
+    line = next(islice(numbered, int(row), None), None)
+    fix = _CHECK
+    if layout.time_unit is None and isinstance(error.__cause__, _DateError):
+        fix = str(error.__cause__)
+    elif _DATE.fullmatch(text.strip('"')):
+        fix = 'if it is the time, `unit: date` reads it'
+    elif re.fullmatch(r'[+-]?\d*,\d+', text):
+        fix = 'if that is a decimal comma, `table` needs `decimal: comma`'
+    return f'line {line}, column {column} holds {printable(text)!r}; {fix}'
+
+
+def _rows(
+    path: Path, encoding: str, layout: TableFormat, names: Sequence[str], notes: list[str]
+) -> Iterator[tuple[int, str]]:
+    """
+    Yield the rows below the header, each with the number of its line.
+
+    Each has a field for each name, or without names as many as the first row. A last row without a line end is left
+    out, and noted: a logger that is switched off may cut a number anywhere.
     """
     delimiter = layout.delimiter
     width, known = len(names), f'the header has {len(names)} names'
-    with path.open(encoding='utf-8') as stream:
+    with path.open(encoding=encoding) as stream:
         for number, line in enumerate(islice(_lines(stream), layout.header_rows, None), layout.header_rows + 1):
             row = line.partition('#')[0].rstrip('\n')
             if not row.strip():
@@ -133,18 +227,36 @@ def _rows(path: Path, layout: TableFormat, names: Sequence[str], notes: list[str
                 fields = max(width, len(row.rstrip(f'{delimiter} ').split(delimiter)))  # empty ones at the end are none
             if fields != width:
                 raise InputError(f'line {number} has {counted(fields, "field")}, but {known}: {_CHECK}')
-            yield row
+            yield number, row
 
 
-def _resolve(path: Path, layout: TableFormat, columns: Sequence[str | int]) -> tuple[list[int], list[str]]:
-    """Return the positions of columns, from 0 on, and the names of all columns where the header has them."""
+def _encoding(path: Path) -> str:
+    """Return how a file of text is encoded, as far as its beginning tells."""
     try:
-        with path.open(encoding='utf-8', newline='') as stream:
-            head = list(islice(_lines(stream), layout.header_rows + 1))
-    except UnicodeDecodeError as error:
-        raise InputError('is not a text file, and the mapping is for tables') from error
+        with path.open('rb') as stream:
+            head = stream.read(_LOOKED_AT)
     except OSError as error:
         raise InputError(f'cannot be read: {error.strerror}') from error
+    if head.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return 'utf-16'
+    try:
+        getincrementaldecoder('utf-8')().decode(head)
+    except UnicodeDecodeError as error:
+        if re.search(rb'[\x00-\x08\x0e-\x1f\x7f-\x9f]', head):
+            raise InputError('is not a text file, and the mapping is for tables') from error
+        return 'latin-1'
+    return 'utf-8-sig'
+
+
+def _resolve(
+    path: Path, encoding: str, layout: TableFormat, columns: Sequence[str | int]
+) -> tuple[list[int], list[str]]:
+    """Return the positions of columns, from 0 on, and the names of all columns where the header has them."""
+    try:
+        with path.open(encoding=encoding, newline='') as stream:
+            head = list(islice(_lines(stream), layout.header_rows + 1))
+    except UnicodeError as error:
+        raise InputError('is not a text file, and the mapping is for tables') from error
     if len(head) <= layout.header_rows:
         raise InputError('holds no samples')
     width = len(_split(head[-1], layout.delimiter))
@@ -177,13 +289,23 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 def _position(column: str | int, names: list[str], width: int) -> int:
     if isinstance(column, str):
         if column not in names:
-            known = (
-                f'its columns are {", ".join(names)}' if names else 'for columns by name set header_rows in the mapping'
-            )
-            raise InputError(f'has no column {column!r}: {known}')
+            raise InputError(f'has no column {column!r}: {_known(names)}')
         if names.count(column) > 1:
             raise InputError(f'has {names.count(column)} columns {column!r}: give the number of the one that is meant')
         return names.index(column)
     if column > width:
         raise InputError(f'has no column {column}: the first row has {width}; check the delimiter in the mapping')
     return column - 1
+
+
+def _known(names: Sequence[str]) -> str:
+    """Return which columns a table has, and what to look at where these can't be its names."""
+    if not names:
+        return 'for columns by name set header_rows in the mapping'
+    further = len(names) - _MOST_NAMES
+    listed = ', '.join(printable(name) for name in names[:_MOST_NAMES])
+    if further > 0:
+        listed += f' and {further:,} more'
+    if len(names) == 1:
+        return f'its columns are {listed}; check the delimiter in the mapping'
+    return f'its columns are {listed}; a column may be given by its number, too'

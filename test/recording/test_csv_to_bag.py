@@ -108,7 +108,7 @@ displacement: {column: x, unit: mm}
 cylinder_a:
   pressure: {column: p, unit: bar, reference: gauge}
 """
-CHECK = 'check delimiter and header_rows in the mapping; numbers must have decimal points, not commas'
+CHECK = 'check delimiter and header_rows in the mapping; numbers with decimal commas need `decimal: comma`'
 BY_NUMBER = NAMED.replace('column: t', 'column: 1').replace('column: x', 'column: 2').replace('column: p', 'column: 3')
 REFUSED = {
     'decimal commas': (

@@ -94,7 +94,7 @@ def test_the_mapping_of_the_measured_data_is_valid():
 
 
 BAD = {
-    'no entry': ('', 'must hold keys and values, not None'),
+    'no entry': ('', 'is empty: it must hold keys and values'),
     'a list': ('[1, 2]', 'must hold keys and values, not [1, 2]'),
     'no signal': ('force: {topic: a, unit: N}', 'cylinder_a is missing: give the pressure of a cylinder'),
     'no pressure': ('displacement: {topic: a, unit: m}', 'cylinder_a is missing: give the pressure of a cylinder'),
@@ -160,8 +160,7 @@ BAD = {
     'types': (f'{GOOD}types: nowhere', 'types: {folder}/nowhere is not a folder'),
     'column in a mapping for bags': (
         GOOD.replace('topic: piston_state', 'column: 1'),
-        "displacement: unknown key 'column': the keys are topic, field, stamp, stamp_unit, unit, scale, offset, sign, "
-        'time_offset',
+        'displacement: a column is one of a table: the mapping needs the entry `table`, with the time',
     ),
     'topic in a mapping for tables': (
         f'{GOOD}table: {{time: {{column: 1, unit: s}}}}',

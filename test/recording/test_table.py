@@ -137,7 +137,7 @@ BAD = {
     'no such name': (
         'a b c\n' + ROWS,
         BY_NUMBER.replace('column: 3', 'column: d').replace('unit: ms}', 'unit: ms}\n  header_rows: 1'),
-        "has no column 'd': its columns are a, b, c",
+        "has no column 'd': its columns are a, b, c; a column may be given by its number, too",
     ),
     'a name without a header': (
         ROWS,
@@ -165,11 +165,85 @@ def test_a_table_that_cannot_be_read(tmp_path, rows, mapping, message):
     assert str(caught.value) == f'{tmp_path}/run.csv: {message}'
 
 
-@pytest.mark.parametrize('field', ['high', '1,5', ''])
-def test_a_row_that_is_not_numbers(tmp_path, field):
+@pytest.mark.parametrize(
+    ('row', 'line'),
+    [
+        ('30;1.0;high', "line 5, column 3 holds 'high'; check delimiter"),
+        ('30;1.0;', "line 5, column 3 holds ''; check delimiter"),
+        ('30;1.0;1,5', "line 5, column 3 holds '1,5'; if that is a decimal comma, `table` needs `decimal: comma`"),
+        ('2024-05-01 12:00:00;1.0;2', "column 1 holds '2024-05-01 12:00:00'; if it is the time, `unit: date` reads it"),
+    ],
+)
+def test_a_row_that_is_not_numbers(tmp_path, row, line):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: semicolon')
-    with pytest.raises(InputError, match=r'run.csv: cannot be read as a table of numbers: [^\n]+; check delimiter'):
-        read(tmp_path, ROWS.replace(' ', ';') + f'30;1.0;{field}\n', mapping)
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, f'{ROWS.replace(" ", ";")}# a pause\n{row}\n', mapping)
+    assert 'run.csv: cannot be read as a table of numbers: ' in str(caught.value)
+    assert line in str(caught.value)
+
+
+def test_numbers_may_have_decimal_commas(tmp_path):
+    mapping = BY_NUMBER.replace('unit: ms}', "unit: ms, thousands: '.'}\n  decimal: comma\n  delimiter: semicolon")
+    found = read(tmp_path, '0;1,0;2,0\n10,5;1,5;2,5\n1.010,5;2;3,0\n', mapping)
+    np.testing.assert_allclose(found.displacement.times, [0.0, 0.0105, 1.0105])
+    np.testing.assert_allclose(found.displacement.values, [-1e-3, -1.5e-3, -2e-3])
+    with pytest.raises(InputError, match='delimiter and decimal are the same character'):
+        read(tmp_path, ROWS, mapping.replace('semicolon', 'comma'))
+
+
+@pytest.mark.parametrize(
+    ('times', 'epoch'),
+    [
+        (('2024-05-01 12:00:00.000', '2024-05-01T12:00:00,25', '2024-05-01 12:00:01.5'), 1_714_564_800),
+        (('2024-05-01T14:00:00+02:00', '2024-05-01T14:00:00.25+0200', '2024-05-01T12:00:01.5Z'), 1_714_564_800),
+        (('12:00:00', '12:00:00.25', '12:00:01.5'), 43_200),
+    ],
+)
+def test_times_may_be_dates_or_of_the_day(tmp_path, times, epoch):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: date}\n  delimiter: semicolon')
+    found = read(tmp_path, ''.join(f'{time};{index};2\n' for index, time in enumerate(times)), mapping)
+    assert found.epoch == epoch * 10**9
+    np.testing.assert_allclose(found.displacement.times, [0.0, 0.25, 1.5], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize('time', ['01.05.2024 12:00:00', '2024-13-01 12:00:00', '0.5'])
+def test_a_time_that_is_no_date_is_refused(tmp_path, time):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: date}\n  delimiter: semicolon')
+    with pytest.raises(
+        InputError, match=f'line 1, column 1 holds {time!r}; times are to be such as 2024-05-01 12:00:00'
+    ):
+        read(tmp_path, f'{time};1;2\n', mapping)
+
+
+@pytest.mark.parametrize('encoding', ['utf-8-sig', 'utf-16', 'utf-16-le', 'latin-1'])
+def test_text_may_be_encoded_as_spreadsheets_do(tmp_path, encoding):
+    (tmp_path / 'mapping.yaml').write_text(
+        BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  header_rows: 1')
+        .replace('column: 1', 'column: t')
+        .replace('column: 3', 'column: Öldruck'),
+        encoding='utf-8',
+    )
+    text = 't x Öldruck\r\n' + ROWS
+    mark = b'\xff\xfe' if encoding == 'utf-16-le' else b''
+    (tmp_path / 'run.csv').write_bytes(mark + text.encode(encoding))
+    found = read_recording(tmp_path / 'run.csv', mapping=read_mapping(tmp_path / 'mapping.yaml'))
+    np.testing.assert_allclose(found.displacement.values, [-1e-3, -1.5e-3, -2e-3])
+
+
+def test_times_that_lack_digits_are_noted_and_one_time_alone_is_refused(tmp_path):
+    rows = ''.join(f'{10 * (index // 5)} {index} 2\n' for index in range(50))
+    assert read(tmp_path, rows).health[0].startswith('time: 40 of 50 rows have the time of the row before')
+    with pytest.raises(InputError, match='the time in column 1 never changes: is it the time, with all its digits'):
+        read(tmp_path, '5 1 2\n' * 20)
+
+
+def test_of_many_columns_some_are_listed(tmp_path):
+    mapping = BY_NUMBER.replace('column: 3', 'column: d').replace('unit: ms}', 'unit: ms}\n  header_rows: 1')
+    with pytest.raises(InputError, match=r'c18, c19 and 99,980 more; a column may be given by its number') as caught:
+        read(tmp_path, ' '.join(f'c{index}' for index in range(100_000)) + '\n' + '1 ' * 100_000 + '\n', mapping)
+    assert len(str(caught.value)) < 500
+    with pytest.raises(InputError, match=r'its columns are t,x,p; check the delimiter in the mapping'):
+        read(tmp_path, 't,x,p\n1,2,3\n', mapping.replace('column: 2', 'column: x'))
 
 
 def test_a_table_that_is_not_there_or_not_text(tmp_path):
@@ -201,7 +275,7 @@ def test_a_table_without_a_mapping(tmp_path):
         read_recording(tmp_path / 'run.csv')
     assert str(caught.value) == (
         f'{tmp_path}/run.csv: is not a bag: give the folder of a ROS 2 bag, a .mcap, .db3 or ROS 1 .bag file, '
-        'or a table together with its mapping file'
+        'or a table together with its mapping file, `--mapping FILE`; `csv_to_bag --help` shows one'
     )
 
 

@@ -175,7 +175,7 @@ class Bag:
             return self._open_file(self.path)
         raise InputError(
             'is not a bag: give the folder of a ROS 2 bag, a .mcap, .db3 or ROS 1 .bag file, '
-            'or a table together with its mapping file'
+            'or a table together with its mapping file, `--mapping FILE`; `csv_to_bag --help` shows one'
         )
 
     def _open_folder(self) -> list[StorageFile]:
