@@ -218,14 +218,19 @@ def counted_from_nothing(columns: Columns, _layout: Layout) -> None:
 def inches_and_psi(columns: Columns, layout: Layout) -> None:
     """Write mm and psi as inch and absolute psi, and read them as mm and kPa."""
     columns['x'] = columns['x'] / (1e3 * INCH)
-    columns.update({name: columns[name] + AMBIENT_PRESSURE / PSI for name in ('pA', 'pB', 'setA', 'setB')})
-    every('unit', 'kPa', *PRESSURES, *SETPOINTS)(columns, layout)
+    psi_as_kpa(columns, layout)
 
 
 def absolute_psi_as_kpa(columns: Columns, layout: Layout) -> None:
     """Write all pressures in absolute psi, and read them as kPa above ambient."""
     counted_from_nothing(columns, layout)
     columns.update({name: 1e5 / PSI * columns[name] for name in ('pA', 'pB', 'setA', 'setB')})
+    every('unit', 'kPa', *PRESSURES, *SETPOINTS)(columns, layout)
+
+
+def psi_as_kpa(columns: Columns, layout: Layout) -> None:
+    """Write all pressures in absolute psi instead of psi above ambient, and read them as kPa above ambient."""
+    columns.update({name: columns[name] + AMBIENT_PRESSURE / PSI for name in ('pA', 'pB', 'setA', 'setB')})
     every('unit', 'kPa', *PRESSURES, *SETPOINTS)(columns, layout)
 
 
@@ -301,6 +306,7 @@ def _of_both() -> Iterator[Mistake]:
 def _of_one() -> Iterator[Mistake]:
     """Yield mistakes that one of the tables allows."""
     yield Mistake('tutorial', 'inches read as mm, absolute psi as kPa', inches_and_psi, UNIT)
+    yield Mistake('tutorial', 'absolute psi read as kPa', psi_as_kpa, UNIT)
     yield Mistake('tutorial', 'mm read as inch', entries(displacement__unit='inch'), UNIT)
     yield Mistake('tutorial', 'mm read as um', entries(displacement__unit='um'), UNIT)
     yield Mistake('tutorial', 'mm read as mil', entries(displacement__unit='mil'), UNIT)

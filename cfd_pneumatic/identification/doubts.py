@@ -31,6 +31,9 @@ USUAL_CHAMBERS = (1e-2, 0.1)
 SMALL_CHAMBER, SMALL_STROKE = 1e-2, 2.5e-4
 """Of a device that is odd by both: two wrong units make up for each other in the chamber, and not in the stroke [m]."""
 
+SHORT_STROKE = 0.05
+"""Of a long chamber: a wrong unit and a wrong zero of the pressures make one of a usual one [-]."""
+
 BORES = (3e-3, 0.2)
 """Of a piston as force and pressure make it [m]."""
 
@@ -66,6 +69,8 @@ def doubts(
         found += seen
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in other_pressure(one, recordings, options)]
+    if not any_warning(found):
+        found += [notice for one in cylinders.values() for notice in _of_long_chamber(one, recordings, options)]
     if not any_warning(found):
         found += [notice for one in results.values() if one.conclusion for notice in _of_a_stranger(one)]
     if not any_warning(found):
@@ -114,6 +119,30 @@ def _of_chamber(result: ChannelResult, recordings: Sequence[Recording], options:
         )
 
 
+def _of_long_chamber(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[Notice]:
+    """Ask whether a chamber is long for its stroke, and usual with other pressures, of which nothing else tells."""
+    told = _chamber(result)
+    if told is None:
+        return
+    length, stroke = told[0] / told[1], float(np.ptp(recordings[0].displacement.values))
+    if length > USUAL_CHAMBERS[1] and stroke < SHORT_STROKE * length:
+        usual = [*_usual_chambers(result, recordings, options)]
+        if usual:
+            yield warning(
+                'unit_suspect',
+                f'{result.name}: the piston moves {shown_length(stroke)} in a chamber {shown_length(length)} long',
+                f'check unit and reference of the pressures: it would be {" or ".join(usual)}; if they are right its '
+                'line is long',
+            )
+
+
+def _usual_chambers(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[str]:
+    """Yield how long the chamber would be in units and references of pressures that make it a usual one."""
+    for scale in other_scales(result, recordings, options.ambient_pressure):
+        if USUAL_CHAMBERS[0] <= scale.chamber <= USUAL_CHAMBERS[1]:
+            yield f'{shown_length(scale.chamber)} if the pressures are {scale.true}'
+
+
 def _chamber(result: ChannelResult) -> tuple[float, float] | None:
     """Return the usual pressure and `k_x` [Pa, Pa/m]; None where that is not told."""
     gains = () if result.conclusion and result.conclusion.unknown else result.gains[:1]  # a law may have a part
@@ -135,12 +164,7 @@ def _of_chambers(
         length = told[0] / told[1]
         lengths.append(f'{shown_length(length)} ({name})')
         if not instead and not USUAL_CHAMBERS[0] <= length <= USUAL_CHAMBERS[1]:
-            scales = other_scales(one, recordings, options.ambient_pressure)
-            instead = [
-                f'{shown_length(scale.chamber)} if they are {scale.true}'
-                for scale in scales
-                if USUAL_CHAMBERS[0] <= scale.chamber <= USUAL_CHAMBERS[1]
-            ]
+            instead = [*_usual_chambers(one, recordings, options)]
     if lengths:
         also = f'; it would be {", ".join(instead)}' if instead else ''
         yield note(
