@@ -210,6 +210,23 @@ def other_device(columns: Columns, _layout: Layout) -> None:
     columns['pA'] = np.where(late, middle + 0.7 * (columns['pA'] - middle), columns['pA'])
 
 
+def loose_plug(columns: Columns, _layout: Layout) -> None:
+    """Let a pressure be zero at five samples."""
+    columns['pA'] = columns['pA'].copy()
+    columns['pA'][[300, 1500, 4000, 7000, 9000]] = 0.0
+
+
+def out_of_range(columns: Columns, _layout: Layout) -> None:
+    """Let a sensor go no higher than a pressure mostly is."""
+    columns['pA'] = np.minimum(columns['pA'], np.median(columns['pA']))
+
+
+def stuck(columns: Columns, _layout: Layout) -> None:
+    """Let a pressure hang for a third of the time."""
+    columns['pA'] = columns['pA'].copy()
+    columns['pA'][3000:6000] = columns['pA'][3000]
+
+
 def counted_from_nothing(columns: Columns, _layout: Layout) -> None:
     """Write all pressures and set-points as absolute ones, in bar."""
     columns.update({name: columns[name] + 1e-5 * AMBIENT_PRESSURE for name in ('pA', 'pB', 'setA', 'setB')})
@@ -274,6 +291,7 @@ class Mistake:
 
 
 UNIT, REFERENCE, SETPOINT = ('unit_suspect',), ('reference_suspect',), ('setpoint_suspect',)
+SAMPLES = ('samples_suspect',)
 SIGN, SWAPPED, ERROR = ('sign_suspect', 'cylinders_swapped'), ('cylinders_swapped', 'setpoint_suspect'), ('error',)
 
 
@@ -300,6 +318,9 @@ def _of_both() -> Iterator[Mistake]:
         yield Mistake(on, 'upside down', rows(lambda _: slice(None, None, -1)), ERROR)
         yield Mistake(on, 'the same twice', entries(), ('duplicate_recording',), twice=True)
         yield Mistake(on, 'another device from two thirds on', other_device, ('changed_during_recording',))
+        yield Mistake(on, 'a loose plug', loose_plug, SAMPLES)
+        yield Mistake(on, 'a sensor at its limit', out_of_range, SAMPLES)
+        yield Mistake(on, 'a logger that hangs', stuck, SAMPLES)
         yield Mistake(on, 'every fortieth row', rows(lambda _: slice(None, None, 40)), ('sampling_slow',))
 
 
@@ -366,6 +387,7 @@ WORDS = {
     'sign_suspect': 'sign',
     'cylinders_swapped': 'swapped',
     'sampling_slow': 'sample',
+    'samples_suspect': 'holds quite still',
     'setpoint_assumed': 'was not recorded, and it steps',
     'error': 'time runs backwards',
 }

@@ -48,6 +48,15 @@ _MOST_LOOKED_AT = 100_000  # samples
 _STEADY, _ALIVE = 0.05, 0.5  # share of the samples at which a set-point changes at most, a pressure at least
 _ALIKE = 1e-9
 _MOST_GUESSES = 3
+_SPIKE = 3  # samples that a leap out and back may last
+_LEAP = 0.25  # of the absolute pressure: what leaps by less may be the piston's doing
+_MOVED = 0.05  # share of the stroke, before and after, within
+_WHILE = 0.05  # so long: what no regulator makes up for unseen [s]
+_FROZEN = 0.03  # how long a pressure holds still then [s]
+_FEWEST_FROZEN = 5  # samples
+_FROZEN_SHARE = 0.05  # of the samples at which the piston moves
+_FINE = 0.01  # of a pressure's span that a sensor's steps are at most: with coarser ones much looks still
+_FAR = 4.0  # steps of the sensor into and out of a value: what settles there comes in small ones
 _ROUGHEST = 0.6  # change from sample to sample, as a share of the spread; 1.4 of independent samples
 
 
@@ -82,6 +91,12 @@ def doubts(recording: Recording, ambient_pressure: float) -> list[Notice]:
     """Return which mistakes a recording looks like, and what has to be assumed of it."""
     return [
         *(() if recording.rests else of_motion(recording.displacement)),
+        *(notice for role, cylinder, signal in recording.signals() for notice in _of_spikes(role, cylinder, signal)),
+        *(
+            notice
+            for name, own in recording.cylinders.items()
+            for notice in _of_standstill(name, own.pressure, recording.displacement)
+        ),
         *(
             notice
             for name, own in recording.cylinders.items()
@@ -121,6 +136,7 @@ def of_motion(displacement: Signal) -> Iterator[Notice]:
             'check the unit of the time' + _were_it(period, PERIODS, _SCALES, lambda value: f'{value:.3g} s'),
         )
     values = displacement.values[:_MOST_LOOKED_AT]
+    values = np.clip(values, *np.percentile(values, (1.0, 99.0)))  # single wild ones say nothing of the rate
     spread = float(np.std(values))
     if spread and float(np.sqrt(np.mean(np.diff(values) ** 2))) > _ROUGHEST * spread:
         yield warning(
@@ -128,6 +144,80 @@ def of_motion(displacement: Signal) -> Iterator[Notice]:
             f'the displacement is another one at each sample, every {period:.3g} s',
             'sample ten times as fast, or let the piston move more slowly',
         )
+
+
+def _of_spikes(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
+    """Ask whether single samples leap out of all others and back, as flipped bits and loose plugs make them."""
+    if role not in ('displacement', 'pressure'):  # a force has the jerks of what moves
+        return
+    low, middle, high = np.percentile(_some(signal.values), (1.0, 50.0, 99.0))
+    span = max(float(high - low), _LEAP * float(middle) if role == 'pressure' else 0.0)
+    if not (float(np.max(signal.values)) > high + span or float(np.min(signal.values)) < low - span):
+        return
+    outside = (signal.values > high + span) | (signal.values < low - span)
+    begins, ends = _runs(outside)
+    inner = (ends - begins <= _SPIKE) & (begins > 0) & (ends < len(signal))
+    begins, ends = begins[inner], ends[inner]
+    leaps = np.minimum(
+        np.abs(signal.values[begins] - signal.values[begins - 1]), np.abs(signal.values[ends - 1] - signal.values[ends])
+    )
+    spikes = leaps > span
+    if np.any(spikes):
+        name = role if cylinder is None else f'{cylinder} {role}'
+        number, first = int(np.sum((ends - begins)[spikes])), float(signal.times[begins[spikes][0]])
+        yield warning(
+            'samples_suspect',
+            f'{name}: {counted(number, "sample")} of {len(signal):,} {"leap" if number > 1 else "leaps"} out of the '
+            f'others and back, first at t = {first:.4g} s',
+            'leave them out, and look at the plug, the cable and the logger',
+        )
+
+
+def _of_standstill(name: str, pressure: Signal, displacement: Signal) -> Iterator[Notice]:
+    """
+    Ask whether a pressure holds quite still while the piston turns round, or begins and ends to do so at once.
+
+    At a steady speed, and at rest, a pressure with less noise than its sensor has steps is still, too.
+    """
+    values, times = pressure.values[:_MOST_LOOKED_AT], pressure.times[:_MOST_LOOKED_AT]
+    still = np.diff(values) == 0.0
+    if not _FROZEN_SHARE < np.mean(still) < 1.0:
+        return
+    low, high = np.percentile(_some(displacement.values), (1.0, 99.0))
+    before, here, after = (
+        np.interp(times + by, displacement.times, displacement.values) for by in (-_WHILE, 0, _WHILE)
+    )
+    moved = np.minimum(np.abs(here - before), np.abs(after - here)) > _MOVED * (high - low)
+    direction = np.where(moved, np.sign(after - before), 0.0)
+    extremes, steps = (np.min(values), np.max(values)), np.abs(np.diff(values))
+    finest = float(np.min(steps[~still]))
+    if finest > _FINE * float(np.ptp(np.percentile(values, (1.0, 99.0)))):
+        return
+    frozen = np.zeros(len(values), bool)
+    begins, ends = _runs(still)
+    for begin, end in zip(*(one[ends - begins >= _FEWEST_FROZEN] for one in (begins, ends))):
+        if times[end] - times[begin] >= _FROZEN:
+            part = slice(begin, end + 1)
+            turns = len(np.unique(direction[part][moved[part]])) > 1
+            is_cut = values[begin] in extremes and min(begin, len(steps) - end) > 0
+            if turns or (is_cut and min(steps[begin - 1], steps[end]) > _FAR * finest):
+                frozen[part] = True
+    if not np.any(moved) or not np.mean(frozen[moved]) > _FROZEN_SHARE:
+        return
+    share, value = 100.0 * float(np.mean(frozen[moved])), float(np.median(values[frozen & moved]))
+    where = 'its lowest' if value == np.min(values) else 'its highest' if value == np.max(values) else 'the same'
+    yield warning(
+        'samples_suspect',
+        f'{name}: the pressure holds quite still, mostly at {where} value, in {share:.2g} % of the time in which the '
+        'piston moves',
+        "look at the sensor's range, its plug and the logger, and record again",
+    )
+
+
+def _runs(which: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return where runs of what is true begin, and where they have ended."""
+    edges = np.diff(np.concatenate([[False], which, [False]]).astype(np.int8))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
 
 
 def _of_pressure(

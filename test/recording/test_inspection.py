@@ -77,3 +77,74 @@ def test_of_a_pressure_off_its_set_point_the_unit_is_named_in_which_it_is_at_it(
     read = Signal(TIMES, AMBIENT_PRESSURE + 1e3 * in_psi + np.cos(TIMES), 'kPa', 'gauge')
     held = Signal(TIMES[:1], np.array([AMBIENT_PRESSURE + LEVEL]), 'bar', 'gauge')
     assert fixes(pressure=read, setpoint=held)['setpoint_suspect'].endswith('(it is if the pressure is absolute psi)')
+
+
+MOVING = np.linspace(0.0, 10.0, 5001)
+STROKES = 2e-3 * np.sin(5.0 * MOVING)
+
+
+def moved_pressure(noise, by=5e3):
+    """Return a pressure that follows the speed of `STROKES` [Pa]."""
+    rng = np.random.default_rng(3)
+    pressure = AMBIENT_PRESSURE + LEVEL - by * np.cos(5.0 * MOVING) + noise * rng.standard_normal(MOVING.size)
+    return np.round(pressure / 50.0) * 50.0
+
+
+def of_moving(pressure, displacement=STROKES):
+    """Return what is warned of a pressure beside strokes, code and message."""
+    signal = Signal(MOVING, pressure)
+    recording = Recording(
+        'made', 0, Signal(MOVING, displacement), {'cylinder_a': CylinderSignals(signal, None)}, None, ()
+    )
+    return [(one.code, one.message) for one in doubts(recording, AMBIENT_PRESSURE) if one.level == 'warning']
+
+
+@pytest.mark.parametrize('noise', [0.0, 20.0, 200.0])
+def test_samples_that_leap_out_and_back_are_told(noise):
+    pressure = moved_pressure(noise)
+    assert of_moving(pressure) == []
+    pressure[[1000, 3000, 3001]] = AMBIENT_PRESSURE  # a plug that comes loose
+    message = 'cylinder_a pressure: 3 samples of 5,001 leap out of the others and back, first at t = 2 s'
+    assert of_moving(pressure) == [('samples_suspect', message)]
+    displacement = STROKES.copy()
+    displacement[700] = 0.05
+    message = 'displacement: 1 sample of 5,001 leaps out of the others and back, first at t = 1.4 s'
+    assert of_moving(moved_pressure(noise), displacement) == [('samples_suspect', message)]
+
+
+def test_a_pulse_that_falls_off_is_no_leap():
+    pulse = np.where(MOVING > 5.0, 6e4 * np.exp(-(MOVING - 5.0) / 0.01), 0.0)
+    assert of_moving(moved_pressure(20.0) + pulse) == []
+
+
+@pytest.mark.parametrize('noise', [0.0, 20.0])
+def test_a_pressure_that_holds_still_while_the_piston_moves_is_told(noise):
+    pressure = moved_pressure(noise, by=4e4)
+    ((code, message),) = of_moving(np.minimum(pressure, AMBIENT_PRESSURE + LEVEL + 2e3))
+    assert code == 'samples_suspect'
+    assert 'holds quite still, mostly at its highest value' in message
+    stuck = pressure.copy()
+    stuck[2000:3500] = stuck[2000]
+    ((code, message),) = of_moving(stuck)
+    assert code == 'samples_suspect'
+    assert 'at the same value' in message
+
+
+def test_a_pressure_may_hold_still_while_the_piston_rests():
+    rests = np.where(MOVING < 9.0, 0.0, STROKES)
+    pressure = np.where(MOVING < 9.0, AMBIENT_PRESSURE + LEVEL, moved_pressure(0.0))
+    assert of_moving(pressure, rests) == []
+
+
+def test_a_pressure_may_hold_still_at_a_steady_speed():
+    forwards = np.floor(MOVING / 0.5) % 2 == 0.0
+    piston = 2e-3 * np.abs((MOVING % 1.0) - 0.5)
+    target = np.where(forwards, -4e3, 4e3)
+    pressure = np.zeros(MOVING.size)
+    for index in range(1, MOVING.size):
+        pressure[index] = pressure[index - 1] + 0.1 * (target[index] - pressure[index - 1])
+    assert of_moving(AMBIENT_PRESSURE + LEVEL + np.round(pressure / 200.0) * 200.0, piston) == []
+
+
+def test_with_a_coarse_sensor_a_pressure_may_hold_still():
+    assert of_moving(np.round(moved_pressure(0.0) / 2e3) * 2e3) == []
