@@ -36,6 +36,7 @@ UNITS = {
     'bar': Unit('pressure', 1e5),
     'psi': Unit('pressure', PSI),
     'm': Unit('length', 1.0),
+    'cm': Unit('length', 1e-2),
     'mm': Unit('length', 1e-3),
     'um': Unit('length', 1e-6),
     'inch': Unit('length', INCH),

@@ -136,10 +136,14 @@ def _of_long_chamber(result: ChannelResult, recordings: Sequence[Recording], opt
             )
 
 
-def _usual_chambers(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[str]:
+def _usual_chambers(
+    result: ChannelResult, recordings: Sequence[Recording], options: Options, *, in_other_units: bool = True
+) -> Iterator[str]:
     """Yield how long the chamber would be in units and references of pressures that make it a usual one."""
+    own = next(signal for one in recordings if (signal := result.channel.signal(one)) is not None)
     for scale in other_scales(result, recordings, options.ambient_pressure):
-        if USUAL_CHAMBERS[0] <= scale.chamber <= USUAL_CHAMBERS[1]:
+        is_meant = in_other_units or (own.reference is not None and 'unit' not in scale.entries)
+        if is_meant and USUAL_CHAMBERS[0] <= scale.chamber <= USUAL_CHAMBERS[1]:
             yield f'{shown_length(scale.chamber)} if the pressures are {scale.true}'
 
 
@@ -154,7 +158,11 @@ def _chamber(result: ChannelResult) -> tuple[float, float] | None:
 def _of_chambers(
     cylinders: Mapping[str, ChannelResult], recordings: Sequence[Recording], options: Options
 ) -> Iterator[Notice]:
-    """Say how long the chambers are, which only the drawing tells better; of an unusual one what else it may be."""
+    """
+    Say how long the chambers are, which only the drawing tells better.
+
+    Of an unusual one it is said in which units and references it were usual; of a usual one, with the other reference.
+    """
     lengths: list[str] = []
     instead: list[str] = []
     for name, one in cylinders.items():
@@ -163,8 +171,9 @@ def _of_chambers(
             continue
         length = told[0] / told[1]
         lengths.append(f'{shown_length(length)} ({name})')
-        if not instead and not USUAL_CHAMBERS[0] <= length <= USUAL_CHAMBERS[1]:
-            instead = [*_usual_chambers(one, recordings, options)]
+        if not instead:
+            is_usual = USUAL_CHAMBERS[0] <= length <= USUAL_CHAMBERS[1]
+            instead = [*_usual_chambers(one, recordings, options, in_other_units=not is_usual)]
     if lengths:
         also = f'; it would be {", ".join(instead)}' if instead else ''
         yield note(

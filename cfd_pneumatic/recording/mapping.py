@@ -62,7 +62,7 @@ TABLE_KEYS = {
     '`thousands` if a character groups its digits, as in 119.141.000',
     'delimiter': f'one character, or one of {", ".join(_DELIMITERS)}; white space if not given',
     'decimal': '`comma` where numbers are written 1,5; points if not given',
-    'header_rows': 'rows before the numbers, the last of which names the columns; 0 if not given',
+    'header_rows': 'rows before the numbers, one of which names the columns; 0 if not given',
     'skip_rows': 'rows of numbers to leave out at the beginning; 0 if not given',
 }
 """Keys of `table`."""

@@ -60,7 +60,7 @@ class TableFormat:
     decimal : str
         Before the fraction of a number.
     header_rows : int
-        Rows above the samples; the last of them names the columns.
+        Rows above the samples; the last of them that has the names names the columns.
     skip_rows : int
         Samples to drop at the beginning.
 
@@ -260,14 +260,22 @@ def _resolve(
     if len(head) <= layout.header_rows:
         raise InputError('holds no samples')
     width = len(_split(head[-1], layout.delimiter))
-    names = _split(head[-2].lstrip('# '), layout.delimiter) if layout.header_rows else []
-    while names and not names[-1]:
-        del names[-1]
+    wanted = {column for column in columns if isinstance(column, str)}
+    rows = [_names(line, layout) for line in reversed(head[:-1])]
+    names = next((row for row in rows if row and wanted <= {*row}), rows[0] if rows else [])  # units may stand below
     positions = [_position(column, names, width) for column in columns]
     by_number = all(isinstance(column, int) for column in columns)
     if by_number and (layout.delimiter is None or len(names) == 1):
         names = []  # perhaps a line of text
     return positions, names
+
+
+def _names(line: str, layout: TableFormat) -> list[str]:
+    """Return the names in a row of the header."""
+    names = _split(line.lstrip('# '), layout.delimiter)
+    while names and not names[-1]:
+        del names[-1]
+    return names
 
 
 def _lines(stream: TextIO) -> Iterator[str]:

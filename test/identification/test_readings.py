@@ -58,21 +58,28 @@ def test_what_is_explained_as_it_is_read_is_no_suspect(said):
     assert read_with(0.0, said=said) == []
 
 
-@pytest.mark.parametrize('factor', [1.0, 1e3 / PSI])
-def test_how_long_the_chamber_would_be_is_said_and_of_a_long_one_in_which_units(factor):
+def noticed_of_linear(factor=1.0, shift=0.0):
+    """Return the notices of cylinder A of a device of the paper's law, its pressures times `factor` shifted, as kPa."""
     one = recording_of(record(surface_following(duration=10.0, seed=3), device_named('paper', ''), seed=3))
     signals = (one.cylinders['cylinder_a'].pressure, one.cylinders['cylinder_a'].setpoint)
-    shift = AMBIENT if factor < 1.0 else 0.0
     own = CylinderSignals(*(Signal(it.times, factor * it.values + shift, 'kPa', 'gauge') for it in signals))
-    found = identify([replace(one, cylinders={'cylinder_a': own}, force=None)], Options())
-    if factor == 1.0:
-        (told,) = [one for one in found.notices if one.code == 'chamber_told']
-        assert 30.0 < float(told.message.partition(' mm')[0].rpartition(' ')[2]) < 40.0
-        assert not any(one.level == WARNING for one in found.notices)
-    else:
-        (told,) = [one for one in found.notices if one.level == WARNING]
-        assert told.code == 'unit_suspect'
-        assert 'mm if the pressures are absolute psi' in told.fix
+    return identify([replace(one, cylinders={'cylinder_a': own}, force=None)], Options()).notices
+
+
+@pytest.mark.parametrize('shift', [0.0, AMBIENT])
+def test_how_long_the_chamber_would_be_is_said_and_with_the_other_reference_where_that_may_be(shift):
+    found = noticed_of_linear(shift=shift)
+    (told,) = [one for one in found if one.code == 'chamber_told']
+    length = float(told.message.partition(' mm')[0].rpartition(' ')[2])
+    assert (30.0 < length < 40.0) == (shift == 0.0)
+    assert ('mm if the pressures are absolute' in told.fix) == (shift > 0.0)
+    assert not any(one.level == WARNING for one in found)
+
+
+def test_a_chamber_that_is_long_for_its_stroke_is_suspected_where_other_units_make_it_usual():
+    (told,) = [one for one in noticed_of_linear(1e3 / PSI, AMBIENT) if one.level == WARNING]
+    assert told.code == 'unit_suspect'
+    assert 'mm if the pressures are absolute psi' in told.fix
 
 
 @pytest.mark.parametrize(

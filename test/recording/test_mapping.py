@@ -121,7 +121,7 @@ BAD = {
     ),
     'unit of another quantity': (
         GOOD.replace('unit: m', 'unit: bar'),
-        "displacement: unit 'bar' is not one of length: use one of m, mm, um, inch, mil",
+        "displacement: unit 'bar' is not one of length: use one of m, cm, mm, um, inch, mil",
     ),
     'no unit': (GOOD.replace(', unit: m}', '}'), 'displacement: unit is missing'),
     'no topic': (GOOD.replace('topic: piston_state, ', ''), 'displacement: topic is missing'),

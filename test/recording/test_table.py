@@ -64,6 +64,11 @@ force: {column: f, unit: N}
     np.testing.assert_array_equal(found.force.values, [2, 3, 4, 5])
 
 
+def test_units_may_stand_below_the_names(tmp_path):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  header_rows: 2').replace('column: 2', 'column: x')
+    np.testing.assert_allclose(read(tmp_path, 't x p\nms mm bar\n' + ROWS, mapping).displacement.values[0], -1e-3)
+
+
 def test_names_may_stand_in_a_comment(tmp_path):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  header_rows: 1').replace('column: 2', 'column: x')
     found = read(tmp_path, '# t x p\n' + ROWS, mapping)
