@@ -37,6 +37,7 @@ SHORT_STROKE = 0.05
 BORES = (3e-3, 0.2)
 """Of a piston as force and pressure make it [m]."""
 
+_MISREAD = ('sign_suspect', 'cylinders_swapped')
 _OTHER_AREA = 1.5  # times the one that was given, or the reverse
 _AN_ATMOSPHERE = 0.15  # share by which an offset may miss ambient pressure times area
 _PIECES = 10  # of a recording, whose errors are compared
@@ -63,7 +64,7 @@ def doubts(
     odd = any(one.code == 'unit_suspect' for one in found)
     cylinders = {name: one for name, one in results.items() if not isinstance(one.channel, Force)}
     forces = [one for one in results.values() if isinstance(one.channel, Force)]
-    if not any_warning(found):
+    if not any_warning(found) and not any(one.code in _MISREAD for one in seen):  # or the chamber is anything
         found += [notice for one in cylinders.values() for notice in _of_chamber(one, recordings, options)]
     if not odd:  # in a wrong unit signs and levels look wrong, too
         found += seen

@@ -28,6 +28,7 @@ from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.identification.steps import with_steps
+from cfd_pneumatic.model.parameters import SPECS
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, GAUGE_PRESSURES, scales
@@ -36,6 +37,7 @@ _DOUBTFUL = 0.3  # share of a pressure's spread that a model may leave of it; wh
 _BETTER = 0.5  # of what the recordings leave as they are read: what another way leaves at most
 _NO_BETTER = 1.3  # times the squares that are left as it is read: a reference that roughly leaves more is no better
 _STEPPED = 3  # times that steps of a set-point which was not recorded are taken from what is left
+_PISTON_COUNTS = 1.5  # times the lower bound of `k_x`
 _LONGEST = 20_000  # samples that other ways are tried on
 _ROUGH = (1e-3, 30)  # tolerance and evaluations
 
@@ -266,6 +268,8 @@ def _left_by(channel: Channel, recordings: Sequence[Recording], options: Options
         best = search(likelihood, best.model, *_ROUGH)
         simulated = likelihood.simulate(best.model)
         left = _left(simulated, likelihood)
+        if best.model.parameters[0] < _PISTON_COUNTS * SPECS[0].lower:
+            left = math.inf  # a staircase alone explains the pressure: that says nothing of the piston
     return left
 
 

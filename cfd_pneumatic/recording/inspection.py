@@ -33,7 +33,7 @@ GAUGE_PRESSURES = (1.5e4, 1e6)
 CHAMBER_LENGTHS = (5e-3, 0.45)
 """Absolute pressure over `k_x`: how long a chamber of the piston's area would be [m]."""
 
-LENGTHS = ('m', 'mm', 'um', 'inch', 'mil')
+LENGTHS = ('m', 'cm', 'mm', 'um', 'inch', 'mil')
 """Units in which people record a displacement."""
 
 PRESSURES = ('Pa', 'kPa', 'psi', 'bar', 'MPa')

@@ -94,6 +94,14 @@ def test_a_sign_is_told_beside_steps_of_a_set_point_that_was_not_recorded(schedu
     assert found.code == 'sign_suspect'
 
 
+def test_steps_of_a_set_point_alone_tell_no_sign():
+    device = device_named('real', 'effects_a.leak_conductance=1e-9')
+    one = recording_of(record(surface_following(duration=30.0, seed=14), device, seed=14))
+    pressure = one.cylinders['cylinder_a'].pressure
+    as_kpa = CylinderSignals(Signal(pressure.times, 1e3 / PSI * pressure.values + AMBIENT), None)
+    assert other_reading([replace(one, cylinders={'cylinder_a': as_kpa}, force=None)], Options()) is None
+
+
 def test_where_the_unit_of_the_time_is_wrong_nothing_is_searched_for():
     recording = recording_of(record(surface_following(duration=10.0, seed=1), device_named('real', ''), seed=1))
     quick = replace(
