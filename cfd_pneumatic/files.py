@@ -162,7 +162,7 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 def make_folder(folder: Path) -> None:
     """
-    Make an output folder, so that a bad one is found before the work is done.
+    Make an output folder.
 
     Raises
     ------
@@ -174,6 +174,25 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
+
+
+def check_folder(folder: Path) -> None:
+    """
+    Find out whether an output folder can be made and written, before the work is done, and leave none behind.
+
+    Raises
+    ------
+    InputError
+        If it can't.
+
+    """
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        make_folder(folder)
+    finally:
+        for one in missing:
+            with suppress(OSError):
+                one.rmdir()
 
 
 def take_away_left(folder: Path, names: Collection[str], own: str = '') -> bool:

@@ -210,13 +210,13 @@ def _check_draft(arguments: argparse.Namespace) -> None:
 
 def _identify_together(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
     """Identify all bags as one."""
-    from cfd_pneumatic.files import make_folder, write_text
+    from cfd_pneumatic.files import check_folder, write_text
     from cfd_pneumatic.identification import identify
     from cfd_pneumatic.recording import read_recording
     from cfd_pneumatic.reporting import draft_effect, next_plan, print_report, write_report
     from cfd_pneumatic.terminal import terminal
 
-    make_folder(arguments.output)
+    check_folder(arguments.output)
     with _progress(arguments.progress) as report:
         recordings = [
             read_recording(

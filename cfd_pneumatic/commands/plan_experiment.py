@@ -33,7 +33,7 @@ def propose(arguments: Sequence[str] | None = None) -> None:
     """
     from cfd_pneumatic.device import Device
     from cfd_pneumatic.device.file import check_run
-    from cfd_pneumatic.files import make_folder
+    from cfd_pneumatic.files import check_folder
     from cfd_pneumatic.planning import Limits, Sensing, plan, read_report, usual_pressures
     from cfd_pneumatic.planning.report import print_plan, write_plan
     from cfd_pneumatic.terminal import terminal
@@ -47,7 +47,7 @@ def propose(arguments: Sequence[str] | None = None) -> None:
     pressures = usual_pressures(device) if options.pressures is None else tuple(options.pressures)
     options.stroke = stroke if options.stroke is None else options.stroke
     limits = Limits(pressures, **{name: getattr(options, name) for name in _LIMITS})
-    make_folder(options.output)
+    check_folder(options.output)
     found = plan(device, limits, sensing, options.wanted)
     files = write_plan(found, options.output)
     console = terminal()

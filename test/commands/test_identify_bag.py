@@ -390,3 +390,10 @@ def test_the_program_itself_ends_with_code_2_and_no_traceback(tmp_path):
     assert run.stdout == ''
     assert len(run.stderr.strip().splitlines()) == 1
     assert 'Traceback' not in run.stderr
+
+
+def test_what_is_refused_leaves_no_folder_behind(tmp_path, capsys):
+    output = tmp_path / 'results' / 'of_monday'
+    assert main([str(tmp_path / 'none.mcap'), '--output', str(output)]) == 2
+    assert 'does not exist' in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
