@@ -13,10 +13,13 @@ from cfd_pneumatic.recording import CylinderSignals, Signal, recording_of
 from cfd_pneumatic.reporting import next_plan
 from cfd_pneumatic.rig import device_named, out_and_back, record, surface_following
 
+SHORT = {'duration': 8.0, 'setpoint': 1e5, 'amplitude': 2e-3}
+"""Strokes large enough to tell pressures from others within seconds."""
 
-def read_with(shift, duration=30.0, factor=1.0, said=(None, None), **levels):
+
+def read_with(shift, factor=1.0, said=(None, None), **surface):
     """Return what is warned of cylinder A of a healthy device of full physics, its pressures times `factor` shifted."""
-    schedule = surface_following(duration=duration, seed=3, **levels)
+    schedule = surface_following(seed=3, **{**SHORT, **surface})
     one = recording_of(record(schedule, device_named('real', ''), seed=3))
     own = one.cylinders['cylinder_a']
     shifted = CylinderSignals(
@@ -30,7 +33,12 @@ def read_with(shift, duration=30.0, factor=1.0, said=(None, None), **levels):
     ('shift', 'levels', 'said', 'true'),
     [
         (AMBIENT, {}, 'gauge', 'absolute'),
-        (-AMBIENT, {'duration': 15.0, 'setpoint': 1.6e5, 'setpoint_b': 1.3e5}, 'absolute', 'gauge'),
+        (
+            -AMBIENT,
+            {'duration': 15.0, 'setpoint': 1.6e5, 'setpoint_b': 1.3e5, 'amplitude': 0.8e-3},
+            'absolute',
+            'gauge',
+        ),
     ],
 )
 def test_what_is_explained_with_an_atmosphere_more_or_less_has_another_reference(shift, levels, said, true):
