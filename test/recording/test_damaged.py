@@ -6,6 +6,7 @@ import re
 import shutil
 import sqlite3
 import struct
+from dataclasses import replace
 
 import pytest
 from mcap.writer import CompressionType, Writer
@@ -71,6 +72,14 @@ def test_what_a_cut_off_file_still_holds_is_salvaged(long_bags, tmp_path, storag
         assert len(read.health) == 1
     assert (read.displacement.values == whole.displacement.values[:count]).all()
     assert (read.displacement.times == whole.displacement.times[:count]).all()
+
+
+def test_what_a_cut_table_s_bag_lacks_is_told_from_the_beginning_of_its_time(tmp_path):
+    write_recording(tmp_path / 'bag', replace(recording(12_000, setpoints=False), epoch=0))
+    read = read_recording(cut(tmp_path / 'bag' / 'bag.mcap', tmp_path / 'cut.mcap', 0.9))
+    (note,) = read.health[1:]
+    last = read.cylinders['cylinder_a'].pressure.times[-1]
+    assert float(note.partition('later than ')[2].split()[0]) == pytest.approx(last, abs=0.01)
 
 
 @pytest.mark.parametrize('metadata', [True, False])

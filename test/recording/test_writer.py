@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import sqlite3
 import zlib
 
 import made
@@ -120,6 +121,16 @@ def test_a_disk_that_is_full(tmp_path, monkeypatch):
     assert str(caught.value) == (
         f'cannot write {tmp_path}/bag: No space left on device; make room, or choose another folder'
     )
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_database_that_has_no_room(tmp_path, monkeypatch):
+    def fail(*arguments, **options):
+        raise sqlite3.OperationalError('database or disk is full')
+
+    monkeypatch.setattr(sqlite3, 'connect', fail)
+    with pytest.raises(InputError, match=r'database or disk is full; make room, or choose another folder$'):
+        write_recording(tmp_path / 'bag', recording(), storage='sqlite3')
     assert os.listdir(tmp_path) == []
 
 

@@ -56,7 +56,7 @@ class McapFile:
         with path.open('rb') as stream:
             self._pieces = find_pieces(stream)
             self.connections = self._scan(stream) if connections is None else connections
-        self.start_time = next((piece.start for piece in self._pieces if piece.start), 0)
+        self.start_time = next((piece.start for piece in self._pieces if piece.start or piece.stop), 0)
 
     def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
         """

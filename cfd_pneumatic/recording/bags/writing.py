@@ -190,7 +190,12 @@ class BagWriter:
             with reported(self.path):
                 yield
         except sqlite3.Error as error:
-            raise InputError(f'cannot write {self.path}: {error}; choose a folder that you may write to') from error
+            advice = (
+                'make room, or choose another folder'
+                if 'full' in str(error)
+                else 'choose a folder that you may write to'
+            )
+            raise InputError(f'cannot write {self.path}: {error}; {advice}') from error
 
 
 def _free(path: Path) -> Path:
