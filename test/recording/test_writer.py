@@ -14,6 +14,7 @@ from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import BagWriter, read_recording, write_recording
 from cfd_pneumatic.recording.bags.mcap_writing import McapWriter
+from cfd_pneumatic.recording.bags.sqlite_writing import SqliteWriter
 
 
 def fill(bag, count=3):
@@ -125,10 +126,10 @@ def test_a_disk_that_is_full(tmp_path, monkeypatch):
 
 
 def test_a_database_that_has_no_room(tmp_path, monkeypatch):
-    def fail(*arguments, **options):
+    def fail(*arguments):
         raise sqlite3.OperationalError('database or disk is full')
 
-    monkeypatch.setattr(sqlite3, 'connect', fail)
+    monkeypatch.setattr(SqliteWriter, 'write_chunk', fail)
     with pytest.raises(InputError, match=r'database or disk is full; make room, or choose another folder$'):
         write_recording(tmp_path / 'bag', recording(), storage='sqlite3')
     assert os.listdir(tmp_path) == []
