@@ -6,6 +6,7 @@ import csv
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE, getincrementaldecoder
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
 from itertools import chain, islice
@@ -24,6 +25,9 @@ _MAX_TIME = 2**62
 
 _LONGEST_LINE = 2**24
 """Characters of a line beyond which a file is no table."""
+
+_LONGEST_SHOWN = 40
+"""Characters of a field that a message shows."""
 
 _MOST_NAMES = 20
 """Columns that a message lists."""
@@ -105,8 +109,10 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
             encoding='utf-8',
         )
     except (ValueError, IndexError) as error:
-        numbered = (number for number, _ in _rows(path, encoding, layout, names, []))
-        raise InputError(f'cannot be read as a table of numbers: {_explained(error, layout, numbered)}') from error
+        again = _rows(path, encoding, layout, names, [])
+        raise InputError(
+            f'cannot be read as a table of numbers: {_explained(error, layout, columns, again)}'
+        ) from error
     rows = rows[layout.skip_rows :]
     timed = np.isfinite(rows[:, 0])
     if not timed.any():
@@ -181,22 +187,29 @@ def seconds_of(text: str) -> float:
     return days * _DAY + 3600 * int(hours) + 60 * (int(minutes) - ahead) + float(seconds.replace(',', '.'))
 
 
-def _explained(error: Exception, layout: TableFormat, numbered: Iterator[int]) -> str:
-    """Return why a row is none of numbers, with its line in the file, and what to look at."""
-    reason = reason_of(error)
-    found = re.search(r"string '(.*)' to float64 at row (\d+), column (\d+)", reason)
-    if not found:
-        return f'{reason}; {_CHECK}'
-    text, row, column = found.groups()
-    line = next(islice(numbered, int(row), None), None)
-    fix = _CHECK
-    if layout.time_unit is None and isinstance(error.__cause__, _DateError):
-        fix = str(error.__cause__)
-    elif _DATE.fullmatch(text.strip('"')):
-        fix = 'if it is the time, `unit: date` reads it'
-    elif re.fullmatch(r'[+-]?\d*,\d+', text):
-        fix = 'if that is a decimal comma, `table` needs `decimal: comma`'
-    return f'line {line}, column {column} holds {printable(text)!r}; {fix}'
+def _explained(error: Exception, layout: TableFormat, columns: Sequence[int], rows: Iterator[tuple[int, str]]) -> str:
+    """Return which field is no number, and what to look at."""
+    converters = _converters(layout, columns) or {}
+    with suppress(UnicodeError):  # the error that there was, then
+        for line, row in rows:
+            fields = row.split(layout.delimiter)
+            for column in columns:
+                try:
+                    converters.get(column, float)(fields[column])
+                except ValueError as failed:
+                    text = fields[column].strip()
+                    fix = str(failed) if isinstance(failed, _DateError) else _fix_of(text)
+                    return f'line {line}, column {column + 1} holds {text[:_LONGEST_SHOWN]!r}; {fix}'
+    return f'{reason_of(error)}; {_CHECK}'
+
+
+def _fix_of(text: str) -> str:
+    """Return what to look at where a text is no number."""
+    if _DATE.fullmatch(text):
+        return 'if it is the time, `unit: date` reads it'
+    if re.fullmatch(r'[+-]?\d*,\d+', text):
+        return 'if that is a decimal comma, `table` needs `decimal: comma`'
+    return _CHECK
 
 
 def _rows(
