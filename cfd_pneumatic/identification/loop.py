@@ -151,7 +151,7 @@ def _looked_for(
         asked = [partial(laws.best, cores.begins)]
         if not is_noise:
             asked.append(partial(laws.best, [found.model]))
-        if not candidates.channel.cores:
+        if not (is_noise or candidates.channel.cores):
             asked.append(partial(laws.beside_effects, candidates.baseline))
         for ask in asked:
             drawing = ask([found.model])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from cfd_pneumatic.model.lanes import COUNT, load, some, store, where
+from cfd_pneumatic.model.lanes import COUNT, load, rows_of, some, store, where
 from cfd_pneumatic.model.lanewise import exp, log, power, tanh, wave
 
 EIGHT = st.lists(st.floats(-1e6, 1e6), min_size=COUNT, max_size=COUNT).map(np.array)
@@ -21,7 +21,7 @@ def in_lanes(function):
     def computed(x, y):
         results = np.empty(x.size)
         for place in range(0, x.size, COUNT):
-            store(results, place, function(load(x, place), load(y, place)))
+            store(rows_of(results), place, function(load(rows_of(x), place), load(rows_of(y), place)))
         return results
 
     def of_arrays(x, y=0.0):

@@ -34,7 +34,6 @@ _RIVALLING = 2.0  # times what the best one leaves of an excerpt: those worth a 
 _MOST_OF_ALL = 0.25  # of that, which a law may leave that is asked for before effects in company
 _PROMISING = 0.6  # of what the best one promises: those worth a fit
 _HARDLY_PROMISING = 0.2  # of that: those that are tried where none of the others comes near
-_ROUGHLY = 9.0  # times the squares that are to be undercut: fitted, a large law takes more than it promises
 _MOST_LEFT = 0.53  # of the squares above the noise, as the linearised model foretells it
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a promise, with which a fit begins
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
@@ -109,7 +108,7 @@ class Laws:
         least = min((one.rss for one in known), default=math.inf)
         found: list[Drawn] = []
         for begin in sorted(begins, key=self._least_promised):
-            if begin in self._known or self._least_promised(begin) < _ROUGHLY * least:
+            if begin in self._known or self._least_promised(begin) < least:
                 found += [one for one in self._beside(begin) if self.is_better(one, [begin, *known])]
             if any(small_enough(self.candidates.residual_tests(one.candidate)) for one in found):
                 break  # what leaves noise beside one core is not looked for beside another
