@@ -139,7 +139,8 @@ class Shape:
         seen = self.value[self.visited]
         most = float(np.max(np.abs(seen)) if self.enters in FROM_NOTHING else np.ptp(seen)) if seen.size else 0.0
         size = 100.0 * most if self.unit in ('1', '1/s') else most
-        what = f'{_ENTERS[self.enters].format(f"{size:.2g}")}, {_AGAINST[self.against]}'
+        shown = float(f'{size:.2g}')
+        what = f'{_ENTERS[self.enters].format(f"{shown:g}")}, {_AGAINST[self.against]}'
         return f'{what}: look at {_LOOK[self.enters]}'
 
 

@@ -105,6 +105,16 @@ def test_one_law_is_preferred_to_several_effects_that_do_less() -> None:
     assert result.rmse(1) < 1.02 * floor(one, result)
 
 
+def test_a_law_that_takes_most_of_the_error_is_shown_though_the_test_part_errs_more() -> None:
+    one = draw('creep', 'out_and_back', 11000, make=list(MAKES)[11000 % len(MAKES)])
+    result = identify([recording_of(one)], Options(close_loop=True)).cylinders['cylinder_a']
+    assert (result.findings.verdict, result.findings.status) == ('unexplained', 'hypothesis')
+    assert result.findings.unknown is not None
+    assert result.findings.unknown.against == 'time'
+    assert 'the device or its work changed' in result.findings.why
+    assert result.rmse(1) < 0.2 * result.rmse(0)
+
+
 def test_short_stretches_see_all_of_a_recording() -> None:
     whole = found('bulge').found.likelihood
     few = whole.spread(2000)
