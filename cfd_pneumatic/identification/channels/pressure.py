@@ -258,18 +258,15 @@ class Pressure(Channel):
         """
         Yield the pressure and its derivatives; without effects they are exact.
 
-        Who reads later reads what the pressure was by its slope before, and so does who moves later where nothing else
-        changes with time: no other simulation is asked for a delay.
+        Who reads later reads what the pressure was by its slope before: no other simulation is asked for a delay.
         """
         if effects:
-            shifts = self._shifts(experiment, effects)
-            shifted = np.isin(slots, list(shifts))
-            rows = stepped(row, slots[~shifted], steps[~shifted])
+            late = np.isin(slots, self._late(effects)[0])
+            rows = stepped(row, slots[~late], steps[~late])
             for block, course, pressures in self._composed(experiment, effects, rows, count, row[None]):
                 jacobian = np.empty((len(pressures), slots.size), order='F')
-                jacobian[:, ~shifted] = differences(pressures, steps[~shifted])
-                by = [shifts[slot] for slot in slots[shifted].tolist()]
-                jacobian[:, shifted] = _slope(block.times, course)[block.at] * by
+                jacobian[:, ~late] = differences(pressures, steps[~late])
+                jacobian[:, late] = -_slope(block.times, course)[block.at]
                 yield block.samples, pressures[:, 0], jacobian
             return
         columns = np.where(slots < self.shared, slots, slots - self.shared + len(SPECS))
@@ -337,14 +334,6 @@ class Pressure(Channel):
             for own, (block, readings) in zip(groups, parts):
                 pressures[:, own] = readings[block.at]
             yield first, course[:, :1], pressures
-
-    def _shifts(self, experiment: Experiment, effects: Sequence[str]) -> dict[int, float]:
-        """Return where parameters stand that only move the pressure in time, by how much each [-]."""
-        late, moved_early = self._late(effects)
-        timed = any(self.effects[name].of_time or self.effects[name].generic for name in effects)
-        if timed or np.ptp(experiment.inputs['setpoint']) > 0.0:
-            moved_early = []
-        return dict.fromkeys(late, -1.0) | dict.fromkeys(moved_early, 1.0)
 
     def _late(self, effects: Sequence[str]) -> list[list[int]]:
         """Return where parameters stand in a row by which the reading, and the displacement, come late."""
