@@ -186,7 +186,8 @@ def check_folder(folder: Path) -> None:
         If it can't.
 
     """
-    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    with reported(folder):
+        missing = [one for one in (folder, *folder.parents) if not one.exists()]
     try:
         make_folder(folder)
     finally:

@@ -51,11 +51,13 @@ _MOST_GUESSES = 3
 _SPIKE = 3  # samples that a leap out and back may last
 _LEAP = 0.25  # of the absolute pressure: what leaps by less may be the piston's doing
 _MOVED = 0.05  # share of the stroke, before and after, within
-_WHILE = 0.05  # so long: what no regulator makes up for unseen [s]
+_WHILE = 0.05  # so long: the pressure answers the piston within that [s]
 _FROZEN = 0.03  # how long a pressure holds still then [s]
 _FEWEST_FROZEN = 5  # samples
 _FROZEN_SHARE = 0.05  # of the samples at which the piston moves
-_FINE = 0.01  # of a pressure's span that a sensor's steps are at most: with coarser ones much looks still
+_EVEN = 1.5  # times the median length of runs of a value: no longer are those of a slow sensor that is asked often
+_STROKE = 0.5  # in which a piston moves to and fro, about [s]
+_FINE = 0.01  # of a pressure's span in that time: with coarser steps of a sensor much looks still
 _FAR = 4.0  # steps of the sensor into and out of a value: what settles there comes in small ones
 _ROUGHEST = 0.6  # change from sample to sample, as a share of the spread; 1.4 of independent samples
 
@@ -152,7 +154,7 @@ def _of_spikes(role: str, cylinder: str | None, signal: Signal) -> Iterator[Noti
         return
     low, middle, high = np.percentile(_some(signal.values), (1.0, 50.0, 99.0))
     span = max(float(high - low), _LEAP * float(middle) if role == 'pressure' else 0.0)
-    if not (float(np.max(signal.values)) > high + span or float(np.min(signal.values)) < low - span):
+    if not span or (np.max(signal.values) <= high + span and np.min(signal.values) >= low - span):
         return
     outside = (signal.values > high + span) | (signal.values < low - span)
     begins, ends = _runs(outside)
@@ -181,20 +183,23 @@ def _of_standstill(name: str, pressure: Signal, displacement: Signal) -> Iterato
     """
     values, times = pressure.values[:_MOST_LOOKED_AT], pressure.times[:_MOST_LOOKED_AT]
     still = np.diff(values) == 0.0
-    if not _FROZEN_SHARE < np.mean(still) < 1.0:
+    if len(values) < _FEWEST_FROZEN or not _FROZEN_SHARE < np.mean(still) < 1.0:
         return
+    begins, ends = _runs(still)
+    if float(np.percentile(ends - begins, 90.0)) < _EVEN * float(np.median(ends - begins)):
+        return  # a logger that asks faster than the sensor answers
     low, high = np.percentile(_some(displacement.values), (1.0, 99.0))
     before, here, after = (
         np.interp(times + by, displacement.times, displacement.values) for by in (-_WHILE, 0, _WHILE)
     )
-    moved = np.minimum(np.abs(here - before), np.abs(after - here)) > _MOVED * (high - low)
+    moved = np.minimum(np.abs(here - before), np.abs(after - here)) > max(_MOVED * (high - low), STROKES[0])
     direction = np.where(moved, np.sign(after - before), 0.0)
     extremes, steps = (np.min(values), np.max(values)), np.abs(np.diff(values))
     finest = float(np.min(steps[~still]))
-    if finest > _FINE * float(np.ptp(np.percentile(values, (1.0, 99.0)))):
+    pieces = np.array_split(values, max(1, int((times[-1] - times[0]) / _STROKE)))
+    if finest > _FINE * float(np.median([np.ptp(one) for one in pieces if one.size])):
         return
     frozen = np.zeros(len(values), bool)
-    begins, ends = _runs(still)
     for begin, end in zip(*(one[ends - begins >= _FEWEST_FROZEN] for one in (begins, ends))):
         if times[end] - times[begin] >= _FROZEN:
             part = slice(begin, end + 1)
@@ -204,11 +209,11 @@ def _of_standstill(name: str, pressure: Signal, displacement: Signal) -> Iterato
                 frozen[part] = True
     if not np.any(moved) or not np.mean(frozen[moved]) > _FROZEN_SHARE:
         return
-    share, value = 100.0 * float(np.mean(frozen[moved])), float(np.median(values[frozen & moved]))
+    shown, value = float(f'{100.0 * np.mean(frozen[moved]):.2g}'), float(np.median(values[frozen & moved]))
     where = 'its lowest' if value == np.min(values) else 'its highest' if value == np.max(values) else 'the same'
     yield warning(
         'samples_suspect',
-        f'{name}: the pressure holds quite still, mostly at {where} value, in {share:.2g} % of the time in which the '
+        f'{name}: the pressure holds quite still, mostly at {where} value, in {shown:g} % of the time in which the '
         'piston moves',
         "look at the sensor's range, its plug and the logger, and record again",
     )

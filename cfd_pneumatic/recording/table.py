@@ -64,7 +64,7 @@ class TableFormat:
     decimal : str
         Before the fraction of a number.
     header_rows : int
-        Rows above the samples; the last of them that has the names names the columns.
+        Rows above the samples; the last one with all names that are asked for names the columns.
     skip_rows : int
         Samples to drop at the beginning.
 
@@ -121,6 +121,8 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
     if not timed.all():
         notes.append(f'time: dropped {counted(int(np.sum(~timed)), "row")} not finite')
         rows = rows[timed]
+    if layout.time_unit is None and np.max(rows[:, 0]) < _DAY:  # of the day: past midnight
+        rows[1:, 0] += _DAY * np.cumsum(np.diff(rows[:, 0]) < -0.5 * _DAY)
     with np.errstate(over='ignore'):
         nanoseconds = np.rint(rows[:, 0] * ((layout.time_unit or 1.0) * NANOSECONDS))
     if np.abs(nanoseconds).max() > _MAX_TIME:
@@ -147,7 +149,9 @@ def _converters(layout: TableFormat, columns: Sequence[int]) -> dict[int | str, 
     """Return what makes numbers of the fields that are none as they stand."""
 
     def number(text: str) -> float:
-        return float(text.replace(',', '.'))
+        if '_' in text or (layout.decimal == ',' and '.' in text):  # digits that are grouped
+            raise ValueError(text)
+        return float(text.replace(layout.decimal, '.'))
 
     converters: dict[int | str, Callable[[str], float]] = {}
     if layout.decimal == ',':
@@ -205,6 +209,8 @@ def _explained(error: Exception, layout: TableFormat, columns: Sequence[int], ro
 
 def _fix_of(text: str) -> str:
     """Return what to look at where a text is no number."""
+    if not text:
+        return f'write nan where there is no value, or {_CHECK}'
     if _DATE.fullmatch(text):
         return 'if it is the time, `unit: date` reads it'
     if re.fullmatch(r'[+-]?\d*,\d+', text):
@@ -275,7 +281,8 @@ def _resolve(
     width = len(_split(head[-1], layout.delimiter))
     wanted = {column for column in columns if isinstance(column, str)}
     rows = [_names(line, layout) for line in reversed(head[:-1])]
-    names = next((row for row in rows if row and wanted <= {*row}), rows[0] if rows else [])  # units may stand below
+    last = rows[0] if rows else []
+    names = next((row for row in rows if wanted <= {*row}), last) if wanted else last  # units may stand below them
     positions = [_position(column, names, width) for column in columns]
     by_number = all(isinstance(column, int) for column in columns)
     if by_number and (layout.delimiter is None or len(names) == 1):

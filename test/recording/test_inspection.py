@@ -148,3 +148,19 @@ def test_a_pressure_may_hold_still_at_a_steady_speed():
 
 def test_with_a_coarse_sensor_a_pressure_may_hold_still():
     assert of_moving(np.round(moved_pressure(0.0) / 2e3) * 2e3) == []
+
+
+def test_beside_steps_of_the_set_point_a_pressure_may_hold_still():
+    steps = np.where(np.floor(MOVING / 2.0) % 2 == 0.0, 0.0, 2e5)
+    assert of_moving(np.round((moved_pressure(20.0, by=500.0) + steps) / 1e3) * 1e3) == []
+
+
+def test_a_sensor_that_answers_slower_than_it_is_asked_is_not_stuck():
+    assert of_moving(np.repeat(moved_pressure(0.0, by=4e4)[::17], 17)[: MOVING.size]) == []
+
+
+def test_a_piston_at_rest_may_flicker_by_one_count():
+    flicker = np.full(MOVING.size, 5e-3)
+    flicker[::300] = 5.1e-3
+    pressure = np.where(MOVING < 5.0, 2e5, 3e5) + np.round(20.0 * np.sin(50.0 * MOVING))
+    assert of_moving(pressure, flicker) == []

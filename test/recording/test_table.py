@@ -174,7 +174,7 @@ def test_a_table_that_cannot_be_read(tmp_path, rows, mapping, message):
     ('row', 'line'),
     [
         ('30;1.0;high', "line 5, column 3 holds 'high'; check delimiter"),
-        ('30;1.0;', "line 5, column 3 holds ''; check delimiter"),
+        ('30;1.0;', "line 5, column 3 holds ''; write nan"),
         ('30;1.0;1,5', "line 5, column 3 holds '1,5'; if that is a decimal comma, `table` needs `decimal: comma`"),
         ('2024-05-01 12:00:00;1.0;2', "column 1 holds '2024-05-01 12:00:00'; if it is the time, `unit: date` reads it"),
     ],
@@ -302,3 +302,21 @@ def test_the_measured_runs_come_out_of_a_bag_as_they_went_in(tmp_path):
         np.testing.assert_allclose(pressure.times, 1e-3 * (rows[:, 0] - rows[0, 0]), rtol=0, atol=1e-9)
         # The pressure rises while the laser's reading does, because the chamber shrinks.
         assert np.corrcoef(measured.displacement.values, pressure.values)[0, 1] < 0
+
+
+def test_times_of_the_day_go_on_past_midnight(tmp_path):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: date}\n  delimiter: comma')
+    found = read(tmp_path, '23:59:59.50,1,2\n23:59:59.75,2,2\n00:00:00.00,3,2\n00:00:00.25,4,2\n', mapping)
+    np.testing.assert_allclose(found.displacement.times, [0.0, 0.25, 0.5, 0.75])
+
+
+def test_points_beside_decimal_commas_group_digits_and_are_refused(tmp_path):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: semicolon\n  decimal: comma')
+    with pytest.raises(InputError, match=r"line 1, column 3 holds '101\.325'"):
+        read(tmp_path, '0,0;1,5;101.325\n1,0;1,5;101.325\n', mapping)
+
+
+def test_a_title_above_columns_by_number_is_no_name(tmp_path):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: comma\n  header_rows: 2')
+    found = read(tmp_path, 'Recorded by Bob, lab 3\n\n0,1,2\n1,2,3\n', mapping)
+    np.testing.assert_allclose(found.displacement.values, [-1e-3, -2e-3])
