@@ -162,8 +162,8 @@ def _of_chambers(
     """
     Say how long the chambers are, which only the drawing tells better.
 
-    Of an unusual one it is said in which units and references it would be usual; of a usual one, how long it would be with
-    the other reference.
+    Of an unusual one it is said in which units and references it would be usual; of a usual one, how long it would be
+    with the other reference.
     """
     lengths: list[str] = []
     instead: list[str] = []
