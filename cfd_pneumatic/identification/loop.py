@@ -96,7 +96,7 @@ def close_loop(
     harmless = within(tolerance, channel.quantity.small.unit, experiments, after.simulated)
     law = '' if unknown is None else unknown.words
     verdict, why = verdict_of(
-        used, effects, alternatives, tests, shortage, ratio, interval, against, harmless, law, searching
+        used, effects, alternatives, tests, shortage, ratio, interval, against, harmless, law, searching, noise.known
     )
     conclusion = Conclusion(
         verdict=verdict,

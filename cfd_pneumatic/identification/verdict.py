@@ -38,6 +38,7 @@ _FAILINGS = {
 _UNSOUGHT = 'effects are searched for once what the warning names is mended'
 _WHOLE = 'flows, stiffness and sensing follow pressure and position, as the physical core has it'
 _UNKNOWN = 'the model lacks something that is none of the effects known here'
+_MAYBE_MORE = 1.25  # times the noise from sample to sample: more is left than most sensors' noise
 _FEWEST_SAMPLES = 100  # of the train part: below, a dozen unknowns and a noise floor are not to be told apart
 _BLOCKS = 20
 _RESAMPLINGS = 2000
@@ -176,12 +177,14 @@ def verdict_of(
     harmless: str = '',
     law: str = '',
     sought: bool = True,
+    rested: bool = True,
 ) -> tuple[str, str]:
     """
     Return the verdict and the sentence that says it; clauses of `against` withdraw it.
 
     Where `harmless` says why what is left does not matter, it makes no verdict `unexplained`. A `law` is what a curve
-    that was drawn does. Whether effects were `sought` at all is said, too.
+    that was drawn does. Whether effects were `sought` at all is said, too; and what is left may be noise with a memory
+    or more where nothing `rested`.
     """
     if shortage is not None:
         return 'insufficient_data', shortage
@@ -207,6 +210,10 @@ def verdict_of(
         why, left = f'{whole}{_UNKNOWN if sought else _UNSOUGHT}', f': what is left {failed}'
     else:
         why, left = f'{whole}what the model leaves is noise', ': nothing is missing that these recordings could show'
+        size = max((test.statistic for test in tests if test.name == 'noise_floor'), default=1.0)
+        if not rested and size > _MAYBE_MORE:
+            why = f'{whole}what the model leaves is {size:.1f} times the noise from sample to sample'
+            left = ': nothing is missing if that noise has a memory, which rests of a second or two tell'
     if failed and harmless:
         failed, left = '', f'; what is left {failed}, but {harmless}'
     if failed or against:
