@@ -181,6 +181,9 @@ def _as_drawn(drawing: Drawn, before: Fit, after: Fit) -> tuple[Fit, Shape] | No
     left_beside_others = compared(experiments, after.simulated, simulated)[0]
     if left_beside_others >= 1.0:
         return None
+    others = {name: own for name, own in model.effects.items() if name != likelihood.channel.curve.name}
+    if compared(experiments, likelihood.simulate(replace(model, effects=others)), simulated)[0] >= _SEEN:
+        return None  # it freed a core that was stuck, and does nothing itself
     left_of_unseen = [compared(experiments, likelihood.simulate(begin.model), simulated)[0]]
     if begin.validation_rmse and drawing.candidate.validation_rmse is not None:
         left_of_unseen.append(drawing.candidate.validation_rmse / begin.validation_rmse)

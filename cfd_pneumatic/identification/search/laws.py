@@ -33,7 +33,8 @@ _FARTHEST = 1.5  # times the noise: no fit to the end brings a curve from there 
 _RIVALLING = 2.0  # times what the best one leaves of an excerpt: those worth a fit to the end
 _MOST_OF_ALL = 0.25  # of that, which a law may leave that is asked for before effects in company
 _PROMISING = 0.6  # of what the best one promises: those worth a fit
-_HARDLY_PROMISING = 0.2  # of that: those that are tried where none of the others comes near
+_HARDLY_PROMISING = 0.2  # of that: those that are tried where none of the others comes near what is left, if that is
+_LARGE = 3.0  # times the noise
 _MOST_LEFT = 0.53  # of the squares above the noise, as the linearised model foretells it
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a promise, with which a fit begins
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
@@ -177,7 +178,7 @@ class Laws:
             most = max((one.evidence for one in promised), default=0.0)
             likely = _worth_a_fit(promised, size, _PROMISING * most)
             near = self._near(begin, likely)
-            if likely and not near:  # a large law is far from where it was linearised
+            if likely and not near and size > _LARGE:  # far from where it was linearised
                 names = {one.slot.name for one in likely}
                 others = [one for one in promised if one.slot.name not in names]
                 near = self._near(begin, _worth_a_fit(others, size, _HARDLY_PROMISING * most))
