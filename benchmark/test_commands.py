@@ -19,7 +19,6 @@ import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -52,9 +51,8 @@ def seconds(command: Sequence[str]) -> float:
     return time.perf_counter() - began
 
 
-@cache
 def unit() -> float:
-    """Return what the imports take [s]."""
+    """Return what the imports take now [s]: within an hour that changes by a third."""
     return statistics.median(seconds([sys.executable, '-c', IMPORTS]) for _ in range(ROUNDS))
 
 
@@ -84,9 +82,7 @@ def timed(benchmark, table, name: str, command: Sequence[str]) -> None:
     """Time a command over its rounds, and tell it in units of the imports."""
     benchmark.group = 'whole commands'
     benchmark.pedantic(seconds, (command,), rounds=ROUNDS, warmup_rounds=1)
-    median = benchmark.stats.stats.median
-    benchmark.extra_info.update(seconds=median, units=median / unit())
-    table.append(f'{name}: {median:.2f} s, {median / unit():.2f} units of {unit():.2f} s')
+    told(benchmark, table, name, benchmark.stats.stats.median)
 
 
 def identified(benchmark, table, name: str, arguments: Sequence[str | Path], output: Path) -> None:
@@ -154,7 +150,7 @@ def test_ready(benchmark, table, name):
     ready(name, 0, {})
     times = [ready(name, number, {}) for number in range(ROUNDS)]
     benchmark.pedantic(lambda: None, rounds=1)
-    told_of_start(benchmark, table, f'{name}, ready with warm caches', statistics.median(times))
+    told(benchmark, table, f'{name}, ready with warm caches', statistics.median(times))
 
 
 @pytest.mark.usefixtures('graph')
@@ -165,16 +161,18 @@ def test_first_start(benchmark, table, tmp_path, count):
     with ThreadPoolExecutor(count) as pool:
         times = list(pool.map(lambda number: ready('sim_node', number, cold), range(count)))
     benchmark.pedantic(lambda: None, rounds=1)
-    told_of_start(benchmark, table, f'first start of {count} sim_node, the last ready', max(times))
+    told(benchmark, table, f'first start of {count} sim_node, the last ready', max(times))
 
 
-def told_of_start(benchmark, table, what: str, took: float) -> None:
-    benchmark.extra_info.update(seconds=took, units=took / unit())
-    table.append(f'{what}: {took:.2f} s, {took / unit():.2f} units of {unit():.2f} s')
+def told(benchmark, table, what: str, took: float) -> None:
+    """Tell how long something took [s], in units of the imports, too."""
+    imports = unit()
+    benchmark.extra_info.update(seconds=took, units=took / imports)
+    table.append(f'{what}: {took:.2f} s, {took / imports:.2f} units of {imports:.2f} s')
 
 
 def test_compile_kernels(benchmark, table, tmp_path, monkeypatch):
     benchmark.group = 'whole commands'
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
     benchmark.pedantic(seconds, (program('compile_kernels'),), rounds=1)
-    told_of_start(benchmark, table, 'compile_kernels', benchmark.stats.stats.median)
+    told(benchmark, table, 'compile_kernels', benchmark.stats.stats.median)
