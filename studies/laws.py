@@ -211,14 +211,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='laws', description=__doc__.split('\n\n')[0])
     parser.add_argument('--seeds', type=int, default=6, help='recordings of each law, schedule and kind of device')
     parser.add_argument('--first', type=int, default=FIRST_SEED, help='seed')
-    known = (*chain(*LAWS.values()), *LIBRARY, '')
+    known = (*chain(*LAWS.values()), '')
     parser.add_argument('--laws', nargs='+', choices=known, default=known, help='which; empty: healthy')
+    parser.add_argument('--left-out', action='store_true', help='effects of the library instead, without them')
     parser.add_argument('--jobs', type=int, default=2, help='processes')
     parser.add_argument('--rows', type=Path, default=ROOT / 'build' / 'laws.jsonl', help='file of what came of each')
     options = parser.parse_args(arguments)
     assert set(chain(*LAWS.values())) == STRANGE.keys()
-    drawn = {CYLINDER: (*LAWS[CYLINDER], *LIBRARY), FORCE: LAWS[FORCE]}
-    asked = [(law, channel) for channel, own in drawn.items() for law in (*own, '') if law in options.laws]
+    asked = [(law, channel) for channel, own in LAWS.items() for law in (*own, '') if law in options.laws]
+    if options.left_out:
+        asked = [(name, CYLINDER) for name in LIBRARY]
     jobs = [
         Job(law, channel, whole, schedule, options.first + seed)
         for seed, (law, channel), (_, whole), schedule in product(range(options.seeds), asked, KINDS, SCHEDULES)

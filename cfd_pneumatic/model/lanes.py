@@ -98,13 +98,13 @@ def loads(typing_context: Any, numbers: types.Type, place: types.Type, count: An
 
 
 @_built
-def store(typing_context: Any, numbers: types.Type, place: types.Type, value: Any) -> tuple[Any, Build]:
+def store(typing_context: Any, numbers: types.Type, place: types.Type, value: types.Type) -> tuple[Any, Build]:
     """Put lanes into an array of floats from a place on, or a float into each of them; several one behind another."""
 
     def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
         first, kinds, each = _pointer(builder, values), signature.args[2:], values[2:]
         if isinstance(value, types.BaseTuple):
-            kinds, each = value.types, unpack_tuple(builder, each[0])  # type: ignore[attr-defined]  # as above
+            kinds, each = kinds[0].types, unpack_tuple(builder, each[0])
         for rank, vector in enumerate(_vectors(context, builder, kinds, each)):
             builder.store(vector, builder.gep(first, [_INDEX(rank)]), align=8)
         return context.get_dummy_value()

@@ -99,9 +99,10 @@ def test_a_small_law_counts_by_what_it_foretells() -> None:
 def test_one_law_is_preferred_to_several_effects_that_do_less() -> None:
     one = draw('ledge', 'out_and_back', 10001, make=list(MAKES)[10001 % len(MAKES)])
     result = identify([recording_of(one)], Options(close_loop=True)).cylinders['cylinder_a']
+    shape = result.findings.unknown
     assert result.findings.effects == ()
-    assert result.findings.unknown is not None
-    assert ('set_point', 'x') in {(result.findings.unknown.enters, 'x'), *result.findings.unknown.others}
+    assert shape is not None
+    assert ('set_point', 'x') in {(shape.enters, shape.against), *shape.others}
     assert result.rmse(1) < 1.02 * floor(one, result)
 
 
