@@ -8,6 +8,7 @@ test part; say what was found, or that it is not known.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -182,7 +183,9 @@ def _as_drawn(drawing: Drawn, before: Fit, after: Fit) -> tuple[Fit, Shape] | No
     if left_beside_others >= 1.0:
         return None
     others = {name: own for name, own in model.effects.items() if name != likelihood.channel.curve.name}
-    if compared(experiments, likelihood.simulate(replace(model, effects=others)), simulated)[0] >= _SEEN:
+    without = likelihood.simulate(replace(model, effects=others))
+    squares = [sum(float(run @ run) for run in likelihood.residuals(one)) for one in (simulated, without)]
+    if min(compared(experiments, without, simulated)[0], math.sqrt(squares[0] / squares[1])) >= _SEEN:
         return None  # it freed a core that was stuck, and does nothing itself
     left_of_unseen = [compared(experiments, likelihood.simulate(begin.model), simulated)[0]]
     if begin.validation_rmse and drawing.candidate.validation_rmse is not None:

@@ -34,8 +34,9 @@ _DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's s
 _LONGEST_STEP = 2.0
 _STRETCHES = 32  # of long recordings, which a search reads
 _STRETCH = 16_384  # samples
-_SPREAD = 16  # of short ones
-_LEAD = 0.1  # share of a stretch
+_SPREAD = 8  # of short ones: long enough for the walls' warmth, which nobody knows where they begin
+_LEAD = 0.1  # share of a stretch until that is forgotten
+_LONGER_LEAD = 0.25  # of a short one
 _LEAST = 1e-300  # sum of squares whose logarithm is taken
 
 
@@ -212,18 +213,18 @@ class Likelihood:
             length = max(int(share * one.part.size / number), 1)
             firsts = np.linspace(0, one.part.size - length, number).astype(int).tolist()
             places += [(rank, slice(first, first + length)) for first in firsts]
-        return self._cut(places)
+        return self._cut(places, _LONGER_LEAD)
 
-    def _cut(self, places: Sequence[tuple[int, slice]]) -> Likelihood:
+    def _cut(self, places: Sequence[tuple[int, slice]], lead: float = _LEAD) -> Likelihood:
         """
         Return some stretches of some experiments.
 
-        One from the middle starts as measured; its first samples don't count, until that is forgotten.
+        One from the middle starts as measured; this share of it does not count.
         """
         experiments = [self.experiments[rank].stretch(samples) for rank, samples in places]
         for rank, one in enumerate(experiments):
             if not one.whole:
-                late = np.arange(one.part.size) >= int(_LEAD * one.part.size)
+                late = np.arange(one.part.size) >= int(lead * one.part.size)
                 experiments[rank] = replace(one, chosen=one.counts & late)
         weights = [self.weights[rank][samples] for rank, samples in places]
         return replace(self, experiments=tuple(experiments), weights=tuple(weights))

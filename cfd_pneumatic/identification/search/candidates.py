@@ -229,6 +229,10 @@ class Candidates:
         may_be = [name for name in ranked if taken[name] >= least or promised[name] >= least_promised]
         return sorted(may_be, key=lambda name: -max(taken[name], promised[name]))[:_PROMISING]
 
+    def squares(self, candidate: Candidate) -> float:
+        """Return the sum of squares that a candidate leaves of train and validation."""
+        return sum(float(run @ run) for run in self.learn.residuals(candidate.simulated))
+
     def roughly_left(self, candidate: Candidate) -> float:
         """Return the mean square that a candidate leaves of the excerpt that rough fits are of."""
         return self._cost_of_excerpt(candidate) / self.excerpt.samples

@@ -11,13 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from types import MappingProxyType
 
-import numpy as np
-
 from cfd_pneumatic.identification.data.options import LINEAR, PHYSICAL
-from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.autoregression import autoregression
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
@@ -144,7 +141,7 @@ class Cores:
             return None
         rivals = self._rivals(drawing)
         near = [one for one in rivals if laws.is_near(drawing, one)]
-        self._led = sorted((one for one in near if one.model.core), key=partial(_squares, self.candidates))[:1]
+        self._led = sorted((one for one in near if one.model.core), key=self.candidates.squares)[:1]
         alone = _leaves_noise(self.candidates, drawing.candidate) or laws.is_far_better(drawing, [*singles, *rivals])
         return drawing if alone and not near else None
 
@@ -218,15 +215,9 @@ def _preferred(
         for model, unknowns in ((one, charged), (other, other.unknowns))
     ]
     if is_instead:
-        return criteria[0] < criteria[1] + TIE and _squares(candidates, one) < ALIKE**2 * _squares(candidates, other)
+        return criteria[0] < criteria[1] + TIE and candidates.squares(one) < ALIKE**2 * candidates.squares(other)
     errors = one.validation_rmse, other.validation_rmse
     if errors[0] is None or errors[1] is None:
         return criteria[0] < criteria[1]
-    clearly = _squares(candidates, one) < _CLEARLY * _squares(candidates, other)
+    clearly = candidates.squares(one) < _CLEARLY * candidates.squares(other)
     return errors[0] < errors[1] and (clearly or criteria[0] < criteria[1])
-
-
-def _squares(candidates: Candidates, one: Candidate) -> float:
-    """Return the sum of squares that a model leaves of train and validation."""
-    unseen = sum(np.count_nonzero(run.part == PARTS.index('validation')) for run in candidates.learn.experiments)
-    return one.rss + (unseen * one.validation_rmse**2 if one.validation_rmse is not None else 0.0)

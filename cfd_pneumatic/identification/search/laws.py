@@ -35,7 +35,7 @@ _MOST_OF_ALL = 0.25  # of that, which a law may leave that is asked for before e
 _PROMISING = 0.6  # of what the best one promises: those worth a fit
 _HARDLY_PROMISING = 0.2  # of that: those that are tried where none of the others comes near what is left, if that is
 _LARGE = 3.0  # times the noise
-_MOST_LEFT = 0.53  # of the squares above the noise, as the linearised model foretells it
+_MOST_LEFT = 0.6  # of the squares above the noise, as the linearised model foretells it
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a promise, with which a fit begins
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
 _LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
@@ -110,15 +110,16 @@ class Laws:
         found: list[Drawn] = []
         for begin in sorted(begins, key=self._least_promised):
             if begin in self._known or self._least_promised(begin) < least:
-                found += [one for one in self._beside(begin) if self.is_better(one, [begin, *known])]
+                found += [one for one in self._beside(begin) if self.is_better(one, known)]
             if any(small_enough(self.candidates.residual_tests(one.candidate)) for one in found):
                 break  # what leaves noise beside one core is not looked for beside another
         if not found:
             return None
-        best = min(found, key=lambda one: _error(one.candidate))
+        best = min(found, key=lambda one: self.candidates.squares(one.candidate))
         if not self._is_near_noise(best):
             return None
-        alike = [one.name for one in found if _error(one.candidate) < _ALIKE * _error(best.candidate)]
+        least_error = min(_error(one.candidate) for one in found)
+        alike = [one.name for one in found if _error(one.candidate) < _ALIKE * least_error]
         return replace(best, others=tuple(dict.fromkeys(name for name in alike if name != best.name)))
 
     def beside_core(self, core: Candidate, begin: Candidate, name: str, known: Sequence[Candidate]) -> Drawn | None:
@@ -152,8 +153,14 @@ class Laws:
         return self.best([self.candidates.finished(replace(drawn.model, effects=effects), begin.model)], known)
 
     def is_better(self, drawing: Drawn, known: Sequence[Candidate]) -> bool:
-        """Return whether a curve explains more than every one of some models."""
-        return all(_is_better(self.candidates, drawing.candidate, other) for other in dict.fromkeys(known))
+        """Return whether a curve explains more than the model without it, and than every one of some others."""
+        drawn, begin = drawing.candidate, drawing.begin
+        foretells = _error(drawn) < _ALIKE * min((_error(one) for one in known), default=math.inf)
+        return (
+            _is_better(self.candidates, drawn, begin)
+            and foretells
+            and all(_explains_more(self.candidates, drawn, one) for one in dict.fromkeys(known))
+        )
 
     def is_near(self, drawing: Drawn, other: Candidate) -> bool:
         """Return whether a model does nearly as well as one with a curve: on the validation part, and on everything."""
@@ -175,7 +182,7 @@ class Laws:
         """
         if begin not in self._known:
             promised, size = self._promises(begin), self._size(begin)
-            most = max((one.evidence for one in promised), default=0.0)
+            most = max((one.evidence for one in promised if one.slot.name[1] != 'time'), default=0.0)
             likely = _worth_a_fit(promised, size, _PROMISING * most)
             near = self._near(begin, likely)
             if likely and not near and size > _LARGE:  # far from where it was linearised
@@ -313,10 +320,14 @@ def _error(candidate: Candidate) -> float:
 
 
 def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate) -> bool:
-    """Return whether a curve explains more than a model: of the train part, and of what it was not fitted to."""
+    """Return whether a curve explains more than a model, and foretells what it was not fitted to."""
+    return _explains_more(candidates, candidate, begin) and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)
+
+
+def _explains_more(candidates: Candidates, candidate: Candidate, other: Candidate) -> bool:
+    """Return whether a curve explains more of train and validation than a model, or foretells far more."""
     learn, coefficients = candidates.learn, autoregression(candidate.residuals)
     before, after = (
-        learn.criterion(learn.residuals(one.simulated), one.unknowns, coefficients) for one in (begin, candidate)
+        learn.criterion(learn.residuals(one.simulated), one.unknowns, coefficients) for one in (other, candidate)
     )
-    tells = before - after > _LEAST_EVIDENCE or _error(candidate) < _CLEARLY * _error(begin)
-    return tells and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)
+    return before - after > _LEAST_EVIDENCE or _error(candidate) < _CLEARLY * _error(other)
