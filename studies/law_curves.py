@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.identification.shape import Shape
 from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
 from cfd_pneumatic.rig.panel import STRANGE_FORCE, Draw
@@ -122,7 +122,7 @@ def nearness(shape: Shape, law: str, drawn: Draw) -> Nearness | None:
                 true = true * (true @ told) / max(float(true @ true), 1e-300)
             columns = np.column_stack([*own.free(at, true), np.zeros_like(at)])
             true = true + columns @ np.linalg.lstsq(columns, told - true, rcond=None)[0]
-            error = float(np.sqrt(np.mean((told - true) ** 2)) / max(np.ptp(true), 1e-300))
+            error = rms(told - true) / max(float(np.ptp(true)), 1e-300)
             inside = (shape.low[seen] <= true) & (true <= shape.high[seen])
             return Nearness(error, int(np.count_nonzero(inside)), int(at.size))
     return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.device.identified import estimated_setpoints
 from cfd_pneumatic.identification import Identification, PartError
@@ -49,5 +49,5 @@ def live_errors(identification: Identification, device: Device) -> dict[str, Par
 
 
 def _error(residual: Array, span: float) -> PartError:
-    rmse = float(np.sqrt(np.mean(residual**2)))
+    rmse = rms(residual)
     return PartError(rmse, 100.0 * rmse / span)

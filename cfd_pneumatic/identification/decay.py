@@ -22,7 +22,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import stdtrit
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.fit.uncertainty import information
 from cfd_pneumatic.model.effects import MODULES, Moment
@@ -236,7 +236,7 @@ def _fit_of(fall: _Fall, times: Array, pressure: Array, first: NDArray[np.bool_]
     searched = [_searched(blank, times, pressure, first, begin) for begin in begins]
     unknowns = np.asarray(min(searched, key=lambda one: float(one.cost)).x)
     left = (pressure - blank.simulated(times, unknowns))[~first]
-    return _Fit(fall, unknowns, lower, upper, scale, float(np.sqrt(np.mean(left**2))))
+    return _Fit(fall, unknowns, lower, upper, scale, rms(left))
 
 
 def _searched(fit: _Fit, times: Array, pressure: Array, counts: NDArray[np.bool_], begin: Array) -> OptimizeResult:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Quantity
 from cfd_pneumatic.identification.data.experiment import Experiment
@@ -191,7 +191,7 @@ class ChannelResult:
 
     def rms(self, which: int) -> float:
         """Return the error without (0) or with effects (1) on all samples [SI]."""
-        return float(np.sqrt(np.mean(np.concatenate([one.residual(which) for one in self.comparisons]) ** 2)))
+        return rms(np.concatenate([one.residual(which) for one in self.comparisons]))
 
 
 @dataclass(frozen=True)

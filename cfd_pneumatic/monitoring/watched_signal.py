@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.monitoring.baseline import FEWEST_BLOCKS, Baseline, Weighing, learn
 from cfd_pneumatic.monitoring.chart import Chart
 
@@ -204,7 +204,7 @@ class WatchedSignal:
             level=level,
             shift=float(np.mean(together)) - usual,
             at_rest=float(np.mean([block.mean for block in resting])) - usual if resting else None,
-            root_mean_square=float(np.sqrt(np.mean(together**2))),
+            root_mean_square=rms(together),
             usual=self.usual,
         )
 
@@ -226,4 +226,4 @@ class WatchedSignal:
 
 def _rests(block: ResidualBlock, weighing: Weighing) -> bool:
     """Return whether the predicted signal hardly moves in a block."""
-    return float(np.sqrt(np.mean(block.rates**2))) * _MOMENT < weighing.noise
+    return rms(block.rates) * _MOMENT < weighing.noise

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.rig.panel.drawing import Draw, at_times, motion_of
 from cfd_pneumatic.rig.panel.specimen import Specimen
@@ -23,7 +23,7 @@ from cfd_pneumatic.rig.transmission import read_force
 
 def oracle_rmse(draw: Draw) -> float:
     """Return the RMSE of cylinder A's pressure against the true device driven by the measured displacement [Pa]."""
-    return _rms(oracle_residual(draw))
+    return rms(oracle_residual(draw))
 
 
 def oracle_residual(draw: Draw) -> Array:
@@ -33,12 +33,12 @@ def oracle_residual(draw: Draw) -> Array:
 
 def baseline_rmse(draw: Draw) -> float:
     """Return the same against the device without its effects [Pa]."""
-    return _rms(_pressure_residual(draw, draw.truth.healthy))
+    return rms(_pressure_residual(draw, draw.truth.healthy))
 
 
 def force_oracle_rmse(draw: Draw) -> float:
     """Return the RMSE of the force against the true device's, given the measured pressures [N]."""
-    return _rms(force_oracle_residual(draw))
+    return rms(force_oracle_residual(draw))
 
 
 def force_oracle_residual(draw: Draw) -> Array:
@@ -52,7 +52,7 @@ def force_oracle_residual(draw: Draw) -> Array:
 
 def force_baseline_rmse(draw: Draw) -> float:
     """Return the RMSE of the force against the measured pressures' alone [N]."""
-    return _rms(draw.recording.force - _thrust(draw.recording.pressures))
+    return rms(draw.recording.force - _thrust(draw.recording.pressures))
 
 
 def predict(device: Specimen | Gains, recording: Readings, schedule: Schedule) -> Array:
@@ -81,7 +81,3 @@ def _thrust(pressures: Array) -> Array:
     """Return the force of the air at some pressures of A and B [N]."""
     area = Cylinder().area
     return area * (pressures[:, 0] - pressures[:, 1])
-
-
-def _rms(errors: Array) -> float:
-    return float(np.sqrt(np.mean(errors**2)))
