@@ -18,7 +18,7 @@ from pathlib import Path
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, NOISES, ON_FORCE
 from studies.documents import notes_in
-from studies.panel_document import document, picture_of
+from studies.panel_document import document
 from studies.panel_rows import FIRST_SEED, FIRST_WHOLE_SEED, KINDS, SCHEDULES, WHOLE_KINDS, jobs_of, read_rows, run
 from studies.panel_scores import goals
 from studies.provenance import ROOT, code_version, machine
@@ -61,14 +61,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         rows = read_rows(options.rows, taken)
     chosen = [rows[job] for job in jobs if job in rows]
     drawn = [row for row in chosen if row.verdict != 'not_drawn']
-    drawing, picture = picture_of(drawn), options.output.with_suffix('.svg')
-    if drawing is not None:
-        write_text(picture, drawing)
     given = shlex.join(one for one in (sys.argv[1:] if arguments is None else arguments) if one != '--only-document')
     command = 'make benchmark-effects' + (f" ARGS='{given}'" if given else '')
     how = {'command': command, 'machine': machine()}
-    shown = picture.name if drawing is not None else None
-    write_text(options.output, document(chosen, how, shown, notes_in(options.output)))
+    write_text(options.output, document(chosen, how, notes_in(options.output)))
     for goal in goals(drawn):
         print(f'{"met    " if goal.met else "NOT MET"}  {goal.what}: {goal.measured} (wanted: {goal.wanted})')
     print(f'The document is {options.output}')

@@ -1,17 +1,14 @@
-"""What came of the panel, in Markdown, and its confusion matrices."""
+"""What came of the panel, in Markdown."""
 
 from __future__ import annotations
 
 import collections
-import io
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 
-import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
 
 from cfd_pneumatic.rig.panel import FOREIGN, LIBRARY, MAKES, NOISES, ON_FORCE, OWN_WAYS
 from studies.documents import NOTES, table
@@ -42,7 +39,7 @@ Line = Mapping[str, object]
 """Cells of a table by their columns."""
 
 
-def document(rows: Sequence[Row], how: Mapping[str, str], picture: str | None, notes: str) -> str:
+def document(rows: Sequence[Row], how: Mapping[str, str], notes: str) -> str:
     """Return the document in Markdown."""
     drawn = [row for row in rows if row.verdict != 'not_drawn']
     sections = [
@@ -52,8 +49,6 @@ def document(rows: Sequence[Row], how: Mapping[str, str], picture: str | None, n
         _how_section(rows, drawn, how),
         _goals_section(drawn),
     ]
-    if picture is not None:
-        sections.append(f'![confusion matrices]({picture})')
     for heading, text, lines in _tables(drawn):
         if lines:
             sections.append(f'## {heading}\n\n{text}\n\n{_table(lines)}')
@@ -334,33 +329,3 @@ def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, str, Sequence[Line]]]:
     yield 'Listed pairs', text, lines
     text = 'Recordings that were not identified; they count as visible and as answered without a name.'
     yield 'Refused', text, [_refused(row) for row in rows if row.verdict == 'refused']
-
-
-def picture_of(rows: Sequence[Row]) -> str | None:
-    """Return the confusion matrices of visible draws as SVG, a panel for each schedule; None where there are none."""
-    shown = [row for row in rows if row.kind in ('effects', 'foreign') and row.visible]
-    if not shown:
-        return None
-    truths = [name for name in (*LIBRARY, *FOREIGN) if any(row.effects == (name,) for row in shown)]
-    answers = [*LIBRARY, *SILENT]
-    schedules = [one for one in SCHEDULES if any(row.schedule == one for row in shown)]
-    with matplotlib.rc_context({'svg.hashsalt': 'panel', 'svg.fonttype': 'none', 'font.size': 8.0}):
-        figure = Figure(figsize=(8.5, (1.8 + 0.24 * len(truths)) * len(schedules)), layout='constrained')
-        for axes, schedule in zip(figure.subplots(len(schedules), squeeze=False)[:, 0], schedules):
-            given = collections.Counter(
-                (row.effects[0], row.named[0] if row.named else row.verdict)
-                for row in shown
-                if row.schedule == schedule
-            )
-            counts = np.array([[given[truth, one] for one in answers] for truth in truths])
-            shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-            axes.imshow(shares, cmap='Blues', vmin=0.0, vmax=1.0, aspect='auto')
-            for line, column in np.argwhere(counts):
-                colour = 'white' if shares[line, column] > 0.6 else 'black'
-                axes.text(column, line, str(counts[line, column]), ha='center', va='center', color=colour)
-            axes.set_xticks(range(len(answers)), answers, rotation=60, ha='right', rotation_mode='anchor')
-            axes.set_yticks(range(len(truths)), truths)
-            axes.set_title(f'{schedule}: effect in the recording (rows) by first name (columns), visible draws')
-        stream = io.StringIO()
-        figure.savefig(stream, format='svg', metadata={'Date': None})
-    return stream.getvalue()

@@ -152,7 +152,7 @@ def test_the_document_has_a_line_for_each_effect():
     rows += [replace(LEAK, kind='clean', effects=('coloured',)), replace(LEAK, kind='leave_one_out', named=('droop',))]
     rows += [RUBS, replace(RUBS, kind='clean_force', effects=(), named=())]
     how = {'command': 'make benchmark-effects', 'machine': 'a machine'}
-    text = panel_document.document(rows, how, 'picture.svg', '## Notes\n\nBy hand.')
+    text = panel_document.document(rows, how, '## Notes\n\nBy hand.')
     assert '| `leakage` | 2 | 1 (droop 1) | 1 | 1 | 0 | 0 | 0 / 0 / 0 |' in text
     assert '| `sensor_lag` | 1 | 0 | 1 | 0 | 1 | 0 | 0 / 0 / 0 |' in text
     assert '| `heat_transfer` | 1 | 0 | 1 | 0 | 0 | 0 | 0 / 0 / 1 |' in text
@@ -161,22 +161,11 @@ def test_the_document_has_a_line_for_each_effect():
     assert 'ValueError: NaN' in text
     assert '1 pairs' in text
     assert 'commit 1234567 (program text abc)' in text
-    assert '![confusion matrices](picture.svg)' in text
     assert text.endswith('## Notes\n\nBy hand.\n')
     tables = [block for block in text.split('\n\n') if block.startswith('|')]
     assert len(tables) >= 8
     for block in tables:
         assert len({line.count('|') for line in block.splitlines()}) == 1, block
-
-
-def test_the_picture_is_svg_and_the_same_again():
-    pytest.importorskip('matplotlib')
-    rows = [LEAK, replace(LEAK, effects=('droop',), named=(), verdict='unexplained', schedule='paper_step')]
-    drawn = panel_document.picture_of(rows)
-    assert drawn is not None
-    assert '<svg' in drawn
-    assert drawn == panel_document.picture_of(rows)
-    assert panel_document.picture_of([PAIR]) is None
 
 
 def test_rows_come_back_from_disk(tmp_path):
@@ -189,7 +178,6 @@ def test_rows_come_back_from_disk(tmp_path):
 
 
 def test_a_run_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys):
-    pytest.importorskip('matplotlib')
     measured = []
 
     def measure(job: Job) -> Row:
@@ -269,7 +257,7 @@ def test_devices_with_all_of_their_physics_have_goals_of_their_own():
     assert all(goal.met for goal in panel_scores.goals(rows))
     blamed = [*rows, replace(rows[-1], named=('leakage',), verdict='effect_added')]
     assert not all(goal.met for goal in panel_scores.goals(blamed))
-    text = panel_document.document(rows, {'command': 'c', 'machine': 'm'}, None, '## Notes')
+    text = panel_document.document(rows, {'command': 'c', 'machine': 'm'}, '## Notes')
     assert '`silencer`, own' in text
 
 
