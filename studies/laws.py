@@ -14,18 +14,14 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from itertools import chain, product
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from rich.progress import track
-from scipy.stats import binomtest
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import rms
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
@@ -49,6 +45,8 @@ from cfd_pneumatic.rig.panel import (
 from studies.documents import table
 from studies.law_curves import nearness
 from studies.panel_rows import CYLINDER, VISIBLE, cylinder_a_of
+from studies.panel_scores import share
+from studies.processes import side_by_side
 from studies.provenance import ROOT, commit
 
 FORCE = 'force'
@@ -119,7 +117,7 @@ def measure(job: Job) -> dict[str, Any]:
     (experiment,) = result.experiments
     judged = experiment.part == PARTS.index('test')
     of_oracle = identification.splits[0].part_of(recording.displacement.times) == PARTS.index('test')
-    left = _rms((force_oracle_residual if on_force else oracle_residual)(drawn)[of_oracle])
+    left = rms((force_oracle_residual if on_force else oracle_residual)(drawn)[of_oracle])
     law = conclusion.unknown
     near = nearness(law, job.law, drawn) if law is not None and job.law else None
     return {
@@ -129,28 +127,16 @@ def measure(job: Job) -> dict[str, Any]:
         'places': [] if law is None else [(law.enters, law.against), *law.others],
         'formulas': [] if law is None else [one.text for one in law.formulas],
         'near': None if near is None else near._asdict(),
-        'after': _rms((experiment.measured - found.simulated[0])[judged]) / left,
-        'remains': min(_rms((experiment.measured - one.simulated[0])[judged]) for one in cores) / left,
+        'after': rms((experiment.measured - found.simulated[0])[judged]) / left,
+        'remains': min(rms((experiment.measured - one.simulated[0])[judged]) for one in cores) / left,
         'seconds': seconds,
     }
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def is_right(row: dict[str, Any]) -> bool:
     """Return whether the place and the variable are among those that were named."""
     named = {(enters.replace('leak', 'chamber'), against) for enters, against in row.get('places', ())}
     return bool(named & {**CLASSES, **LEFT_OUT}.get(row['law'], set()))
-
-
-def _share(rows: Sequence[dict[str, Any]], passes: Callable[[dict[str, Any]], bool]) -> str:
-    if not rows:
-        return '-'
-    counted = sum(map(passes, rows))
-    low, high = binomtest(counted, len(rows)).proportion_ci(method='wilson')
-    return f'{counted} of {len(rows)} ({100 * low:.0f} to {100 * high:.0f} %)'
 
 
 def report(rows: Sequence[dict[str, Any]]) -> str:
@@ -177,10 +163,10 @@ def report(rows: Sequence[dict[str, Any]]) -> str:
         lines.append(
             (
                 name,
-                _share(own, lambda row: row['verdict'] == 'shape_found'),
-                _share(own, is_right),
-                _share(own, lambda row: row.get('after', np.inf) <= 1.1),
-                _share(own, lambda row: row['verdict'] == 'effect_added'),
+                share(own, lambda row: row['verdict'] == 'shape_found'),
+                share(own, is_right),
+                share(own, lambda row: row.get('after', np.inf) <= 1.1),
+                share(own, lambda row: row['verdict'] == 'effect_added'),
             )
         )
     heading = (
@@ -192,9 +178,9 @@ def report(rows: Sequence[dict[str, Any]]) -> str:
     )
     curves = [row['near'] for row in seen if row.get('near') and is_right(row)]
     covered, points = (sum(near[name] for near in curves) for name in ('covered', 'points'))
-    near = _share(curves, lambda one: one['error'] <= NEAR)
+    near = share(curves, lambda one: one['error'] <= NEAR)
     healthy = [row for row in rows if not row['law']]
-    clean = _share(healthy, lambda row: row['verdict'] == 'shape_found')
+    clean = share(healthy, lambda row: row['verdict'] == 'shape_found')
     longest = max((row.get('seconds', 0.0) for row in rows), default=0.0)
     return (
         f'{table(heading, lines)}\n\nCurves in the law’s own place that are within {100 * NEAR:.0f} % of its range: '
@@ -227,8 +213,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ]
     rows = []
     options.rows.parent.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(options.jobs, get_context('spawn')) as pool, options.rows.open('w') as stream:
-        for row in track(pool.map(measure, jobs), description='recordings', total=len(jobs)):
+    with options.rows.open('w') as stream:
+        for row in side_by_side(measure, jobs, 'recordings', options.jobs):
             rows.append(row)
             stream.write(json.dumps(row) + '\n')
             stream.flush()

@@ -10,17 +10,15 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import multiprocessing
-import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from cfd_pneumatic.arrays import rms
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Fit, Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
@@ -41,6 +39,7 @@ from cfd_pneumatic.rig.panel import (
     force_oracle_residual,
     oracle_residual,
 )
+from studies.processes import side_by_side
 from studies.provenance import commit
 
 CYLINDER = 'cylinder_a'
@@ -224,16 +223,16 @@ def _identified(job: Job, drawn: Draw) -> Row:
     tested = bool(np.any(test))
     if not tested:
         test[:], oracles_test[:] = True, True
-    floor, floor_test = _rms(left), _rms(left[oracles_test])
+    floor, floor_test = rms(left), rms(left[oracles_test])
     return Row(
         *job,
         verdict=conclusion.verdict,
         named=conclusion.effects,
         alternatives={name: tuple(others) for name, others in conclusion.alternatives.items() if others},
-        before=_rms(before) / floor,
-        after=_rms(after) / floor,
-        before_test=_rms(before[test]) / floor_test,
-        after_test=_rms(after[test]) / floor_test,
+        before=rms(before) / floor,
+        after=rms(after) / floor,
+        before_test=rms(before[test]) / floor_test,
+        after_test=rms(after[test]) / floor_test,
         tested=tested,
         noise=conclusion.noise.std / floor,
         strengths=drawn.truth.strengths,
@@ -254,12 +253,8 @@ def _beside(pair: Sequence[str], baseline: Fit, found: Fit, floor: float) -> dic
         if other in found.model.effects:
             starts.append(replace(found.model, effects={other: found.model.effects[other]}))
         models = [search(likelihood, start, 1e-5, 20).model for start in starts]
-        errors[effect] = min(_rms(measured - np.concatenate(likelihood.simulate(one))) / floor for one in models)
+        errors[effect] = min(rms(measured - np.concatenate(likelihood.simulate(one))) / floor for one in models)
     return errors
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def read_rows(path: Path, code: str | None) -> dict[Job, Row]:
@@ -284,21 +279,9 @@ def _row(line: str) -> Row | None:
 
 def run(jobs: Sequence[Job], path: Path, code: str, processes: int) -> None:
     """Measure and append a row for each recording, in processes of one thread each; in this one where there are 0."""
-    from rich.progress import track
-
     path.parent.mkdir(parents=True, exist_ok=True)
     here = commit()
     with path.open('a', encoding='utf-8') as stream:
-        for row in track(_measured(jobs, processes), description='recordings', total=len(jobs)):
+        for row in side_by_side(measure, jobs, 'recordings', processes):
             stream.write(json.dumps({**asdict(row), 'code': code, 'commit': here}) + '\n')
             stream.flush()
-
-
-def _measured(jobs: Sequence[Job], processes: int) -> Iterator[Row]:
-    if processes == 0:
-        yield from map(measure, jobs)
-        return
-    for library in ('OMP', 'OPENBLAS', 'MKL', 'NUMBA'):
-        os.environ[f'{library}_NUM_THREADS'] = '1'  # read by the new processes
-    with ProcessPoolExecutor(processes, multiprocessing.get_context('spawn')) as pool:
-        yield from pool.map(measure, jobs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.stats import binomtest
@@ -13,6 +13,8 @@ from scipy.stats import binomtest
 from cfd_pneumatic.model.effects import FAMILIES
 from cfd_pneumatic.rig.panel import NOISES, OWN_WAYS
 from studies.panel_rows import SCHEDULES, Row, make_of
+
+One = TypeVar('One')
 
 FLOOR_TOLERANCE = 0.05
 
@@ -119,8 +121,8 @@ class Share(NamedTuple):
         return f'{100 * self.value:.1f} % ({self.counted}/{self.total}; {100 * low:.0f} to {100 * high:.0f})'
 
 
-def share(rows: Sequence[Row], passes: Callable[[Row], bool]) -> Share:
-    """Return the share of rows that pass."""
+def share(rows: Sequence[One], passes: Callable[[One], bool]) -> Share:
+    """Return the share of some that pass."""
     return Share(sum(map(passes, rows)), len(rows))
 
 

@@ -1,4 +1,4 @@
-"""Processes: work side by side in two; how they start, what the system says of them, when their messages came."""
+"""Processes: work side by side in some; how they start, what the system says of them, when their messages came."""
 
 from __future__ import annotations
 
@@ -27,10 +27,15 @@ BLOCKS = 24  # of the run, over which memory is averaged
 STAMP_AT = 4  # behind the four bytes that say how a message is encoded
 
 
-def side_by_side(function: Callable[[Work], Result], jobs: Sequence[Work], what: str) -> Iterator[Result]:
-    """Yield what a function makes of each job, in two processes of one thread each, and show how far it is."""
+def side_by_side(
+    function: Callable[[Work], Result], jobs: Sequence[Work], what: str, processes: int = 2
+) -> Iterator[Result]:
+    """Yield what a function makes of each job, in processes of one thread each, and show how far it is; 0: in this."""
+    if processes == 0:
+        yield from map(function, jobs)
+        return
     os.environ['OMP_NUM_THREADS'] = '1'  # read by the new processes
-    with ProcessPoolExecutor(2, get_context('spawn')) as pool:
+    with ProcessPoolExecutor(processes, get_context('spawn')) as pool:
         yield from track(pool.map(function, jobs), description=what, total=len(jobs))
 
 
