@@ -1,14 +1,11 @@
 """
 Bags of any length, made in bulk: a device at 1 kHz with two cylinders, each with pressure and applied set-point.
 
-    python -m studies.long_bag FOLDER --samples 14400000 --compressed
-
 The motion, which is simulated, repeats itself after 20 s; the sensors' noise doesn't.
 """
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -119,18 +116,3 @@ def _compressed(path: Path) -> Path:
         for connection, time, payload in reader.messages():
             writer.write(copied[connection.id], time, payload)
     return copy
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('folder', type=Path, help='folder of the new bag')
-    parser.add_argument('--samples', type=int, default=3_600_000, help='samples of each topic (default: an hour)')
-    parser.add_argument('--storage', choices=STORAGES, default='mcap')
-    parser.add_argument('--compressed', action='store_true', help='chunks, of an mcap')
-    parser.add_argument('--force', action='store_true', help='with the measured force')
-    options = parser.parse_args()
-    print(write_long_bag(options.folder, options.samples, options.storage, options.compressed, options.force))
-
-
-if __name__ == '__main__':
-    main()
