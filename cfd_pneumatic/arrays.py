@@ -6,6 +6,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 """Of floats; shape and unit stand where it is used."""
 
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
 
 def rms(values: Array) -> float:
     """Return the root of the mean square."""

@@ -7,16 +7,14 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Channel
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.fit.fit import Fit
 from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import Recording
-
-Array = NDArray[np.float64]
 
 _EXPLAINED = 0.5  # share of what is left that a staircase has to explain
 _LEAST_STEP = 5.0  # times the noise

@@ -10,7 +10,7 @@ from cfd_pneumatic.model.device import DIRECTIONS, DeviceModel, DeviceState, For
 from cfd_pneumatic.model.extended import ExtendedCylinder, Movement
 from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
 from cfd_pneumatic.model.live import Arrival, Committed, LiveDevice, warm_up
-from cfd_pneumatic.model.parameters import NAMES, SPECS, TABLE_1, TABLE_2, OperatingPoints, ParameterSpec
+from cfd_pneumatic.model.parameters import NAMES, SPECS, TABLE_1, TABLE_2, OperatingPoints
 
 __all__ = [
     'DIRECTIONS',
@@ -31,7 +31,6 @@ __all__ = [
     'LiveDevice',
     'Movement',
     'OperatingPoints',
-    'ParameterSpec',
     'Regulator',
     'first_guess',
     'simulate_parameter_sets',

@@ -8,7 +8,6 @@ closed on an alarm in a process of its own (`Worker`), and tells faults of the f
 from cfd_pneumatic.monitoring.chart import warm_up
 from cfd_pneumatic.monitoring.feed import Fault
 from cfd_pneumatic.monitoring.finding import Diagnosis, Finding, News, diagnose, news
-from cfd_pneumatic.monitoring.run_length import mean_run, threshold_for
 from cfd_pneumatic.monitoring.watch import Alarm, Prediction, Residual, Settings, Watch
 from cfd_pneumatic.monitoring.watched_signal import Departure, WatchedSignal
 from cfd_pneumatic.monitoring.wording import agreed, departed, diagnosed
@@ -31,8 +30,6 @@ __all__ = [
     'departed',
     'diagnose',
     'diagnosed',
-    'mean_run',
     'news',
-    'threshold_for',
     'warm_up',
 ]

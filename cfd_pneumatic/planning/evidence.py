@@ -15,13 +15,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, Indices
 from cfd_pneumatic.identification.fit.uncertainty import Information
 from cfd_pneumatic.identification.search.stepwise import SHOWN, TIE
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.signatures import Signatures
-
-Indices = NDArray[np.intp]
 
 _SINGULAR = 1e-10  # share of a combination's size, squared, below which it is another's
 

@@ -7,6 +7,6 @@ Needs Dask and PyArrow, which the extra `plant` brings.
 from cfd_pneumatic.plant.bags import find_bags
 from cfd_pneumatic.plant.cluster import existing_cluster, is_open, local_cluster
 from cfd_pneumatic.plant.fingerprint import Settings
-from cfd_pneumatic.plant.survey import Survey, survey
+from cfd_pneumatic.plant.survey import survey
 
-__all__ = ['Settings', 'Survey', 'existing_cluster', 'find_bags', 'is_open', 'local_cluster', 'survey']
+__all__ = ['Settings', 'existing_cluster', 'find_bags', 'is_open', 'local_cluster', 'survey']

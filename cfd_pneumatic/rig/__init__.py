@@ -15,7 +15,6 @@ A device with something wrong with it has `Effects`; `cfd_pneumatic.rig.panel` d
 from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record
 from cfd_pneumatic.rig.device import Rig, Truth
 from cfd_pneumatic.rig.devices import DEVICES, device_named, with_faults
-from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.naming import SCHEDULES, schedule_named
 from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
 from cfd_pneumatic.rig.piston import CommandedPiston
@@ -40,9 +39,7 @@ __all__ = [
     'Bench',
     'CommandedPiston',
     'Cylinder',
-    'Effects',
     'Performance',
-    'Pickup',
     'Piston',
     'Rig',
     'RigParameters',

@@ -11,8 +11,8 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array, Indices
 from cfd_pneumatic.identification.channels.unknown import Unknown, bounds_of
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import Motion
@@ -24,9 +24,6 @@ from cfd_pneumatic.identification.residual.rests import runs_at_rest
 from cfd_pneumatic.model.effects import CORES, Data, Effect
 from cfd_pneumatic.model.effects.knots import KNOTS
 from cfd_pneumatic.recording import Recording, Signal
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 EVEN = 1e6
 """A share about which knots crowd so little that they lie evenly."""
@@ -329,38 +326,31 @@ class Channel(ABC):
 
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
         """Return why parameters of the model, and of its effects, are held and not searched, by their names."""
-        del experiments
         return dict.fromkeys(model.untold, UNTOLD)
 
-    def check(
+    def check(  # noqa: B027
         self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model, estimates: Sequence[Estimate]
     ) -> None:
         """Raise InputError where a fit without effects tells nothing, or nothing that can be."""
-        del experiments, simulated, model, estimates
 
     def unidentifiable(self, experiments: Sequence[Experiment], effect: str) -> str | None:
         """Return why experiments cannot tell an effect's parameters, whatever a fit says, or None."""
-        del experiments, effect
         return None
 
     def beginnings(self, model: Model, astray: bool) -> list[Model]:
         """Return where a fit with a further effect may start; the lack of it may have led a model `astray`."""
-        del astray
         return [model]
 
     def beside_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
         """Return a model that was fitted without effects where one that has some may be."""
-        del experiments
         return model
 
     def may_tell(self, experiments: Sequence[Experiment], effect: str, model: Model) -> bool:
         """Return whether experiments may tell an effect beside a model from what the model's own parameters do."""
-        del experiments, effect, model
         return True
 
     def may_hide(self, experiments: Sequence[Experiment]) -> bool:
         """Return whether samples may hide what happens between them: a law then leaves nothing that follows inputs."""
-        del experiments
         return False
 
     def confounded(
@@ -384,12 +374,10 @@ class Channel(ABC):
             Returns what an effect with some parameters adds that the model's unknowns can't make up for, shape (n,).
 
         """
-        del experiments, model, estimates, residual, left
         return {}
 
     def levels(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
         """Return what its parameters are scheduled over, at the samples of each experiment [Pa]; empty: nothing."""
-        del experiments, model
         return []
 
     # residual
@@ -400,7 +388,6 @@ class Channel(ABC):
 
     def rate_sensitivity(self, model: Model) -> float:
         """Return by how much the error of the displacement's rate reaches the signal [SI s/m]."""
-        del model
         return 0.0
 
     @abstractmethod
@@ -437,7 +424,6 @@ class Channel(ABC):
 
     def precision(self, experiment: Experiment, simulated: Array) -> Array:
         """Return the inverse of each sample's standard deviation, relative to one at rest, shape (m,) in (0, 1]."""
-        del experiment
         return np.ones_like(simulated)
 
     @abstractmethod

@@ -14,9 +14,9 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AREAS, CONTACT_FORCE, CYLINDERS, MEASURED_FORCE, WRENCH_STAMPED
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import EVEN, Channel, Curve, Estimate, Model, Quantity, Scale
@@ -35,8 +35,6 @@ from cfd_pneumatic.model.extended_force import ExtendedForce
 from cfd_pneumatic.notices import SuspectError, warning
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import POUND_FORCE
-
-Array = NDArray[np.float64]
 
 _LARGEST_RATIO = 1.5  # farther from where it begins the area is not searched
 _LEVEL_GAP = 0.03  # set-points closer than this share of the pressure tell the area no better than one

@@ -8,9 +8,9 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from cfd_pneumatic.arrays import Array, Indices, rms
 from cfd_pneumatic.convention import CYLINDERS, FLUID_PRESSURE, pressure_topic
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import (
@@ -46,9 +46,6 @@ from cfd_pneumatic.model.effects.curve import AGAINST, CURVE, ENTERS, is_of_flow
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide, extremes
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _LARGEST = 1e9  # [Pa]
 _SMOOTHED = 25  # samples
@@ -452,7 +449,7 @@ class Pressure(Channel):
         one = experiments[longest]
         return {
             **dict(zip(self.parameters, model.parameters.tolist())),
-            'residual': float(np.sqrt(np.mean(left**2))),
+            'residual': rms(left),
             'mean': float(np.mean(left)),
             'gauge': max(float(np.median(pressures)) - self.ambient_pressure, 1e3),
             'level': float(np.mean(pressures)),

@@ -10,12 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, Mask
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES
 from cfd_pneumatic.identification.data.split import MOTION, PARTS
-
-Mask = NDArray[np.bool_]
 
 _BEYOND = 0.5  # longest time by which a signal may be read early [s]
 _BLOCK = 4096  # samples: what is simulated of them stays in a processor's cache

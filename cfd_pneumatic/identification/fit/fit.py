@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import UNTOLD, Channel, Estimate, Model
 from cfd_pneumatic.identification.data.experiment import Experiment
@@ -17,8 +17,6 @@ from cfd_pneumatic.identification.fit.levenberg import least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, Information, information
 from cfd_pneumatic.parallel import each
-
-Array = NDArray[np.float64]
 
 ROUGH = (1e-4, 40)
 """Tolerance and evaluations of a fit that chooses among starts."""

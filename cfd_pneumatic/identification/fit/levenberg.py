@@ -12,11 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.gram import gram
-
-Array = NDArray[np.float64]
 
 _FIRST_DAMPING = 1e-3
 _LARGEST_DAMPING = 1e12

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array, Indices, Mask
 from cfd_pneumatic.identification.channels.channel import Channel, Model
 from cfd_pneumatic.identification.channels.unknown import Unknown
 from cfd_pneumatic.identification.data.experiment import Experiment
@@ -25,10 +25,6 @@ from cfd_pneumatic.identification.residual.autoregression import independent_sha
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.tests import Test, tests_of
 from cfd_pneumatic.model.kernel import kernel
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 _DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's scale
 _LONGEST_STEP = 2.0

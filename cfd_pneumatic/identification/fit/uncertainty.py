@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cfd_pneumatic.arrays import Array
 
 LARGEST_RELATIVE_STD = 1.0 / 3.0
 """Standard error over its value above which a parameter is not identifiable: zero lies within three of them [-]."""

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Effects, Model
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import Optimum, search
@@ -18,8 +18,6 @@ from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.identification.search.complement import Complement, Start
 from cfd_pneumatic.model.effects import Data
 from cfd_pneumatic.parallel import each
-
-Array = NDArray[np.float64]
 
 _REFINED = 2  # of the starts of an effect or a core
 _PROMISING = 4  # effects that are fitted to the end at least

@@ -7,13 +7,12 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 
-Array = NDArray[np.float64]
 Start = tuple[float, ...]
 
 _ALIKE = 1e-3  # part of a change that has to be its own, or it is another start's

@@ -15,14 +15,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.autoregression import autoregression
 from cfd_pneumatic.identification.residual.tests import Test, explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.parallel import each
-
-Array = NDArray[np.float64]
 
 STRENGTH = 5.0
 """Of an effect that a recording should show, in standard deviations of the noise [-]."""

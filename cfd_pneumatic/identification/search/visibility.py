@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.fit import search
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
@@ -15,8 +15,6 @@ from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.search.complement import Complement, Start
 from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH
 from cfd_pneumatic.parallel import each
-
-Array = NDArray[np.float64]
 
 _PLAIN = 10.0  # times what shows: no fit makes up for so much
 _MADE_UP = 2.0  # an effect that loses less than half of itself to the model's parameters keeps what is left

@@ -62,7 +62,6 @@ class McapWriter:
     """
 
     def __init__(self, path: Path, compression: CompressionMode) -> None:
-        del compression
         self.path = path / f'{path.name}.mcap'
         self._stream = self.path.open('xb')
         self._crc = 0
@@ -133,7 +132,6 @@ class McapWriter:
 
     def close(self, version: int, metadata: str) -> None:
         """Write what tells where everything is, and close the file."""
-        del version
         if self._announced:
             self._write(self._announced)  # topics without messages
         begin = self._stream.tell()

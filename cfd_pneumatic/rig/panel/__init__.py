@@ -14,7 +14,7 @@ The same seed draws the same device, schedule and noise whatever the effect, so 
 twin.
 """
 
-from cfd_pneumatic.rig.panel.drawing import NOISES, Draw, PanelTruth, draw, draw_textbook
+from cfd_pneumatic.rig.panel.drawing import NOISES, Draw, draw, draw_textbook
 from cfd_pneumatic.rig.panel.floors import (
     baseline_rmse,
     force_baseline_rmse,
@@ -41,7 +41,6 @@ __all__ = [
     'STRANGE_FORCE',
     'Draw',
     'Gains',
-    'PanelTruth',
     'baseline_rmse',
     'draw',
     'draw_textbook',
