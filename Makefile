@@ -87,7 +87,7 @@ benchmark-laws: $(VENV)/.ready  ## draw laws that no library has; ARGS='--seeds 
 benchmark-effects: $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes
 	$(PY) -m studies.benchmark_effects $(ARGS)
 
-monitor-figures: $(VENV)/.with-benchmark  ## false alarms and delays of the watch over a device: an hour
+monitor-figures: $(VENV)/.with-benchmark  ## false alarms of the watch over a device: an hour
 	$(PY) -m studies.monitor_figures $(ARGS)
 
 planning-document: $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
