@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,11 +43,6 @@ class Course(NamedTuple):
     times: Array
     displacement: Array
     velocity: Array
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program and return its exit code."""
-    return program.run(NAME, follow_path, arguments)
 
 
 def follow_path(arguments: Sequence[str] | None = None) -> None:
@@ -174,6 +170,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     return parser
 
+
+main = partial(program.run, NAME, follow_path)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -6,17 +6,13 @@ import argparse
 import sys
 from collections.abc import Sequence
 from compileall import compile_dir
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from cfd_pneumatic.commands import program
 
 NAME = 'compile_kernels'
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program and return its exit code."""
-    return program.run(NAME, compile_all, arguments)
 
 
 def compile_all(arguments: Sequence[str] | None = None) -> None:
@@ -76,6 +72,8 @@ def make_parser() -> argparse.ArgumentParser:
         'in NUMBA_CACHE_DIR.',
     )
 
+
+main = partial(program.run, NAME, compile_all)
 
 if __name__ == '__main__':
     sys.exit(main())

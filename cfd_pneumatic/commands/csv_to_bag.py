@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from cfd_pneumatic.commands import program
@@ -15,11 +16,6 @@ from cfd_pneumatic.recording.bags.storages import STORAGES
 from cfd_pneumatic.recording.inspection import described, doubts
 
 NAME = 'csv_to_bag'
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program and return its exit code."""
-    return program.run(NAME, convert, arguments)
 
 
 def convert(arguments: Sequence[str] | None = None) -> None:
@@ -77,6 +73,8 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--force', action='store_true', help='replace a bag that is there')
     return parser
 
+
+main = partial(program.run, NAME, convert)
 
 if __name__ == '__main__':
     sys.exit(main())

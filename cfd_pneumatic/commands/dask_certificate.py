@@ -5,17 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.errors import InputError
 
 NAME = 'dask_certificate'
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program and return its exit code."""
-    return program.run(NAME, make, arguments)
 
 
 def make(arguments: Sequence[str] | None = None) -> None:
@@ -43,6 +39,8 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('folder', type=Path, help='folder for the certificate and its key; who has them is let in')
     return parser
 
+
+main = partial(program.run, NAME, make)
 
 if __name__ == '__main__':
     sys.exit(main())

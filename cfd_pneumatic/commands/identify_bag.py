@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -162,11 +163,6 @@ def _fractions(text: str) -> tuple[float, float, float]:
     return train / total, validation / total, test / total
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `identify_bag`."""
-    return run('identify_bag', _identify, args)
-
-
 def _identify(args: Sequence[str] | None) -> None:
     from cfd_pneumatic.identification import Options
     from cfd_pneumatic.identification.data.tolerance import tolerance_from
@@ -317,6 +313,8 @@ def _progress(style: str, *, remaining: bool = False) -> Iterator[Callable[[str,
     else:
         yield lambda what, share: None
 
+
+main = partial(run, 'identify_bag', _identify)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -5,17 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 
 NAME = 'leak_test'
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program and return its exit code."""
-    return program.run(NAME, tell, arguments)
 
 
 def tell(arguments: Sequence[str] | None = None) -> None:
@@ -88,6 +84,8 @@ def make_parser() -> argparse.ArgumentParser:
     )
     return parser
 
+
+main = partial(program.run, NAME, tell)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from cfd_pneumatic.commands import program
@@ -14,11 +15,6 @@ NAME = 'plan_experiment'
 
 _SENSING = ('pressure_noise', 'displacement_noise', 'force_noise', 'sample_rate')
 _LIMITS = ('stroke', 'speed', 'acceleration', 'duration')
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program and return its exit code."""
-    return program.run(NAME, propose, arguments)
 
 
 def propose(arguments: Sequence[str] | None = None) -> None:
@@ -146,6 +142,8 @@ def make_parser() -> argparse.ArgumentParser:
         sensors.add_argument(f'--{name.replace("_", "-")}', type=float, metavar=metavar, help=help_text)
     return parser
 
+
+main = partial(program.run, NAME, propose)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -6,6 +6,7 @@ import argparse
 import inspect
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from cfd_pneumatic.commands import program
@@ -21,11 +22,6 @@ EPOCH = 946_684_800_000_000_000
 
 OPTIONS = ('setpoint', 'setpoint_b', 'amplitude', 'duration')
 """Options that are handed on to the schedule where they are given."""
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the program and return its exit code."""
-    return program.run(NAME, record_bag, arguments)
 
 
 def record_bag(arguments: Sequence[str] | None = None) -> None:
@@ -96,6 +92,8 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--force', action='store_true', help='replace a bag that is there')
     return parser
 
+
+main = partial(program.run, NAME, record_bag)
 
 if __name__ == '__main__':
     sys.exit(main())

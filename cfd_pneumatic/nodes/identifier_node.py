@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -476,10 +477,7 @@ def _with_other_effects_off(device: Device, report: Mapping[str, Any]) -> dict[s
     return {**off, **told, **device.given}
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `identifier_node`; return the exit code."""
-    return run('identifier_node', IdentifierNode, args)
-
+main = partial(run, 'identifier_node', IdentifierNode)
 
 if __name__ == '__main__':
     sys.exit(main())

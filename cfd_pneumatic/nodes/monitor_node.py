@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -234,10 +234,7 @@ class MonitorNode(ModelNode):
         super().destroy_node()
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `monitor_node`; return the exit code."""
-    return run('monitor_node', MonitorNode, args)
-
+main = partial(run, 'monitor_node', MonitorNode)
 
 if __name__ == '__main__':
     sys.exit(main())

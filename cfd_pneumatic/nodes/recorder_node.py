@@ -128,10 +128,7 @@ def _qos_for(offered: Sequence[QoSProfile]) -> QoSProfile:
     )
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `recorder_node`; return the exit code."""
-    return run('recorder_node', RecorderNode, args)
-
+main = partial(run, 'recorder_node', RecorderNode)
 
 if __name__ == '__main__':
     sys.exit(main())

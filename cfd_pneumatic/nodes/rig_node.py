@@ -334,10 +334,7 @@ def _whole(lower: int, upper: int, description: str) -> ParameterDescriptor:
     )
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `rig_node`; return the exit code."""
-    return run('rig_node', RigNode, args)
-
+main = partial(run, 'rig_node', RigNode)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -172,10 +173,7 @@ class SimNode(ModelNode):
         self._say('input', self._health.verdict(self._value('timeout')), values)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `sim_node`; return the exit code."""
-    return run('sim_node', SimNode, args)
-
+main = partial(run, 'sim_node', SimNode)
 
 if __name__ == '__main__':
     sys.exit(main())
