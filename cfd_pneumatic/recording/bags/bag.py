@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -95,6 +95,7 @@ class Bag:
         self.notes: list[str] = []
         self.serialization = Serialization.ROS1 if path.suffix == ROS1_SUFFIX else Serialization.CDR
         self._stack = ExitStack()
+        self._packed = False  # whether messages are compressed one by one
         try:
             self._storages = self._open()
             self.topics = self._list_topics()
@@ -125,7 +126,7 @@ class Bag:
                 before = read
                 for connection, block in storage.blocks(connections):
                     read += len(block)
-                    yield _full_name(connection), block
+                    yield _full_name(connection), _unpacked(block) if self._packed else block
                 missing += max(0, sum(connection.msgcount for connection in connections) - (read - before))
                 left_out += storage.left_out
             except Exception as error:  # readers raise whatever damage makes them stumble over
@@ -271,7 +272,8 @@ class Bag:
             stray = file.metadata.message_count - sum(connection.msgcount for connection in opened.connections)
             if stray > 0:
                 self.notes.append(f'{file.path.name} is damaged: {counted(stray, "message")} of no topic left out')
-            storages.append(_Packed(opened) if reader.compression_mode == 'message' else opened)
+            storages.append(opened)
+        self._packed = reader.compression_mode == 'message'
         return storages
 
     def _list_topics(self) -> dict[str, Topic]:
@@ -293,28 +295,9 @@ class Bag:
         return topics
 
 
-@dataclass(frozen=True)
-class _Packed:
-    """A file whose messages are compressed one by one."""
-
-    source: StorageFile
-
-    @property
-    def connections(self) -> list[Connection]:
-        return self.source.connections
-
-    @property
-    def start_time(self) -> int:
-        return self.source.start_time
-
-    @property
-    def left_out(self) -> list[Span]:
-        return self.source.left_out
-
-    def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
-        for connection, block in self.source.blocks(connections):
-            payloads = [unpacked(block.payload(index), 'zstd') for index in range(len(block))]
-            yield connection, MessageBlock.of(block.times, payloads)
+def _unpacked(block: MessageBlock) -> MessageBlock:
+    """Return messages that are compressed one by one."""
+    return MessageBlock.of(block.times, [unpacked(block.payload(index), 'zstd') for index in range(len(block))])
 
 
 def _check_names(connections: Iterable[Connection]) -> None:
