@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import Effect, EffectParameter
 from cfd_pneumatic.model.effects.knots import PARAMETERS, choice, height
 from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import some, where
@@ -105,11 +105,6 @@ def fastest(speed: float, enters: float, against: float, lag: float, *more: floa
     return 1.0 / lag
 
 
-def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return none: a search for a law draws its own."""
-    return []
-
-
 EFFECT = Effect(
     name=CURVE,
     description='a law that nobody knows, as data have drawn it',
@@ -119,7 +114,6 @@ EFFECT = Effect(
         EffectParameter('lag', 's', 1e-3, 10.0, 0.1, 'time constant of the flow that it depends on', logarithmic=True),
         *PARAMETERS,
     ),
-    starts=starts,
     generic=True,
     moves_rest=True,
     fastest=fastest,

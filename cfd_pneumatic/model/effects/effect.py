@@ -230,14 +230,15 @@ class Effect:
     families
         Those within which it may be taken for another effect.
     starts
-        Returns starting points of a search from what is known of the data, each with a value for every parameter.
+        Returns starting points of a search from what is known of the data, each with a value for every parameter; none
+        of what a search draws itself.
 
     """
 
     name: str
     description: str
     parameters: tuple[EffectParameter, ...]
-    starts: Callable[[Data], list[tuple[float, ...]]] = field(repr=False)
+    starts: Callable[[Data], list[tuple[float, ...]]] = field(default=lambda data: [], repr=False)
     equations: tuple[str, ...] = field(default=(), repr=False)
     seen_against: str = 'time'
     families: tuple[str, ...] = ()

@@ -6,7 +6,7 @@ As `curve` is on the pressure. Friction is against the motion, and turns round a
 
 from __future__ import annotations
 
-from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
+from cfd_pneumatic.model.effects.effect import Effect, EffectParameter
 from cfd_pneumatic.model.effects.knots import PARAMETERS, choice, height
 from cfd_pneumatic.model.effects.seal_friction import stretched
 from cfd_pneumatic.model.kernel import inlined
@@ -43,11 +43,6 @@ def slide(travel, stretch, enters, against, presliding, low, high, middle, crowd
     return (stretched(travel, stretch, presliding),)
 
 
-def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return none: a search for a law draws its own."""
-    return []
-
-
 EFFECT = Effect(
     name=FORCE_CURVE,
     description='a law of the force that nobody knows, as data have drawn it',
@@ -59,7 +54,6 @@ EFFECT = Effect(
         ),
         *PARAMETERS,
     ),
-    starts=starts,
     generic=True,
     states=1,
     follows='motion',
