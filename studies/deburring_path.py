@@ -25,7 +25,7 @@ from cfd_pneumatic.convention import CYLINDERS, SCHEDULE_COLUMNS, SUPPLY_PRESSUR
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import make_folder, write_text
-from cfd_pneumatic.model import DeviceModel, LiveDevice
+from cfd_pneumatic.recording import sampled
 from cfd_pneumatic.rig import RigParameters, RigRecord, record, written_schedule
 from cfd_pneumatic.units import PSI
 
@@ -50,8 +50,8 @@ def follow_path(arguments: Sequence[str] | None = None) -> None:
     options = _parser().parse_args(arguments)
     along, error = example() if options.path is None else read_path(options.path)
     course = piston_course(along, error, options.feed)
-    device = as_model(options.parameters)
-    setpoints = device.setpoints(options.force, options.bias)
+    device = device_of(options.parameters)
+    setpoints = device.model.setpoints(options.force, options.bias)
     if not all(0.0 <= one <= SUPPLY_PRESSURE for one in setpoints):
         raise InputError(
             f'--force {options.force:g} N about --bias {options.bias:g} Pa needs set-points of '
@@ -118,24 +118,20 @@ def schedule_text(course: Course, setpoints: tuple[float, float]) -> str:
     return '\n'.join([','.join(SCHEDULE_COLUMNS), *rows]) + '\n'
 
 
-def as_model(parameters: Path | None) -> DeviceModel:
+def device_of(parameters: Path | None) -> Device:
     """Return the device of a parameter file, by default that of the paper's Table 1."""
-    device = Device.load(parameters or TABLE_1).model
-    if len(device.cylinders) < len(CYLINDERS):
+    device = Device.load(parameters or TABLE_1)
+    if len(device.model.cylinders) < len(CYLINDERS):
         raise InputError(f'{parameters} describes one cylinder: a contact force has two')
     return device
 
 
-def predict(device: DeviceModel, course: Course, setpoints: tuple[float, float]) -> Array:
+def predict(device: Device, course: Course, setpoints: tuple[float, float]) -> Array:
     """Return the contact force that `sim_node` would answer to a course, at gauge set-points [Pa], (n,) [N]."""
-    live = LiveDevice(device, max_gap=1.0)
-    absolute = (setpoints[0] + device.geometry.ambient_pressure, setpoints[1] + device.geometry.ambient_pressure)
-    forces = np.empty(course.times.size)
-    for index, (time, position) in enumerate(zip(course.times.tolist(), course.displacement.tolist())):
-        live.sample(round(time * 1e9), position, absolute)
-        assert live.committed is not None
-        forces[index] = device.contact_force(live.committed.state)
-    return forces
+    moved = sampled(course.times, course.displacement, {})
+    answers = device.simulate(moved, setpoints=dict(zip(CYLINDERS, setpoints)), raw=True)
+    assert answers.force is not None
+    return answers.force.values
 
 
 def draw(feed: float, course: Course, run: RigRecord, predicted: Array, wanted: float) -> Figure:

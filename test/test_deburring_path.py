@@ -24,8 +24,8 @@ def table(along, error):
 
 def forces(along, error):
     """Return what a model of the device predicts along a path [N]."""
-    device = example.as_model(None)
-    setpoints = device.setpoints(FORCE, 70e3)
+    device = example.device_of(None)
+    setpoints = device.model.setpoints(FORCE, 70e3)
     return example.predict(device, example.piston_course(np.array(along), np.array(error), 0.05), setpoints)
 
 

@@ -152,17 +152,13 @@ class WatchedSignal:
         departure = None
         number = stamp // self._length
         if number != self._start // self._length and self._residuals:
-            departure = self._close()
+            departure = self.take_block(ResidualBlock(self._start, np.array(self._residuals), np.array(self._rates)))
+            self._residuals, self._rates = [], []
         if not self._residuals:
             self._start = stamp
         self._residuals.append(residual)
         self._rates.append(rate)
         return departure
-
-    def _close(self) -> Departure | None:
-        block = ResidualBlock(self._start, np.array(self._residuals), np.array(self._rates))
-        self._residuals, self._rates = [], []
-        return self.take_block(block)
 
     def take_block(self, block: ResidualBlock) -> Departure | None:
         """Take a whole block."""
@@ -182,14 +178,11 @@ class WatchedSignal:
         if not rung:
             return None
         self.rings += 1
-        departure = self.describe(self._begin_of(rung[0].run), level=rung[0] is self.charts[0])
+        begin = self._recent[-min(max(rung[0].run, 1), len(self._recent))].start
+        departure = self.describe(begin, level=rung[0] is self.charts[0])
         for chart in rung:
             chart.again()
         return departure
-
-    def _begin_of(self, run: int) -> int:
-        """Return the stamp with which the last so many blocks begin [ns]."""
-        return self._recent[-min(max(run, 1), len(self._recent))].start
 
     def describe(self, since: int, level: bool) -> Departure:
         """Return how the signal parts from its model since a stamp [ns]."""

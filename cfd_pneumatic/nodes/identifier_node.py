@@ -448,7 +448,8 @@ class ParameterTransfer:
             return DiagnosticStatus.ERROR, f'{self.target} (parameter apply_to) is no sim_node'
         present = {name: earlier.pop(name) for name in self._present}
         differ = [f'{name} is {str(on).lower()} there' for name, on in present.items() if on != self._present[name]]
-        parameters = [Parameter(name, value=_as_list(value)).to_parameter_msg() for name, value in self._values.items()]
+        values = {name: list(one) if isinstance(one, tuple) else one for name, one in self._values.items()}
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         result = (yield SetParametersAtomically.Request(parameters=parameters)).result
         if not result.successful:
             return DiagnosticStatus.ERROR, f'{self.target} refused the parameters: {result.reason}'
@@ -462,10 +463,6 @@ class ParameterTransfer:
         """Give the clients back."""
         for client in self._clients.values():
             self._node.destroy_client(client)
-
-
-def _as_list(value: Value) -> Any:
-    return list(value) if isinstance(value, Sequence) else value
 
 
 def _with_other_effects_off(device: Device, report: Mapping[str, Any]) -> dict[str, Value]:

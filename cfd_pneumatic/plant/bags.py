@@ -92,8 +92,8 @@ def _below(
         yield path
         return
     for entry in inside:
-        if entry.name.startswith('.') or _is_result(entry):
-            continue
+        if entry.name.startswith('.') or (is_compare_file(entry) and (entry.parent / REPORT_FILE).is_file()):
+            continue  # hidden, or a bag that came of an identification
         if entry.is_dir():
             yield from _below(entry, leave_out, suffixes, above | {resolved})
         elif entry.name.endswith(suffixes):
@@ -110,11 +110,6 @@ def _is_bag(folder: Path) -> bool:
     stem = folder.resolve().name
     split = ({f'{stem}_{number}{suffix}' for number in range(len(storages))} for suffix in SUFFIXES)
     return METADATA in names or (bool(storages) and storages in split)
-
-
-def _is_result(path: Path) -> bool:
-    """Return whether a file is a bag that came of an identification."""
-    return is_compare_file(path) and (path.parent / REPORT_FILE).is_file()
 
 
 def _device(path: Path, root: Path) -> str:

@@ -73,7 +73,10 @@ def write_comparison(
     sizes = [one.times.size for one in _streams(identification, index)]
     complete = full or sum(sizes) <= MOST
     columns = max(sizes) if complete else MOST // (2 * len(sizes))
-    streams = [_thinned(one, columns) for one in _streams(identification, index)]
+    streams = []
+    for one in _streams(identification, index):
+        times, values = thinned(one.times, one.values, columns)
+        streams.append(replace(one, times=times, values=values))
     with made_aside(path) as made:
         bag = made.with_name('bag')
         with BagWriter(bag) as writer:
@@ -83,11 +86,6 @@ def write_comparison(
                 writer.remark('holds', _REMARK.format(max(sizes) // columns))
         os.replace(next(bag.glob('*.mcap')), made)
     return complete
-
-
-def _thinned(stream: Stream, columns: int) -> Stream:
-    times, values = thinned(stream.times, stream.values, columns)
-    return replace(stream, times=times, values=values)
 
 
 def _streams(identification: Identification, index: int) -> Iterator[Stream]:

@@ -93,11 +93,12 @@ def pictures(result: ChannelResult, drawn: Sequence[Comparison]) -> dict[str, li
     """Return the figures of a channel by their place on the page; whole recordings are shown of those `drawn`."""
     strips = [zoom_picture(result), *(record_picture(result, one) for one in drawn)]
     unexplained = result.findings.verdict == 'unexplained'
+    depended = dependences(result)[:_MOST_DEPENDENCES] if unexplained else []
     return {
         'law': [] if result.findings.unknown is None else [law_picture(result.findings.unknown)],
         'strips': strips,
         'correlations': correlation_pictures(result),
-        'dependences': dependence_pictures(result) if unexplained else [],
+        'dependences': [_dependence_picture(result, one) for one in depended],
     }
 
 
@@ -118,12 +119,8 @@ def law_picture(law: Shape) -> Picture:
     return Picture(drawn(WIDE), drawn(NARROW), text)
 
 
-def dependence_pictures(result: ChannelResult) -> list[Picture]:
-    """Return the mean of what is left over the signals that it depends on most."""
-    return [_dependence_picture(result, one) for one in dependences(result)[:_MOST_DEPENDENCES]]
-
-
 def _dependence_picture(result: ChannelResult, found: Dependence) -> Picture:
+    """Return the mean of what is left over a signal that it depends on."""
     small, (scale, unit) = result.quantity.small, _SIGNAL_UNITS.get(found.on, (1.0, ''))
     at, mean = found.at / scale, found.mean / small.si
     curves = [Curve(at, mean, AFTER, 1.2), Curve(at, mean, AFTER, 4.0, dots=True)]

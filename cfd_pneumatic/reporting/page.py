@@ -66,7 +66,11 @@ def report_page(
         parts=PARTS,
         effects=EFFECTS,
         next_plan=next_plan(identification),
-        scheduled=[name for name, result in identification.cylinders.items() if _has_schedule(result)],
+        scheduled=[  # whose model that is reported has other gains than the one fit to all set-points
+            name
+            for name, one in identification.cylinders.items()
+            if not one.added and any(point.fit is not one.fit for point in one.schedule)
+        ],
     )
 
 
@@ -74,11 +78,6 @@ def _date(recording: Recording) -> str:
     """Return when a recording began, nothing where its times have a zero of their own."""
     began = datetime.fromtimestamp(recording.epoch / 1e9, tz=timezone.utc)
     return f'{began:%Y-%m-%d %H:%M} UTC' if began.year > _EPOCH_OF_TABLES else ''
-
-
-def _has_schedule(result: ChannelResult) -> bool:
-    """Return whether the model that is reported has other gains than the one fit to all set-points."""
-    return not result.added and any(point.fit is not result.fit for point in result.schedule)
 
 
 def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
