@@ -26,7 +26,6 @@ from studies.provenance import ROOT, code_version, machine
 SEEDS = {
     'effects': ((10, 10, 10), (2, 2, 1)),
     'foreign': ((10, 10, 10), (2, 2, 1)),
-    'leave_one_out': ((5, 5, 5), (1, 1, 0)),
     'clean': ((80, 80, 40), (10, 5, 2)),
     'pairs': ((100, 100, 50), (10, 10, 1)),
     'force': ((10, 10, 10), (2, 2, 2)),

@@ -27,7 +27,6 @@ from studies.panel_scores import (
     is_silent,
     is_unexplained,
     is_whole,
-    listed,
     share,
 )
 
@@ -154,10 +153,7 @@ def _quantiles(values: Iterable[float], quantiles: Sequence[float] = (0.5, 0.9),
     return ' / '.join(f'{one:.{digits}f}' for one in np.quantile(finite, quantiles)) if finite else '-'
 
 
-UNKNOWN = (
-    'The right answer is `unexplained`. *Named*: `effect_added`, among visible draws; a *listed '
-    'rival* is one that is listed below as not to be separated from the true one by data.'
-)
+UNKNOWN = 'The right answer is `unexplained`. *Named*: `effect_added`, among visible draws.'
 
 
 def _unknown(rows: Sequence[Row]) -> Line:
@@ -172,7 +168,6 @@ def _unknown(rows: Sequence[Row]) -> Line:
         'of these beside a name': sum(is_unexplained(row) and is_named(row) for row in seen),
         'none missing': sum(row.verdict == 'no_missing_effect' for row in seen),
         'named': f'{len(added)}' + (f': {_names(added)}' if added else ''),
-        'of these a listed rival': sum(listed(row.named[0], row.effects[0]) for row in added),
         'after': _quantiles(row.after_test for row in seen),
     }
 
@@ -302,12 +297,8 @@ def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, str, Sequence[Line]]]:
         own = [row for row in of('effects') if row.schedule == schedule]
         lines = _lines(own, ['effect'], product([*LIBRARY, ALL]), _by_answer)
         yield f'`{schedule}`: effect by answer', BY_ANSWER, lines
-    for kind, heading, names in (
-        ('foreign', 'Effects outside the library', FOREIGN),
-        ('leave_one_out', 'The true effect not in the library', LIBRARY),
-    ):
-        choices = [*product(SCHEDULES, names), *product(SCHEDULES, [ALL]), (ALL, ALL)]
-        yield heading, UNKNOWN, _lines(of(kind), by_effect, choices, _unknown)
+    choices = [*product(SCHEDULES, FOREIGN), *product(SCHEDULES, [ALL]), (ALL, ALL)]
+    yield 'Effects outside the library', UNKNOWN, _lines(of('foreign'), by_effect, choices, _unknown)
     lines = _lines(of('clean'), ['noise', 'schedule'], product(NOISES, [*SCHEDULES, ALL]), _clean)
     yield 'Nothing missing', CLEAN, lines
     yield 'Two effects at once', PAIRS, _lines(of('pairs'), ['schedule'], product([*SCHEDULES, ALL]), _pairs)

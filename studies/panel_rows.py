@@ -23,7 +23,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Fit, Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import search
-from cfd_pneumatic.identification.loop import close_loop, with_core
+from cfd_pneumatic.identification.loop import with_core
 from cfd_pneumatic.model.effects import CORES
 from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig import Cylinder
@@ -48,7 +48,7 @@ ON_FORCE_KINDS = ('force', 'clean_force')
 WHOLE_KINDS = ('whole', 'healthy_whole')
 """Of devices with all of their physics, with one effect and without."""
 
-KINDS = ('effects', 'foreign', 'leave_one_out', 'clean', 'pairs', *ON_FORCE_KINDS, *WHOLE_KINDS)
+KINDS = ('effects', 'foreign', 'clean', 'pairs', *ON_FORCE_KINDS, *WHOLE_KINDS)
 
 ON_WHOLE = tuple(name for name in LIBRARY if not any(name in core.covers for core in CORES.values()))
 """Effects that a device with all of its physics may have: the others are its physics."""
@@ -205,16 +205,12 @@ def _identified(job: Job, drawn: Draw) -> Row:
         options = Options(close_loop=True, area=Cylinder().area)
     else:
         recording, left, channel = cylinder_a_of(drawn), oracle_residual(drawn), CYLINDER
-        options = Options(close_loop=job.kind != 'leave_one_out')
+        options = Options(close_loop=True)
     began = time.perf_counter()
     identification = identify([recording], options)
     result = identification.channels[channel]
-    found, conclusion = result.found, result.conclusion
-    if conclusion is None:
-        library = result.channel.library
-        result.channel.library = {name: effect for name, effect in library.items() if name not in job.effects}
-        found, conclusion = close_loop(result.fit)
     seconds = time.perf_counter() - began
+    found, conclusion = result.found, result.findings
     (experiment,) = result.experiments
     healthy = with_core(result.fit) if job.kind in WHOLE_KINDS else result.fit
     before, after = (experiment.measured - one.simulated[0] for one in (healthy, found))

@@ -75,11 +75,6 @@ def is_unexplained(row: Row) -> bool:
     return row.verdict == 'unexplained'
 
 
-def is_open(row: Row) -> bool:
-    """Return whether no effect of the library is called the cause."""
-    return row.verdict in ('unexplained', 'shape_found')
-
-
 def is_among_names(row: Row) -> bool:
     """Return whether the one effect is named, or listed beside a name that data may not separate from it."""
     (true,) = row.effects
@@ -178,8 +173,6 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
     aim('contact force of healthy devices: a name', healthy, is_named, most=0.02)
     unknown = 'effects outside the library: `unexplained`; visible draws'
     aim(unknown, visible('foreign'), is_unexplained, least=0.90)
-    left_out = 'leave-one-out: `unexplained` or a law that is drawn; visible draws'
-    aim(left_out, visible('leave_one_out'), is_open, least=0.80)
     aim(f'contact force: {first_name}', visible('force'), is_right, least=0.90)
     for some, which in _by_make(visible('whole')):
         aim(

@@ -119,7 +119,6 @@ def test_the_goals_stand_beside_what_was_measured():
         LEAK,
         replace(LEAK, effects=('droop',), named=('heat_transfer',), after_test=1.5),
         replace(LEAK, kind='foreign', effects=('mains_hum',), named=(), verdict='unexplained'),
-        replace(LEAK, kind='leave_one_out', named=('droop',)),
         replace(LEAK, kind='clean', effects=('white',), named=(), verdict='no_missing_effect', before=1.0),
         PAIR,
         replace(PAIR, named=('sensor_lag', 'leakage', 'droop')),
@@ -136,7 +135,6 @@ def test_the_goals_stand_beside_what_was_measured():
     assert met("the report's noise floor")
     assert met('clean')
     assert met('effects outside')
-    assert not met('leave-one-out')
     assert met('two effects: both')
     assert met('contact force: right')
     assert not met('contact force of healthy')
@@ -149,7 +147,7 @@ def test_the_document_has_a_line_for_each_effect():
     rows = [LEAK, hidden, alternative('sensor_lag', 'droop'), refused, PAIR]
     rows += [replace(PAIR, named=('droop',), seed=1001), replace(PAIR, verdict='not_drawn', seed=1002)]
     rows += [replace(LEAK, kind=kind, effects=('mains_hum',)) for kind in ('foreign',)]
-    rows += [replace(LEAK, kind='clean', effects=('coloured',)), replace(LEAK, kind='leave_one_out', named=('droop',))]
+    rows += [replace(LEAK, kind='clean', effects=('coloured',))]
     rows += [RUBS, replace(RUBS, kind='clean_force', effects=(), named=())]
     how = {'command': 'make benchmark-effects', 'machine': 'a machine'}
     text = panel_document.document(rows, how, '## Notes\n\nBy hand.')
