@@ -18,6 +18,8 @@ Span = tuple[int, int]
 TOGETHER = 16_384
 """Messages of all topics that are put together."""
 
+_NEVER = 2**63 - 1
+
 
 @dataclass(frozen=True)
 class MessageBlock:
@@ -156,3 +158,9 @@ def by_topic(
         topics.setdefault(connection.topic, []).append(connection)
     for same in topics.values():
         yield same[0], block[np.flatnonzero(np.isin(ids, [connection.id for connection in same]))]
+
+
+def earliest_after(begins: Sequence[int]) -> list[int]:
+    """Return for each piece the earliest time [ns] in all later pieces, whose own earliest times are given."""
+    earliest = np.minimum.accumulate([*begins, _NEVER][::-1])[::-1]
+    return [int(time) for time in earliest[1:]]

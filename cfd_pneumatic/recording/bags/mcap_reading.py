@@ -16,10 +16,9 @@ from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
-from cfd_pneumatic.recording.bags.blocks import MessageBlock, Span, gather, join
+from cfd_pneumatic.recording.bags.blocks import MessageBlock, Span, earliest_after, gather, join
 from cfd_pneumatic.recording.bags.definitions import FORMATS
 from cfd_pneumatic.recording.bags.mcap_pieces import ENTRY, HEAD, Piece, find_pieces, walk
-from cfd_pneumatic.recording.bags.ordering import earliest_after
 
 _MESSAGE_HEAD = HEAD.size + 22
 """Bytes of a message's record before its payload: channel, sequence, times of reception and of publishing."""
