@@ -30,11 +30,10 @@ from cfd_pneumatic.monitoring import WatchedSignal
 from cfd_pneumatic.monitoring.chart import Chart
 from cfd_pneumatic.monitoring.watched_signal import ResidualBlock
 from cfd_pneumatic.recording import recording_of
-from cfd_pneumatic.rig import RigParameters, RigRecord, Sensors, record, surface_following
+from cfd_pneumatic.rig import Performance, RigParameters, RigRecord, Sensors, record, surface_following
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
 from studies.documents import notes_in, table
 from studies.provenance import ROOT, commit, machine
-from studies.rig_runs import EPOCH, surfaces
 
 RATE = 500  # samples in a second
 BLOCK = 0.2  # [s]
@@ -45,6 +44,7 @@ INTERVALS = {'10 minutes': 600.0, '1 hour': 3600.0, '1 day': 86_400.0}
 
 CHANNELS = (*CYLINDERS, CONTACT_FORCE)
 FIRST_SEED = 1000
+EPOCH = 1_700_000_000_000_000_000
 SETTLING = 1.0  # of the model [s]
 PIECE = 3600.0  # residuals that are drawn at a time [s]
 STRETCH = 600.0  # of a rig that is recorded at a time [s]
@@ -139,6 +139,12 @@ def drawn_alarms(draw: Draw, runs: int, seconds: float) -> dict[str, Count]:
 
 
 # the rig beside its model
+
+
+def surfaces(rig: RigParameters, seed: int, duration: float = 60.0) -> Performance:
+    """Return a rig that follows a random surface, over and over."""
+    schedule = surface_following(duration=duration, seed=seed).with_return()
+    return Performance(schedule, rig, seed=seed, repeat=True)
 
 
 def residuals_of(device: DeviceModel, got: RigRecord) -> dict[str, tuple[np.ndarray, np.ndarray]]:

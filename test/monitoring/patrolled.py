@@ -19,7 +19,7 @@ from cfd_pneumatic.monitoring import Finding, Settings, Watch, diagnose
 from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig import RigParameters, RigRecord, record, surface_following, with_changes
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
-from studies.rig_runs import EPOCH, surfaces
+from studies.monitor_figures import EPOCH, surfaces
 
 RATE = 500
 SETTINGS = Settings(learning=20.0, window=15.0)
