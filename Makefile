@@ -91,13 +91,13 @@ monitor-figures: $(VENV)/.with-benchmark  ## false alarms of the watch over a de
 	$(PY) -m studies.monitor_figures $(ARGS)
 
 planning-document: $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
-	$(PY) -m studies.planning_document $(ARGS)
+	$(PY) -m studies.planning_document
 
 interface-document: $(VENV)/.ready  ## write docs/interface.md, docs/mapping.md, and the pages of --help
-	$(PY) -m studies.interface_document $(ARGS)
+	$(PY) -m studies.interface_document
 
 effects-document: $(VENV)/.ready  ## write docs/effects.md: every effect, and how it shows on the rig; 1 minute
-	$(PY) -m studies.effects_document $(ARGS)
+	$(PY) -m studies.effects_document
 
 tutorial-picture: $(VENV)/.ready  ## take the picture of a report in docs/tutorial.md, with Chromium
 	$(PY) -m studies.tutorial

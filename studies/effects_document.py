@@ -7,7 +7,6 @@ a device with the effect in it, less the model of the device without.
 
 from __future__ import annotations
 
-import argparse
 import io
 import re
 from collections.abc import Iterator
@@ -274,12 +273,9 @@ def _within(values: Array) -> NDArray[np.bool_]:
 
 def main() -> None:
     """Write the document and its pictures."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
-    parser.add_argument('--only', nargs='+', choices=sorted(ON_RIG.keys() & EFFECTS.keys()), help='pictures to draw')
-    options = parser.parse_args()
     write_text(DOCUMENT, document())
     healthy = _identified(draw(None, SCHEDULE, SEED))
-    for name in options.only or sorted(ON_RIG.keys() & EFFECTS.keys()):
+    for name in sorted(ON_RIG.keys() & EFFECTS.keys()):
         path = PICTURES / f'{name}.svg'
         write_text(path, picture(name, healthy))
         print(path)

@@ -348,16 +348,13 @@ def _files() -> Iterable[str]:
 
 
 def main() -> None:
-    """Write the document."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
-    parser.add_argument('--output', type=Path, default=DOCUMENT, help='document to write')
-    options = parser.parse_args()
+    """Write the documents and the pages."""
     isolate()
-    write_text(options.output, document())
+    write_text(DOCUMENT, document())
     mapping_document.write()
     for name, page in pages().items():
         write_text(HELP / f'{name}.txt', page)
-    print(f'{options.output}, {mapping_document.DOCUMENT} and {HELP}')
+    print(f'{DOCUMENT}, {mapping_document.DOCUMENT} and {HELP}')
 
 
 if __name__ == '__main__':

@@ -7,7 +7,6 @@ with it is played on the rig, which shares no code with the model, and identifie
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
 import multiprocessing
@@ -260,13 +259,8 @@ def _effects_table(seeds: Sequence[int], outcomes: Mapping[Job, Outcome | None])
 
 def main() -> None:
     """Write the document."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
-    parser.add_argument('--seeds', type=int, nargs='+', default=list(SEEDS), help='devices (default: %(default)s)')
-    parser.add_argument('--runs', type=int, default=RUNS, help='recordings of one device (default: %(default)s)')
-    parser.add_argument('--output', type=Path, default=DOCUMENT, help='document to write')
-    options = parser.parse_args()
-    write_text(options.output, document(options.seeds, options.runs))
-    print(options.output)
+    write_text(DOCUMENT, document(SEEDS, RUNS))
+    print(DOCUMENT)
 
 
 if __name__ == '__main__':
