@@ -12,7 +12,7 @@ import argparse
 import os
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from cfd_pneumatic.files import write_text
@@ -72,11 +72,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog='benchmark_effects', description=__doc__.split('\n\n')[0])
-    parser.add_argument('--kinds', type=_some_of(KINDS), default=KINDS, help=f'of {",".join(KINDS)}')
-    parser.add_argument('--schedules', type=_some_of(SCHEDULES), default=SCHEDULES, help=f'of {",".join(SCHEDULES)}')
+    parser.add_argument('--kinds', nargs='+', choices=KINDS, default=KINDS, help='of recordings')
+    parser.add_argument('--schedules', nargs='+', choices=SCHEDULES, default=SCHEDULES)
     parser.add_argument(
         '--effects',
-        type=_some_of((*LIBRARY, *ON_FORCE, *FOREIGN, *NOISES)),
+        nargs='+',
+        choices=(*LIBRARY, *ON_FORCE, *FOREIGN, *NOISES),
+        metavar='EFFECT',
         help='only these; with clean, kinds of noise; pairs of which both are among them',
     )
     parser.add_argument(
@@ -91,16 +93,6 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     parser.add_argument('--any-version', action='store_true', help='take rows that other versions measured, too')
     return parser.parse_args(arguments)
-
-
-def _some_of(known: Sequence[str]) -> Callable[[str], list[str]]:
-    def names(text: str) -> list[str]:
-        found = text.split(',')
-        if unknown := [name for name in found if name not in known]:
-            raise argparse.ArgumentTypeError(f'{unknown[0]!r} is none of {", ".join(known)}')
-        return found
-
-    return names
 
 
 def _seeds(text: str) -> range:
