@@ -109,7 +109,8 @@ def _place(name: str) -> str:
 def _section(name: str) -> Iterator[str]:
     effect = EFFECTS[name]
     yield f'## {name}'
-    yield f'{_sentence(effect.description)} ([code](../{MODULES[name].__name__.replace(".", "/")}.py))'
+    said, path = effect.description, MODULES[name].__name__.replace('.', '/')
+    yield f'{said[0].upper()}{said[1:]}. ([code](../{path}.py))'
     yield '```math\n' + _latex(effect) + '\n```'
     rows = []
     for one in effect.parameters:
@@ -128,10 +129,6 @@ def _section(name: str) -> Iterator[str]:
         yield f'*On the rig: {installed.meaning} {float(f"{_strength(name):.2g}"):g}{unit}.*'
     else:
         yield '*The rig has no such effect.*'
-
-
-def _sentence(text: str) -> str:
-    return f'{text[0].upper()}{text[1:]}.'
 
 
 def _latex(effect: Effect) -> str:

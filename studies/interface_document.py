@@ -272,16 +272,12 @@ def _entry(descriptor: ParameterDescriptor, value: Any) -> Entry:
     bounds = [*descriptor.floating_point_range, *descriptor.integer_range]
     limits = [f'{one.from_value:g} to {one.to_value:g} {unit}'.rstrip(' -') for one in bounds]
     return Entry(
-        _kind(descriptor.type),
+        Parameter.Type(descriptor.type).name.lower().replace('_array', '[]'),
         _said(value, unit),
         '; '.join([*limits, *filter(None, [descriptor.additional_constraints])]),
         'at start' if descriptor.read_only else 'live',
         said[1],
     )
-
-
-def _kind(number: int) -> str:
-    return Parameter.Type(number).name.lower().replace('_array', '[]')
 
 
 def _said(value: Any, unit: str) -> str:
@@ -351,7 +347,7 @@ def main() -> None:
     """Write the documents and the pages."""
     isolate()
     write_text(DOCUMENT, document())
-    mapping_document.write()
+    write_text(mapping_document.DOCUMENT, mapping_document.document())
     for name, page in pages().items():
         write_text(HELP / f'{name}.txt', page)
     print(f'{DOCUMENT}, {mapping_document.DOCUMENT} and {HELP}')

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
-from cfd_pneumatic.files import write_text
 from cfd_pneumatic.recording import mapping
 from cfd_pneumatic.units import UNITS
 from studies.documents import code, table
@@ -104,8 +102,3 @@ def _units() -> str:
     quantities = dict.fromkeys(one.quantity for one in UNITS.values())
     rows = ([what, ', '.join(code(name) for name, one in UNITS.items() if one.quantity == what)] for what in quantities)
     return table(['quantity', 'units'], rows)
-
-
-def write(path: Path = DOCUMENT) -> None:
-    """Write the page."""
-    write_text(path, document())

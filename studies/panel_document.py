@@ -41,12 +41,13 @@ Line = Mapping[str, object]
 def document(rows: Sequence[Row], how: Mapping[str, str], notes: str) -> str:
     """Return the document in Markdown."""
     drawn = [row for row in rows if row.verdict != 'not_drawn']
+    aims = [(*goal[:-1], 'yes' if goal.met else '**no**') for goal in goals(drawn)]
     sections = [
         '# The panel of effects\n\n'
         'How often the loop names the effect that is in a recording which it knows nothing else of. Written by '
         f'`{how["command"]}`; what stands under "{NOTES.strip("# ")}" at the end is kept.',
         _how_section(rows, drawn, how),
-        _goals_section(drawn),
+        '## Goals\n\n' + table(['goal', 'wanted', 'measured', 'recordings', 'met'], aims),
     ]
     for heading, text, lines in _tables(drawn):
         if lines:
@@ -73,11 +74,6 @@ def _lines(
             shown = (one if one in (ALL, *NOISES) else f'`{one}`' for one in choice)
             lines.append({**dict(zip(labels, shown)), **cells(some)})
     return lines
-
-
-def _goals_section(rows: Sequence[Row]) -> str:
-    lines = [(*goal[:-1], 'yes' if goal.met else '**no**') for goal in goals(rows)]
-    return '## Goals\n\n' + table(['goal', 'wanted', 'measured', 'recordings', 'met'], lines)
 
 
 def _how_section(rows: Sequence[Row], drawn: Sequence[Row], how: Mapping[str, str]) -> str:

@@ -350,7 +350,7 @@ def report(path: Path) -> str:
         warm = [row for row in own if row['at'] > WARMING * last]
         grown, interval = slope([row for row in own if row['at'] > 0.5 * last], 'own')
         spans = [span(warm, key) for key in KINDS]
-        core = np.mean([_core(one) for one in _lives(own)])
+        core = np.mean([_core(list(life)) for _, life in itertools.groupby(own, lambda row: row['pid'])])
         lines.append(
             (
                 name,
@@ -390,10 +390,6 @@ def report(path: Path) -> str:
 
 
 KINDS = ('threads', 'descriptors')
-
-
-def _lives(rows: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
-    return [list(life) for _, life in itertools.groupby(rows, lambda row: row['pid'])]
 
 
 def _core(life: Sequence[Mapping[str, Any]]) -> float:

@@ -28,7 +28,7 @@ from rclpy.time_source import TimeSource
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.messages import is_time
 from cfd_pneumatic.nodes.parameters import keep_to_declared
-from cfd_pneumatic.start import told
+from cfd_pneumatic.start import BAD_INPUT, told
 
 try:
     from rclpy.experimental import EventsExecutor
@@ -37,7 +37,6 @@ except ImportError:  # before Jazzy
 
 _SPIN_FOR = 0.2  # EventsExecutor's own spin() does not return on a signal; spin_once with a limit does [s]
 _SHUTDOWN = 1.0  # how long callbacks may take to end [s]
-_BAD_INPUT = 2
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
 
@@ -97,7 +96,7 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
         pass
     except _MISTAKES as error:
         print(f'{name}: error: {_one_line(str(error))}', file=sys.stderr)
-        return _BAD_INPUT
+        return BAD_INPUT
     finally:
         rclpy.try_shutdown()
         ending.over()

@@ -18,7 +18,8 @@ Span = tuple[int, int]
 TOGETHER = 16_384
 """Messages of all topics that are put together."""
 
-_NEVER = 2**63 - 1
+NEVER = 2**63 - 1
+"""Later than any time [ns]."""
 
 
 @dataclass(frozen=True)
@@ -162,5 +163,5 @@ def by_topic(
 
 def earliest_after(begins: Sequence[int]) -> list[int]:
     """Return for each piece the earliest time [ns] in all later pieces, whose own earliest times are given."""
-    earliest = np.minimum.accumulate([*begins, _NEVER][::-1])[::-1]
+    earliest = np.minimum.accumulate([*begins, NEVER][::-1])[::-1]
     return [int(time) for time in earliest[1:]]

@@ -16,7 +16,7 @@ from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
-from cfd_pneumatic.recording.bags.blocks import MessageBlock, Span, earliest_after, gather, join
+from cfd_pneumatic.recording.bags.blocks import NEVER, MessageBlock, Span, earliest_after, gather, join
 from cfd_pneumatic.recording.bags.definitions import FORMATS
 from cfd_pneumatic.recording.bags.mcap_pieces import ENTRY, HEAD, Piece, find_pieces, walk
 
@@ -25,8 +25,6 @@ _MESSAGE_HEAD = HEAD.size + 22
 
 _CHANNEL, _TIME = HEAD.size, HEAD.size + 6
 """Where in a message's record the channel and the time of reception are."""
-
-_NEVER = 2**63 - 1
 
 
 class McapFile:
@@ -121,7 +119,7 @@ class _Topic:
         self.connection = connections[0]
         self.channels = [connection.id for connection in connections]
         begins = [
-            piece.start if piece.places or piece.stop else _NEVER  # a chunk without messages is of time 0
+            piece.start if piece.places or piece.stop else NEVER  # a chunk without messages is of time 0
             for piece in pieces
             if self.may_be_in(piece)
         ]
