@@ -139,11 +139,17 @@ def is_right(row: dict[str, Any]) -> bool:
     return bool(named & {**CLASSES, **LEFT_OUT}.get(row['law'], set()))
 
 
+def _is_explained(row: dict[str, Any]) -> bool:
+    """Return whether effects of the library leave hardly more than the true device, and so are preferred."""
+    return row['verdict'] == 'effect_added' and bool(row['after'] <= REMAINS)
+
+
 def report(rows: Sequence[dict[str, Any]]) -> str:
     """Return the table of what came of recordings."""
     lines = []
     shown = [row for row in rows if row['law'] and row['visible'] > VISIBLE]
     seen = [row for row in shown if row['law'] not in MEMORIES]
+    remaining = [row for row in seen if row.get('remains', np.inf) > REMAINS]
     groups = [(name, [row for row in shown if row['law'] == name]) for name in (*chain(*LAWS.values()), *LIBRARY)]
     groups = [(name, own) for name, own in groups if own]
     groups += [
@@ -157,7 +163,8 @@ def report(rows: Sequence[dict[str, Any]]) -> str:
         ('effects of the library, without memory', [row for row in seen if row['law'] in LEFT_OUT]),
         ('effects of the library, with memory', [row for row in shown if row['law'] in MEMORIES]),
         ('all without memory', seen),
-        ('of these, that remain', [row for row in seen if row.get('remains', np.inf) > REMAINS]),
+        ('of these, that remain', remaining),
+        ('of these, that effects of the library do not explain', [row for row in remaining if not _is_explained(row)]),
     ]
     for name, own in groups:
         lines.append(
