@@ -202,12 +202,12 @@ def _explained(error: Exception, layout: TableFormat, columns: Sequence[int], ro
                     converters.get(column, float)(fields[column])
                 except ValueError as failed:
                     text = fields[column].strip()
-                    fix = str(failed) if isinstance(failed, _DateError) else _fix_of(text)
+                    fix = str(failed) if isinstance(failed, _DateError) else _fix_of(text, line, layout)
                     return f'line {line}, column {column + 1} holds {text[:_LONGEST_SHOWN]!r}; {fix}'
     return f'{reason_of(error)}; {_CHECK}'
 
 
-def _fix_of(text: str) -> str:
+def _fix_of(text: str, line: int, layout: TableFormat) -> str:
     """Return what to look at where a text is no number."""
     if not text:
         return f'write nan where there is no value, or {_CHECK}'
@@ -215,6 +215,8 @@ def _fix_of(text: str) -> str:
         return 'if it is the time, `unit: date` reads it'
     if re.fullmatch(r'[+-]?\d*,\d+', text):
         return 'if that is a decimal comma, `table` needs `decimal: comma`'
+    if line == layout.header_rows + 1:
+        return f'if names or units stand there, `table` needs `header_rows: {line}`; or {_CHECK}'
     return _CHECK
 
 

@@ -316,6 +316,12 @@ def test_points_beside_decimal_commas_group_digits_and_are_refused(tmp_path):
         read(tmp_path, '0,0;1,5;101.325\n1,0;1,5;101.325\n', mapping)
 
 
+def test_a_row_of_units_below_the_names_is_told(tmp_path):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: comma\n  header_rows: 1')
+    with pytest.raises(InputError, match=r"line 2, column 1 holds 'ms'; if names or units .* needs `header_rows: 2`"):
+        read(tmp_path, 't,x,p\nms,mm,bar\n0,1,2\n1,2,3\n', mapping)
+
+
 def test_a_title_above_columns_by_number_is_no_name(tmp_path):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: comma\n  header_rows: 2')
     found = read(tmp_path, 'Recorded by Bob, lab 3\n\n0,1,2\n1,2,3\n', mapping)
