@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -36,7 +37,7 @@ CHAMBER_LENGTHS = (5e-3, 0.45)
 LENGTHS = ('m', 'cm', 'mm', 'um', 'inch', 'mil')
 """Units in which people record a displacement."""
 
-PRESSURES = ('Pa', 'kPa', 'psi', 'bar', 'MPa')
+PRESSURES = ('Pa', 'mbar', 'kPa', 'psi', 'bar', 'MPa')
 """Units in which people record a pressure."""
 
 _BELOW_AMBIENT = -5e3  # gauge; no regulator holds a vacuum [Pa]
@@ -306,13 +307,12 @@ def _at_its_set_point(own: CylinderSignals, ambient: float) -> Iterator[str]:
     """Yield in which other unit or reference a pressure would lie at its set-point, or the set-point at it."""
     assert own.setpoint is not None
     pair = {'pressure': own.pressure, 'set-point': own.setpoint}
-    at = {what: float(np.median(_some(signal.values))) for what, signal in pair.items()}
-    for (what, signal), other in zip(pair.items(), reversed(at.values())):
+    for what, signal in pair.items():
         for _, unit, reference, factor, shift in scales(signal, ambient):
-            level = factor * at[what] + shift
-            if GAUGE_PRESSURES[0] <= level - ambient <= GAUGE_PRESSURES[1] and abs(level - other) < _AT_SETPOINT * (
-                level - ambient
-            ):
+            scaled = {**pair, what: replace(signal, values=factor * signal.values + shift)}
+            gauge = float(np.median(_some(scaled[what].values))) - ambient
+            is_usual = GAUGE_PRESSURES[0] <= gauge <= GAUGE_PRESSURES[1]
+            if is_usual and abs(_off(*scaled.values())) < _AT_SETPOINT * gauge:
                 yield f'the {what} is {reference} {unit}'
 
 

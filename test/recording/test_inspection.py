@@ -13,7 +13,7 @@ from cfd_pneumatic.units import PSI, UNITS
 TIMES = np.linspace(0.0, 10.0, 1001)
 PISTON = 2e-3 * np.sin(TIMES)
 LEVEL = 7e4  # gauge [Pa]
-PRESSURES = ['Pa', 'kPa', 'psi', 'bar', 'MPa']
+PRESSURES = ['Pa', 'mbar', 'kPa', 'psi', 'bar', 'MPa']
 
 
 def fixes(displacement=None, pressure=None, setpoint=None):
@@ -77,6 +77,13 @@ def test_of_a_pressure_off_its_set_point_the_unit_is_named_in_which_it_is_at_it(
     read = Signal(TIMES, AMBIENT_PRESSURE + 1e3 * in_psi + np.cos(TIMES), 'kPa', 'gauge')
     held = Signal(TIMES[:1], np.array([AMBIENT_PRESSURE + LEVEL]), 'bar', 'gauge')
     assert fixes(pressure=read, setpoint=held)['setpoint_suspect'].endswith('(it is if the pressure is absolute psi)')
+
+
+def test_that_unit_is_named_beside_a_set_point_that_steps_too():
+    steps = np.where(TIMES < 6.0, LEVEL, 1.6 * LEVEL)
+    read = Signal(TIMES, AMBIENT_PRESSURE + 0.1 * (AMBIENT_PRESSURE + steps), 'mbar', 'gauge')
+    held = Signal(np.array([0.0, 6.0]), AMBIENT_PRESSURE + LEVEL * np.array([1.0, 1.6]), 'psi', 'gauge')
+    assert fixes(pressure=read, setpoint=held)['setpoint_suspect'].endswith('(it is if the pressure is absolute kPa)')
 
 
 MOVING = np.linspace(0.0, 10.0, 5001)
