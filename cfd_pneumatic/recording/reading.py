@@ -137,6 +137,7 @@ def _read_bag(
     with Bag(path) as bag:
         if mapping is None:
             channels = convention_channels(bag.topics, namespace)
+            channels = [replace(channel, table=bag.remarks.get(str(channel.source), '')) for channel in channels]
         else:
             channels = [
                 replace(channel, source=resolve(namespace, str(channel.source))) for channel in mapping.channels
@@ -197,6 +198,9 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
 
 def _said(channel: SignalSource) -> tuple[str | None, str | None]:
     """Return the unit and the reference that a mapping says a signal to have; None for what it does not say."""
+    unit, _, reference = channel.table.partition(' ')
+    if unit in UNITS:  # of a table that the bag was made of
+        return unit, reference if reference in (GAUGE, ABSOLUTE) else None
     if channel.unit is None or UNITS[channel.unit].quantity != 'pressure':
         return channel.unit, None
     return channel.unit, GAUGE if channel.gauge else ABSOLUTE

@@ -45,6 +45,8 @@ class SignalSource:
         Whether the number is a pressure above ambient.
     time_offset : float
         Added to the times [s].
+    table : str
+        Unit and reference in the table that a bag was made of, as `psi gauge`; empty where it was made of none.
 
     """
 
@@ -59,6 +61,7 @@ class SignalSource:
     unit: str | None = None
     gauge: bool = False
     time_offset: float = 0.0
+    table: str = ''
 
     @property
     def name(self) -> str:

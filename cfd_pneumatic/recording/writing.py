@@ -34,6 +34,8 @@ def write_recording(
     """
     Write a recording as a bag in our convention.
 
+    In which units a mapping said a table to be stands in the bag's metadata.
+
     Parameters
     ----------
     path : Path or str
@@ -59,6 +61,10 @@ def write_recording(
     """
     with BagWriter(path, storage=storage, overwrite=overwrite) as bag:
         bag.write_streams(streams_of(recording, namespace, ambient_pressure, joint))
+        for role, cylinder, signal in recording.signals():
+            if role in ROLES and signal.unit is not None:  # so that a mistake in it is told of the bag, too
+                said = f'{signal.unit} {signal.reference or ""}'.strip()
+                bag.remark(resolve(namespace, ROLES[role].topic_of(cylinder)), said)
 
 
 def streams_of(

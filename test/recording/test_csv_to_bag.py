@@ -86,7 +86,17 @@ def test_a_table_becomes_a_bag_that_says_the_same(folder, storage):
     ]
     assert said[1].endswith('; 50 samples at 100 Hz in 0.49 s')
     direct = read_recording(folder / 'run.csv', mapping=read_mapping(folder / 'mapping.yaml'))
-    assert_same(read_recording(folder / 'out' / 'bag'), direct, setpoint_error=1e-9)
+    bag = read_recording(folder / 'out' / 'bag')
+    assert_same(bag, direct, setpoint_error=1e-9)
+    said = [(one.unit, one.reference) for *_, one in bag.signals()]
+    assert said == [('mm', None), ('bar', 'gauge'), ('bar', 'gauge'), ('N', None)]
+
+
+def test_a_unit_that_is_none_is_no_unit_of_a_bag(folder, csv_to_bag):
+    assert csv_to_bag('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag').returncode == 0
+    metadata = folder / 'bag' / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace('bar gauge', 'furlong upside down'))
+    assert [one.unit for *_, one in read_recording(folder / 'bag').signals()] == ['mm', None, None, 'N']
 
 
 def test_bad_input_ends_with_one_line_and_earlier_output_stays(folder):

@@ -82,6 +82,8 @@ class Bag:
         How the messages are serialised.
     notes : list of str
         What was amiss with the files, for people.
+    remarks : dict
+        Texts in the metadata, by their keys; `BagWriter.remark` writes them.
 
     Raises
     ------
@@ -93,6 +95,7 @@ class Bag:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.notes: list[str] = []
+        self.remarks: dict[str, str] = {}
         self.serialization = Serialization.ROS1 if path.suffix == ROS1_SUFFIX else Serialization.CDR
         self._stack = ExitStack()
         self._packed = False  # whether messages are compressed one by one
@@ -265,6 +268,9 @@ class Bag:
     def _enter(self, reader: Ros2Reader) -> list[StorageFile]:
         reader.open()
         self._stack.callback(reader.close)
+        custom = reader.storage.metadata.custom
+        if isinstance(custom, dict):
+            self.remarks |= {str(key): str(text) for key, text in custom.items()}
         storages: list[StorageFile] = []
         for file in getattr(reader.storage, 'storages', [reader.storage]):
             _check_names(file.connections)
