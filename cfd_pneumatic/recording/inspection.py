@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.notices import Notice, note, warning
 from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.suspect_samples import leaps, standstill
 from cfd_pneumatic.recording.wording import counted
 from cfd_pneumatic.units import PSI, UNITS
 
@@ -49,17 +50,6 @@ _MOST_LOOKED_AT = 100_000  # samples
 _STEADY, _ALIVE = 0.05, 0.5  # share of the samples at which a set-point changes at most, a pressure at least
 _ALIKE = 1e-9
 _MOST_GUESSES = 3
-_SPIKE = 3  # samples that a leap out and back may last
-_LEAP = 0.25  # of the absolute pressure: what leaps by less may be the piston's doing
-_MOVED = 0.05  # share of the stroke, before and after, within
-_WHILE = 0.05  # so long: the pressure answers the piston within that [s]
-_FROZEN = 0.03  # how long a pressure holds still then [s]
-_FEWEST_FROZEN = 5  # samples
-_FROZEN_SHARE = 0.05  # of the samples at which the piston moves
-_EVEN = 1.5  # times the median length of runs of a value: no longer are those of a slow sensor that is asked often
-_STROKE = 0.5  # in which a piston moves to and fro, about [s]
-_FINE = 0.01  # of a pressure's span in that time: with coarser steps of a sensor much looks still
-_FAR = 4.0  # steps of the sensor into and out of a value: what settles there comes in small ones
 _ROUGHEST = 0.6  # change from sample to sample, as a share of the spread; 1.4 of independent samples
 
 
@@ -92,21 +82,14 @@ def _sampling(role: str, signal: Signal) -> str:
 
 def doubts(recording: Recording, ambient_pressure: float) -> list[Notice]:
     """Return which mistakes a recording looks like, and what has to be assumed of it."""
-    return [
-        *(() if recording.rests else of_motion(recording.displacement)),
-        *(notice for role, cylinder, signal in recording.signals() for notice in _of_spikes(role, cylinder, signal)),
-        *(
-            notice
-            for name, own in recording.cylinders.items()
-            for notice in _of_standstill(name, own.pressure, recording.displacement)
-        ),
-        *(
-            notice
-            for name, own in recording.cylinders.items()
-            for notice in _of_pressure(name, own, recording.cylinders, ambient_pressure)
-        ),
-        *_assumptions(recording),
-    ]
+    found = [] if recording.rests else [*of_motion(recording.displacement)]
+    for role, cylinder, signal in recording.signals():
+        found += leaps(role, cylinder, signal)
+    for name, own in recording.cylinders.items():
+        found += standstill(name, own.pressure, recording.displacement, least=STROKES[0])
+    for name, own in recording.cylinders.items():
+        found += _of_pressure(name, own, recording.cylinders, ambient_pressure)
+    return [*found, *_assumptions(recording)]
 
 
 def duplicates(recordings: Sequence[Recording]) -> Iterator[Notice]:
@@ -147,83 +130,6 @@ def of_motion(displacement: Signal) -> Iterator[Notice]:
             f'the displacement is another one at each sample, every {period:.3g} s',
             'sample ten times as fast, or let the piston move more slowly',
         )
-
-
-def _of_spikes(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
-    """Ask whether single samples leap out of all others and back, as flipped bits and loose plugs make them."""
-    if role not in ('displacement', 'pressure'):  # a force has the jerks of what moves
-        return
-    low, middle, high = np.percentile(_some(signal.values), (1.0, 50.0, 99.0))
-    span = max(float(high - low), _LEAP * float(middle) if role == 'pressure' else 0.0)
-    if not span or (np.max(signal.values) <= high + span and np.min(signal.values) >= low - span):
-        return
-    outside = (signal.values > high + span) | (signal.values < low - span)
-    begins, ends = _runs(outside)
-    inner = (ends - begins <= _SPIKE) & (begins > 0) & (ends < len(signal))
-    begins, ends = begins[inner], ends[inner]
-    leaps = np.minimum(
-        np.abs(signal.values[begins] - signal.values[begins - 1]), np.abs(signal.values[ends - 1] - signal.values[ends])
-    )
-    spikes = leaps > span
-    if np.any(spikes):
-        name = role if cylinder is None else f'{cylinder} {role}'
-        number, first = int(np.sum((ends - begins)[spikes])), float(signal.times[begins[spikes][0]])
-        yield warning(
-            'samples_suspect',
-            f'{name}: {counted(number, "sample")} of {len(signal):,} {"leap" if number > 1 else "leaps"} out of the '
-            f'others and back, first at t = {first:.4g} s',
-            'leave them out, and look at the plug, the cable and the logger',
-        )
-
-
-def _of_standstill(name: str, pressure: Signal, displacement: Signal) -> Iterator[Notice]:
-    """
-    Ask whether a pressure holds quite still while the piston turns round, or begins and ends to do so at once.
-
-    At a steady speed, and at rest, a pressure with less noise than its sensor has steps is still, too.
-    """
-    values, times = pressure.values[:_MOST_LOOKED_AT], pressure.times[:_MOST_LOOKED_AT]
-    still = np.diff(values) == 0.0
-    if len(values) < _FEWEST_FROZEN or not _FROZEN_SHARE < np.mean(still) < 1.0:
-        return
-    begins, ends = _runs(still)
-    if float(np.percentile(ends - begins, 90.0)) < _EVEN * float(np.median(ends - begins)):
-        return  # a logger that asks faster than the sensor answers
-    low, high = np.percentile(_some(displacement.values), (1.0, 99.0))
-    before, here, after = (
-        np.interp(times + by, displacement.times, displacement.values) for by in (-_WHILE, 0, _WHILE)
-    )
-    moved = np.minimum(np.abs(here - before), np.abs(after - here)) > max(_MOVED * (high - low), STROKES[0])
-    direction = np.where(moved, np.sign(after - before), 0.0)
-    extremes, steps = (np.min(values), np.max(values)), np.abs(np.diff(values))
-    finest = float(np.min(steps[~still]))
-    pieces = np.array_split(values, max(1, int((times[-1] - times[0]) / _STROKE)))
-    if finest > _FINE * float(np.median([np.ptp(one) for one in pieces if one.size])):
-        return
-    frozen = np.zeros(len(values), bool)
-    for begin, end in zip(*(one[ends - begins >= _FEWEST_FROZEN] for one in (begins, ends))):
-        if times[end] - times[begin] >= _FROZEN:
-            part = slice(begin, end + 1)
-            turns = len(np.unique(direction[part][moved[part]])) > 1
-            is_cut = values[begin] in extremes and min(begin, len(steps) - end) > 0
-            if turns or (is_cut and min(steps[begin - 1], steps[end]) > _FAR * finest):
-                frozen[part] = True
-    if not np.any(moved) or not np.mean(frozen[moved]) > _FROZEN_SHARE:
-        return
-    shown, value = float(f'{100.0 * np.mean(frozen[moved]):.2g}'), float(np.median(values[frozen & moved]))
-    where = 'its lowest' if value == np.min(values) else 'its highest' if value == np.max(values) else 'the same'
-    yield warning(
-        'samples_suspect',
-        f'{name}: the pressure holds quite still, mostly at {where} value, in {shown:g} % of the time in which the '
-        'piston moves',
-        "look at the sensor's range, its plug and the logger, and record again",
-    )
-
-
-def _runs(which: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return where runs of what is true begin, and where they have ended."""
-    edges = np.diff(np.concatenate([[False], which, [False]]).astype(np.int8))
-    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
 
 
 def _of_pressure(

@@ -137,6 +137,13 @@ def test_a_pressure_that_holds_still_while_the_piston_moves_is_told(noise):
     assert 'at the same value' in message
 
 
+def test_a_pressure_that_holds_still_for_half_of_the_time_is_told_beside_what_is_left_of_its_strokes():
+    pressure = moved_pressure(20.0) + np.where(MOVING < 5.0, 0.0, 2e4)
+    assert of_moving(pressure) == []
+    ((code, message),) = of_moving(np.minimum(pressure, AMBIENT_PRESSURE + LEVEL + 3e3))
+    assert (code, 'mostly at its highest value' in message) == ('samples_suspect', True)
+
+
 def test_a_pressure_may_hold_still_while_the_piston_rests():
     rests = np.where(MOVING < 9.0, 0.0, STROKES)
     pressure = np.where(MOVING < 9.0, AMBIENT_PRESSURE + LEVEL, moved_pressure(0.0))

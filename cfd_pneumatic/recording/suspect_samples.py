@@ -1,0 +1,99 @@
+"""Samples that no sensor gives which is well: some leap out of all others and back, some hold still."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cfd_pneumatic.notices import Notice, warning
+from cfd_pneumatic.recording.signals import Signal
+from cfd_pneumatic.recording.wording import counted
+
+_SPIKE = 3  # samples that a leap out and back may last
+_LEAP = 0.25  # of the absolute pressure: what leaps by less may be the piston's doing
+_MOST_LOOKED_AT = 100_000  # samples
+_MOVED = 0.05  # share of the stroke, before and after, within
+_WHILE = 0.05  # so long: the pressure answers the piston within that [s]
+_FROZEN = 0.03  # how long a pressure holds still then [s]
+_FEWEST_FROZEN = 5  # samples that are as the one before
+_FROZEN_SHARE = 0.05  # of the samples at which the piston moves
+_EVEN = 1.5  # times the median number of repeats: no more are those of a slow sensor that is asked often
+_STROKE = 0.5  # in which a piston moves to and fro, about [s]
+_FINE = 0.01  # of a pressure's span in that time: with coarser steps of a sensor much looks still
+_FAR = 4.0  # steps of the sensor into and out of a value: what settles there comes in small ones
+
+
+def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
+    """Ask whether single samples leap out of all others and back, as flipped bits and loose plugs make them."""
+    if role not in ('displacement', 'pressure'):  # a force has the jerks of what moves
+        return
+    values = signal.values
+    low, middle, high = np.percentile(values[:: max(1, len(values) // _MOST_LOOKED_AT)], (1.0, 50.0, 99.0))
+    span = max(float(high - low), _LEAP * float(middle) if role == 'pressure' else 0.0)
+    if not span or (np.max(values) <= high + span and np.min(values) >= low - span):
+        return
+    outside = (values > high + span) | (values < low - span)
+    edges = np.diff(outside.astype(np.int8), prepend=0, append=0)
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    inner = (ends - begins <= _SPIKE) & (begins > 0) & (ends < len(values))
+    begins, ends = begins[inner], ends[inner]
+    there, back = np.abs(values[begins] - values[begins - 1]), np.abs(values[ends - 1] - values[ends])
+    spikes = np.minimum(there, back) > span
+    if np.any(spikes):
+        name = role if cylinder is None else f'{cylinder} {role}'
+        number, first = int(np.sum((ends - begins)[spikes])), float(signal.times[begins[spikes][0]])
+        yield warning(
+            'samples_suspect',
+            f'{name}: {counted(number, "sample")} of {len(signal):,} {"leap" if number > 1 else "leaps"} out of the '
+            f'others and back, first at t = {first:.4g} s',
+            'leave them out, and look at the plug, the cable and the logger',
+        )
+
+
+def standstill(name: str, pressure: Signal, displacement: Signal, least: float) -> Iterator[Notice]:
+    """
+    Ask whether a pressure holds quite still while the piston turns round, or begins and ends to do so at once.
+
+    At a steady speed, and at rest, a pressure with less noise than its sensor has steps is still, too. A piston moves
+    by `least` [m] or more.
+    """
+    values, times = pressure.values[:_MOST_LOOKED_AT], pressure.times[:_MOST_LOOKED_AT]
+    begins = np.flatnonzero(np.append(True, np.diff(values) != 0.0))  # of runs of one value, which follow each other
+    repeats = np.diff(begins, append=len(values)) - 1
+    held = values[begins]
+    if len(held) < 2 or np.sum(repeats) <= _FROZEN_SHARE * (len(values) - 1):
+        return
+    several = repeats[repeats > 0]
+    if np.percentile(several, 90.0) < _EVEN * np.median(several):
+        return  # a logger that asks faster than the sensor answers
+    steps = np.abs(np.diff(held))
+    finest, strokes = np.min(steps), max(1, int((times[-1] - times[0]) / _STROKE))
+    spans = [np.ptp(one) for one in np.array_split(values, strokes) if np.any(one != one[:1])] or [0.0]
+    if finest > _FINE * np.median(spans):
+        return
+
+    before, here, after = (
+        np.interp(times + by, displacement.times, displacement.values) for by in (-_WHILE, 0, _WHILE)
+    )
+    low, high = np.percentile(displacement.values[:: max(1, len(displacement) // _MOST_LOOKED_AT)], (1.0, 99.0))
+    moved = np.minimum(np.abs(here - before), np.abs(after - here)) > max(_MOVED * (high - low), least)
+    direction = np.where(moved, np.sign(after - before), np.nan)
+    turns = np.fmin.reduceat(direction, begins) < np.fmax.reduceat(direction, begins)
+
+    at_an_end = (held == np.min(held)) | (held == np.max(held))
+    sudden = np.minimum(np.append(0.0, steps), np.append(steps, 0.0)) > _FAR * finest
+    is_long = (repeats >= _FEWEST_FROZEN) & (times[begins + repeats] - times[begins] >= _FROZEN)
+    is_frozen = is_long & (turns | (at_an_end & sudden))
+    frozen = moved & np.repeat(is_frozen, repeats + 1)
+    share = np.sum(frozen) / max(1, np.sum(moved))
+    if share <= _FROZEN_SHARE:
+        return
+    value = np.median(values[frozen])
+    where = 'its lowest' if value == np.min(values) else 'its highest' if value == np.max(values) else 'the same'
+    yield warning(
+        'samples_suspect',
+        f'{name}: the pressure holds quite still, mostly at {where} value, in {float(f"{100.0 * share:.2g}"):g} % of '
+        'the time in which the piston moves',
+        "look at the sensor's range, its plug and the logger, and record again",
+    )
