@@ -36,6 +36,8 @@ from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, GAUGE_PRESSURES,
 _DOUBTFUL = 0.3  # share of a pressure's spread that a model may leave of it; what is read rightly leaves far less
 _BETTER = 0.5  # of what the recordings leave as they are read: what another way leaves at most
 _NO_BETTER = 1.3  # times the squares that are left as it is read: a reference that roughly leaves more is no better
+_LESS = 0.01  # share of the squares by which another scale has to leave less where both leave noise
+_SURE = 20.0  # likewise, of one sample's
 _STEPPED = 3  # times that steps of a set-point which was not recorded are taken from what is left
 _PISTON_COUNTS = 1.5  # times the lower bound of `k_x`
 _LONGEST = 20_000  # samples that other ways are tried on
@@ -82,14 +84,17 @@ def other_pressure(result: ChannelResult, recordings: Sequence[Recording], optio
     Ask whether a pressure is a whole device's in another unit, or against another zero.
 
     Only that has the flows and the stiffness of its pressure. It is asked where something is left, and where what was
-    found is a law or physics that the core has: those are what a wrong scale looks like.
+    found is a law or physics that the core has: those are what a wrong scale looks like. Where the core itself was
+    found, another scale may leave noise as well, but clearly less.
     """
     conclusion = result.conclusion
     if options.core != AUTO or conclusion is None or not result.channel.cores:
         return
     (name, *_) = result.channel.cores
     physics = {*result.channel.effects[name].covers, *((result.channel.curve.name,) if conclusion.unknown else ())}
-    if explained(conclusion.tests_after) and not physics & {*result.found.model.effects}:
+    found = result.found.model
+    is_told = explained(conclusion.tests_after) and not physics & {*found.effects}
+    if is_told and not found.core:
         return
 
     left_as_found = result.fit.likelihood.residuals(result.found.simulated)
@@ -102,8 +107,9 @@ def other_pressure(result: ChannelResult, recordings: Sequence[Recording], optio
         except InputError:
             return False, math.inf
         candidates = Candidates(replace(alike.likelihood, experiments=tuple(experiments)), alike.model)
-        found = candidates.with_core(candidates.baseline, name, most * scale.factor**2)
-        return explained(candidates.residual_tests(found)), found.rss / scale.factor**2
+        begin = candidates.finished(found, candidates.baseline.model) if is_told else candidates.baseline
+        fitted = candidates.with_core(begin, name, most * scale.factor**2)
+        return explained(candidates.residual_tests(fitted)), fitted.rss / scale.factor**2
 
     left = {}
     for scale in other_scales(result, recordings, options.ambient_pressure):
@@ -114,12 +120,15 @@ def other_pressure(result: ChannelResult, recordings: Sequence[Recording], optio
         return
     best = min(left, key=left.__getitem__)
     is_explained_as_read, left_as_read = by_core(Scale())
-    if not is_explained_as_read and left[best] < left_as_read:
+    samples = sum(one.size for one in left_as_found)
+    less = max(_LESS, _SURE / samples) if is_explained_as_read else 0.0
+    if left[best] < (1.0 - less) * left_as_read:
         entries = ', '.join(f'`{key}: {value}`' for key, value in best.entries.items())
         yield warning(
             'unit_suspect' if 'unit' in best.entries else 'reference_suspect',
-            f'{result.name}: pressure and set-point look like {best.true} ones that are said to be {best.said}',
-            f'check their {" and ".join(best.entries)}: with {entries} the model leaves only noise',
+            f'{result.name}: its pressures look like {best.true} ones that are said to be {best.said}',
+            f'check their {" and ".join(best.entries)}: with {entries} the model leaves '
+            + ('clearly less' if is_explained_as_read else 'only noise'),
         )
 
 

@@ -12,15 +12,16 @@ from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.recording import CylinderSignals, Signal, recording_of
 from cfd_pneumatic.reporting import next_plan
 from cfd_pneumatic.rig import device_named, out_and_back, record, surface_following
+from cfd_pneumatic.units import INCH, POUND_FORCE
 
 SHORT = {'duration': 8.0, 'setpoint': 1e5, 'amplitude': 2e-3}
 """Strokes large enough to tell pressures from others within seconds."""
 
 
-def read_with(shift, factor=1.0, said=(None, None), **surface):
-    """Return what is warned of cylinder A of a healthy device of full physics, its pressures times `factor` shifted."""
+def read_with(shift, factor=1.0, said=(None, None), faults='', **surface):
+    """Return what is warned of cylinder A of a device of full physics, its pressures times `factor` shifted."""
     schedule = surface_following(seed=3, **{**SHORT, **surface})
-    one = recording_of(record(schedule, device_named('real', ''), seed=3))
+    one = recording_of(record(schedule, device_named('real', faults), seed=3))
     own = one.cylinders['cylinder_a']
     shifted = CylinderSignals(
         *(Signal(signal.times, factor * signal.values + shift, *said) for signal in (own.pressure, own.setpoint))
@@ -66,6 +67,15 @@ def test_what_is_explained_as_it_is_read_is_no_suspect(said):
     assert read_with(0.0, said=said) == []
 
 
+@pytest.mark.parametrize('faults', ['', 'effects_a.leak_conductance=1.5e-10'])
+def test_of_two_references_that_leave_noise_the_one_that_leaves_clearly_less_is_named(faults):
+    small = {'faults': faults, 'duration': 10.0, 'setpoint': 10.0 * PSI, 'amplitude': 1e-3}
+    assert read_with(0.0, said=('Pa', 'absolute'), **small) == []
+    (found,) = read_with(AMBIENT, said=('Pa', 'gauge'), **small)
+    assert found.code == 'reference_suspect'
+    assert found.fix == 'check their reference: with `reference: absolute` the model leaves clearly less'
+
+
 def noticed_of_linear(factor=1.0, shift=0.0):
     """Return the notices of cylinder A of a device of the paper's law, its pressures times `factor` shifted, as kPa."""
     one = recording_of(record(surface_following(duration=10.0, seed=3), device_named('paper', ''), seed=3))
@@ -82,6 +92,16 @@ def test_how_long_the_chamber_would_be_is_said_and_with_the_other_reference_wher
     assert (30.0 < length < 40.0) == (shift == 0.0)
     assert ('mm if the pressures are absolute' in told.fix) == (shift > 0.0)
     assert not any(one.level == WARNING for one in found)
+
+
+def test_which_other_units_make_a_usual_chamber_and_a_usual_bore_is_said():
+    one = recording_of(record(surface_following(duration=10.0, seed=3), device_named('paper', ''), seed=3))
+    in_inches = Signal(one.displacement.times, INCH / 1e-2 * one.displacement.values, 'inch')
+    in_newtons = Signal(one.force.times, one.force.values / POUND_FORCE, 'N')
+    notices = identify([replace(one, displacement=in_inches, force=in_newtons)], Options()).notices
+    fixes = {one.code: one.fix for one in notices}
+    assert fixes['chamber_told'].endswith(' mm if the displacement is in cm')
+    assert fixes['area_told'].endswith('; the bore would be 38.1 mm if the force is in lbf')
 
 
 def test_a_chamber_that_is_long_for_its_stroke_is_suspected_where_other_units_make_it_usual():
