@@ -21,7 +21,7 @@ from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, LENGTHS, duplicates, in_other_units, shown_length
 from cfd_pneumatic.recording.inspection import doubts as doubts_of_recording
-from cfd_pneumatic.units import INCH
+from cfd_pneumatic.units import INCH, UNITS
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def doubts(
         found += [notice for one in cylinders.values() for notice in _of_delay(one, forces, recordings, options)]
     if not any_warning(found):
         found += _of_chambers(cylinders, recordings, options)
-    found += [notice for one in forces for notice in _of_force(one, options)]
+    found += [notice for one in forces for notice in _of_force(one, recordings, options)]
     return tuple(found)
 
 
@@ -148,6 +148,18 @@ def _usual_chambers(
             yield f'{shown_length(scale.chamber)} if the pressures are {scale.true}'
 
 
+def _in_other_units(
+    length: float, usual: tuple[float, float], said: str | None, what: str, *, power: float = 1.0
+) -> Iterator[str]:
+    """Yield which usual length it would be if what goes into it, to a power, were in another unit than is said."""
+    if said is None:
+        return
+    for name, unit in UNITS.items():
+        other = length * (unit.si / UNITS[said].si) ** power
+        if name != said and unit.quantity == UNITS[said].quantity and usual[0] <= other <= usual[1]:
+            yield f'{shown_length(other)} if {what} in {name}'
+
+
 def _chamber(result: ChannelResult) -> tuple[float, float] | None:
     """Return the usual pressure and `k_x` [Pa, Pa/m]; None where that is not told."""
     gains = () if result.conclusion and result.conclusion.unknown else result.gains[:1]  # a law may have a part
@@ -175,7 +187,10 @@ def _of_chambers(
         lengths.append(f'{shown_length(length)} ({name})')
         if not instead:
             is_usual = USUAL_CHAMBERS[0] <= length <= USUAL_CHAMBERS[1]
-            instead = [*_usual_chambers(one, recordings, options, in_other_units=not is_usual)]
+            instead = [
+                *_usual_chambers(one, recordings, options, in_other_units=not is_usual),
+                *_in_other_units(length, USUAL_CHAMBERS, recordings[0].displacement.unit, 'the displacement is'),
+            ]
     if lengths:
         also = f'; it would be {", ".join(instead)}' if instead else ''
         yield note(
@@ -266,7 +281,7 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _of_force(result: ChannelResult, options: Options) -> Iterator[Notice]:
+def _of_force(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[Notice]:
     """Ask whether area and offset are what a piston and a gauge have."""
     channel = result.channel
     assert isinstance(channel, Force)
@@ -282,7 +297,10 @@ def _of_force(result: ChannelResult, options: Options) -> Iterator[Notice]:
             'check the area, and the units of force and pressure',
         )
     code = 'area_held' if told.reason else 'area_told'
-    yield note(code, f'the force goes with a piston of {size}', 'check that against the drawing')
+    (said, *_) = (own.unit for one in recordings if (own := channel.signal(one)) is not None)
+    instead = _in_other_units(bore, BORES, said, 'the force is', power=0.5)
+    fix = 'check that against the drawing' + ''.join(f'; the bore would be {one}' for one in instead)
+    yield note(code, f'the force goes with a piston of {size}', fix)
     if not BORES[0] <= bore <= BORES[1]:
         yield warning('unit_suspect', f'the force makes a piston of {size}', 'check the units of force and pressure')
     offset = result.found.model.effects.get('force_offset')
