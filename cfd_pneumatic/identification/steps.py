@@ -83,7 +83,8 @@ def _steps(channel: Channel, experiment: Experiment, left: Array, level: float, 
         'setpoint_assumed',
         f'{channel.name}: the set-point of {experiment.recording} was not recorded, and it steps: about {first} above '
         f'ambient, {", ".join(steps[:_MOST_TOLD])}{more}',
-        'record the set-point, or cut the recording where it steps and give all pieces: a set-point is found for each',
+        'record the set-point, or cut the recording where it steps, leave out half a second on either side, and give '
+        'all pieces: a set-point is found for each',
     )
 
 
