@@ -135,22 +135,17 @@ def of_motion(displacement: Signal) -> Iterator[Notice]:
 def _of_pressure(
     name: str, own: CylinderSignals, cylinders: Mapping[str, CylinderSignals], ambient: float
 ) -> Iterator[Notice]:
-    pressure = float(np.median(_some(own.pressure.values)))
-    gauge = pressure - ambient
-    off = None if own.setpoint is None else _off(own.pressure, own.setpoint)
+    gauge = float(np.median(_some(own.pressure.values))) - ambient
+    off = 0.0 if own.setpoint is None else _off(own.pressure, own.setpoint)
+    apart = f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point'
     if own.setpoint is not None and _look_swapped(own.pressure, own.setpoint):
         yield warning(
             'setpoint_suspect',
             f'{name}: the pressure moves in steps, and the set-point at every sample',
             'swap pressure and set-point',
         )
-    elif off is not None and abs(abs(off) - ambient) < _AN_ATMOSPHERE * ambient and gauge < GAUGE_PRESSURES[1]:
-        yield warning(
-            'reference_suspect',
-            f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point, '
-            'an atmosphere',
-            _whose_reference(own, off > 0.0),
-        )
+    elif abs(abs(off) - ambient) < _AN_ATMOSPHERE * ambient and gauge < GAUGE_PRESSURES[1]:
+        yield warning('reference_suspect', f'{apart}, an atmosphere', _whose_reference(own, off > 0.0))
     elif gauge < _BELOW_AMBIENT:
         yield warning(
             'reference_suspect',
@@ -158,17 +153,10 @@ def _of_pressure(
             'check whether it was measured against ambient (`reference: gauge`), its unit, and the ambient pressure',
         )
     elif unusual := _of_level(name, 'pressure', own.pressure, ambient):
-        yield from unusual
-        if own.setpoint is not None:
-            yield from _of_level(name, 'set-point', own.setpoint, ambient)
-    elif own.setpoint is not None and off is not None and abs(off) > max(_OFF_SETPOINT, _OFF_SHARE * gauge):
-        yield from _of_level(name, 'set-point', own.setpoint, ambient) or [
-            warning(
-                'setpoint_suspect',
-                f'{name}: the pressure is {abs(off) / 1e3:.4g} kPa {"above" if off > 0.0 else "below"} its set-point',
-                _whose(name, own, cylinders, ambient),
-            )
-        ]
+        yield from [*unusual, *_of_level(name, 'set-point', own.setpoint, ambient)]
+    elif abs(off) > max(_OFF_SETPOINT, _OFF_SHARE * gauge):
+        whose = warning('setpoint_suspect', apart, _whose(name, own, cylinders, ambient))
+        yield from _of_level(name, 'set-point', own.setpoint, ambient) or [whose]
 
 
 def _whose_reference(own: CylinderSignals, is_above: bool) -> str:
@@ -184,8 +172,10 @@ def _whose_reference(own: CylinderSignals, is_above: bool) -> str:
     return ', or '.join(may_be) or 'check the ambient pressure, and whether this is its set-point'
 
 
-def _of_level(name: str, what: str, signal: Signal, ambient: float) -> list[Notice]:
-    """Ask whether a pressure or a set-point lies where a regulator holds a cylinder."""
+def _of_level(name: str, what: str, signal: Signal | None, ambient: float) -> list[Notice]:
+    """Ask whether a pressure or a set-point, where there is one, lies where a regulator holds a cylinder."""
+    if signal is None:
+        return []
     gauge = float(np.median(_some(signal.values))) - ambient
     if GAUGE_PRESSURES[0] <= gauge <= GAUGE_PRESSURES[1]:
         return []
