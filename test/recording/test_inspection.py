@@ -144,6 +144,13 @@ def test_a_pressure_that_holds_still_for_half_of_the_time_is_told_beside_what_is
     assert (code, 'mostly at its highest value' in message) == ('samples_suspect', True)
 
 
+def test_a_logger_that_hangs_for_most_of_the_time_is_told():
+    pressure = moved_pressure(20.0)
+    pressure[1000:] = pressure[1000]
+    ((code, message),) = of_moving(pressure)
+    assert (code, 'at the same value, in 80 %' in message) == ('samples_suspect', True)
+
+
 def test_a_pressure_may_hold_still_while_the_piston_rests():
     rests = np.where(MOVING < 9.0, 0.0, STROKES)
     pressure = np.where(MOVING < 9.0, AMBIENT_PRESSURE + LEVEL, moved_pressure(0.0))
