@@ -39,7 +39,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # has seen.
 # Without deadlines, for a busy machine takes its time. A test that is slow asks for a share of `max_examples`.
 ANY_SPEED = {'deadline': None, 'suppress_health_check': [HealthCheck.too_slow]}
-settings.register_profile('repeatable', derandomize=True, **ANY_SPEED)
+settings.register_profile('repeatable', derandomize=True, max_examples=50, **ANY_SPEED)
 settings.register_profile('random', derandomize=False, max_examples=200, print_blob=True, **ANY_SPEED)
 settings.load_profile('repeatable')
 
@@ -66,7 +66,6 @@ LONG = (
     'nodes/test_tutorial_live.py',
     'test_mistakes.py',
     'identification/test_loop.py',
-    'commands/test_help.py',
     'identification/test_force_loop.py',
     'test_adding_an_effect.py',
     'identification/test_shapes.py',
@@ -94,10 +93,10 @@ def pytest_configure(config):
 
 
 def pytest_collection_modifyitems(items):
-    if 'PYTEST_XDIST_WORKER' in os.environ:
-        folder = Path(__file__).parent
-        place = {folder / name: number for number, name in enumerate(LONG)}
-        items.sort(key=lambda item: place.get(item.path, len(place)))
+    folder = Path(__file__).parent
+    place = {folder / name: number for number, name in enumerate(LONG if 'PYTEST_XDIST_WORKER' in os.environ else ())}
+    place[folder / 'commands' / 'test_help.py'] = len(LONG) + 1  # or all would wait for what is typed
+    items.sort(key=lambda item: place.get(item.path, len(LONG)))
 
 
 def pytest_collection_finish():
@@ -123,6 +122,16 @@ class Session(NamedTuple):
     said: dict[str, str]
     environment: dict[str, str]
 
+    @property
+    def cache(self) -> Path:
+        """Where all sessions keep machine code."""
+        return self.folder.with_name('machine_code')
+
+    @property
+    def machine_code(self) -> str:
+        """The names of what is compiled there."""
+        return '\n'.join(sorted(path.name for path in self.cache.rglob('*.nb?')))
+
 
 def once(
     factory: pytest.TempPathFactory, name: str, type_into: Callable[[Session], None], around: Mapping[str, str]
@@ -136,11 +145,18 @@ def once(
         if not kept.exists():
             folder.mkdir()
             session = Session(folder, {}, programs(root / f'{name}_programs', around))
+            session.environment['NUMBA_CACHE_DIR'] = str(session.cache)
             type_into(session)
             paths = {key: session.environment[key] for key in ('PATH', 'PYTHONPATH')}
             kept.write_text(json.dumps([session.said, paths]))
     said, paths = json.loads(kept.read_text())
     return Session(folder, said, {**around, **paths})  # with this worker's own ROS graph
+
+
+def type_compiled(one: Session) -> None:
+    """Compile all that sessions want of the model, once, where nothing is compiled yet."""
+    one.said['compile_kernels'] = run('compile_kernels', one.folder, one.environment)
+    one.said['machine code'] = one.machine_code
 
 
 def type_examples(one: Session) -> None:
@@ -157,19 +173,26 @@ def type_tutorial(one: Session) -> None:
             one.said[block.heading] = one.said.get(block.heading, '') + run(block.text, one.folder, one.environment)
 
 
-TYPED = {'examples': type_examples, 'tutorial': type_tutorial}
-"""What is typed, by the fixture that gives it."""
+TYPED = {'compiled': type_compiled, 'examples': type_examples, 'tutorial': type_tutorial}
+"""What is typed, one after the other, by the fixture that gives it."""
 
 
 @pytest.fixture(scope='session', autouse=True)
 def typed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Future]]:
     """Type what tests of this run want to see typed, beside the tests before them, which leave a core idle."""
-    wanted = [name for name in TYPED if any(name in item.fixturenames for item in request.session.items)]
+    names = {name for item in request.session.items for name in item.fixturenames if name in TYPED}
+    wanted = [name for name in TYPED if name in names or (names and name == 'compiled')]
     around = dict(os.environ)  # which tests change meanwhile
     tmp_path_factory.getbasetemp()  # is made once, by one thread
     with ThreadPoolExecutor(1) as pool:
         yield {name: pool.submit(once, tmp_path_factory, name, TYPED[name], around) for name in wanted}
         pool.shutdown(cancel_futures=True)
+
+
+@pytest.fixture(scope='session')
+def compiled(typed: dict[str, Future]) -> Session:
+    """Return what the compiler of all kernels said, and the names of its machine code."""
+    return typed['compiled'].result()
 
 
 @pytest.fixture(scope='session')

@@ -1,12 +1,8 @@
 """Mistakes that users make are noticed, and clean recordings raise no warning."""
 
-import random
-
 import pytest
 
 from studies.mistakes import MEASURED, MISTAKES, answer, is_told, warnings_of_clean
-
-SAMPLED = 3
 
 TOO_LARGE = ('everything in bar', 'set-points absolute')
 """What no device holds ends in a report with a warning all the same."""
@@ -14,26 +10,25 @@ TOO_LARGE = ('everything in bar', 'set-points absolute')
 TRIED = {
     *(('tutorial', what) for what in ('mm read as mil', 'set-points absolute', 'set-points swapped')),
     *(('tutorial', what) for what in ('pressures swapped', 'no set-points', 'the same twice', 'every fortieth row')),
-    *(('tutorial', what) for what in ('inches read as mm, absolute psi as kPa', 'another device from two thirds on')),
-    ('tutorial', 'a sensor at its limit'),
+    *(('tutorial', what) for what in ('inches read as mm, absolute psi as kPa', 'a sensor at its limit')),
     *(('rig', what) for what in ('everything in bar', 'half the area', 'force the other way')),
-    *(('measured', what) for what in ('bar read as Pa', 'upside down', 'displacement the other way')),
+    *(('measured', what) for what in ('upside down', 'displacement the other way')),
 }
 """
-One of each code that tells of a mistake; a sample of the others comes on top, and `make mistakes` makes all.
+One of each code that tells of a mistake; `make mistakes` makes all.
 
 What only the physical core sees of devices of full physics is for `identification/test_readings.py`.
 """
 
-OTHERS = [one for one in MISTAKES if (one.on, one.what) not in TRIED and one.on != 'real']
-CHOSEN = [one for one in MISTAKES if (one.on, one.what) in TRIED] + random.Random(16).sample(OTHERS, SAMPLED)
+CHOSEN = [one for one in MISTAKES if (one.on, one.what) in TRIED]
 
 
 def test_there_are_many_mistakes():
     assert len(MISTAKES) >= 40
     assert len({(one.on, one.what) for one in MISTAKES}) == len(MISTAKES)
-    assert len(CHOSEN) == len(TRIED) + SAMPLED
-    assert {code for one in MISTAKES for code in one.codes} == {code for one in CHOSEN for code in one.codes}
+    assert len(CHOSEN) == len(TRIED)
+    codes = {code for one in MISTAKES for code in one.codes} - {'changed_during_recording'}  # see test_held_out.py
+    assert codes == {code for one in CHOSEN for code in one.codes}
 
 
 @pytest.mark.parametrize('mistake', CHOSEN, ids=lambda one: f'{one.on}: {one.what}')
@@ -46,6 +41,6 @@ def test_a_mistake_is_noticed(mistake):
         assert 'error' not in said.codes
 
 
-@pytest.mark.parametrize('seed', [*range(4), 1213, 1465])  # others than the document's, but for two once warned of
+@pytest.mark.parametrize('seed', [0, 1213])  # the latter was warned of once
 def test_clean_recordings_raise_no_warning(seed):
     assert warnings_of_clean(seed) == []

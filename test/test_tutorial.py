@@ -67,6 +67,10 @@ def test_a_law_that_nobody_knows_is_drawn_and_drawn_again_over_a_larger_range(tu
     assert "EffectParameter('place', 'Pa'" in draft
 
 
+def test_nothing_that_it_wants_is_compiled_again(compiled, tutorial):
+    assert tutorial.machine_code == compiled.said['machine code']
+
+
 def test_every_program_that_runs_on_is_one_of_ours():
     started = [block.text.split()[0] for block in blocks() if block.language == 'bash']
     assert started == ['rig_node', 'sim_node', 'monitor_node', 'python3', 'rig_node', 'sim_node']

@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 from identified import recording
-from measured import MAPPING, ROOT, needs_measured_data
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.device import DESCRIPTORS, Device
@@ -17,7 +16,7 @@ from cfd_pneumatic.device.live_error import live_errors
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Identification, Options, identify
 from cfd_pneumatic.model import LiveDevice
-from cfd_pneumatic.recording import Recording, read_recording
+from cfd_pneumatic.recording import Recording
 
 
 def alone(one: Recording) -> Recording:
@@ -133,16 +132,6 @@ def test_the_live_error_is_that_of_answers_on_the_test_part():
         judged = found.splits[0].part_of(measured.times) == 2
         left = measured.values - np.interp(measured.times, answered.times, answered.values)
         assert error.rmse == pytest.approx(float(np.sqrt(np.mean(left[judged] ** 2))), rel=0.01)
-
-
-@needs_measured_data
-def test_what_looks_ahead_is_worse_live():
-    """A displacement that comes late has to be foretold, which a live simulation does from its noisy speed."""
-    run = read_recording(ROOT / 'friction' / 'O-ring257_3bar.csv', mapping=MAPPING)
-    found = identify([run], Options(close_loop=True))
-    result = found.cylinders['cylinder_a']
-    assert result.found.model.effects['displacement_delay'][0] > 0.02
-    assert live_errors(found, identified_device(found))['cylinder_a'].rmse > 2.0 * result.rmse(1)
 
 
 def test_operating_points_are_interpolated_with_effects_too():

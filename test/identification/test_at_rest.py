@@ -33,7 +33,8 @@ def at_rest(schedule, faults=''):
     """Return what is recorded of the paper's device, without its displacement."""
     recording = recording_of(record(schedule, device_named('paper', faults), seed=3))
     displacement = Signal(recording.displacement.times, np.zeros(len(recording.displacement)))
-    return replace(recording, displacement=displacement, force=None, rests=True)
+    cylinders = {'cylinder_a': recording.cylinders['cylinder_a']}
+    return replace(recording, displacement=displacement, cylinders=cylinders, force=None, rests=True)
 
 
 @pytest.mark.parametrize(

@@ -40,15 +40,15 @@ def decay(law, conductance, seed, *, times=TIMES, settling=0.0, time_constant=15
 @pytest.mark.parametrize('law', LAWS)
 def test_the_law_and_its_conductance_are_told(law, settling):
     covered = []
-    for seed in range(12):
-        conductance = (0.4 + 0.1 * seed) / DURATION
+    for seed in range(8):
+        conductance = (0.4 + 0.15 * seed) / DURATION
         told = decay_of(decay(law, conductance, seed, settling=settling), AMBIENT_PRESSURE)
         assert [leak.law for leak in told.leaks if not leak.excluded] == [law]
         assert told.told
         assert told.best.error < 1.5 * NOISE
         assert told.best.settling == pytest.approx(settling, abs=0.1 * settling)
         covered.append(told.best.interval[0] <= conductance <= told.best.interval[1])
-    assert sum(covered) >= 10
+    assert sum(covered) >= 7
 
 
 @pytest.mark.parametrize('law', LAWS)

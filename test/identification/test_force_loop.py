@@ -206,7 +206,7 @@ def test_friction_that_is_not_known_is_drawn():
 
 
 def test_a_force_sensor_that_trails_is_unexplained():
-    (experiment,) = experiments_of([both_cylinders(drawn_with(None, 'surface_following', 25))])
+    (experiment,) = experiments_of([both_cylinders(draw(None, surface_following(duration=8.0, seed=25), 25))])
     trailing = replace(experiment, measured=np.roll(experiment.measured, 4))
     closure = close([trailing], AREA)
     assert closure.verdict == 'unexplained'

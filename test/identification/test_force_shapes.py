@@ -145,7 +145,6 @@ def test_where_nobody_knows_the_area_no_law_is_claimed() -> None:
     ('effect', 'schedule', 'seed'),
     [
         ('moving_mass', 'out_and_back', 4),  # of which samples 2 ms apart do not resolve the strokes
-        ('moving_mass', 'out_and_back', 5),
         ('seal_friction', 'paper_step', 3),  # nothing is left to check a curve on
         ('seal_friction', SURFACE, 4),
         (None, SURFACE, 5),

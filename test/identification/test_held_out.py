@@ -13,6 +13,7 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
+from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.recording import CylinderSignals, Signal
 from cfd_pneumatic.rig.panel import draw
 
@@ -88,7 +89,9 @@ def test_a_device_that_changes_behind_the_validation_part_is_unexplained():
     times = before.pressure.times
     pressure = Signal(times, np.where(times < begin, before.pressure.values, after.pressure.values))
     changed = replace(healthy, cylinders={'cylinder_a': CylinderSignals(pressure, before.setpoint)}, force=None)
-    closure = identify([changed], Options(close_loop=True)).channels['cylinder_a'].conclusion
+    found = identify([changed], Options(close_loop=True))
+    assert 'changed_during_recording' in {one.code for one in found.notices if one.level == WARNING}
+    closure = found.channels['cylinder_a'].conclusion
     assert closure.verdict == 'unexplained'
     assert f'but from t = {begin:.4g} s on the error is' in closure.why
     assert 'nothing is missing' not in closure.why
