@@ -17,7 +17,7 @@ from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.rig.panel import draw_textbook
 
-SEEDS = range(100)
+SEEDS = range(50)
 STD = 52.0
 MEMORY = {'white': 0.0, 'coloured': 0.9}
 

@@ -26,7 +26,7 @@ MOMENT = Moment(0.0, 0.0, 0.0, 2e5, 2e5, 1e5)
 
 
 LAWS = {
-    'bulge': ('orifices', 0.15, surface_following(70e3, 1.4e-3, duration=20.0, seed=0)),
+    'bulge': ('orifices', 0.15, surface_following(70e3, 1.4e-3, duration=12.0, seed=0)),
     'rushing_air': (None, None, surface_following(60e3, 1.5e-3, setpoint_steps=20e3, duration=12.0, seed=0)),
 }
 """Makes of their devices, how strong they are where that is not drawn, and a motion that shows them."""
