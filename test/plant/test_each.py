@@ -63,32 +63,6 @@ def test_a_row_for_each_cylinder_of_each_bag(small_results):
     assert parquet.read_table(small_results / 'results.parquet').num_rows == len(rows)
 
 
-def test_interrupted_and_killed_it_goes_on_where_it_stopped(small, small_results, tmp_path):
-    arguments = ('plant', '--each', '--jobs', 2, '--output', tmp_path)
-
-    def done():
-        return sum('~' not in str(row.relative_to(tmp_path)) for row in tmp_path.rglob('row.json'))  # none left aside
-
-    run = start(*arguments, cwd=small.parent)
-    wait_for(run, 3)
-    os.killpg(run.pid, signal.SIGINT)  # as Ctrl-C does: the workers hear it, too
-    _, complaints = run.communicate(timeout=_PATIENCE)
-    assert run.returncode == 130
-    assert complaints == 'identify_bag: interrupted: give the same command again to go on\n'
-    assert 3 <= (interrupted := done()) < BAGS
-    assert asides(tmp_path) == []
-    run = start(*arguments, cwd=small.parent)
-    wait_for(run, 3)
-    os.killpg(run.pid, signal.SIGKILL)
-    run.communicate()
-    assert interrupted + 3 <= (killed := done()) < BAGS
-    assert not (tmp_path / 'results.csv').exists()
-    printed = finish(start(*arguments, cwd=small.parent))
-    assert f'{BAGS - killed} of {BAGS - killed} bags' in printed
-    assert tables(tmp_path) == tables(small_results)
-    assert asides(tmp_path) == []
-
-
 def test_bags_that_fail_are_rows_the_others_finish_and_what_is_mended_is_done_again_and_nothing_else(tmp_path, capsys):
     plant, output = tmp_path / 'plant', tmp_path / 'out'
     write_plant(plant, 1, 2)
@@ -173,20 +147,44 @@ def address_of(folder: Path) -> str:
     raise TimeoutError((folder / 'log').read_text())
 
 
-def test_a_dask_cluster_is_waited_for_may_lose_a_worker_half_way_and_ends_the_run_where_it_is_lost(
+def test_interrupted_killed_and_on_a_cluster_that_loses_a_worker_it_goes_on_where_it_stopped(
     small, small_results, tmp_path
 ):
+    """The cluster is waited for; a run ends where it is lost."""
+    out, lost = tmp_path / 'out', tmp_path / 'lost'
+
+    def begun(output, *arguments):
+        return start('plant', '--each', '--output', output, *arguments, cwd=small.parent)
+
+    def done():
+        return sum('~' not in str(row.relative_to(out)) for row in out.rglob('row.json'))  # none left aside
+
+    run = begun(out, '--jobs', 1)
+    wait_for(run, 3)
+    os.killpg(run.pid, signal.SIGINT)  # as Ctrl-C does: the workers hear it, too
+    _, complaints = run.communicate(timeout=_PATIENCE)
+    assert run.returncode == 130
+    assert complaints == 'identify_bag: interrupted: give the same command again to go on\n'
+    assert 3 <= (interrupted := done()) < BAGS
+    assert asides(out) == []
+    run = begun(out, '--jobs', 1)
+    wait_for(run, 3)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.communicate()
+    assert interrupted + 3 <= (killed := done()) < BAGS
+    assert not (out / 'results.csv').exists()
     worker = ('worker', '--nthreads', '1', '--host', '127.0.0.1')
     with dask(tmp_path, 'scheduler', '--host', '127.0.0.1', '--port', '0') as scheduler:
-        arguments = ('plant', '--each', '--scheduler', address_of(tmp_path), '--output')
-        run = start(*arguments, tmp_path / 'out', cwd=small.parent)
+        there = ('--scheduler', address_of(tmp_path))
+        run = begun(out, *there)
         assert any('waiting for `dask worker`' in line for line in run.stdout)
         with dask(tmp_path, *worker) as doomed, dask(tmp_path, *worker):
-            wait_for(run, BAGS // 2)
+            wait_for(run, (BAGS - killed) // 2)
             os.killpg(doomed.pid, signal.SIGKILL)
-            finish(run)
-            assert tables(tmp_path / 'out') == tables(small_results)
-            run = start(*arguments, tmp_path / 'lost', cwd=small.parent)
+            assert f'{BAGS - killed} of {BAGS - killed} bags' in finish(run)
+            assert tables(out) == tables(small_results)
+            assert asides(out) == []
+            run = begun(lost, *there)
             wait_for(run, 3)
             os.killpg(scheduler.pid, signal.SIGKILL)
             _, complaint = run.communicate(timeout=_PATIENCE)
