@@ -50,7 +50,7 @@ test: $(VENV)/.ready  ## run all tests; ARGS='-k name' goes to pytest
 check: lint  ## style, types and the tests that a change usually needs: 2 minutes
 	$(PY) -m pytest --numprocesses 2 --dist loadfile $(QUICK) $(ARGS)
 
-properties: $(VENV)/.ready  ## run the property tests on random examples, four times as many
+properties: $(VENV)/.ready  ## run the property tests on random examples, twice as many
 	$(PY) -m pytest -m hypothesis --hypothesis-profile=random $(ARGS)
 
 fuzz: $(VENV)/.with-fuzz  ## change valid inputs at random, and see what readers and nodes make of them; 2 minutes

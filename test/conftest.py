@@ -39,7 +39,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # has seen.
 # Without deadlines, for a busy machine takes its time. A test that is slow asks for a share of `max_examples`.
 ANY_SPEED = {'deadline': None, 'suppress_health_check': [HealthCheck.too_slow]}
-settings.register_profile('repeatable', derandomize=True, max_examples=50, **ANY_SPEED)
+settings.register_profile('repeatable', derandomize=True, **ANY_SPEED)
 settings.register_profile('random', derandomize=False, max_examples=200, print_blob=True, **ANY_SPEED)
 settings.load_profile('repeatable')
 

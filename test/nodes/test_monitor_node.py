@@ -247,7 +247,7 @@ def test_faults_of_the_feed_are_named_and_the_watch_goes_on(graph: Graph, monito
         return graph.next_diagnostics(
             monitor,
             lambda one: one.name.endswith(part) and words in one.message,
-            doing=lambda: driver.publish(0.1, stuck),
+            doing=lambda: driver.publish(0.4, stuck),
         )
 
     driver.meet()
