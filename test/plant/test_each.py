@@ -165,13 +165,15 @@ def test_interrupted_killed_and_on_a_cluster_that_loses_a_worker_it_goes_on_wher
     _, complaints = run.communicate(timeout=_PATIENCE)
     assert run.returncode == 130
     assert complaints == 'identify_bag: interrupted: give the same command again to go on\n'
-    assert 3 <= (interrupted := done()) < BAGS
+    interrupted = done()
+    assert 3 <= interrupted < BAGS
     assert asides(out) == []
     run = begun(out, '--jobs', 1)
     wait_for(run, 3)
     os.killpg(run.pid, signal.SIGKILL)
     run.communicate()
-    assert interrupted + 3 <= (killed := done()) < BAGS
+    killed = done()
+    assert interrupted + 3 <= killed < BAGS
     assert not (out / 'results.csv').exists()
     worker = ('worker', '--nthreads', '1', '--host', '127.0.0.1')
     with dask(tmp_path, 'scheduler', '--host', '127.0.0.1', '--port', '0') as scheduler:
