@@ -136,14 +136,14 @@ def test_parameters_and_the_report_of_another_run_are_refused(tmp_path, other):
 
 
 @pytest.mark.skipif(shutil.which('strace') is None, reason='strace is not to be had here')
-@pytest.mark.parametrize('scenario', [one for one in SCENARIOS if 'csv_to_bag' in one.name], ids=lambda one: one.name)
-def test_killed_anywhere_or_without_room_a_program_leaves_the_old_or_the_new(tmp_path, scenario):
+def test_killed_anywhere_or_without_room_a_program_leaves_the_old_or_the_new(tmp_path):
     """`make crash` tries all."""
+    (scenario,) = (one for one in SCENARIOS if one.name == 'csv_to_bag --force over a bag')
     scenario.prepare(tmp_path)
-    calls = random.Random(17).sample(calls_of(scenario, tmp_path), 2)
+    calls = random.Random(17).sample(calls_of(scenario, tmp_path), 3)
     outcome = tried(scenario, calls, sizes=[1000])
     assert outcome.faults == []
-    assert outcome.kills == 2
+    assert outcome.kills == 3
 
 
 def test_a_program_that_is_interrupted_while_it_writes_leaves_nothing(tmp_path, holder):
