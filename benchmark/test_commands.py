@@ -24,6 +24,8 @@ from pathlib import Path
 import pytest
 
 from cfd_pneumatic.examples import EXAMPLES
+from cfd_pneumatic.recording import recording_of, write_recording
+from cfd_pneumatic.rig.panel import MAKES, draw
 from studies.provenance import ROOT
 from studies.ros_environment import isolate
 
@@ -110,6 +112,14 @@ def test_measured(benchmark, table, folder, run, core):
     mapping = ROOT / 'config' / 'pneumatic_actuator.yaml'
     arguments = [recording, '--mapping', mapping, '--core', core]
     identified(benchmark, table, f'identify_bag, {run}, --core {core}', arguments, folder / 'output')
+
+
+@pytest.mark.parametrize('schedule', ['out_and_back', 'surface_following'])
+def test_law(benchmark, table, folder, schedule):
+    """A device of full physics whose supply valve does not close: no effect of the library explains it."""
+    drawn = draw('worn_seat', schedule, 11000, make=next(iter(MAKES)))
+    write_recording(folder / schedule, recording_of(drawn.recording, epoch=10**18))
+    identified(benchmark, table, f'identify_bag, a law, {schedule}', [folder / schedule], folder / 'output')
 
 
 def test_plan(benchmark, table, folder):
