@@ -106,6 +106,7 @@ class Conclusion:
         """One of `STATUSES`: a hypothesis is a name beside which more than noise is left, or what a warning doubts."""
         named = self.effects or self.unknown is not None
         more_is_left = self.verdict == 'unexplained' or not explained(self.tests_after)
+        more_is_left |= maybe_more(self.tests_after, self.noise.known) is not None
         return 'hypothesis' if self.doubted or (named and more_is_left) else 'confirmed'
 
     @property
@@ -199,8 +200,6 @@ def verdict_of(
         beside = f', beside {named}' if named else ''
         why = f'the model lacks a law that is none of the effects known here{beside}: {law}{falls}'
         left = f'; something more is left, which {failed}' if failed else ', and what is left is noise'
-        if not against:
-            return 'shape_found', why + left
     elif effects:
         why = f'{_WHOLE}, and the model lacks {named}{falls}' if whole else f'the model lacks {named}{falls}'
         left = ', and what is left is noise'
@@ -210,15 +209,27 @@ def verdict_of(
         why, left = f'{whole}{_UNKNOWN if sought else _UNSOUGHT}', f': what is left {failed}'
     else:
         why, left = f'{whole}what the model leaves is noise', ': nothing is missing that these recordings could show'
-        size = max((test.statistic for test in tests if test.name == 'noise_floor'), default=1.0)
-        if not rested and size > _MAYBE_MORE:
-            why = f'{whole}what the model leaves is {size:.1f} times the noise from sample to sample'
-            left = ': nothing is missing if that noise has a memory, which rests of a second or two tell'
+    size = maybe_more(tests, rested)
+    if size is not None and not failed:
+        times = f'is {size:.1f} times the noise from sample to sample'
+        has_memory = 'if that noise has a memory, which rests of a second or two tell'
+        if law or effects:
+            left = f', and what is left {times}: nothing more is missing {has_memory}'
+        else:
+            why, left = f'{whole}what the model leaves {times}', f': nothing is missing {has_memory}'
+    if law and not against:
+        return 'shape_found', why + left
     if failed and harmless:
         failed, left = '', f'; what is left {failed}, but {harmless}'
     if failed or against:
         return 'unexplained', '; '.join([why + left, *against]) if failed else f'{why}, but {"; ".join(against)}'
     return 'effect_added' if effects else 'no_missing_effect', why + left
+
+
+def maybe_more(tests: Sequence[Test], rested: bool) -> float | None:
+    """Return what is left, over the noise from sample to sample, where that may be more: nothing `rested`."""
+    size = max((test.statistic for test in tests if test.name == 'noise_floor'), default=1.0)
+    return size if not rested and size > _MAYBE_MORE else None
 
 
 def within(tolerance: Tolerance, unit: str, experiments: Sequence[Experiment], simulated: Sequence[Array]) -> str:

@@ -9,7 +9,7 @@ from drawn import recording_of
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data.tolerance import tolerance_from, tolerated
-from cfd_pneumatic.identification.verdict import VERDICTS
+from cfd_pneumatic.identification.verdict import VERDICTS, verdict_of
 from cfd_pneumatic.recording import CylinderSignals, Signal
 from cfd_pneumatic.recording import recording_of as sampled_recording
 from cfd_pneumatic.rig import device_named, out_and_back, record, surface_following
@@ -62,6 +62,17 @@ def test_without_rests_it_is_said_that_what_is_left_may_be_more_than_noise():
     closure = identify([recording], Options(close_loop=True)).cylinders['cylinder_a'].conclusion
     assert closure.verdict == 'no_missing_effect'
     assert 'is 2.7 times the noise from sample to sample: nothing is missing if that noise has a memory' in closure.why
+
+
+def test_without_rests_a_name_beside_more_than_white_noise_is_a_hypothesis():
+    closure, _ = closed(draw('leakage', 'out_and_back', 2))
+    assert closure.status == 'confirmed'
+    (floor,) = (one for one in closure.tests_after if one.name == 'noise_floor')
+    more, unknown = (replace(floor, statistic=2.7, threshold=6.0),), replace(closure.noise, known=False)
+    assert replace(closure, tests_after=more, noise=unknown).status == 'hypothesis'
+    assert replace(closure, tests_after=more).status == 'confirmed'  # rests tell that noise has a memory
+    _, why = verdict_of('linear', ('leakage',), {}, more, None, 0.5, (0.4, 0.6), rested=False)
+    assert 'what is left is 2.7 times the noise from sample to sample: nothing more is missing if' in why
 
 
 @pytest.mark.parametrize('effect', ['pulsation', 'set_point_jump'])
