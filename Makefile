@@ -56,7 +56,7 @@ properties: $(VENV)/.ready  ## run the property tests on random examples, twice 
 fuzz: $(VENV)/.with-fuzz  ## change valid inputs at random, and see what readers and nodes make of them; 2 minutes
 	$(PY) -m studies.fuzz $(ARGS)
 
-measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measured_runs.md; five minutes
+measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measured_runs.md; a quarter of an hour
 	$(PY) -m studies.measured_runs
 
 coverage: $(VENV)/.ready  ## how often intervals hold the truth, write docs/coverage.md; half an hour
