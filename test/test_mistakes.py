@@ -1,5 +1,7 @@
 """Mistakes that users make are noticed, and clean recordings raise no warning."""
 
+import random
+
 import pytest
 
 from studies.mistakes import MEASURED, MISTAKES, answer, is_told, warnings_of_clean
@@ -15,20 +17,22 @@ TRIED = {
     *(('measured', what) for what in ('upside down', 'displacement the other way')),
 }
 """
-One of each code that tells of a mistake; `make mistakes` makes all.
+One of each code that tells of a mistake; a sample of the others comes on top, and `make mistakes` makes all.
 
 What only the physical core sees of devices of full physics is for `identification/test_readings.py`.
 """
 
-CHOSEN = [one for one in MISTAKES if (one.on, one.what) in TRIED]
+SAMPLED = 3
+OTHERS = [one for one in MISTAKES if (one.on, one.what) not in TRIED and one.on != 'real']
+CHOSEN = [one for one in MISTAKES if (one.on, one.what) in TRIED] + random.Random(16).sample(OTHERS, SAMPLED)
 
 
 def test_there_are_many_mistakes():
     assert len(MISTAKES) >= 40
     assert len({(one.on, one.what) for one in MISTAKES}) == len(MISTAKES)
-    assert len(CHOSEN) == len(TRIED)
+    assert len(CHOSEN) == len(TRIED) + SAMPLED
     codes = {code for one in MISTAKES for code in one.codes} - {'changed_during_recording'}  # see test_held_out.py
-    assert codes == {code for one in CHOSEN for code in one.codes}
+    assert codes <= {code for one in CHOSEN for code in one.codes}
 
 
 @pytest.mark.parametrize('mistake', CHOSEN, ids=lambda one: f'{one.on}: {one.what}')
@@ -41,6 +45,6 @@ def test_a_mistake_is_noticed(mistake):
         assert 'error' not in said.codes
 
 
-@pytest.mark.parametrize('seed', [0, 1213])  # the latter was warned of once
+@pytest.mark.parametrize('seed', [0, 1213, 1465])  # others than the document's, but for two once warned of
 def test_clean_recordings_raise_no_warning(seed):
     assert warnings_of_clean(seed) == []

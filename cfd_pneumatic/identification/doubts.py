@@ -10,8 +10,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.readings import left_of_force, other_pressure, other_scales
@@ -22,8 +22,6 @@ from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, LENGTHS, duplicates, in_other_units, shown_length
 from cfd_pneumatic.recording.inspection import doubts as doubts_of_recording
 from cfd_pneumatic.units import INCH, UNITS
-
-Array = NDArray[np.float64]
 
 USUAL_CHAMBERS = (1e-2, 0.1)
 """Likewise, of most devices [m]."""
@@ -242,7 +240,7 @@ def _of_changes(result: ChannelResult) -> Iterator[Notice]:
         if one.times.size < _PIECES * _FEWEST:
             continue
         pieces = np.array_split(np.arange(one.times.size), _PIECES)
-        errors = np.array([_rms(one.residual(1)[piece]) for piece in pieces])
+        errors = np.array([rms(one.residual(1)[piece]) for piece in pieces])
         shares = errors / np.array([max(float(np.std(one.experiment.measured[piece])), 1e-300) for piece in pieces])
         ratio, cut = max((_ratio(shares, cut), cut) for cut in range(1, _PIECES))
         before, after = (float(np.median(some)) for some in (errors[:cut], errors[cut:]))
@@ -259,7 +257,7 @@ def _of_changes(result: ChannelResult) -> Iterator[Notice]:
 def _of_a_stranger(result: ChannelResult) -> Iterator[Notice]:
     """Ask whether one recording of several is of another device, once the loop was closed: one core may not fit all."""
     noises = [max(sample_noise(one.times, one.experiment.measured), 1e-300) for one in result.comparisons]
-    errors = [_rms(one.residual(1)) / noise for one, noise in zip(result.comparisons, noises)]
+    errors = [rms(one.residual(1)) / noise for one, noise in zip(result.comparisons, noises)]
     usual = float(np.median(errors))
     for one, error in zip(result.comparisons, errors):
         if len(errors) >= _SEVERAL and error > _CHANGED * max(usual, 1.0):
@@ -275,10 +273,6 @@ def _ratio(shares: Array, cut: int) -> float:
     """Return how many times the largest on one side of a cut the median of the other is."""
     sides = shares[:cut], shares[cut:]
     return max(float(np.median(one)) / float(np.max(other)) for one, other in (sides, sides[::-1]))
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _of_force(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[Notice]:

@@ -192,7 +192,7 @@ def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(
             ('stubborn', f'{namespace}/stubborn refused the parameters: not today'),
             ('stranger', f'{namespace}/stranger (parameter apply_to) is no sim_node'),
         ):
-            node.set(bags=[str(bag)], output_dir=str(tmp_path), apply_to=f'{namespace}/{target}')
+            node.set(bags=[str(bag)], output_dir=str(tmp_path / target), apply_to=f'{namespace}/{target}')
             node.identify()
             assert node.status(words).level == DiagnosticStatus.ERROR
         assert other.status(f'{nobody} (parameter apply_to) is not there').level == DiagnosticStatus.ERROR

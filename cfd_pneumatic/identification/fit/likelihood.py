@@ -30,9 +30,9 @@ _DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's s
 _LONGEST_STEP = 2.0
 _STRETCHES = 32  # of long recordings, which a search reads
 _STRETCH = 16_384  # samples
-_SPREAD = 8  # of short ones: long enough for the walls' warmth, which nobody knows where they begin
-_LEAD = 0.1  # share of a stretch until that is forgotten
-_LONGER_LEAD = 0.25  # of a short one
+_SPREAD = 8  # short ones: so few that each is longer than the walls' warmth lasts
+_LEAD = 0.1  # share of a stretch that does not count: how warm the air is where it begins nobody knows
+_LONGER_LEAD = 0.25  # likewise, of a short one
 _LEAST = 1e-300  # sum of squares whose logarithm is taken
 
 
