@@ -6,6 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -24,6 +25,8 @@ from cfd_pneumatic.model.propagation import (
     propagate_sets,
 )
 from cfd_pneumatic.parallel import each, threads
+
+_SETPOINTS = 32  # of all cylinders, whose gains are kept
 
 
 class Readings(NamedTuple):
@@ -131,7 +134,11 @@ class Cylinder:
         """Check the effects."""
         check_effects(self.effects, PRESSURE_PARTS, 'pressure')
 
-    @property
+    @cached_property
+    def _effects(self) -> tuple[tuple[str, tuple[float, ...]], ...]:
+        return tuple((name, tuple(own)) for name, own in self.effects.items())
+
+    @cached_property
     def delay(self) -> float | None:
         """What an effect delays the reading by, where there is one; below zero it looks ahead [s]."""
         return next((own[0] for name, own in self.effects.items() if PRESSURE_PARTS[name].late == 'reading'), None)
@@ -143,7 +150,7 @@ class Cylinder:
         if not self.effects:
             return state
         gains = interpolate_gains(self.parameters.table, setpoint - self.ambient_pressure)
-        cylinder = ExtendedCylinder(gains, self.effects, self.ambient_pressure)
+        cylinder = _extended(gains, self._effects, self.ambient_pressure)
         begin = cylinder.begin(state.p, state.p_f, x)
         return state._replace(extended=replace(begin, reading=cylinder.read(begin, 0.0)))
 
@@ -169,7 +176,7 @@ class Cylinder:
         gains = interpolate_gains(self.parameters.table, setpoint - self.ambient_pressure)
         if not self.effects:
             return CylinderState(*advance(state.p, state.p_f, movement.duration, movement.rate, setpoint, *gains))
-        cylinder = ExtendedCylinder(gains, self.effects, self.ambient_pressure)
+        cylinder = _extended(gains, self._effects, self.ambient_pressure)
         begin = cylinder.begin(state.p, state.p_f, movement.begin, state.extended)
         end = cylinder.step(begin, movement, setpoint)
         after = CylinderState(end.p, end.p_f, end)
@@ -219,6 +226,14 @@ class Cylinder:
             state = self.step(state, movement, setpoint[i])
             readings[i] = state.reading
         return readings
+
+
+@lru_cache(maxsize=_SETPOINTS)
+def _extended(
+    gains: tuple[float, ...], effects: tuple[tuple[str, tuple[float, ...]], ...], ambient_pressure: float
+) -> ExtendedCylinder:
+    """Return a cylinder with effects at some gains; those of the last set-points are kept."""
+    return ExtendedCylinder(gains, dict(effects), ambient_pressure)
 
 
 def _read_late(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from math import ceil, floor
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +37,9 @@ STAGE_ROWS = slice(S0 // COUNT, S0 // COUNT + STATES)
 _SETTLED = 8.0  # time constants: to a third of a thousandth
 _MARGIN_BELOW, _MARGIN_ABOVE = 0.8, 1.2  # of the set-points: how far pressures stray from them
 _LONGEST_SETTLING = 2.0  # [s]
+_COARSE = 1e4, 1e-3, 0.1  # steps are as short as within round numbers of this size: they are seldom asked [Pa, m, m/s]
+_HIGHEST = 1e8  # pressure whose stiffness is asked [Pa]
+_BOXES = 64  # of round numbers, of which the stiffness is kept
 
 SLOWEST_CUT = 1.5
 """A step is at most this many of the fastest time constants long [-]."""
@@ -197,7 +202,7 @@ class ExtendedCylinder:
                 values[index] = before.values[index]
         else:  # the chamber stands where it does while the piston rests here
             numbers = self._numbers(values)
-            follow(0.0, x, 1.0, self.ambient_pressure, numbers, switches(self.effects))
+            follow(0.0, x, 1.0, self.ambient_pressure, numbers, self._on)
             values = _rows(numbers)[STATE_ROWS, 0]
         return ExtendedState(effects, tuple(values.tolist()), p)
 
@@ -210,9 +215,9 @@ class ExtendedCylinder:
             movement.duration,
             setpoint,
             self.ambient_pressure,
-            self.stiffness((state.p, setpoint), (movement.begin, movement.end), abs(movement.rate)),
+            self._stiffness_of(state.p, setpoint, movement),
             numbers,
-            switches(self.effects),
+            self._on,
         )
         rows = _rows(numbers)
         return ExtendedState(state.effects, tuple(rows[STATE_ROWS, 0].tolist()), float(rows[SIGNAL_ROW, 0]))
@@ -220,19 +225,55 @@ class ExtendedCylinder:
     def read(self, state: ExtendedState, time: float) -> float:
         """Return what the pressure sensor reads in a state, at a time [s] since the start [Pa]."""
         numbers = self._numbers(state.values)
-        read(time, self.ambient_pressure, numbers, switches(self.effects))
+        read(time, self.ambient_pressure, numbers, self._on)
         return float(_rows(numbers)[SIGNAL_ROW, 0])
+
+    @cached_property
+    def _on(self) -> int:
+        return switches(self.effects)
+
+    @cached_property
+    def _blank(self) -> Array:
+        """The kernel's numbers with this cylinder in every lane, in no state."""
+        numbers = np.zeros(SIZE)
+        _rows(numbers)[PARAMETER_ROWS] = all_parameters(self.gains, self.effects)[:, None]
+        return numbers
 
     def _numbers(self, values: Sequence[float] | Array | None = None) -> Array:
         """Return the kernel's numbers with this cylinder in every lane, in a state."""
-        numbers = np.zeros(SIZE)
-        rows = _rows(numbers)
-        rows[PARAMETER_ROWS] = all_parameters(self.gains, self.effects)[:, None]
+        numbers = self._blank.copy()
         if values is not None:
-            own = np.asarray(values)[:, None]
+            rows, own = _rows(numbers), np.asarray(values)[:, None]
             rows[STATE_ROWS] = own
             rows[STAGE_ROWS] = own[:STATES]
         return numbers
+
+    @cached_property
+    def _stiffness_within(self) -> Callable[[int, int, int, int, int], float]:
+        """The stiffness within so many coarse steps of pressure, displacement and speed; none is asked twice."""
+        of_pressure, of_displacement, of_speed = _COARSE
+
+        def stiffness(lowest: int, highest: int, shortest: int, farthest: int, fastest: int) -> float:
+            pressures = lowest * of_pressure, highest * of_pressure
+            displacements = shortest * of_displacement, farthest * of_displacement
+            return self.stiffness(pressures, displacements, fastest * of_speed)
+
+        return lru_cache(maxsize=_BOXES)(stiffness)
+
+    def _stiffness_of(self, p: float, setpoint: float, movement: Movement) -> float:
+        """Return how stiff a movement is at most, from a pressure [Pa]."""
+        of_pressure, of_displacement, of_speed = _COARSE
+        p = min(_HIGHEST, max(of_pressure, p))  # it may have run away, and be no number
+        low, high = (p, setpoint) if p < setpoint else (setpoint, p)
+        near, far = movement.begin, movement.end
+        near, far = (near, far) if near < far else (far, near)
+        return self._stiffness_within(
+            floor(low / of_pressure),
+            ceil(high / of_pressure),
+            floor(near / of_displacement),
+            ceil(far / of_displacement),
+            ceil(abs(movement.rate) / of_speed),
+        )
 
     def simulate(
         self, times: Array, displacement: Array, setpoint: Array, start: float = 0.0, settles: bool = False
