@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.cores import Cores
 from cfd_pneumatic.identification.search.curves import fitted as fitted_curve
 from cfd_pneumatic.identification.search.laws import Drawn, Laws
-from cfd_pneumatic.identification.search.stepwise import Trial
+from cfd_pneumatic.identification.search.stepwise import SearchResult, Trial
 from cfd_pneumatic.identification.search.visibility import invisible
 from cfd_pneumatic.identification.shape import Shape, centred, shape_of
 from cfd_pneumatic.identification.verdict import (
@@ -133,21 +133,12 @@ def _looked_for(
     cores, laws = Cores(candidates, core), Laws(candidates)
     if not is_explained:
         drawing = cores.law(laws)
-        with_law = None if drawing is None else _as_drawn(drawing, before, before)
+        with_law = None if drawing is None else _as_drawn(drawing, before, before.model)
         if with_law is not None:
             return with_law[0], {}, cores.tried, with_law[1]
     found = cores.for_memory() if is_explained else cores.searched()
-    after, alternatives, tried = before, dict(found.alternatives), found.tried
-    if found.model.model.parts:
-        after = _fitted(before, _without_idle(before, found.model.model))
-        idle = found.model.effects.keys() - after.model.effects.keys()
-        alternatives = {name: others for name, others in alternatives.items() if name not in idle}
-        tried = tuple(
-            replace(one, accepted=False, why=_DOES_NOTHING) if one.effect in idle and one.accepted else one
-            for one in tried
-        )
-        alternatives |= _confounded(after)
-    may_do = explained(candidates.residual_tests(found.model)) or _is_explained(after)
+    finished = cache(partial(_finished, before, found))
+    may_do = explained(candidates.residual_tests(found.model)) or _is_explained(finished()[0])
     is_noise, several = may_do and laws.is_noise(found.model), len(found.model.effects) > 1
     if several or not is_noise:
         # beside a core alone, for effects that were found instead of a law are none, and else beside them
@@ -161,18 +152,32 @@ def _looked_for(
             is_plainer = several and drawing is not None and not drawing.begin.effects  # one law, for several effects
             if may_do and drawing is not None and not is_plainer and laws.is_near(drawing, found.model):
                 continue
-            with_law = None if drawing is None else _as_drawn(drawing, before, after)
+            with_law = None if drawing is None else _as_drawn(drawing, before, found.model.model)
             if with_law is not None:
                 after, unknown = with_law
-                alternatives = {name: others for name, others in alternatives.items() if name in after.model.effects}
-                return after, alternatives, tried, unknown
+                beside = {name: others for name, others in found.alternatives.items() if name in after.model.effects}
+                return after, beside, found.tried, unknown
             if drawing is not None:
                 break
-    return after, alternatives, tried, None
+    return *finished(), None
 
 
-def _as_drawn(drawing: Drawn, before: Fit, after: Fit) -> tuple[Fit, Shape] | None:
-    """Return a law fitted to train and validation, if the test part does not speak against it."""
+def _finished(before: Fit, found: SearchResult) -> tuple[Fit, Mapping[str, tuple[str, ...]], tuple[Trial, ...]]:
+    """Return what a search found fitted to the end, without what does nothing, alternatives to it, what was tried."""
+    if not found.model.model.parts:
+        return before, found.alternatives, found.tried
+    after = _fitted(before, _without_idle(before, found.model.model))
+    idle = found.model.effects.keys() - after.model.effects.keys()
+    alternatives = {name: others for name, others in found.alternatives.items() if name not in idle}
+    tried = tuple(
+        replace(one, accepted=False, why=_DOES_NOTHING) if one.effect in idle and one.accepted else one
+        for one in found.tried
+    )
+    return after, {**alternatives, **_confounded(after)}, tried
+
+
+def _as_drawn(drawing: Drawn, before: Fit, other: Model) -> tuple[Fit, Shape] | None:
+    """Return a law fitted to train and validation, if the test part speaks neither against it nor for another model."""
     likelihood, begin = before.likelihood, drawing.begin
     fitted = fitted_curve(likelihood, drawing.candidate.model, drawing.promise).model
     model = centred(likelihood, fitted, drawing.promise.slot)
@@ -180,8 +185,8 @@ def _as_drawn(drawing: Drawn, before: Fit, after: Fit) -> tuple[Fit, Shape] | No
     if not all(np.all(np.isfinite(values)) for values in simulated):
         return None
     experiments = likelihood.experiments
-    left_beside_others = compared(experiments, after.simulated, simulated)[0]
-    if left_beside_others >= 1.0:
+    left_beside_other = compared(experiments, likelihood.simulate(other), simulated)[0]
+    if left_beside_other >= 1.0:
         return None
     others = {name: own for name, own in model.effects.items() if name != likelihood.channel.curve.name}
     without = likelihood.simulate(replace(model, effects=others))
@@ -194,7 +199,7 @@ def _as_drawn(drawing: Drawn, before: Fit, after: Fit) -> tuple[Fit, Shape] | No
     if min(left_of_unseen) >= (_SEEN_IN_COMPANY if begin.effects else _SEEN):
         return None
     left = [one.measured - values for one, values in zip(experiments, simulated)]
-    if left_beside_others > _MOSTLY and contradiction(experiments, left, likelihood.noise(model).std):
+    if left_beside_other > _MOSTLY and contradiction(experiments, left, likelihood.noise(model).std):
         return None
     return _summary(before, model), shape_of(likelihood, model, drawing, begin.model)
 

@@ -27,7 +27,7 @@ _BAND = 1.96  # standard errors: 95 % at each point
 _GAINS = {'gain': slice(0, 1), 'flow': slice(1, 3), 'stiffness': slice(0, 3)}
 _AS_WELL = 1.05  # times the curve's squares, which a formula may leave when it is simulated
 _ANEW = (1e-4, 10)  # tolerance and evaluations of that
-_FEWEST = 5  # samples near a point that has been visited
+_FEWEST = 20  # samples near a point that has been visited: what a piston jumps past is hardly told
 
 UNITS = {
     'set_point': 'Pa',
@@ -136,8 +136,8 @@ class Shape:
 
         Of what is told but for a constant the size is by how much it changes.
         """
-        seen = self.value[self.visited]
-        most = float(np.max(np.abs(seen)) if self.enters in FROM_NOTHING else np.ptp(seen)) if seen.size else 0.0
+        seen = self.value[self.visited] if np.count_nonzero(self.visited) > 1 else self.value
+        most = float(np.max(np.abs(seen)) if self.enters in FROM_NOTHING else np.ptp(seen))
         size = 100.0 * most if self.unit in ('1', '1/s') else most
         shown = float(f'{size:.2g}')
         what = f'{_ENTERS[self.enters].format(f"{shown:g}")}, {_AGAINST[self.against]}'

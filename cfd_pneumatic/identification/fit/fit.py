@@ -21,12 +21,13 @@ from cfd_pneumatic.parallel import each
 ROUGH = (1e-4, 40)
 """Tolerance and evaluations of a fit that chooses among starts."""
 
-FINE = (1e-9, 200)
+FINE = (1e-9, 60)
 """The same of a fit whose numbers are reported."""
 
 CONFIDENCE = 0.95
 """Of intervals and tests [-]."""
 
+_WEIGHING = (1e-6, 40)  # the same of a fit that says what samples weigh
 _EXCERPT = 10_000  # grid steps that starts are chosen on
 _AS_KNOWN = 0.7  # of the spread that is known beforehand: a number that recordings tell no better, they don't tell
 _AT_BOUND = 1e-3  # of what is searched
@@ -92,9 +93,9 @@ def fit(channel: Channel, experiments: Sequence[Experiment], initial: Model | No
     if len(starts) > 1 or alike.excerpt(_EXCERPT) is not alike:
         part = alike.excerpt(_EXCERPT)
         start = min(each(lambda one: search(part, one, *ROUGH), starts), key=lambda found: found.cost).model
-    first = _begun_on_either_side(alike, search(alike, start, *FINE).model)
+    first = _begun_on_either_side(alike, search(alike, start, *_WEIGHING).model)
     weighed = alike.weighed(alike.simulate(first))
-    return summary(weighed, first if weighed is alike else search(weighed, first, *FINE).model)
+    return summary(weighed, search(weighed, first, *FINE).model)
 
 
 def _begun_on_either_side(likelihood: Likelihood, model: Model) -> Model:
@@ -109,14 +110,14 @@ def _begun_on_either_side(likelihood: Likelihood, model: Model) -> Model:
         return model
     row = channel.row(model)
     row[begun] *= -1.0
-    other = search(likelihood, channel.model(row, tuple(model.parts)), *FINE).model
+    other = search(likelihood, channel.model(row, tuple(model.parts)), *_WEIGHING).model
     left = [[float(run @ run) for run in likelihood.residuals(likelihood.simulate(one))] for one in (model, other)]
     is_better = np.array(left[1]) < np.array(left[0])
     own = model.own.copy()
     for one, better in zip(experiments, is_better):
         if better:
             own[one.index] = other.own[one.index]
-    return search(likelihood, replace(other if is_better.all() else model, own=own), *FINE).model
+    return search(likelihood, replace(other if is_better.all() else model, own=own), *_WEIGHING).model
 
 
 class Optimum(NamedTuple):

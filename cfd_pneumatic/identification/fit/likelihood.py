@@ -30,6 +30,8 @@ _DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's s
 _LONGEST_STEP = 2.0
 _STRETCHES = 32  # of long recordings, which a search reads
 _STRETCH = 16_384  # samples
+_FEW = 4  # experiments that give as much to an excerpt as one would alone
+_LEAST_EXCERPT = 1000  # grid steps of each
 _SPREAD = 8  # short ones: so few that each is longer than the walls' warmth lasts
 _LEAD = 0.1  # share of a stretch that does not count: how warm the air is where it begins nobody knows
 _LONGER_LEAD = 0.25  # likewise, of a short one
@@ -171,7 +173,12 @@ class Likelihood:
         return replace(self, experiments=tuple(cut), weights=tuple(weights))
 
     def excerpt(self, steps: int) -> Likelihood:
-        """Return the liveliest part of each experiment; itself where none has more grid steps."""
+        """
+        Return the liveliest part of each experiment; itself where none has more grid steps.
+
+        Of many experiments each gives less, so that together they hardly take longer than a few.
+        """
+        steps = min(steps, max(_FEW * steps // len(self.experiments), _LEAST_EXCERPT))
         if max(one.times.size for one in self.experiments) <= steps:
             return self
         return self._cut([(rank, one.liveliest(steps)) for rank, one in enumerate(self.experiments)])

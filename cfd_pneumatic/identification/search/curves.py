@@ -15,12 +15,21 @@ from cfd_pneumatic.identification.search.promises import Promise, roughness
 from cfd_pneumatic.identification.search.slots import Slot
 from cfd_pneumatic.model.effects.knots import KNOTS
 
-_FINE = (1e-5, 25)  # tolerance and evaluations of a fit
+ROUGH = (1e-3, 25)
+"""Tolerance and evaluations of a fit that tells what a curve may come to."""
+
+FINE = (1e-5, 25)
+"""The same of a fit whose curve is shown."""
+
 _RENEWED = (1e-6, 1e3)  # by how much a penalty may change
 
 
-def fitted(likelihood: Likelihood, begin: Model, promise: Promise) -> Optimum:
-    """Return a model that has a curve, fitted with a penalty on its roughness, which counts among what it leaves."""
+def fitted(likelihood: Likelihood, begin: Model, promise: Promise, how: tuple[float, int] = FINE) -> Optimum:
+    """
+    Return a model that has a curve, fitted with a penalty on its roughness, which counts among what it leaves.
+
+    `how` has the tolerance and the most evaluations.
+    """
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, begin)
     bends = penalty_of(unknowns, promise)
 
@@ -30,7 +39,7 @@ def fitted(likelihood: Likelihood, begin: Model, promise: Promise) -> Optimum:
         return Quadratic(here.total + float(point @ slope), here.gradient + slope, here.normal + bends)
 
     start, lower, upper = unknowns.start, unknowns.lower, unknowns.upper
-    point, reached = least_squares(evaluate, start, lower, upper, *_FINE, longest=unknowns.longest_step)
+    point, reached = least_squares(evaluate, start, lower, upper, *how, longest=unknowns.longest_step)
     return Optimum(unknowns.model(point), reached.total)
 
 

@@ -20,7 +20,7 @@ from cfd_pneumatic.identification.fit.fit import Optimum
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.curves import fitted, renewed
+from cfd_pneumatic.identification.search.curves import ROUGH, fitted, renewed
 from cfd_pneumatic.identification.search.promises import Promise, beside, promises
 from cfd_pneumatic.identification.search.stepwise import small_enough
 from cfd_pneumatic.parallel import each
@@ -36,6 +36,7 @@ _PROMISING = 0.6  # of what the best one promises: those worth a fit
 _HARDLY_PROMISING = 0.2  # of that: those that are tried where none of the others comes near what is left, if that is
 _LARGE = 3.0  # times the noise
 _MOST_LEFT = 0.7  # of the squares above the noise, as the linearised model foretells it
+_MOST_LEFT_IN_COMPANY = 0.53  # beside effects, which a law has to outdo by more
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a promise, with which a fit begins
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
 _LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
@@ -97,7 +98,7 @@ class Laws:
 
     def may_explain(self, begin: Candidate) -> bool:
         """Return whether a curve promises most of what is above the noise beside a model."""
-        promised, above = self._promises(begin), _size(self.candidates, begin) ** 2 - 1.0
+        promised, above = self._promises(begin), self._size(begin) ** 2 - 1.0
         return any(one.left * (above + 1.0) - 1.0 < _MOST_OF_ALL * above for one in promised)
 
     def best(self, begins: Sequence[Candidate], known: Sequence[Candidate]) -> Drawn | None:
@@ -111,8 +112,8 @@ class Laws:
         for begin in sorted(begins, key=self._least_promised):
             if begin in self._known or self._least_promised(begin) < least:
                 found += [one for one in self._beside(begin) if self.is_better(one, known)]
-            if any(small_enough(self.candidates.residual_tests(one.candidate)) for one in found):
-                break  # what leaves noise beside one core is not looked for beside another
+            if any(self.is_noise(one.candidate) or self._is_small(one.candidate) for one in found):
+                break  # what leaves hardly more than noise beside one core is not looked for beside another
         if not found:
             return None
         best = min(found, key=lambda one: self.candidates.squares(one.candidate))
@@ -168,7 +169,7 @@ class Laws:
 
     def is_noise(self, one: Candidate) -> bool:
         """Return whether what a model leaves is noise in kind and hardly larger: where none was seen it may be."""
-        return explained(self.candidates.residual_tests(one)) and _size(self.candidates, one) < _NEAR_NOISE
+        return explained(self.candidates.residual_tests(one)) and self._size(one) < _NEAR_NOISE
 
     def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
         """Return whether a curve errs so much less than every one of some models that hardly two of them make up."""
@@ -182,13 +183,14 @@ class Laws:
         """
         if begin not in self._known:
             promised, size = self._promises(begin), self._size(begin)
+            left = _MOST_LEFT_IN_COMPANY if begin.effects else _MOST_LEFT
             most = max((one.evidence for one in promised if one.slot.name[1] != 'time'), default=0.0)
-            likely = _worth_a_fit(promised, size, _PROMISING * most)
+            likely = _worth_a_fit(promised, size, left, _PROMISING * most)
             near = self._near(begin, likely)
             if likely and not near and size > _LARGE:  # far from where it was linearised
                 names = {one.slot.name for one in likely}
                 others = [one for one in promised if one.slot.name not in names]
-                near = self._near(begin, _worth_a_fit(others, size, _HARDLY_PROMISING * most))
+                near = self._near(begin, _worth_a_fit(others, size, left, _HARDLY_PROMISING * most))
             self._known[begin] = self._finished(begin, near[:_FITTED])
         return self._known[begin]
 
@@ -205,7 +207,7 @@ class Laws:
 
     def _finished(self, begin: Candidate, sketches: Sequence[_Sketch]) -> list[Drawn]:
         """Return sketches fitted to the train part."""
-        models = each(lambda one: fitted(self.candidates.train, one.found.model, one.promise).model, sketches)
+        models = each(lambda one: fitted(self.candidates.train, one.found.model, one.promise, ROUGH).model, sketches)
         finished = [self.candidates.finished(model, begin.model) for model in models]
         return [
             Drawn(one.promise, own, begin, ())
@@ -219,14 +221,19 @@ class Laws:
         follows = any(one.name == 'inputs' and not one.passed for one in tests)
         if follows and self.candidates.channel.may_hide(self.candidates.train.experiments):
             return False
-        return small_enough(tests) or _size(self.candidates, drawing.candidate) < self._near_noise(drawing.begin)
+        return self._is_small(drawing.candidate) or self._size(drawing.candidate) < self._near_noise(drawing.begin)
+
+    def _is_small(self, candidate: Candidate) -> bool:
+        return small_enough(self.candidates.residual_tests(candidate))
 
     def _near_noise(self, begin: Candidate) -> float:
         """Return the size up to which what a law leaves is hardly larger than the noise, which is 1."""
-        return max(_NEAR_NOISE, _SMOOTHED * _size(self.candidates, begin))
+        return max(_NEAR_NOISE, _SMOOTHED * self._size(begin))
 
     def _size(self, candidate: Candidate) -> float:
-        return _size(self.candidates, candidate)
+        """Return the root mean square of what a model leaves, over the noise."""
+        tests = self.candidates.residual_tests(candidate)
+        return next(one.statistic for one in tests if one.name == 'noise_floor')
 
     def _least_promised(self, begin: Candidate) -> float:
         """Return the least sum of squares that a curve promises to leave."""
@@ -254,10 +261,10 @@ class Laws:
         share = independent_share(self.candidates.resting_coefficients(begin))
 
         def sketch(promise: Promise, model: Model) -> _Sketch:
-            model = fitted(self._excerpt, model, promise).model
+            model = fitted(self._excerpt, model, promise, ROUGH).model
             promise = replace(promise, slot=promise.slot.remembering(model))
             again = renewed(self._excerpt, model, promise, share)
-            return _Sketch(again, fitted(self._excerpt, model, again))
+            return _Sketch(again, fitted(self._excerpt, model, again, ROUGH))
 
         return _best_first(each(lambda one: sketch(*one), some))
 
@@ -292,24 +299,18 @@ def _otherwise(sketch: _Sketch) -> list[tuple[Promise, Model]]:
     return [(replace(sketch.promise, slot=one), one.on(model, slot.along(one.knots) @ heights)) for one in others]
 
 
-def _worth_a_fit(promised: Sequence[Promise], size: float, least: float) -> list[Promise]:
+def _worth_a_fit(promised: Sequence[Promise], size: float, left: float, least: float) -> list[Promise]:
     """
     Return the most promising of each place and memory, if they may bring a residual down to the noise, of 1.
 
-    Their evidence is to be more than `least`.
+    They are to leave less than a share `left` of the squares above it, and their evidence is to be more than `least`.
     """
     best: dict[tuple[str, str, float], Promise] = {}
     for one in promised:
-        may = one.left * size**2 - 1.0 < _MOST_LEFT * (size**2 - 1.0)
+        may = one.left * size**2 - 1.0 < left * (size**2 - 1.0)
         if may and one.evidence > max(_LEAST_EVIDENCE, least):
             best.setdefault((*one.slot.name, one.slot.memory), one)
     return list(best.values())[:_FITTED]
-
-
-def _size(candidates: Candidates, candidate: Candidate) -> float:
-    """Return the root mean square of what a model leaves, over the noise."""
-    (size,) = (one.statistic for one in candidates.residual_tests(candidate) if one.name == 'noise_floor')
-    return size
 
 
 def _error(candidate: Candidate) -> float:

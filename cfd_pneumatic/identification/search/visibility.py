@@ -80,7 +80,8 @@ def _remains(complement: Complement, name: str, start: Start, least: float) -> b
     experiments = tuple(replace(one, measured=values) for one, values in zip(likelihood.experiments, made))
     little = least**2 * likelihood.samples
     likelihood = replace(likelihood, experiments=experiments)
-    return search(likelihood, model, *_ROUGH, enough=little, frozen=model.core).cost > little
+    frozen = (*model.core, likelihood.channel.curve.name)
+    return search(likelihood, model, *_ROUGH, enough=little, frozen=frozen).cost > little
 
 
 def _rms(columns: Array) -> Array:
