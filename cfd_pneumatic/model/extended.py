@@ -37,9 +37,10 @@ STAGE_ROWS = slice(S0 // COUNT, S0 // COUNT + STATES)
 _SETTLED = 8.0  # time constants: to a third of a thousandth
 _MARGIN_BELOW, _MARGIN_ABOVE = 0.8, 1.2  # of the set-points: how far pressures stray from them
 _LONGEST_SETTLING = 2.0  # [s]
-_COARSE = 1e4, 1e-3, 0.1  # steps are as short as within round numbers of this size: they are seldom asked [Pa, m, m/s]
-_HIGHEST = 1e8  # pressure whose stiffness is asked [Pa]
-_BOXES = 64  # of round numbers, of which the stiffness is kept
+# a live step is as short as its stiffness within such round numbers says, which is seldom asked
+_PRESSURE_STEP, _DISPLACEMENT_STEP, _SPEED_STEP = 1e4, 1e-3, 0.1  # [Pa, m, m/s]
+_LOWEST, _HIGHEST = 1e4, 1e8  # pressures whose stiffness is asked [Pa]
+_BOXES = 64
 
 SLOWEST_CUT = 1.5
 """A step is at most this many of the fastest time constants long [-]."""
@@ -209,13 +210,19 @@ class ExtendedCylinder:
     def step(self, state: ExtendedState, movement: Movement, setpoint: float) -> ExtendedState:
         """Return the state after a movement at an absolute set-point [Pa]."""
         numbers = self._numbers(state.values)
+        p, held = (min(max(_LOWEST, one), _HIGHEST) for one in (state.p, setpoint))  # they may be no numbers
+        stiffness = self._known_stiffness(
+            _around(p, held, _PRESSURE_STEP),
+            _around(movement.begin, movement.end, _DISPLACEMENT_STEP),
+            _around(0.0, abs(movement.rate), _SPEED_STEP)[1],
+        )
         step(
             movement.time,
             movement.end,
             movement.duration,
             setpoint,
             self.ambient_pressure,
-            self._stiffness_of(state.p, setpoint, movement),
+            stiffness,
             numbers,
             self._on,
         )
@@ -249,31 +256,8 @@ class ExtendedCylinder:
         return numbers
 
     @cached_property
-    def _stiffness_within(self) -> Callable[[int, int, int, int, int], float]:
-        """The stiffness within so many coarse steps of pressure, displacement and speed; none is asked twice."""
-        of_pressure, of_displacement, of_speed = _COARSE
-
-        def stiffness(lowest: int, highest: int, shortest: int, farthest: int, fastest: int) -> float:
-            pressures = lowest * of_pressure, highest * of_pressure
-            displacements = shortest * of_displacement, farthest * of_displacement
-            return self.stiffness(pressures, displacements, fastest * of_speed)
-
-        return lru_cache(maxsize=_BOXES)(stiffness)
-
-    def _stiffness_of(self, p: float, setpoint: float, movement: Movement) -> float:
-        """Return how stiff a movement is at most, from a pressure [Pa]."""
-        of_pressure, of_displacement, of_speed = _COARSE
-        p = min(_HIGHEST, max(of_pressure, p))  # it may have run away, and be no number
-        low, high = (p, setpoint) if p < setpoint else (setpoint, p)
-        near, far = movement.begin, movement.end
-        near, far = (near, far) if near < far else (far, near)
-        return self._stiffness_within(
-            floor(low / of_pressure),
-            ceil(high / of_pressure),
-            floor(near / of_displacement),
-            ceil(far / of_displacement),
-            ceil(abs(movement.rate) / of_speed),
-        )
+    def _known_stiffness(self) -> Callable[[tuple[float, float], tuple[float, float], float], float]:
+        return lru_cache(maxsize=_BOXES)(self.stiffness)
 
     def simulate(
         self, times: Array, displacement: Array, setpoint: Array, start: float = 0.0, settles: bool = False
@@ -304,6 +288,11 @@ def extremes(
     pressures = _MARGIN_BELOW * float(np.min(setpoint)), _MARGIN_ABOVE * float(np.max(setpoint))
     speed = float(np.max(np.abs(np.diff(displacement) / np.diff(times)), initial=0.0))
     return pressures, (float(np.min(displacement)), float(np.max(displacement))), speed
+
+
+def _around(one: float, other: float, size: float) -> tuple[float, float]:
+    """Return the next multiples of a size below and above two values."""
+    return size * floor(min(one, other) / size), size * ceil(max(one, other) / size)
 
 
 def _rows(numbers: Array) -> Array:

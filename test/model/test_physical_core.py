@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from reference import AMBIENT
 from scipy.optimize import brentq
 
-from cfd_pneumatic.model import Cylinder, ExtendedCylinder, Movement, OperatingPoints
+from cfd_pneumatic.model import Cylinder, CylinderState, ExtendedCylinder, Movement, OperatingPoints
 from cfd_pneumatic.model.effects import CORES, EFFECTS, physical_core
 
 LEVEL = 2.5e5
@@ -153,6 +153,15 @@ def test_step_by_step_it_is_what_it_is_over_a_recording():
     cylinder = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT, core(wall_loss=5.0, control_volume=0.02))
     whole = ExtendedCylinder(GAINS, cylinder.effects, AMBIENT).simulate(times, moved, held)
     np.testing.assert_allclose(cylinder.simulate(times, moved, held), whole, rtol=1e-5)
+
+
+@pytest.mark.parametrize(('pressure', 'setpoint'), [(0.0, 0.0), (LEVEL, -1e5), (1e9, LEVEL), (math.nan, LEVEL)])
+def test_a_live_step_bears_whatever_pressure(pressure, setpoint):
+    """One of which a power is none, and one that has run away; whoever steps on looks whether it is finite."""
+    cylinder = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT, core(supply_growth=-2.0, relief_growth=-2.0))
+    movement = Movement(1e-3, 1e-3, 0.0, 1e-5)
+    assert not cylinder.step(CylinderState(pressure, pressure), movement, setpoint).is_finite
+    assert cylinder.step(CylinderState(5e3, 5e3), movement, 2e3).is_finite
 
 
 def test_it_is_no_effect_and_covers_three():
