@@ -217,13 +217,11 @@ def verdict_of(
             left = f', and what is left {times}: nothing more is missing {has_memory}'
         else:
             why, left = f'{whole}what the model leaves {times}', f': nothing is missing {has_memory}'
-    if law and not against:
-        return 'shape_found', why + left
     if failed and harmless:
         failed, left = '', f'; what is left {failed}, but {harmless}'
     if failed or against:
         return 'unexplained', '; '.join([why + left, *against]) if failed else f'{why}, but {"; ".join(against)}'
-    return 'effect_added' if effects else 'no_missing_effect', why + left
+    return 'shape_found' if law else 'effect_added' if effects else 'no_missing_effect', why + left
 
 
 def maybe_more(tests: Sequence[Test], rested: bool) -> float | None:
