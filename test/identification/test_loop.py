@@ -75,6 +75,16 @@ def test_without_rests_a_name_beside_more_than_white_noise_is_a_hypothesis():
     assert 'what is left is 2.7 times the noise from sample to sample: nothing more is missing if' in why
 
 
+def test_a_law_is_found_only_where_what_is_left_is_noise():
+    closure, _ = closed(draw('leakage', 'out_and_back', 2))
+    (floor,) = (one for one in closure.tests_after if one.name == 'noise_floor')
+    for statistic, expected in (1.0, 'shape_found'), (2.7, 'unexplained'):
+        tests = (replace(floor, statistic=statistic, threshold=1.2),)
+        verdict, why = verdict_of('linear', (), {}, tests, None, 0.5, (0.4, 0.6), law='the valves pass less')
+        assert verdict == expected
+        assert 'the valves pass less' in why
+
+
 @pytest.mark.parametrize('effect', ['pulsation', 'set_point_jump'])
 def test_does_not_pretend_to_know_what_is_none_of_its_effects(effect):
     closure, _ = closed(draw(effect, 'out_and_back', 1))
