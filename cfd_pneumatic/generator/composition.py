@@ -13,7 +13,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from cfd_pneumatic.model import flow_function, lanes, lanewise
 from cfd_pneumatic.model.effects import FORCE_PARTS, FUNCTIONS, MODULES, PRESSURE_PARTS, knots
 from cfd_pneumatic.model.places import (
-    ALWAYS,
     FORCE_PLACES,
     FORCE_STATES,
     PARAMETERS,
@@ -30,7 +29,6 @@ def composed() -> str:
     """Return the kernel's text."""
     effects = [_described(name, PLACES[name], 'y{}') for name in PRESSURE_PARTS]
     force_effects = [_described(name, FORCE_PLACES[name], 'state[{}]') for name in FORCE_PARTS]
-    held = _hold(effects)
     templates = Environment(loader=FileSystemLoader(_TEMPLATES), undefined=StrictUndefined, keep_trailing_newline=True)
 
     def having(function: str) -> list[dict[str, Any]]:
@@ -40,10 +38,8 @@ def composed() -> str:
         effects=effects,
         force_effects=force_effects,
         having=having,
-        always=ALWAYS,
         states=STATES,
         parameters=PARAMETERS,
-        held=held,
         resting=_resting(effects),
         last_lag=max(effect['rank'] for effect in effects if effect['follows'] == 'signal'),
         force_states=FORCE_STATES,
@@ -56,35 +52,26 @@ def _described(name: str, place: Place, state: str) -> dict[str, Any]:
     states = place.state_indices
     own = [state.format(index) for index in states]
     own += [f'a[{index}]' for index in range(place.parameters.start, place.parameters.stop)]
+    effect, row = MODULES[name].EFFECT, name.upper()
+    parameters, held = len(effect.parameters), effect.held
     return {
         'name': name,
         'switch': place.switch,
         'own': ', '.join(own),
         'states': ', '.join(own[: len(states)]),
-        'rates': ', '.join(f'dy{index}' for index in states),
         'first_state': place.states.start,
-        'follows': MODULES[name].EFFECT.follows,
-        'rests_at_pressure': MODULES[name].EFFECT.rests_at_pressure,
+        'follows': effect.follows,
+        'rests_at_pressure': effect.rests_at_pressure,
         'state_indices': list(states),
-        'first_parameter': place.parameters.start,
-        'parameters': len(MODULES[name].EFFECT.parameters),
-        'rank': MODULES[name].EFFECT.rank,
+        'parameters': parameters,
+        'held': held,
+        'row': row,
+        'own_row': f'{row}_HELD' if held else row,
+        'own_rows': held or parameters,
+        'rank': effect.rank,
         'integrated': hasattr(MODULES[name], 'evolve'),
         'compiled': any(hasattr(MODULES[name], function) for function in FUNCTIONS),
     }
-
-
-def _hold(effects: Sequence[dict[str, Any]]) -> int:
-    """Say which rows each effect's functions take behind its states; return how many numbers effects hold."""
-    held = 0
-    for effect in effects:
-        own = MODULES[effect['name']].EFFECT.held
-        effect['held_row'] = f'H{held}'
-        effect['own_row'], effect['own_rows'] = (
-            (effect['held_row'], own) if own else (f'A{effect["first_parameter"]}', effect['parameters'])
-        )
-        held += own
-    return held
 
 
 def _resting(effects: Sequence[Mapping[str, Any]]) -> dict[int, str]:

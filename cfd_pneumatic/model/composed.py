@@ -46,152 +46,42 @@ from cfd_pneumatic.model.kernel import inlined, kernel
 from cfd_pneumatic.model.lanes import COUNT, load, loads, rows_of, store, where
 
 # states: pressures p and p_f, then the effects' own
-Y0 = 0 * COUNT
-Y1 = 1 * COUNT
-Y2 = 2 * COUNT
-Y3 = 3 * COUNT
-Y4 = 4 * COUNT
-Y5 = 5 * COUNT
-Y6 = 6 * COUNT
-Y7 = 7 * COUNT
-Y8 = 8 * COUNT
-Y9 = 9 * COUNT
-Y10 = 10 * COUNT
-Y11 = 11 * COUNT
+Y0, Y1, Y2, Y3, Y4, Y5, Y6, Y7, Y8, Y9, Y10, Y11 = range(0 * COUNT, 12 * COUNT, COUNT)
 # displacements that the chamber followed last and that was measured last [m]
-FOLLOWED = 12 * COUNT
-MEASURED = 13 * COUNT
-# parameters: gains, then the effects' own
-A0 = 14 * COUNT
-A1 = 15 * COUNT
-A2 = 16 * COUNT
-A3 = 17 * COUNT
-A4 = 18 * COUNT
-A5 = 19 * COUNT
-A6 = 20 * COUNT
-A7 = 21 * COUNT
-A8 = 22 * COUNT
-A9 = 23 * COUNT
-A10 = 24 * COUNT
-A11 = 25 * COUNT
-A12 = 26 * COUNT
-A13 = 27 * COUNT
-A14 = 28 * COUNT
-A15 = 29 * COUNT
-A16 = 30 * COUNT
-A17 = 31 * COUNT
-A18 = 32 * COUNT
-A19 = 33 * COUNT
-A20 = 34 * COUNT
-A21 = 35 * COUNT
-A22 = 36 * COUNT
-A23 = 37 * COUNT
-A24 = 38 * COUNT
-A25 = 39 * COUNT
-A26 = 40 * COUNT
-A27 = 41 * COUNT
-A28 = 42 * COUNT
-A29 = 43 * COUNT
-A30 = 44 * COUNT
-A31 = 45 * COUNT
-A32 = 46 * COUNT
-A33 = 47 * COUNT
-A34 = 48 * COUNT
-A35 = 49 * COUNT
-A36 = 50 * COUNT
-A37 = 51 * COUNT
-A38 = 52 * COUNT
-A39 = 53 * COUNT
-A40 = 54 * COUNT
-A41 = 55 * COUNT
-A42 = 56 * COUNT
-A43 = 57 * COUNT
-A44 = 58 * COUNT
-A45 = 59 * COUNT
-A46 = 60 * COUNT
-A47 = 61 * COUNT
-A48 = 62 * COUNT
-A49 = 63 * COUNT
-A50 = 64 * COUNT
-A51 = 65 * COUNT
-A52 = 66 * COUNT
-A53 = 67 * COUNT
-A54 = 68 * COUNT
-A55 = 69 * COUNT
-A56 = 70 * COUNT
-A57 = 71 * COUNT
-A58 = 72 * COUNT
-A59 = 73 * COUNT
-A60 = 74 * COUNT
-A61 = 75 * COUNT
-A62 = 76 * COUNT
-A63 = 77 * COUNT
-A64 = 78 * COUNT
-A65 = 79 * COUNT
-A66 = 80 * COUNT
-A67 = 81 * COUNT
-A68 = 82 * COUNT
-A69 = 83 * COUNT
-A70 = 84 * COUNT
-A71 = 85 * COUNT
-A72 = 86 * COUNT
+FOLLOWED, MEASURED = range(12 * COUNT, 14 * COUNT, COUNT)
+# parameters: gains, then the first of each effect's own
+K_X, K_SV, K_V, TAU = range(14 * COUNT, 18 * COUNT, COUNT)
+FLOW_SATURATION = 18 * COUNT
+PHYSICAL_CORE = 20 * COUNT
+VOLUME_VARIATION = 32 * COUNT
+OPERATING_POINT = 33 * COUNT
+SET_POINT_DRIFT = 36 * COUNT
+DISPLACEMENT_DELAY = 37 * COUNT
+DISPLACEMENT_LAG = 38 * COUNT
+SUPPLY_VARIATION = 39 * COUNT
+VALVE_HYSTERESIS = 42 * COUNT
+DROOP = 43 * COUNT
+LEAKAGE = 45 * COUNT
+POSITIONAL_LEAKAGE = 47 * COUNT
+TRANSPORT_DELAY = 53 * COUNT
+LOST_MOTION = 54 * COUNT
+SENSOR_LAG = 55 * COUNT
+VALVE_DEAD_BAND = 56 * COUNT
+LINE_RESONANCE = 57 * COUNT
+NONLINEAR_VALVE = 59 * COUNT
+LINE_RESTRICTION = 60 * COUNT
+CURVE = 62 * COUNT
+HEAT_TRANSFER = 86 * COUNT
 # what effects hold from one sample to the next
-H0 = 87 * COUNT
-H1 = 88 * COUNT
-H2 = 89 * COUNT
-H3 = 90 * COUNT
-H4 = 91 * COUNT
-H5 = 92 * COUNT
-H6 = 93 * COUNT
-H7 = 94 * COUNT
-H8 = 95 * COUNT
-H9 = 96 * COUNT
-H10 = 97 * COUNT
-H11 = 98 * COUNT
+PHYSICAL_CORE_HELD = 87 * COUNT
 # what each lane's set-point lies above the common one [Pa]
 OFFSET = 99 * COUNT
 # states and rates of a stage of Runge and Kutta, and the rates' weighted sum
-S0 = 100 * COUNT
-S1 = 101 * COUNT
-S2 = 102 * COUNT
-S3 = 103 * COUNT
-S4 = 104 * COUNT
-S5 = 105 * COUNT
-S6 = 106 * COUNT
-S7 = 107 * COUNT
-S8 = 108 * COUNT
-S9 = 109 * COUNT
-S10 = 110 * COUNT
-S11 = 111 * COUNT
-K0 = 112 * COUNT
-K1 = 113 * COUNT
-K2 = 114 * COUNT
-K3 = 115 * COUNT
-K4 = 116 * COUNT
-K5 = 117 * COUNT
-K6 = 118 * COUNT
-K7 = 119 * COUNT
-K8 = 120 * COUNT
-K9 = 121 * COUNT
-K10 = 122 * COUNT
-K11 = 123 * COUNT
-SUM0 = 124 * COUNT
-SUM1 = 125 * COUNT
-SUM2 = 126 * COUNT
-SUM3 = 127 * COUNT
-SUM4 = 128 * COUNT
-SUM5 = 129 * COUNT
-SUM6 = 130 * COUNT
-SUM7 = 131 * COUNT
-SUM8 = 132 * COUNT
-SUM9 = 133 * COUNT
-SUM10 = 134 * COUNT
-SUM11 = 135 * COUNT
+S0, S1, S2, S3, S4, S5, S6, S7, S8, S9, S10, S11 = range(100 * COUNT, 112 * COUNT, COUNT)
+K0, K1, K2, K3, K4, K5, K6, K7, K8, K9, K10, K11 = range(112 * COUNT, 124 * COUNT, COUNT)
+SUM = 124 * COUNT
 # the piston's displacement [m] and speed [m/s], the set-point [Pa], and what the pressure sensor reads [Pa]
-X = 136 * COUNT
-RATE = 137 * COUNT
-SETPOINT = 138 * COUNT
-SIGNAL = 139 * COUNT
+X, RATE, SETPOINT, SIGNAL = range(136 * COUNT, 140 * COUNT, COUNT)
 
 SIZE = 140 * COUNT
 """Length of the array of rows."""
@@ -226,7 +116,7 @@ SLID = 3
 @inlined
 def moment_of(time, p, p_f, swept, sensing, ambient, w, dense):
     """Return where the cylinder is, as effects see it."""
-    x, rate, setpoint, k_x = load(w, X), load(w, RATE), load(w, SETPOINT), load(w, A0)
+    x, rate, setpoint, k_x = load(w, X), load(w, RATE), load(w, SETPOINT), load(w, K_X)
     return Moment(time, x, rate, p, setpoint, ambient, swept, k_x, p_f, sensing, dense)
 
 
@@ -241,22 +131,22 @@ def seen(time, p, p_f, ambient, w):
 def hold(time, ambient, w, on):
     """Compute what stays the same while the set-point and the piston's speed do."""
     moment = seen(time, load(w, Y0), load(w, Y1), ambient, w)
-    if on & 4:
-        store(w, H0, physical_core.hold(moment, *loads(w, A6, 12)))
+    if on & 2:
+        store(w, PHYSICAL_CORE_HELD, physical_core.hold(moment, *loads(w, PHYSICAL_CORE, 12)))
 
 
 @inlined
 def valve_error(moment, w, on):
     """Return the valves' error, from the set-point that acts [Pa]."""
     target = moment.setpoint
-    if on & 32:
-        target = set_point_drift.setpoint(target, moment, *loads(w, A22, 1))
-    if on & 256:
-        target = supply_variation.setpoint(target, moment, *loads(w, A25, 3))
-    if on & 1024:
-        target = droop.setpoint(target, moment, load(w, S4), *loads(w, A29, 2))
-    if on & 1048576:
-        target = curve.setpoint(target, moment, load(w, S10), *loads(w, A48, 24))
+    if on & 16:
+        target = set_point_drift.setpoint(target, moment, *loads(w, SET_POINT_DRIFT, 1))
+    if on & 128:
+        target = supply_variation.setpoint(target, moment, *loads(w, SUPPLY_VARIATION, 3))
+    if on & 512:
+        target = droop.setpoint(target, moment, load(w, S4), *loads(w, DROOP, 2))
+    if on & 524288:
+        target = curve.setpoint(target, moment, load(w, S10), *loads(w, CURVE, 24))
     return target - moment.p_f
 
 
@@ -265,78 +155,78 @@ def slopes(time, ambient, w, on):
     """Compute the rates of all states."""
     moment = seen(time, load(w, S0), load(w, S1), ambient, w)
     p, p_f, nothing, dense = moment.p, moment.p_f, moment.swept, moment.dense
-    if on & 4:
-        dense = physical_core.density(dense, moment, load(w, S2), *loads(w, H0, 12))
+    if on & 2:
+        dense = physical_core.density(dense, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
     moment = moment_of(time, p, p_f, nothing, nothing, ambient, w, dense)
-    gain = load(w, A0)
+    gain = load(w, K_X)
+    if on & 2:
+        gain = physical_core.velocity_gain(gain, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
     if on & 4:
-        gain = physical_core.velocity_gain(gain, moment, load(w, S2), *loads(w, H0, 12))
+        gain = volume_variation.velocity_gain(gain, moment, *loads(w, VOLUME_VARIATION, 1))
     if on & 8:
-        gain = volume_variation.velocity_gain(gain, moment, *loads(w, A18, 1))
-    if on & 16:
-        gain = operating_point.velocity_gain(gain, moment, *loads(w, A19, 3))
-    if on & 1048576:
-        gain = curve.velocity_gain(gain, moment, load(w, S10), *loads(w, A48, 24))
+        gain = operating_point.velocity_gain(gain, moment, *loads(w, OPERATING_POINT, 3))
+    if on & 524288:
+        gain = curve.velocity_gain(gain, moment, load(w, S10), *loads(w, CURVE, 24))
     swept = gain * moment.rate
     moment = moment_of(time, p, p_f, swept, nothing, ambient, w, dense)
     error = valve_error(moment, w, on)
-    if on & 4:
-        error = physical_core.error(error, moment, load(w, S2), *loads(w, H0, 12))
-    if on & 512:
-        error = valve_hysteresis.error(error, moment, load(w, S3), *loads(w, A28, 1))
-    if on & 65536:
-        error = valve_dead_band.error(error, moment, *loads(w, A42, 1))
-    if on & 262144:
-        error = nonlinear_valve.error(error, moment, *loads(w, A45, 1))
-    flow = where(error > 0.0, load(w, A1), load(w, A2)) * error
     if on & 2:
-        flow = flow_saturation.flow(flow, moment, *loads(w, A4, 2))
+        error = physical_core.error(error, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
+    if on & 256:
+        error = valve_hysteresis.error(error, moment, load(w, S3), *loads(w, VALVE_HYSTERESIS, 1))
+    if on & 32768:
+        error = valve_dead_band.error(error, moment, *loads(w, VALVE_DEAD_BAND, 1))
+    if on & 131072:
+        error = nonlinear_valve.error(error, moment, *loads(w, NONLINEAR_VALVE, 1))
+    flow = where(error > 0.0, load(w, K_SV), load(w, K_V)) * error
+    if on & 1:
+        flow = flow_saturation.flow(flow, moment, *loads(w, FLOW_SATURATION, 2))
+    if on & 2:
+        flow = physical_core.flow(flow, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
     if on & 4:
-        flow = physical_core.flow(flow, moment, load(w, S2), *loads(w, H0, 12))
+        flow = volume_variation.flow(flow, moment, *loads(w, VOLUME_VARIATION, 1))
     if on & 8:
-        flow = volume_variation.flow(flow, moment, *loads(w, A18, 1))
-    if on & 16:
-        flow = operating_point.flow(flow, moment, *loads(w, A19, 3))
+        flow = operating_point.flow(flow, moment, *loads(w, OPERATING_POINT, 3))
+    if on & 262144:
+        store(w, K9, line_restriction.evolve(moment, flow, load(w, S9), *loads(w, LINE_RESTRICTION, 2)))
+        flow = line_restriction.flow(flow, moment, load(w, S9), *loads(w, LINE_RESTRICTION, 2))
     if on & 524288:
-        store(w, K9, line_restriction.evolve(moment, flow, load(w, S9), *loads(w, A46, 2)))
-        flow = line_restriction.flow(flow, moment, load(w, S9), *loads(w, A46, 2))
+        store(w, K10, curve.evolve(moment, flow, load(w, S10), *loads(w, CURVE, 24)))
+        flow = curve.flow(flow, moment, load(w, S10), *loads(w, CURVE, 24))
     if on & 1048576:
-        store(w, K10, curve.evolve(moment, flow, load(w, S10), *loads(w, A48, 24)))
-        flow = curve.flow(flow, moment, load(w, S10), *loads(w, A48, 24))
-    if on & 2097152:
-        flow = heat_transfer.flow(flow, moment, load(w, S11), *loads(w, A72, 1))
-    if on & 1024:
-        store(w, K4, droop.evolve(moment, flow, load(w, S4), *loads(w, A29, 2)))
+        flow = heat_transfer.flow(flow, moment, load(w, S11), *loads(w, HEAT_TRANSFER, 1))
+    if on & 512:
+        store(w, K4, droop.evolve(moment, flow, load(w, S4), *loads(w, DROOP, 2)))
     outlet = p
-    if on & 524288:
-        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), *loads(w, A46, 2))
-    tau = load(w, A3)
-    if on & 4:
-        tau = physical_core.time_constant(tau, moment, load(w, S2), *loads(w, H0, 12))
-    if on & 16:
-        tau = operating_point.time_constant(tau, moment, *loads(w, A19, 3))
+    if on & 262144:
+        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), *loads(w, LINE_RESTRICTION, 2))
+    tau = load(w, TAU)
+    if on & 2:
+        tau = physical_core.time_constant(tau, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
+    if on & 8:
+        tau = operating_point.time_constant(tau, moment, *loads(w, OPERATING_POINT, 3))
     sensing = (outlet - p_f) / tau
     moment = moment_of(time, p, p_f, swept, sensing, ambient, w, dense)
     chamber = flow - swept
+    if on & 1024:
+        chamber = leakage.chamber(chamber, moment, *loads(w, LEAKAGE, 2))
     if on & 2048:
-        chamber = leakage.chamber(chamber, moment, *loads(w, A31, 2))
-    if on & 4096:
-        chamber = positional_leakage.chamber(chamber, moment, *loads(w, A33, 6))
+        chamber = positional_leakage.chamber(chamber, moment, *loads(w, POSITIONAL_LEAKAGE, 6))
+    if on & 524288:
+        chamber = curve.chamber(chamber, moment, load(w, S10), *loads(w, CURVE, 24))
+    if on & 2:
+        store(w, K2, physical_core.evolve(moment, chamber, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12)))
+        chamber = physical_core.chamber(chamber, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
     if on & 1048576:
-        chamber = curve.chamber(chamber, moment, load(w, S10), *loads(w, A48, 24))
-    if on & 4:
-        store(w, K2, physical_core.evolve(moment, chamber, load(w, S2), *loads(w, H0, 12)))
-        chamber = physical_core.chamber(chamber, moment, load(w, S2), *loads(w, H0, 12))
-    if on & 2097152:
-        store(w, K11, heat_transfer.evolve(moment, chamber, load(w, S11), *loads(w, A72, 1)))
-        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), *loads(w, A72, 1))
+        store(w, K11, heat_transfer.evolve(moment, chamber, load(w, S11), *loads(w, HEAT_TRANSFER, 1)))
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), *loads(w, HEAT_TRANSFER, 1))
     signal = p
-    if on & 32768:
-        store(w, K6, sensor_lag.evolve(moment, signal, load(w, S6), *loads(w, A41, 1)))
-        signal = sensor_lag.signal(signal, moment, load(w, S6), *loads(w, A41, 1))
-    if on & 131072:
-        store(w, K7, line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), *loads(w, A43, 2)))
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *loads(w, A43, 2))
+    if on & 16384:
+        store(w, K6, sensor_lag.evolve(moment, signal, load(w, S6), *loads(w, SENSOR_LAG, 1)))
+        signal = sensor_lag.signal(signal, moment, load(w, S6), *loads(w, SENSOR_LAG, 1))
+    if on & 65536:
+        store(w, K7, line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), *loads(w, LINE_RESONANCE, 2)))
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *loads(w, LINE_RESONANCE, 2))
     store(w, K0, chamber)
     store(w, K1, sensing)
 
@@ -345,9 +235,9 @@ def slopes(time, ambient, w, on):
 def follow_rate(state, h, stage, w):
     """Go on from a stage of a step of h seconds to the next one, or to the end of the step, with one state."""
     rate = load(w, K0 + state)
-    total = KEPT[stage] * load(w, SUM0 + state) + WEIGHT[stage] * rate
+    total = KEPT[stage] * load(w, SUM + state) + WEIGHT[stage] * rate
     reached = load(w, Y0 + state) + h * SHARE[stage] * total
-    store(w, SUM0 + state, total)
+    store(w, SUM + state, total)
     store(w, Y0 + state, reached)
     store(w, S0 + state, reached + h * AHEAD[stage] * rate)
 
@@ -357,20 +247,20 @@ def follow_rates(h, stage, w, on):
     """Do so with all states."""
     follow_rate(Y0, h, stage, w)
     follow_rate(Y1, h, stage, w)
-    if on & 4:
+    if on & 2:
         follow_rate(Y2, h, stage, w)
-    if on & 1024:
+    if on & 512:
         follow_rate(Y4, h, stage, w)
-    if on & 32768:
+    if on & 16384:
         follow_rate(Y6, h, stage, w)
-    if on & 131072:
+    if on & 65536:
         follow_rate(Y7, h, stage, w)
         follow_rate(Y8, h, stage, w)
-    if on & 524288:
+    if on & 262144:
         follow_rate(Y9, h, stage, w)
-    if on & 1048576:
+    if on & 524288:
         follow_rate(Y10, h, stage, w)
-    if on & 2097152:
+    if on & 1048576:
         follow_rate(Y11, h, stage, w)
 
 
@@ -392,12 +282,12 @@ def advance(time, h, steps, ambient, w, on):
 @inlined
 def leave_behind_valve_hysteresis(time, stage, ambient, w, on):
     """Compute the error at which this play stands behind the last stage of a step."""
-    if stage == 3 and on & 512:
+    if stage == 3 and on & 256:
         moment = seen(time, load(w, S0), load(w, S1), ambient, w)
         error = valve_error(moment, w, on)
-        if on & 4:
-            error = physical_core.error(error, moment, load(w, S2), *loads(w, H0, 12))
-        error = valve_hysteresis.error(error, moment, load(w, S3), *loads(w, A28, 1))
+        if on & 2:
+            error = physical_core.error(error, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
+        error = valve_hysteresis.error(error, moment, load(w, S3), *loads(w, VALVE_HYSTERESIS, 1))
         store(w, Y3, error)
         store(w, S3, error)
 
@@ -412,12 +302,12 @@ def follow(time, x, h, ambient, numbers, on):
     store(w, X, x)
     x_followed = load(w, X)
     moment = seen(time, load(w, Y0), load(w, Y1), ambient, w)
+    if on & 32:
+        x_followed = displacement_delay.displacement(x_followed, moment, *loads(w, DISPLACEMENT_DELAY, 1))
     if on & 64:
-        x_followed = displacement_delay.displacement(x_followed, moment, *loads(w, A23, 1))
-    if on & 128:
-        x_followed = displacement_lag.displacement(x_followed, moment, *loads(w, A24, 1))
-    if on & 16384:
-        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), *loads(w, A40, 1))
+        x_followed = displacement_lag.displacement(x_followed, moment, *loads(w, DISPLACEMENT_LAG, 1))
+    if on & 8192:
+        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), *loads(w, LOST_MOTION, 1))
         store(w, Y5, x_followed)
     store(w, RATE, (x_followed - last) / h)
     store(w, X, last)
@@ -430,12 +320,12 @@ def read(time, ambient, numbers, on):
     w = rows_of(numbers)
     moment = seen(time, load(w, S0), load(w, S1), ambient, w)
     signal = moment.p
-    if on & 32768:
-        signal = sensor_lag.signal(signal, moment, load(w, S6), *loads(w, A41, 1))
-    if on & 131072:
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *loads(w, A43, 2))
-    if on & 1048576:
-        signal = curve.signal(signal, moment, load(w, S10), *loads(w, A48, 24))
+    if on & 16384:
+        signal = sensor_lag.signal(signal, moment, load(w, S6), *loads(w, SENSOR_LAG, 1))
+    if on & 65536:
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *loads(w, LINE_RESONANCE, 2))
+    if on & 524288:
+        signal = curve.signal(signal, moment, load(w, S10), *loads(w, CURVE, 24))
     store(w, SIGNAL, signal)
 
 
@@ -537,11 +427,11 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
     Where there is no cylinder B, the opposing pressure is ambient.
     """
     travel = x - state[SLID]
-    if on & 4:
+    if on & 2:
         (state[0],) = seal_friction.slide(travel, state[0], a[2], a[3], a[4], a[5])
-    if on & 8:
+    if on & 4:
         (state[1],) = stribeck_friction.slide(travel, state[1], a[6], a[7], a[8])
-    if on & 16:
+    if on & 8:
         (state[2],) = force_curve.slide(
             travel,
             state[2],
@@ -573,13 +463,13 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
     state[SLID] = x
     moment = ForceMoment(time, x, rate, acceleration, p_a, p_opposing, ambient)
     force = area_times_factor * (p_a - p_opposing)
-    if on & 2:
+    if on & 1:
         force = moving_mass.force(force, moment, a[0], a[1])
-    if on & 4:
+    if on & 2:
         force = seal_friction.force(force, moment, state[0], a[2], a[3], a[4], a[5])
-    if on & 8:
+    if on & 4:
         force = stribeck_friction.force(force, moment, state[1], a[6], a[7], a[8])
-    if on & 16:
+    if on & 8:
         force = force_curve.force(
             force,
             moment,
@@ -609,7 +499,7 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
             a[31],
             a[32],
         )
-    if on & 32:
+    if on & 16:
         force = force_offset.force(force, moment, a[33])
     return force
 

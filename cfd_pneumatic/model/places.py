@@ -21,9 +21,6 @@ GAINS = len(SPECS)
 PRESSURES = 2
 """p and p_f come first among the states."""
 
-ALWAYS = 1
-"""The switch that is always on; those of the effects are the bits above it."""
-
 
 @dataclass(frozen=True)
 class Place:
@@ -42,12 +39,10 @@ class Place:
 def _places(effects: Mapping[str, Effect], parameter: int, state: int) -> dict[str, Place]:
     """Return the place of each of some effects; the first one's parameters and states begin at the given indices."""
     places = {}
-    switch = ALWAYS
-    for name, effect in effects.items():
-        switch *= 2
+    for rank, (name, effect) in enumerate(effects.items()):
         parameters = slice(parameter, parameter + len(effect.parameters))
         states = slice(state, state + effect.states)
-        places[name] = Place(switch, parameters, states)
+        places[name] = Place(1 << rank, parameters, states)
         parameter, state = parameters.stop, states.stop
     return places
 
@@ -93,7 +88,7 @@ def all_parameters(gains: Sequence[float] | Array, effects: Mapping[str, Sequenc
 
 def switches(effects: Mapping[str, Sequence[float]]) -> int:
     """Return the switches of some effects on the pressure, a bit for each."""
-    return ALWAYS | sum(PLACES[name].switch for name in effects)
+    return sum(PLACES[name].switch for name in effects)
 
 
 def all_force_parameters(effects: Mapping[str, Sequence[float]]) -> Array:
@@ -106,4 +101,4 @@ def all_force_parameters(effects: Mapping[str, Sequence[float]]) -> Array:
 
 def force_switches(effects: Mapping[str, Sequence[float]]) -> int:
     """Return the switches of some effects on the force, a bit for each."""
-    return ALWAYS | sum(FORCE_PLACES[name].switch for name in effects)
+    return sum(FORCE_PLACES[name].switch for name in effects)
