@@ -136,8 +136,8 @@ class Candidates:
         """
         return self._best(candidate, self._begins(candidate, names), most)
 
-    def instead(self, candidate: Candidate, rivals: Mapping[str, Candidate]) -> dict[str, Candidate]:
-        """Return candidates with each of some effects beside those of one, from where they ended in other company."""
+    def instead(self, candidate: Candidate, rivals: Mapping[str, Candidate], most: float) -> dict[str, Candidate]:
+        """Do as `beside` does, from where the effects ended in other company."""
         begins = {
             name: [
                 replace(model, effects={**candidate.effects, name: rival.effects[name]})
@@ -145,11 +145,9 @@ class Candidates:
             ]
             for name, rival in rivals.items()
         }
-        return self._best(candidate, begins)
+        return self._best(candidate, begins, most)
 
-    def _best(
-        self, candidate: Candidate, begins: Mapping[str, Sequence[Model]], most: float = math.inf
-    ) -> dict[str, Candidate]:
+    def _best(self, candidate: Candidate, begins: Mapping[str, Sequence[Model]], most: float) -> dict[str, Candidate]:
         """
         Return the best fit of each of some effects beside those of a candidate, from where it may begin.
 

@@ -9,7 +9,7 @@ as well, unless by effects that the other core holds anyway.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
@@ -93,13 +93,14 @@ class Cores:
             begins.append(self.candidates.with_core(found.model, self._name, most))
         if enough and not any(_preferred(self.candidates, one, found.model, found.alternatives) for one in begins):
             return found  # what the linear core explains with one effect is not looked for elsewhere
+        fresh = [] if enough else begins
         begins = [self._alone, *(Search(self.candidates, self._alone).pruned(one) for one in begins[1:]), *self._led]
         begins.sort(key=lambda one: one.rss)
         begin = begins[0]
-        beside = SearchResult(begin, {}, ()) if _leaves_noise(self.candidates, begin) else self._beside(begin)
+        beside = SearchResult(begin, {}, ()) if _leaves_noise(self.candidates, begin) else self._beside(begin, fresh)
         for other in begins[1:]:
             if self._leaves_much(beside.model):  # the way there may have led astray
-                again = self._beside(other)
+                again = self._beside(other, fresh)
                 begin, beside = min((begin, beside), (other, again), key=lambda pair: pair[1].model.rss)
         if not _preferred(self.candidates, beside.model, found.model, found.alternatives):
             return found
@@ -163,16 +164,16 @@ class Cores:
         alone = self._alone
         return _leaves_noise(self.candidates, alone) and all(_preferred(self.candidates, alone, one) for one in singles)
 
-    def _beside(self, begin: Candidate) -> SearchResult:
+    def _beside(self, begin: Candidate, fresh: Sequence[Candidate] = ()) -> SearchResult:
         """
         Return what is found beside a core.
 
         Where more than noise is left beside effects, the core is fitted once more from its starts: its many numbers may
-        be stuck.
+        be stuck, unless they are `fresh` from there.
         """
         assert self._name is not None
         found = Search(self.candidates, begin).run()
-        if not found.model.effects or _leaves_noise(self.candidates, found.model):
+        if not found.model.effects or found.model in fresh or _leaves_noise(self.candidates, found.model):
             return found
         again = self.candidates.with_core(found.model, self._name)
         return replace(found, model=min(found.model, again, key=lambda one: one.rss))

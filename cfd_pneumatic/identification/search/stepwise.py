@@ -46,6 +46,7 @@ _MOST_EFFECTS_UNSEEN = 2  # where there is no validation part: a single step
 _MOST_ALTERNATIVES = 2
 _ROUNDS = 2  # of trying rivals
 _RIVALS = 4  # that are tried in an effect's place
+_HOPELESS = 2.0  # times what a model leaves: a rival that leaves more roughly is not fitted to the end
 
 
 @dataclass(frozen=True)
@@ -283,19 +284,17 @@ class Search:
                 return self.pruned(fewer)
         return model
 
-    def _instead(self, rest: Candidate, rivals: Mapping[str, Candidate]) -> dict[str, Candidate]:
-        """Return a model with each of some effects beside its own; what was fitted already is not fitted again."""
-        keys = {name: (*rest.effects, name) for name in rivals}
-        known = {name: self._tried[key] for name, key in keys.items() if key in self._tried}
-        fresh = {name: rival for name, rival in rivals.items() if name not in known}
-        return {**known, **self.candidates.instead(rest, fresh)} if fresh else known
-
     def _rivals(
         self, model: Candidate, ranking: Mapping[str, Mapping[str, Candidate]], name: str
     ) -> dict[str, Candidate]:
-        """Return a model with each of an effect's rivals in its place."""
+        """Return a model with each of an effect's rivals in its place; what was fitted already is not fitted again."""
         others = {rival: one for rival, one in ranking.get(name, {}).items() if rival not in model.effects}
-        return self._instead(self._rest(model, name), others)
+        rest = self._rest(model, name)
+        keys = {rival: (*rest.effects, rival) for rival in others}
+        known = {rival: self._tried[key] for rival, key in keys.items() if key in self._tried}
+        fresh = {rival: one for rival, one in others.items() if rival not in known}
+        most = _HOPELESS * self.candidates.roughly_left(model)
+        return {**known, **self.candidates.instead(rest, fresh, most)} if fresh else known
 
     def challenged(
         self, model: Candidate, ranking: Mapping[str, Mapping[str, Candidate]]
