@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from cfd_pneumatic.identification import identify as identified
 from cfd_pneumatic.identification.data.options import AUTO
 from cfd_pneumatic.identification.data.split import FRACTIONS
 from cfd_pneumatic.identification.data.tolerance import tolerance_from
+from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import print_report, report_data, write_report
 from cfd_pneumatic.reporting.page import report_page
@@ -98,12 +98,12 @@ class Result:
     def __init__(self, identification: Identification) -> None:
         self.identification = identification
 
-    @cached_property
+    @lazy_property
     def device(self) -> Device:
         """The device that was identified, with the effects that were found."""
         return identified_device(self.identification)
 
-    @cached_property
+    @lazy_property
     def _live(self) -> dict[str, PartError]:
         return live_errors(self.identification, self.device)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
@@ -12,6 +11,7 @@ from cfd_pneumatic.device import file
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
+from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model import NAMES, TABLE_1, Cylinder, DeviceModel, ForceGeometry, OperatingPoints
 from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.recording import Recording
@@ -108,7 +108,7 @@ class Device:
         """Return it with some parameters changed."""
         return replace(self, given={**self.given, **values})
 
-    @cached_property
+    @lazy_property
     def model(self) -> DeviceModel:
         """What is simulated."""
         ambient = self.number('ambient_pressure')

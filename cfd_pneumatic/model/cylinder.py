@@ -6,13 +6,14 @@ import math
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model.effects import PRESSURE_PARTS
 from cfd_pneumatic.model.extended import ExtendedCylinder, ExtendedState, Movement, check_effects
 from cfd_pneumatic.model.parameters import OperatingPoints
@@ -134,11 +135,11 @@ class Cylinder:
         """Check the effects."""
         check_effects(self.effects, PRESSURE_PARTS, 'pressure')
 
-    @cached_property
+    @lazy_property
     def _effects(self) -> tuple[tuple[str, tuple[float, ...]], ...]:
         return tuple((name, tuple(own)) for name, own in self.effects.items())
 
-    @cached_property
+    @lazy_property
     def delay(self) -> float | None:
         """What an effect delays the reading by, where there is one; below zero it looks ahead [s]."""
         return next((own[0] for name, own in self.effects.items() if PRESSURE_PARTS[name].late == 'reading'), None)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from math import ceil, floor
 from typing import NamedTuple
 
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model.baseline import charging_time, quickest
 from cfd_pneumatic.model.composed import (
     OFFSET_ROW,
@@ -235,11 +236,11 @@ class ExtendedCylinder:
         read(time, self.ambient_pressure, numbers, self._on)
         return float(_rows(numbers)[SIGNAL_ROW, 0])
 
-    @cached_property
+    @lazy_property
     def _on(self) -> int:
         return switches(self.effects)
 
-    @cached_property
+    @lazy_property
     def _blank(self) -> Array:
         """The kernel's numbers with this cylinder in every lane, in no state."""
         numbers = np.zeros(SIZE)
@@ -255,7 +256,7 @@ class ExtendedCylinder:
             rows[STAGE_ROWS] = own[:STATES]
         return numbers
 
-    @cached_property
+    @lazy_property
     def _known_stiffness(self) -> Callable[[tuple[float, float], tuple[float, float], float], float]:
         return lru_cache(maxsize=_BOXES)(self.stiffness)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.units import PSI, PSI_PER_INCH
 
 _NEAR = 0.25  # of the step to the next set-point: so far beyond the last one its gains are as good as those between
@@ -115,7 +115,7 @@ class OperatingPoints:
         """Return the schedule whose fields stand in `rows` under their names."""
         return cls(**{name: np.asarray(rows[name], dtype=np.float64) for name in ('setpoints', *NAMES)})
 
-    @cached_property
+    @lazy_property
     def table(self) -> Array:
         """The schedule as the kernel takes it: rows of (set-point, k_x, k_sv, k_v, tau), shape (m, 5)."""
         return np.column_stack([self.setpoints, self.k_x, self.k_sv, self.k_v, self.tau])
@@ -130,7 +130,7 @@ class OperatingPoints:
         low, high = self._covered
         return low <= setpoint <= high
 
-    @cached_property
+    @lazy_property
     def _covered(self) -> tuple[float, float]:
         """The lowest and the highest gauge set pressure that are covered [Pa]."""
         if self.setpoints.size == 1:

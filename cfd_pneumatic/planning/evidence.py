@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.arrays import Array, Indices
 from cfd_pneumatic.identification.fit.uncertainty import Information
 from cfd_pneumatic.identification.search.stepwise import SHOWN, TIE
+from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.signatures import Signatures
 
@@ -44,7 +44,7 @@ class Evidence:
     products: Array
     samples: int
 
-    @cached_property
+    @lazy_property
     def stds(self) -> Array:
         """Cramer-Rao bounds of what is fitted anyway, as shares of the values; infinite where nothing tells it."""
         own = len(self.signatures.own)
@@ -55,17 +55,17 @@ class Evidence:
         variances[determined] = np.diag(white.covariance(self.samples, np.flatnonzero(determined)))
         return np.asarray(np.sqrt(variances))
 
-    @cached_property
+    @lazy_property
     def _beside_own(self) -> Array:
         """Products of what the forms leave beside what is fitted anyway, shape (forms, forms)."""
         return _left(self.products, len(self.signatures.own))
 
-    @cached_property
+    @lazy_property
     def _forms_of(self) -> Mapping[str, Indices]:
         effects = np.array([form.effect for form in self.signatures.forms])
         return {effect: np.flatnonzero(effects == effect) for effect in dict.fromkeys(effects.tolist())}
 
-    @cached_property
+    @lazy_property
     def asked_of(self) -> Mapping[str, Indices]:
         """Forms of each effect but for those that are another one varied."""
         varied = np.array([form.varied for form in self.signatures.forms])
@@ -76,14 +76,14 @@ class Evidence:
         """Names of the effects that may be missing."""
         return tuple(self._forms_of)
 
-    @cached_property
+    @lazy_property
     def visibility(self) -> Mapping[str, Array]:
         """What each form of an effect, typically strong, leaves of itself, over what has to show, shape (forms,)."""
         strength = np.array([form.share for form in self.signatures.forms])
         left = np.sqrt(np.diag(self._beside_own) / max(self.samples, 1)) / strength
         return {effect: left[forms] / SHOWN for effect, forms in self.asked_of.items()}
 
-    @cached_property
+    @lazy_property
     def remaining(self) -> Mapping[str, Mapping[str, Array]]:
         """Which share of what a form of an effect leaves also remains beside each other effect in all of its forms."""
         scaled, _ = _scaled(self._beside_own)

@@ -7,7 +7,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -21,6 +20,7 @@ from cfd_pneumatic.identification.data.split import Split
 from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, sample_noise
 from cfd_pneumatic.identification.residual.regressors import Regressors
 from cfd_pneumatic.identification.residual.rests import runs_at_rest
+from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model.effects import CORES, Data, Effect
 from cfd_pneumatic.model.effects.knots import KNOTS
 from cfd_pneumatic.recording import Recording, Signal
@@ -436,12 +436,12 @@ class Channel(ABC):
         """Return where an effect's parameters stand in a row."""
         return self._slots[effect]
 
-    @cached_property
+    @lazy_property
     def _slots(self) -> dict[str, range]:
         ends = np.cumsum([len(self.parameters), *(len(one.parameters) for one in self.effects.values())]).tolist()
         return dict(zip(self.effects, itertools.starmap(range, itertools.pairwise(ends))))
 
-    @cached_property
+    @lazy_property
     def shared(self) -> int:
         """How many numbers of a row are those of all experiments."""
         return len(self.parameters) + sum(len(one.parameters) for one in self.effects.values())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from cfd_pneumatic.arrays import Array, Mask
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES
 from cfd_pneumatic.identification.data.split import MOTION, PARTS
+from cfd_pneumatic.lazy import lazy_property
 
 _BEYOND = 0.5  # longest time by which a signal may be read early [s]
 _BLOCK = 4096  # samples: what is simulated of them stays in a processor's cache
@@ -109,7 +109,7 @@ class Experiment:
         """Times of the samples, shape (m,) [s]."""
         return self.times[self.samples]
 
-    @cached_property
+    @lazy_property
     def period(self) -> float:
         """Median time between samples [s]."""
         return float(np.median(np.diff(self.sample_times)))

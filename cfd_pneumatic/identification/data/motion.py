@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_ra
 from cfd_pneumatic.identification.data.smoother import Samples, likeliest
 from cfd_pneumatic.identification.data.split import MOTION, stroke_times
 from cfd_pneumatic.identification.data.stamps import overlapping, regular_clock
+from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.parallel import each
 from cfd_pneumatic.recording import Recording, Signal
 
@@ -177,7 +178,7 @@ class Motion:
             value = value * since + coefficient[at]
         return value
 
-    @cached_property
+    @lazy_property
     def _pieces(self) -> list[Array]:
         """
         The coefficients of what to expect in each step between samples, the highest power's first, each (n - 1,).

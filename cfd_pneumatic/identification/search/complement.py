@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import qr
@@ -12,6 +11,7 @@ from scipy.linalg import qr
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
+from cfd_pneumatic.lazy import lazy_property
 
 Start = tuple[float, ...]
 
@@ -33,12 +33,12 @@ class Complement:
         self.likelihood = likelihood
         self.model = likelihood.channel.beside_effects(likelihood.experiments, model)
 
-    @cached_property
+    @lazy_property
     def simulated(self) -> Array:
         """What the model makes of the samples that count, weighted, shape (n,)."""
         return np.concatenate(self.likelihood.counted(self.likelihood.simulate(self.model)))
 
-    @cached_property
+    @lazy_property
     def jacobian(self) -> Array:
         """Derivatives by the unknowns as they are searched, weighted, shape (n, k)."""
         unknowns = Unknowns(self.likelihood.channel, self.likelihood.experiments, self.model)
@@ -50,12 +50,12 @@ class Complement:
             first += rows.shape[1]
         return found
 
-    @cached_property
+    @lazy_property
     def _basis(self) -> Array:
         size = np.linalg.norm(self.jacobian, axis=0)
         return np.asarray(np.linalg.qr(self.jacobian[:, size > 0.0] / size[size > 0.0])[0])
 
-    @cached_property
+    @lazy_property
     def residual(self) -> Array:
         """What is left of measured less simulated, weighted, shape (n,)."""
         measured = np.concatenate(self.likelihood.counted([one.measured for one in self.likelihood.experiments]))

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from types import MappingProxyType
 
 from cfd_pneumatic.identification.data.options import LINEAR, PHYSICAL
@@ -20,6 +19,7 @@ from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.laws import Drawn, Laws
 from cfd_pneumatic.identification.search.stepwise import ALIKE, TIE, Search, SearchResult, Step, Trial
+from cfd_pneumatic.lazy import lazy_property
 
 _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 _MUCH = 3.0  # times the noise
@@ -62,12 +62,12 @@ class Cores:
         """What came of each effect beside the linear core."""
         return () if self._only else self._first.trials()
 
-    @cached_property
+    @lazy_property
     def _first(self) -> Step:
         """Each effect beside the linear core."""
         return self._linear.step(self.candidates.baseline)
 
-    @cached_property
+    @lazy_property
     def _alone(self) -> Candidate:
         """The other core, fitted to the end only where it may do as well as the linear one with an effect."""
         assert self._name is not None
