@@ -43,7 +43,7 @@ from cfd_pneumatic.model.baseline import (
 )
 from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
 from cfd_pneumatic.model.effects.curve import AGAINST, CURVE, ENTERS, is_of_flow
-from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide, extremes
+from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
 
@@ -293,7 +293,6 @@ class Pressure(Channel):
         Cylinders that are read as late, and moved as late, are simulated side by side, in steps that are short enough
         for the stiffest of the rows that are `unlike`: the others differ hardly from them.
         """
-        displacement, setpoint = experiment.inputs['displacement'], experiment.inputs['setpoint']
         cylinders = [
             ExtendedCylinder(
                 row[: len(SPECS)],
@@ -302,8 +301,7 @@ class Pressure(Channel):
             )
             for row in unlike
         ]
-        reached = extremes(experiment.times, displacement, setpoint)
-        stiffest = max(one.stiffness(*reached) for one in cylinders)
+        stiffest = max(one.stiffness(*experiment.extremes) for one in cylinders)
         stiffness = min(stiffest, _MOST_STEPS / experiment.period)
         at_rest = experiment.whole and experiment.starts_at_rest
         settles = at_rest and any(self.effects[name].moves_rest for name in effects)
@@ -325,12 +323,11 @@ class Pressure(Channel):
             )
             delay, behind = times[own[0]].tolist()
             walks.append(_walk(alike, experiment.blocks(count, delay, behind)))
+        order = np.argsort(np.concatenate(groups))
         for parts in zip(*walks):
             first, course = parts[0]
-            pressures = np.empty((first.samples.stop - first.samples.start, len(rows)))
-            for own, (block, readings) in zip(groups, parts):
-                pressures[:, own] = readings[block.at]
-            yield first, course[:, :1], pressures
+            read = [readings[block.at] for block, readings in parts]
+            yield first, course[:, :1], read[0] if len(read) == 1 else np.hstack(read)[:, order]
 
     def _late(self, effects: Sequence[str]) -> list[list[int]]:
         """Return where parameters stand in a row by which the reading, and the displacement, come late."""

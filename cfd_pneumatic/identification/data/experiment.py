@@ -14,6 +14,7 @@ from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES
 from cfd_pneumatic.identification.data.split import MOTION, PARTS
 from cfd_pneumatic.lazy import lazy_property
+from cfd_pneumatic.model.extended import extremes
 
 _BEYOND = 0.5  # longest time by which a signal may be read early [s]
 _BLOCK = 4096  # samples: what is simulated of them stays in a processor's cache
@@ -113,6 +114,11 @@ class Experiment:
     def period(self) -> float:
         """Median time between samples [s]."""
         return float(np.median(np.diff(self.sample_times)))
+
+    @lazy_property
+    def extremes(self) -> tuple[tuple[float, float], tuple[float, float], float]:
+        """Extremes of pressure [Pa] and displacement [m], and the highest speed [m/s], where these are its inputs."""
+        return extremes(self.times, self.inputs['displacement'], self.inputs['setpoint'])
 
     @property
     def fitted(self) -> Mask:
