@@ -144,7 +144,7 @@ def _looked_for(
         # beside a core alone, for effects that were found instead of a law are none, and else beside them
         asked = [partial(laws.best, cores.begins)]
         if not is_noise:
-            asked.append(partial(laws.best, [found.model]))
+            asked += [partial(cores.beside_law, laws), partial(laws.best, [found.model])]
         if not (is_noise or candidates.channel.cores):
             asked.append(partial(laws.beside_effects, candidates.baseline))
         for ask in asked:

@@ -62,6 +62,17 @@ def test_knots_crowd_about_the_middle_and_ends_stay() -> None:
     assert within[1] > within[0]
 
 
+@pytest.mark.parametrize('middle', [0.0, 0.7])
+@given(at=st.floats(-1.5, 2.0))
+def test_over_another_range_an_even_line_is_the_same_and_the_middle_keeps_its_place(middle: float, at: float) -> None:
+    near = slot(middle=middle)
+    wide = near.over(-1.5, 2.0)
+    assert (wide.middle + 1.5) / 3.5 == pytest.approx((near.middle + 1.0) / 2.0)
+    assert height(wide, at, tuple(2.0 * wide.knots + 3.0)) == pytest.approx(2.0 * at + 3.0)
+    ends = near.along(wide.knots) @ np.array(HEIGHTS)
+    assert (ends[0], ends[-1]) == pytest.approx((HEIGHTS[0], HEIGHTS[-1]))
+
+
 def test_beyond_its_ends_it_stays_and_one_of_the_pressure_runs_on() -> None:
     assert (height(slot(), 1.2), height(slot(), -1.2)) == pytest.approx((HEIGHTS[-1], HEIGHTS[0]))
     own = slot(against='p').parameters(HEIGHTS)

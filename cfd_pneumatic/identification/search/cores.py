@@ -135,9 +135,7 @@ class Cores:
             return None
         if not any(laws.may_explain(begin) for begin in self.begins):
             return None
-        drawing = laws.best(self.begins, singles)
-        if drawing is None and self._name is not None and not self._only:
-            drawing = laws.beside_core(self._alone, self.candidates.baseline, self._name, singles)
+        drawing = laws.best(self.begins, singles) or self.beside_law(laws, singles)
         if drawing is None or drawing.name == _OF_VALVES:
             return None
         rivals = self._rivals(drawing)
@@ -145,6 +143,12 @@ class Cores:
         self._led = sorted((one for one in near if one.model.core), key=self.candidates.squares)[:1]
         alone = _leaves_noise(self.candidates, drawing.candidate) or laws.is_far_better(drawing, [*singles, *rivals])
         return drawing if alone and not near else None
+
+    def beside_law(self, laws: Laws, known: Sequence[Candidate]) -> Drawn | None:
+        """Return a law beside the other core, which finds its place only beside the law; see `Laws.beside_core`."""
+        if self._name is None or self._only:
+            return None
+        return laws.beside_core(self._alone, self.candidates.baseline, self._name, known)
 
     def _rivals(self, drawing: Drawn) -> list[Candidate]:
         """

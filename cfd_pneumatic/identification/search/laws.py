@@ -22,6 +22,7 @@ from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.curves import ROUGH, fitted, renewed
 from cfd_pneumatic.identification.search.promises import Promise, beside, promises
+from cfd_pneumatic.identification.search.slots import ranges_of
 from cfd_pneumatic.identification.search.stepwise import small_enough
 from cfd_pneumatic.parallel import each
 
@@ -45,6 +46,7 @@ _FAR_BETTER = 0.4  # times the error of effects: a law that may leave hardly mor
 _MUCH_BETTER = 0.6  # times the error without a law: one that may have led a core astray
 _MOST_BESIDE = 3  # effects that are sought beside a law
 _ALIKE = 1.05  # times the least error of validation: places that are not told apart
+_WIDER = 1.1  # times a curve's range: what is visited beside it, from which on it is drawn anew
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
 _SMOOTHED = 0.05  # of what was left before: what a large law's corners leave beside straight pieces
 
@@ -126,9 +128,8 @@ class Laws:
     def beside_core(self, core: Candidate, begin: Candidate, name: str, known: Sequence[Candidate]) -> Drawn | None:
         """Return a law beside a core that finds its place only beside the law, which was drawn beside another one."""
         sketches = self._sketches.get(begin)
-        is_nearer = _error(core) < _CLEARLY * _error(begin)
-        least = _MUCH_BETTER**2 * self._left(begin.model)
-        if not sketches or not is_nearer or sketches[0].found.cost > least:
+        most = _MUCH_BETTER**2 * min(self._left(one.model) for one in (begin, core))
+        if not sketches or sketches[0].found.cost > most:
             return None
         drawn = self.candidates.finished(sketches[0].found.model, begin.model)
         model = self.candidates.with_core(drawn, name).model
@@ -210,10 +211,24 @@ class Laws:
         models = each(lambda one: fitted(self.candidates.train, one.found.model, one.promise, ROUGH).model, sketches)
         finished = [self.candidates.finished(model, begin.model) for model in models]
         return [
-            Drawn(one.promise, own, begin, ())
+            self._over_its_range(Drawn(one.promise, own, begin, ()))
             for one, own in zip(sketches, finished)
             if one.promise.slot.curve.name in own.effects
         ]
+
+    def _over_its_range(self, drawing: Drawn) -> Drawn:
+        """Return a curve drawn over all that is visited beside it: a large law leads to where nothing was without."""
+        promise, model = drawing.promise, drawing.candidate.model
+        slot = promise.slot
+        low, high = ranges_of(self.candidates, drawing.candidate, 0.0)[slot.against]
+        if self._is_near_noise(drawing) or high - low < _WIDER * (slot.high - slot.low):
+            return drawing
+        wider = slot.over(low, high)
+        promise = replace(promise, slot=wider)
+        begun = wider.on(model, slot.along(wider.knots) @ slot.heights(model))
+        again = fitted(self.candidates.train, begun, promise, ROUGH).model
+        other = replace(drawing, promise=promise, candidate=self.candidates.finished(again, drawing.begin.model))
+        return min(drawing, other, key=lambda one: self.candidates.squares(one.candidate))
 
     def _is_near_noise(self, drawing: Drawn) -> bool:
         """Return whether what a law leaves is noise in kind, or hardly larger and no other cause's."""

@@ -79,6 +79,11 @@ class Slot:
         """Return it with the memory that a model's curve has."""
         return replace(self, memory=model.effects[self.curve.name][2])
 
+    def over(self, low: float, high: float) -> Slot:
+        """Return it with its knots over another range."""
+        share = (self.middle - self.low) / (self.high - self.low)
+        return replace(self, low=low, high=high, middle=low + share * (high - low))
+
     @property
     def absorbed(self) -> Array:
         """Heights that the model's own numbers make up for, shape (knots, k): what is even, on either side of zero."""
@@ -115,7 +120,7 @@ class Slot:
 
 def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
     """Return all places for a curve beside a model, over what the recordings have visited."""
-    ranges, curve = _ranges(candidates, begin), candidates.channel.curve
+    ranges, curve = ranges_of(candidates, begin), candidates.channel.curve
     noise = math.sqrt(begin.rss / candidates.train.samples)
     most = {name: max(map(abs, ends)) for name, ends in ranges.items()}
     units = candidates.channel.law_units(candidates.train.experiments, begin.model, noise, most)
@@ -135,13 +140,17 @@ def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
     return found
 
 
-def _ranges(candidates: Candidates, begin: Candidate) -> dict[str, tuple[float, float]]:
-    """Return what the train and validation parts have visited of each variable; of speeds the same both ways."""
+def ranges_of(candidates: Candidates, begin: Candidate, share: float = _VISITED) -> dict[str, tuple[float, float]]:
+    """
+    Return what the train and validation parts have visited of each variable; of speeds the same both ways.
+
+    A `share` of the samples at either end does not count, but of variables without outliers.
+    """
     curve = candidates.channel.curve
     seen: dict[str, list[Array]] = {name: [] for name in curve.against}
     for one, simulated in zip(candidates.learn.experiments, begin.simulated):
         for name, values in candidates.channel.variables(one, simulated, begin.model).items():
-            end = 0.0 if name in curve.whole else _VISITED
+            end = 0.0 if name in curve.whole else share
             seen[name].append(np.quantile(values, (end, 1.0 - end)))
     ranges = {name: (float(np.min(ends)), float(np.max(ends))) for name, ends in seen.items()}
     for name in curve.both_ways:
