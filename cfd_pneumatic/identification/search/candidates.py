@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -223,7 +224,8 @@ class Candidates:
         promised = self._shares(candidate, ranked)
         least, least_promised = _RIVALLING * max(taken.values()), _RIVALLING * max(promised.values())
         may_be = [name for name in ranked if taken[name] >= least or promised[name] >= least_promised]
-        return sorted(may_be, key=lambda name: -max(taken[name], promised[name]))[:_PROMISING]
+        by_promise = sorted(may_be, key=lambda name: -promised[name])  # much may do alike in an excerpt
+        return list(dict.fromkeys(chain.from_iterable(zip(may_be, by_promise))))[:_PROMISING]
 
     def squares(self, candidate: Candidate) -> float:
         """Return the sum of squares that a candidate leaves of train and validation."""
