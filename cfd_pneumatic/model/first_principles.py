@@ -47,16 +47,6 @@ def flow_per_area(upstream: float, downstream: float, temperature: float) -> flo
     return upstream * math.sqrt(2.0 * HEAT_RATIO / ((HEAT_RATIO - 1.0) * GAS_CONSTANT * temperature) * expansion)
 
 
-def flow_per_area_paper(upstream: float, downstream: float, temperature: float) -> float:
-    """
-    Return equation (1) as printed, in British units [lbm/(s in^2)]; pressures in psia, temperature in degrees Rankine.
-
-    The printed constants are those of the subsonic branch's fit; it is here to be compared with `flow_per_area`.
-    """
-    ratio = downstream / upstream
-    return 0.449 * upstream / math.sqrt(temperature) * (1.0 + 0.537 * ratio) * math.sqrt(1.0 - ratio)
-
-
 @dataclass(frozen=True)
 class AspiratorTube:
     """
