@@ -38,6 +38,7 @@ def composed() -> str:
         effects=effects,
         force_effects=force_effects,
         having=having,
+        of_states=lambda letter: [f'{letter}{index}' for index in range(STATES)],
         states=STATES,
         parameters=PARAMETERS,
         resting=_resting(effects),

@@ -218,13 +218,14 @@ class Laws:
 
     def _over_its_range(self, drawing: Drawn) -> Drawn:
         """Return a curve drawn over all that is visited beside it: a large law leads to where nothing was without."""
-        promise, model = drawing.promise, drawing.candidate.model
-        slot = promise.slot
+        if self._is_near_noise(drawing):
+            return drawing
+        slot, model = drawing.promise.slot, drawing.candidate.model
         low, high = ranges_of(self.candidates, drawing.candidate, 0.0)[slot.against]
-        if self._is_near_noise(drawing) or high - low < _WIDER * (slot.high - slot.low):
+        if high - low < _WIDER * (slot.high - slot.low):
             return drawing
         wider = slot.over(low, high)
-        promise = replace(promise, slot=wider)
+        promise = replace(drawing.promise, slot=wider)
         begun = wider.on(model, slot.along(wider.knots) @ slot.heights(model))
         again = fitted(self.candidates.train, begun, promise, ROUGH).model
         other = replace(drawing, promise=promise, candidate=self.candidates.finished(again, drawing.begin.model))
