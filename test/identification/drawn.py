@@ -24,7 +24,7 @@ CHANNEL = Pressure('cylinder_a', AMBIENT)
 def recording_of(draw, name='drawn'):
     """Return what the sensors of a draw gave, as a recording of cylinder A."""
     got = draw.recording
-    return recorded(got.times, got.displacement, got.setpoints[:, 0], got.pressures[:, 0], name, got.force)
+    return recorded(got.times, got.displacement, got.setpoints[:, 0], got.pressures[:, 0], name)
 
 
 def recorded(times, displacement, setpoint, pressure, name='made', force=None):
