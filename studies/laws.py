@@ -63,13 +63,12 @@ LEFT_OUT = {
     'operating_point': {('gain', 'p'), ('flow', 'p'), ('stiffness', 'p')},
     'volume_variation': {('gain', 'x'), ('flow', 'x'), ('stiffness', 'x')},
     'set_point_drift': {('set_point', 'time')},
-    'supply_variation': {('set_point', 'time')},
     'droop': {('set_point', 'flow'), ('set_point', 'error'), ('flow', 'flow')},
 }
 """Effects of the library that are laws: where each enters, and against what, as far as recordings can tell."""
 
 MEMORIES = tuple(name for name in LIBRARY if name not in LEFT_OUT)
-"""Those with a memory, which no law without one is."""
+"""Those with a memory, and a supply that swings as a hum does: no law of what is measured is either."""
 
 FIRST_SEED = 16000
 """Of the report; 0 to 999 are for developing, 7000 to 15999 were reported."""

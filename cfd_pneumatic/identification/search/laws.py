@@ -22,7 +22,7 @@ from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.curves import ROUGH, fitted, renewed
 from cfd_pneumatic.identification.search.promises import Promise, beside, promises
-from cfd_pneumatic.identification.search.slots import ranges_of
+from cfd_pneumatic.identification.search.slots import Slot, ranges_of
 from cfd_pneumatic.identification.search.stepwise import small_enough
 from cfd_pneumatic.parallel import each
 
@@ -48,7 +48,7 @@ _MOST_BESIDE = 3  # effects that are sought beside a law
 _ALIKE = 1.05  # times the least error of validation: places that are not told apart
 _WIDER = 1.1  # times a curve's range: what is visited beside it, from which on it is drawn anew
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
-_SMOOTHED = 0.05  # of what was left before: what a large law's corners leave beside straight pieces
+_SMOOTHED = 0.07  # of what was left before: what a large law's corners leave beside straight pieces
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,9 @@ class Laws:
 
         An effect of the library that explains as much is preferred: `known` are models with what was found of it.
         """
-        least = min((one.rss for one in known), default=math.inf)
+        best_known = min(known, key=lambda one: one.rss, default=None)
+        # a large law may come to far more than it promises
+        least = math.inf if best_known is None or self._size(best_known) > _LARGE else best_known.rss
         found: list[Drawn] = []
         for begin in sorted(begins, key=self._least_promised):
             if begin in self._known or self._least_promised(begin) < least:
@@ -224,12 +226,16 @@ class Laws:
         low, high = ranges_of(self.candidates, drawing.candidate, 0.0)[slot.against]
         if high - low < _WIDER * (slot.high - slot.low):
             return drawing
-        wider = slot.over(low, high)
-        promise = replace(drawing.promise, slot=wider)
-        begun = wider.on(model, slot.along(wider.knots) @ slot.heights(model))
-        again = fitted(self.candidates.train, begun, promise, ROUGH).model
-        other = replace(drawing, promise=promise, candidate=self.candidates.finished(again, drawing.begin.model))
-        return min(drawing, other, key=lambda one: self.candidates.squares(one.candidate))
+        wide, heights = slot.over(low, high), slot.heights(model)
+
+        def drawn(wider: Slot) -> Drawn:
+            begun = wider.on(model, slot.along(wider.knots) @ heights)
+            promise = replace(drawing.promise, slot=wider)
+            again = fitted(self.candidates.train, begun, promise, ROUGH).model
+            return replace(drawing, promise=promise, candidate=self.candidates.finished(again, drawing.begin.model))
+
+        others = each(drawn, [wide, *wide.elsewhere(slot.along(wide.knots) @ heights)])
+        return min([drawing, *others], key=lambda one: self.candidates.squares(one.candidate))
 
     def _is_near_noise(self, drawing: Drawn) -> bool:
         """Return whether what a law leaves is noise in kind, or hardly larger and no other cause's."""
@@ -244,7 +250,7 @@ class Laws:
 
     def _near_noise(self, begin: Candidate) -> float:
         """Return the size up to which what a law leaves is hardly larger than the noise, which is 1."""
-        return max(_NEAR_NOISE, _SMOOTHED * self._size(begin))
+        return math.hypot(_NEAR_NOISE, _SMOOTHED * self._size(begin))
 
     def _size(self, candidate: Candidate) -> float:
         """Return the root mean square of what a model leaves, over the noise."""
