@@ -138,7 +138,7 @@ def _looked_for(
             return with_law[0], {}, cores.tried, with_law[1]
     found = cores.for_memory() if is_explained else cores.searched()
     finished = cache(partial(_finished, before, found))
-    may_do = explained(candidates.residual_tests(found.model)) or _is_explained(finished()[0])
+    may_do = candidates.leaves_noise(found.model) or _is_explained(finished()[0])
     is_noise, several = may_do and laws.is_noise(found.model), len(found.model.effects) > 1
     if several or not is_noise:
         # beside a core alone, for effects that were found instead of a law are none, and else beside them

@@ -109,7 +109,7 @@ def other_pressure(result: ChannelResult, recordings: Sequence[Recording], optio
         candidates = Candidates(replace(alike.likelihood, experiments=tuple(experiments)), alike.model)
         begin = candidates.finished(found, candidates.baseline.model) if is_told else candidates.baseline
         fitted = candidates.with_core(begin, name, most * scale.factor**2)
-        return explained(candidates.residual_tests(fitted)), fitted.rss / scale.factor**2
+        return candidates.leaves_noise(fitted), fitted.rss / scale.factor**2
 
     left = {}
     for scale in other_scales(result, recordings, options.ambient_pressure):

@@ -262,9 +262,9 @@ class Likelihood:
     def tests(self, model: Model, noise: Noise) -> list[Test]:
         """Return the tests of what a model leaves, from what represents all samples."""
         telling = self.representative()
-        return telling.tested(telling.simulate(model), noise, bool(model.parts))
+        return list(telling.tested(telling.simulate(model), noise, bool(model.parts)))
 
-    def tested(self, simulated: Sequence[Array], noise: Noise, refined: bool = False) -> list[Test]:
+    def tested(self, simulated: Sequence[Array], noise: Noise, refined: bool = False) -> Iterator[Test]:
         """
         Return the tests of what simulations leave, at the samples that count, which follow each other.
 

@@ -9,7 +9,7 @@ spectrum. Does it resemble itself more than the noise does, and is it larger? Th
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -81,14 +81,16 @@ class Test:
         return self.statistic <= self.threshold
 
 
-def explained(tests: Sequence[Test]) -> bool:
-    """Return whether a residual is as noise would be, as far as can be told."""
+def explained(tests: Iterable[Test]) -> bool:
+    """Return whether a residual is as noise would be, as far as can be told; a test that fails is the last one made."""
     return all(test.passed for test in tests if test.decisive)
 
 
-def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise: Noise, refined: bool) -> list[Test]:
+def tests_of(
+    residuals: Sequence[Array], regressors: Sequence[Regressors], noise: Noise, refined: bool
+) -> Iterator[Test]:
     """
-    Return the tests of residuals, whatever they are of.
+    Yield the tests of residuals, whatever they are of: that of the size first, and each when it is asked for.
 
     Parameters
     ----------
@@ -102,25 +104,27 @@ def tests_of(residuals: Sequence[Array], regressors: Sequence[Regressors], noise
         Whether the model has a core or effects. Their laws are approximations: what these leave counts for less.
 
     """
-    if not any(np.any(residual) for residual in residuals):
-        return [_size_test(residuals, noise)]
+    yield _size_test(residuals, noise)
+    if any(np.any(residual) for residual in residuals):
+        for test in _tests_of_kind(residuals, regressors, noise, refined):
+            yield replace(test, decisive=False) if noise.rounded else test  # that depends on the signal: its size tells
+
+
+def _tests_of_kind(
+    residuals: Sequence[Array], regressors: Sequence[Regressors], noise: Noise, refined: bool
+) -> Iterator[Test]:
+    """Yield the tests of what residuals are like, whatever their size."""
     coefficients = autoregression(residuals)
     innovations = [whitened(residual, coefficients) for residual in residuals]
-    spectra = [list(map(_periodogram, series)) for series in (residuals, _forgotten(residuals))]
     beside = _MATERIAL_BESIDE * min((noise.std / _size(residuals)) ** 2, 1.0) if refined else 0.0
     blurred = noise.blur**2 / (noise.blur**2 + noise.std**2) if noise.blur else 0.0
     material = max(_MATERIAL, beside, blurred)
-    tests = [
-        _inputs_test(innovations, regressors, coefficients, material),
-        _slow_inputs_test(residuals, regressors, material),
-        _line_test(spectra),
-        _level_test(spectra, sum(residual.size for residual in residuals)),
-        _whiteness_test(residuals, noise, beside),
-        _size_test(residuals, noise),
-    ]
-    if noise.rounded:  # what rounding leaves depends on the signal: only its size tells
-        return [replace(test, decisive=test.name == 'noise_floor') for test in tests]
-    return tests
+    yield _inputs_test(innovations, regressors, coefficients, material)
+    yield _slow_inputs_test(residuals, regressors, material)
+    spectra = [list(map(_periodogram, series)) for series in (residuals, _forgotten(residuals))]
+    yield _line_test(spectra)
+    yield _level_test(spectra, sum(residual.size for residual in residuals))
+    yield _whiteness_test(residuals, noise, beside)
 
 
 def _inputs_test(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -15,7 +15,7 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import Optimum, search
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.residual.noise import sample_noise
-from cfd_pneumatic.identification.residual.tests import Test
+from cfd_pneumatic.identification.residual.tests import Test, explained
 from cfd_pneumatic.identification.search.complement import Complement, Start
 from cfd_pneumatic.model.effects import Data
 from cfd_pneumatic.parallel import each
@@ -31,6 +31,7 @@ _ALIKE = 0.7  # of what its best start takes: starts whose rough fits may change
 _STRONG = 5.0  # in sample noises: a residual that may have led the model astray
 _ROUGH = (1e-2, 10)  # tolerance and evaluations from each start
 _FINE = (1e-5, 20)
+_SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +97,9 @@ class Candidates:
         self._is_long = self.train.steps > _LONG
         self._known_data: dict[Candidate, Data] = {}
         self._known_shares: dict[Candidate, dict[str, float]] = {}
-        self._known_tests: dict[Candidate, list[Test]] = {}
+        self._known_cores: dict[tuple[Candidate, str], list[Optimum]] = {}
+        self._known_sizes: dict[Candidate, float] = {}
+        self._known_explained: dict[Candidate, bool] = {}
         self.baseline = self.finished(search(self.train, begin, *_FINE).model, begin)
         noises = [  # of the residual: what drives the force has noise, too
             sample_noise(one.sample_times, one.measured - values[: one.part.size]) ** 2
@@ -111,14 +114,25 @@ class Candidates:
         It is fitted roughly from each of the core's starts, and from the two best to the end; not where the mean square
         of what it leaves roughly is above `most`.
         """
-        core = self.channel.cores[name]
-        effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}
-        starts = core.starts(self._data(candidate))
-        begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
-        rough = sorted(each(lambda one: search(self.excerpt, one, *_ROUGH), begins), key=lambda one: one.cost)
+        rough = self._roughly_with_core(candidate, name)
         promises = rough[0].cost <= most * self.excerpt.samples
         best = self._fine([one.model for one in rough[:_REFINED]]) if promises else rough[0]
         return self.finished(best.model, candidate.model)
+
+    def roughly_left_with_core(self, candidate: Candidate, name: str) -> float:
+        """Return the mean square that another core leaves of the excerpt in a candidate, fitted roughly."""
+        return self._roughly_with_core(candidate, name)[0].cost / self.excerpt.samples
+
+    def _roughly_with_core(self, candidate: Candidate, name: str) -> list[Optimum]:
+        """Return rough fits from each of a core's starts, the best first; none is fitted twice."""
+        if (candidate, name) not in self._known_cores:
+            core = self.channel.cores[name]
+            effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}
+            starts = core.starts(self._data(candidate))
+            begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
+            rough = each(lambda one: search(self.excerpt, one, *_ROUGH), begins)
+            self._known_cores[candidate, name] = sorted(rough, key=lambda one: one.cost)
+        return self._known_cores[candidate, name]
 
     def names(self, candidate: Candidate) -> list[str]:
         """Return the effects that these recordings may tell beside a candidate's."""
@@ -187,12 +201,29 @@ class Candidates:
         simulated = [values[: one.part.size] for one, values in zip(self.train.experiments, candidate.simulated)]
         return self.channel.noise(self.train.experiments, simulated, candidate.model).coefficients
 
-    def residual_tests(self, candidate: Candidate) -> list[Test]:
-        """Return the tests of what a candidate leaves of train and validation; none is tested twice."""
-        if candidate not in self._known_tests:
-            noise = self.channel.noise(self.learn.experiments, candidate.simulated, candidate.model)
-            self._known_tests[candidate] = self.learn.tested(candidate.simulated, noise, bool(candidate.model.parts))
-        return self._known_tests[candidate]
+    def size(self, candidate: Candidate) -> float:
+        """Return the root mean square of what a candidate leaves of train and validation, over the noise."""
+        if candidate not in self._known_sizes:
+            self._known_sizes[candidate] = next(self._tests(candidate)).statistic
+        return self._known_sizes[candidate]
+
+    def leaves_noise(self, candidate: Candidate) -> bool:
+        """Return whether what a candidate leaves of train and validation is as noise would be; none is tested twice."""
+        if candidate not in self._known_explained:
+            self._known_explained[candidate] = explained(self._tests(candidate))
+        return self._known_explained[candidate]
+
+    def is_small(self, candidate: Candidate) -> bool:
+        """Return whether what a candidate leaves is noise, in kind and in size."""
+        return self.size(candidate) <= _SMALL_ENOUGH and self.leaves_noise(candidate)
+
+    def follows_inputs(self, candidate: Candidate) -> bool:
+        """Return whether what a candidate leaves depends on the inputs."""
+        return any(one.name == 'inputs' and not one.passed for one in self._tests(candidate))
+
+    def _tests(self, candidate: Candidate) -> Iterator[Test]:
+        noise = self.channel.noise(self.learn.experiments, candidate.simulated, candidate.model)
+        return self.learn.tested(candidate.simulated, noise, bool(candidate.model.parts))
 
     def finished(self, model: Model, begin: Model) -> Candidate:
         """Return a fit with what it leaves; one that ran away is as if its effects were not there."""

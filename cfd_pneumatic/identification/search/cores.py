@@ -15,10 +15,9 @@ from types import MappingProxyType
 
 from cfd_pneumatic.identification.data.options import LINEAR, PHYSICAL
 from cfd_pneumatic.identification.residual.autoregression import autoregression
-from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.laws import Drawn, Laws
-from cfd_pneumatic.identification.search.stepwise import ALIKE, TIE, Search, SearchResult, Step, Trial
+from cfd_pneumatic.identification.search.stepwise import ALIKE, HOPELESS, TIE, Search, SearchResult, Step, Trial
 from cfd_pneumatic.lazy import lazy_property
 
 _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
@@ -64,8 +63,11 @@ class Cores:
 
     @lazy_property
     def _first(self) -> Step:
-        """Each effect beside the linear core."""
-        return self._linear.step(self.candidates.baseline)
+        """Each effect beside the linear core, to the end only where it may do as well as the other core."""
+        baseline, most = self.candidates.baseline, math.inf
+        if self._name is not None:
+            most = HOPELESS * self.candidates.roughly_left_with_core(baseline, self._name)
+        return self._linear.step(baseline, most)
 
     @lazy_property
     def _alone(self) -> Candidate:
@@ -86,7 +88,7 @@ class Cores:
         if self._is_full_physics():
             return SearchResult(self._alone, {}, ())
         found = self._linear.run()
-        enough = _leaves_noise(self.candidates, found.model) and len(found.model.effects) <= 1
+        enough = self.candidates.leaves_noise(found.model) and len(found.model.effects) <= 1
         begins = [self._alone]
         if found.model.effects:
             most = self._hopeful(found.model) if enough else math.inf
@@ -97,9 +99,9 @@ class Cores:
         begins = [self._alone, *(Search(self.candidates, self._alone).pruned(one) for one in begins[1:]), *self._led]
         begins.sort(key=lambda one: one.rss)
         begin = begins[0]
-        beside = SearchResult(begin, {}, ()) if _leaves_noise(self.candidates, begin) else self._beside(begin, fresh)
+        beside = SearchResult(begin, {}, ()) if self.candidates.leaves_noise(begin) else self._beside(begin, fresh)
         for other in begins[1:]:
-            if self._leaves_much(beside.model):  # the way there may have led astray
+            if self.candidates.size(beside.model) > _MUCH:  # the way there may have led astray
                 again = self._beside(other, fresh)
                 begin, beside = min((begin, beside), (other, again), key=lambda pair: pair[1].model.rss)
         if not _preferred(self.candidates, beside.model, found.model, found.alternatives):
@@ -117,7 +119,7 @@ class Cores:
         baseline = self.candidates.baseline
         if self._name is not None:
             alone = self.candidates.with_core(baseline, self._name)
-            if _leaves_noise(self.candidates, alone) and _preferred(self.candidates, alone, baseline):
+            if self.candidates.leaves_noise(alone) and _preferred(self.candidates, alone, baseline):
                 return SearchResult(alone, {}, ())
         return SearchResult(baseline, {}, ())
 
@@ -141,7 +143,7 @@ class Cores:
         rivals = self._rivals(drawing)
         near = [one for one in rivals if laws.is_near(drawing, one)]
         self._led = sorted((one for one in near if one.model.core), key=self.candidates.squares)[:1]
-        alone = _leaves_noise(self.candidates, drawing.candidate) or laws.is_far_better(drawing, [*singles, *rivals])
+        alone = self.candidates.leaves_noise(drawing.candidate) or laws.is_far_better(drawing, [*singles, *rivals])
         return drawing if alone and not near else None
 
     def beside_law(self, laws: Laws, known: Sequence[Candidate]) -> Drawn | None:
@@ -166,7 +168,7 @@ class Cores:
         """Return whether the other core alone leaves noise, and no effect beside the linear one does as well."""
         singles = self._first.candidates.values()
         alone = self._alone
-        return _leaves_noise(self.candidates, alone) and all(_preferred(self.candidates, alone, one) for one in singles)
+        return self.candidates.leaves_noise(alone) and all(_preferred(self.candidates, alone, one) for one in singles)
 
     def _beside(self, begin: Candidate, fresh: Sequence[Candidate] = ()) -> SearchResult:
         """
@@ -177,22 +179,14 @@ class Cores:
         """
         assert self._name is not None
         found = Search(self.candidates, begin).run()
-        if not found.model.effects or found.model in fresh or _leaves_noise(self.candidates, found.model):
+        if not found.model.effects or found.model in fresh or self.candidates.leaves_noise(found.model):
             return found
         again = self.candidates.with_core(found.model, self._name)
         return replace(found, model=min(found.model, again, key=lambda one: one.rss))
 
     def _hopeful(self, other: Candidate) -> float:
         """Return the mean square above which a rough fit will not come to do as well as a model that leaves noise."""
-        return _HOPEFUL * self.candidates.roughly_left(other) if _leaves_noise(self.candidates, other) else math.inf
-
-    def _leaves_much(self, one: Candidate) -> bool:
-        tests = self.candidates.residual_tests(one)
-        return any(test.name == 'noise_floor' and test.statistic > _MUCH for test in tests)
-
-
-def _leaves_noise(candidates: Candidates, one: Candidate) -> bool:
-    return explained(candidates.residual_tests(one))
+        return _HOPEFUL * self.candidates.roughly_left(other) if self.candidates.leaves_noise(other) else math.inf
 
 
 def _preferred(
@@ -207,13 +201,17 @@ def _preferred(
     """
     if not one.model.core:  # it ran away
         return False
+    errors = one.validation_rmse, other.validation_rmse
+    foretells = errors[0] is not None and errors[1] is not None and errors[0] < errors[1]
+    if foretells and candidates.squares(one) < _CLEARLY * candidates.squares(other):
+        return True
     train = candidates.train
     (core,) = (candidates.channel.effects[name] for name in one.model.core)
     coefficients = autoregression(min((one, other), key=lambda model: model.rss).residuals)
     more = set(other.effects) - set(one.effects)
     is_held = bool(more) and all({name, *alternatives.get(name, ())} & set(core.covers) for name in more)
     several = len(other.effects) > max(len(one.effects), 1)
-    is_instead = is_held or ((several or not _leaves_noise(candidates, other)) and _leaves_noise(candidates, one))
+    is_instead = is_held or ((several or not candidates.leaves_noise(other)) and candidates.leaves_noise(one))
     charged = one.unknowns - (len(core.parameters) if is_instead else 0)
     criteria = [
         train.criterion(model.residuals, unknowns, coefficients)
@@ -221,8 +219,4 @@ def _preferred(
     ]
     if is_instead:
         return criteria[0] < criteria[1] + TIE and candidates.squares(one) < ALIKE**2 * candidates.squares(other)
-    errors = one.validation_rmse, other.validation_rmse
-    if errors[0] is None or errors[1] is None:
-        return criteria[0] < criteria[1]
-    clearly = candidates.squares(one) < _CLEARLY * candidates.squares(other)
-    return errors[0] < errors[1] and (clearly or criteria[0] < criteria[1])
+    return (foretells or None in errors) and criteria[0] < criteria[1]

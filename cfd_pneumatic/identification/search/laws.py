@@ -18,12 +18,10 @@ import numpy as np
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.fit import Optimum
 from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
-from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.curves import ROUGH, fitted, renewed
 from cfd_pneumatic.identification.search.promises import Promise, beside, promises
 from cfd_pneumatic.identification.search.slots import Slot, ranges_of
-from cfd_pneumatic.identification.search.stepwise import small_enough
 from cfd_pneumatic.parallel import each
 
 _SKETCHED = 10_000  # and of which the rough fits are
@@ -100,7 +98,7 @@ class Laws:
 
     def may_explain(self, begin: Candidate) -> bool:
         """Return whether a curve promises most of what is above the noise beside a model."""
-        promised, above = self._promises(begin), self._size(begin) ** 2 - 1.0
+        promised, above = self._promises(begin), self.candidates.size(begin) ** 2 - 1.0
         return any(one.left * (above + 1.0) - 1.0 < _MOST_OF_ALL * above for one in promised)
 
     def best(self, begins: Sequence[Candidate], known: Sequence[Candidate]) -> Drawn | None:
@@ -111,12 +109,12 @@ class Laws:
         """
         best_known = min(known, key=lambda one: one.rss, default=None)
         # a large law may come to far more than it promises
-        least = math.inf if best_known is None or self._size(best_known) > _LARGE else best_known.rss
+        least = math.inf if best_known is None or self.candidates.size(best_known) > _LARGE else best_known.rss
         found: list[Drawn] = []
         for begin in sorted(begins, key=self._least_promised):
             if begin in self._known or self._least_promised(begin) < least:
                 found += [one for one in self._beside(begin) if self.is_better(one, known)]
-            if any(self.is_noise(one.candidate) or self._is_small(one.candidate) for one in found):
+            if any(self.is_noise(one.candidate) or self.candidates.is_small(one.candidate) for one in found):
                 break  # what leaves hardly more than noise beside one core is not looked for beside another
         if not found:
             return None
@@ -168,11 +166,11 @@ class Laws:
 
     def is_near(self, drawing: Drawn, other: Candidate) -> bool:
         """Return whether a model does nearly as well as one with a curve: on the validation part, and on everything."""
-        return all(size(other) * _CLEARLY < size(drawing.candidate) for size in (_error, self._size))
+        return all(size(other) * _CLEARLY < size(drawing.candidate) for size in (_error, self.candidates.size))
 
     def is_noise(self, one: Candidate) -> bool:
         """Return whether what a model leaves is noise in kind and hardly larger: where none was seen it may be."""
-        return explained(self.candidates.residual_tests(one)) and self._size(one) < _NEAR_NOISE
+        return self.candidates.size(one) < _NEAR_NOISE and self.candidates.leaves_noise(one)
 
     def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
         """Return whether a curve errs so much less than every one of some models that hardly two of them make up."""
@@ -185,7 +183,7 @@ class Laws:
         Short stretches tell before which these are, and whether they do better with their knots elsewhere.
         """
         if begin not in self._known:
-            promised, size = self._promises(begin), self._size(begin)
+            promised, size = self._promises(begin), self.candidates.size(begin)
             left = _MOST_LEFT_IN_COMPANY if begin.effects else _MOST_LEFT
             most = max((one.evidence for one in promised if one.slot.name[1] != 'time'), default=0.0)
             likely = _worth_a_fit(promised, size, left, _PROMISING * most)
@@ -239,23 +237,14 @@ class Laws:
 
     def _is_near_noise(self, drawing: Drawn) -> bool:
         """Return whether what a law leaves is noise in kind, or hardly larger and no other cause's."""
-        tests = self.candidates.residual_tests(drawing.candidate)
-        follows = any(one.name == 'inputs' and not one.passed for one in tests)
-        if follows and self.candidates.channel.may_hide(self.candidates.train.experiments):
+        may_hide = self.candidates.channel.may_hide(self.candidates.train.experiments)
+        if may_hide and self.candidates.follows_inputs(drawing.candidate):
             return False
-        return self._is_small(drawing.candidate) or self._size(drawing.candidate) < self._near_noise(drawing.begin)
-
-    def _is_small(self, candidate: Candidate) -> bool:
-        return small_enough(self.candidates.residual_tests(candidate))
+        return self.candidates.size(drawing.candidate) < self._near_noise(drawing.begin)
 
     def _near_noise(self, begin: Candidate) -> float:
         """Return the size up to which what a law leaves is hardly larger than the noise, which is 1."""
-        return math.hypot(_NEAR_NOISE, _SMOOTHED * self._size(begin))
-
-    def _size(self, candidate: Candidate) -> float:
-        """Return the root mean square of what a model leaves, over the noise."""
-        tests = self.candidates.residual_tests(candidate)
-        return next(one.statistic for one in tests if one.name == 'noise_floor')
+        return math.hypot(_NEAR_NOISE, _SMOOTHED * self.candidates.size(begin))
 
     def _least_promised(self, begin: Candidate) -> float:
         """Return the least sum of squares that a curve promises to leave."""

@@ -18,7 +18,6 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.autoregression import autoregression
-from cfd_pneumatic.identification.residual.tests import Test, explained
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.parallel import each
 
@@ -31,6 +30,9 @@ SHOWN = 0.57
 TIE = 10.0
 """Rivals within so much of the criterion can't be told apart [-]."""
 
+HOPELESS = 2.0
+"""Times what a model leaves: a rival that leaves more roughly is not fitted to the end [-]."""
+
 _WHITE = np.empty(0)  # coefficients of white noise
 _OUTDONE = 'worth it, but another lowers the criterion more'
 _UNPROMISING = 'not fitted: as far as small changes tell, it takes no more than that'
@@ -40,13 +42,11 @@ _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by ea
 _LEAST_DROP_OF_MORE = 0.10  # of train or validation, beside a core or more than noise: little finds a name by chance
 _BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
 ALIKE = 1.05  # times an effect's error, at which a rival is named where more than noise is left
-_SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
 _MOST_EFFECTS = 3
 _MOST_EFFECTS_UNSEEN = 2  # where there is no validation part: a single step
 _MOST_ALTERNATIVES = 2
 _ROUNDS = 2  # of trying rivals
 _RIVALS = 4  # that are tried in an effect's place
-_HOPELESS = 2.0  # times what a model leaves: a rival that leaves more roughly is not fitted to the end
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ class Search:
             ranking[lead] = step.rivals(lead)
             model = self.pruned(step.candidates[lead])
             self._accepted[tuple(model.effects)] = model
-            enough = len(model.effects) >= self._most(model) or small_enough(self.candidates.residual_tests(model))
+            enough = len(model.effects) >= self._most(model) or self.candidates.is_small(model)
             if enough or lead not in model.effects:
                 break
             step = self.step(model)
@@ -215,10 +215,10 @@ class Search:
         """Return how many effects a model may have."""
         return _MOST_EFFECTS if model.validation_rmse is not None else _MOST_EFFECTS_UNSEEN
 
-    def step(self, model: Candidate) -> Step:
-        """Try every effect beside a model."""
+    def step(self, model: Candidate, most: float = math.inf) -> Step:
+        """Try every effect beside a model, to the end where the mean square of what is left roughly is up to `most`."""
         chosen, others = self.candidates.promising(model, self.candidates.names(model))
-        candidates = self._beside(model, chosen)
+        candidates = self._beside(model, chosen, most)
         coefficients = autoregression(min((*candidates.values(), model), key=lambda one: one.rss).residuals)
         before, reference = self.criterion(model, coefficients), model.validation_rmse
         criteria = {name: self.criterion(one, coefficients) for name, one in candidates.items()}
@@ -250,14 +250,14 @@ class Search:
         least = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %'
         if candidate.model.core:
             return f'{least}, as the numbers of the core might'
-        return None if explained(self.candidates.residual_tests(candidate)) else f'{least}, and more than noise is left'
+        return None if self.candidates.leaves_noise(candidate) else f'{least}, and more than noise is left'
 
-    def _beside(self, model: Candidate, names: Sequence[str]) -> dict[str, Candidate]:
+    def _beside(self, model: Candidate, names: Sequence[str], most: float) -> dict[str, Candidate]:
         """Return a model with one more effect, for each of some names that may tell; none is fitted twice."""
         keys = {name: (*model.effects, name) for name in names}
         fresh = [name for name in names if keys[name] not in self._tried]
         if fresh:
-            found = self.candidates.beside(model, fresh)
+            found = self.candidates.beside(model, fresh, most)
             self._tried.update({keys[name]: candidate for name, candidate in found.items()})
         return {name: self._tried[keys[name]] for name in names if keys[name] in self._tried}
 
@@ -293,7 +293,7 @@ class Search:
         keys = {rival: (*rest.effects, rival) for rival in others}
         known = {rival: self._tried[key] for rival, key in keys.items() if key in self._tried}
         fresh = {rival: one for rival, one in others.items() if rival not in known}
-        most = _HOPELESS * self.candidates.roughly_left(model)
+        most = HOPELESS * self.candidates.roughly_left(model)
         return {**known, **self.candidates.instead(rest, fresh, most)} if fresh else known
 
     def challenged(
@@ -304,7 +304,7 @@ class Search:
             coefficients = autoregression(model.residuals)
             own, more_is_left = (
                 self.criterion(model, coefficients),
-                not explained(self.candidates.residual_tests(model)),
+                not self.candidates.leaves_noise(model),
             )
             alternatives: dict[str, tuple[str, ...]] = {}
             better: tuple[float, Candidate] | None = None
@@ -331,12 +331,6 @@ def _foretelling(lead: str, worthy: Sequence[str], candidates: Mapping[str, Cand
     errors = {name: one.validation_rmse for name, one in candidates.items() if one.validation_rmse is not None}
     best = min(worthy, key=lambda name: errors.get(name, math.inf))
     return best if lead in errors and ALIKE * errors[best] < errors[lead] else lead
-
-
-def small_enough(tests: Sequence[Test]) -> bool:
-    """Return whether a residual is noise, in kind and in size, from its tests."""
-    size = next(test.statistic for test in tests if test.name == 'noise_floor')
-    return explained(tests) and size <= _SMALL_ENOUGH
 
 
 def alike(rival: Candidate, own: Candidate) -> bool:
