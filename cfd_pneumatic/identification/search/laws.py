@@ -11,6 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -292,14 +293,14 @@ def _best_first(sketches: Sequence[_Sketch]) -> list[_Sketch]:
 
 
 def _few_of_each(sketches: Sequence[_Sketch]) -> list[_Sketch]:
-    """Return the best few of each place, so that others have their turn."""
+    """Return the best few of each place: the best one of every place first."""
     ranks: Counter[tuple[str, str]] = Counter()
-    few = []
+    turns: list[list[_Sketch]] = [[] for _ in range(_OF_EACH)]
     for one in sketches:
+        if ranks[one.promise.slot.name] < _OF_EACH:
+            turns[ranks[one.promise.slot.name]].append(one)
         ranks[one.promise.slot.name] += 1
-        if ranks[one.promise.slot.name] <= _OF_EACH:
-            few.append(one)
-    return few
+    return [*chain.from_iterable(turns)]
 
 
 def _otherwise(sketch: _Sketch) -> list[tuple[Promise, Model]]:
