@@ -12,7 +12,8 @@ from drawn import recording_of
 
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.identification import ChannelResult, Identification, Options, identify
-from cfd_pneumatic.identification.loop import with_core
+from cfd_pneumatic.identification.data.options import AUTO, LINEAR
+from cfd_pneumatic.identification.loop import close_loop, with_core
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.model.effects import Moment
 from cfd_pneumatic.model.effects.curve import CURVE
@@ -115,6 +116,23 @@ def test_a_law_that_takes_most_of_the_error_is_shown_though_the_test_part_errs_m
     assert result.findings.unknown.against == 'time'
     assert 'the device or its work changed' in result.findings.why
     assert result.rmse(1) < 0.2 * result.rmse(0)
+
+
+@pytest.mark.parametrize(
+    ('effect', 'seed', 'make', 'core', 'places'),
+    [
+        # another effect leaves a twentieth of the error, less than a curve had promised
+        ('flow_saturation', 15000, None, LINEAR, {('flow', 'error')}),
+        ('leakage', 16000, 'drilled', AUTO, {('leak', 'p'), ('leak', 'x'), ('leak', 'speed'), ('flow', 'error')}),
+    ],
+)
+def test_an_effect_that_the_library_lacks_is_drawn_where_it_may_enter(effect, seed, make, core, places) -> None:
+    one = draw(effect, 'out_and_back', seed, make=make)
+    result = identify([recording_of(one)], Options(close_loop=False)).cylinders['cylinder_a']
+    result.channel.library = {name: own for name, own in result.channel.library.items() if name != effect}
+    _, conclusion = close_loop(result.fit, core)
+    assert (conclusion.verdict, conclusion.effects) == ('shape_found', ())
+    assert {(conclusion.unknown.enters, conclusion.unknown.against), *conclusion.unknown.others} == places
 
 
 def test_short_stretches_see_all_of_a_recording() -> None:
