@@ -22,7 +22,7 @@ from cfd_pneumatic.identification.residual.autoregression import autoregression,
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.curves import ROUGH, fitted, renewed
 from cfd_pneumatic.identification.search.promises import Promise, beside, promises
-from cfd_pneumatic.identification.search.slots import Slot, ranges_of
+from cfd_pneumatic.identification.search.slots import ranges_of
 from cfd_pneumatic.parallel import each
 
 _SKETCHED = 10_000  # and of which the rough fits are
@@ -174,8 +174,9 @@ class Laws:
         return self.candidates.size(one) < _NEAR_NOISE and self.candidates.leaves_noise(one)
 
     def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
-        """Return whether a curve errs so much less than every one of some models that hardly two of them make up."""
-        return all(_error(drawing.candidate) < _FAR_BETTER * _error(one) for one in others)
+        """Return whether a curve leaves little more than noise, and errs less than two of some models might together."""
+        is_hardly_more = self.candidates.size(drawing.candidate) < _NEAR_NOISE
+        return is_hardly_more and all(_error(drawing.candidate) < _FAR_BETTER * _error(one) for one in others)
 
     def _beside(self, begin: Candidate) -> list[Drawn]:
         """
@@ -193,13 +194,14 @@ class Laws:
                 names = {one.slot.name for one in likely}
                 others = [one for one in promised if one.slot.name not in names]
                 near = self._near(begin, _worth_a_fit(others, size, left, _HARDLY_PROMISING * most))
-            self._known[begin] = self._finished(begin, near[:_FITTED])
+            drawn = self._fitted(begin, [(one.promise, one.found.model) for one in near[:_FITTED]])
+            self._known[begin] = [self._over_its_range(one) for one in drawn]
         return self._known[begin]
 
     def _near(self, begin: Candidate, promised: Sequence[Promise]) -> list[_Sketch]:
         """Return sketches that come near the noise, the best first."""
         sketches = self._sketched(begin, [(one, self._begun(begin, one)) for one in promised])
-        sharper = [other for one in sketches[:_SHARPENED] for other in _otherwise(one)]
+        sharper = [other for one in sketches[:_SHARPENED] for other in _otherwise(one.promise, one.found.model)]
         sketches = _best_first(sketches + self._sketched(begin, sharper))
         self._sketches[begin] = _best_first(self._sketches.get(begin, []) + sketches)
         noise = self.candidates.noise**2 * self._excerpt.samples
@@ -207,15 +209,12 @@ class Laws:
         most = min(_RIVALLING * sketches[0].found.cost, farthest) if sketches else 0.0
         return _few_of_each([one for one in sketches if one.found.cost < most])
 
-    def _finished(self, begin: Candidate, sketches: Sequence[_Sketch]) -> list[Drawn]:
-        """Return sketches fitted to the train part."""
-        models = each(lambda one: fitted(self.candidates.train, one.found.model, one.promise, ROUGH).model, sketches)
+    def _fitted(self, begin: Candidate, begun: Sequence[tuple[Promise, Model]]) -> list[Drawn]:
+        """Return curves fitted to the train part, from models that have them."""
+        models = each(lambda one: fitted(self.candidates.train, one[1], one[0], ROUGH).model, begun)
         finished = [self.candidates.finished(model, begin.model) for model in models]
-        return [
-            self._over_its_range(Drawn(one.promise, own, begin, ()))
-            for one, own in zip(sketches, finished)
-            if one.promise.slot.curve.name in own.effects
-        ]
+        drawn = [Drawn(promise, own, begin, ()) for (promise, _), own in zip(begun, finished)]
+        return [one for one in drawn if one.promise.slot.curve.name in one.candidate.effects]
 
     def _over_its_range(self, drawing: Drawn) -> Drawn:
         """Return a curve drawn over all that is visited beside it: a large law leads to where nothing was without."""
@@ -225,15 +224,10 @@ class Laws:
         low, high = ranges_of(self.candidates, drawing.candidate, 0.0)[slot.against]
         if high - low < _WIDER * (slot.high - slot.low):
             return drawing
-        wide, heights = slot.over(low, high), slot.heights(model)
-
-        def drawn(wider: Slot) -> Drawn:
-            begun = wider.on(model, slot.along(wider.knots) @ heights)
-            promise = replace(drawing.promise, slot=wider)
-            again = fitted(self.candidates.train, begun, promise, ROUGH).model
-            return replace(drawing, promise=promise, candidate=self.candidates.finished(again, drawing.begin.model))
-
-        others = each(drawn, [wide, *wide.elsewhere(slot.along(wide.knots) @ heights)])
+        wide = slot.over(low, high)
+        promise = replace(drawing.promise, slot=wide)
+        begun = wide.on(model, slot.along(wide.knots) @ slot.heights(model))
+        others = self._fitted(drawing.begin, [(promise, begun), *_otherwise(promise, begun)])
         return min([drawing, *others], key=lambda one: self.candidates.squares(one.candidate))
 
     def _is_near_noise(self, drawing: Drawn) -> bool:
@@ -303,12 +297,11 @@ def _few_of_each(sketches: Sequence[_Sketch]) -> list[_Sketch]:
     return [*chain.from_iterable(turns)]
 
 
-def _otherwise(sketch: _Sketch) -> list[tuple[Promise, Model]]:
-    """Return a curve with its knots elsewhere, as it was fitted."""
-    slot, model = sketch.promise.slot, sketch.found.model
-    heights = slot.heights(model)
-    others = slot.elsewhere(heights)
-    return [(replace(sketch.promise, slot=one), one.on(model, slot.along(one.knots) @ heights)) for one in others]
+def _otherwise(promise: Promise, model: Model) -> list[tuple[Promise, Model]]:
+    """Return a curve with its knots elsewhere, as a model has it."""
+    heights = promise.slot.heights(model)
+    others = promise.slot.elsewhere(heights)
+    return [(replace(promise, slot=one), one.on(model, promise.slot.along(one.knots) @ heights)) for one in others]
 
 
 def _worth_a_fit(promised: Sequence[Promise], size: float, left: float, least: float) -> list[Promise]:
