@@ -192,14 +192,13 @@ def _as_drawn(drawing: Drawn, before: Fit, other: Model) -> tuple[Fit, Shape] | 
     squares = [sum(float(run @ run) for run in likelihood.residuals(one)) for one in (simulated, without)]
     if min(compared(experiments, without, simulated)[0], math.sqrt(squares[0] / squares[1])) >= _SEEN:
         return None  # it freed a core that was stuck, and does nothing itself
-    left_of_test = compared(experiments, likelihood.simulate(begin.model), simulated)[0]
-    left_of_unseen = [left_of_test]
+    left_of_unseen = [compared(experiments, likelihood.simulate(begin.model), simulated)[0]]  # of the test part first
     if begin.validation_rmse and drawing.candidate.validation_rmse is not None:
         left_of_unseen.append(drawing.candidate.validation_rmse / begin.validation_rmse)
     if min(left_of_unseen) >= (_SEEN_IN_COMPANY if begin.effects else _SEEN):
         return None
     left = [one.measured - values for one, values in zip(experiments, simulated)]
-    if left_of_test > _MOSTLY and contradiction(experiments, left, likelihood.noise(model).std):
+    if left_of_unseen[0] > _MOSTLY and contradiction(experiments, left, likelihood.noise(model).std):
         return None
     return _summary(before, model), shape_of(likelihood, model, drawing, begin.model)
 

@@ -31,7 +31,6 @@ _ALIKE = 0.7  # of what its best start takes: starts whose rough fits may change
 _STRONG = 5.0  # in sample noises: a residual that may have led the model astray
 _ROUGH = (1e-2, 10)  # tolerance and evaluations from each start
 _FINE = (1e-5, 20)
-_SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,10 +211,6 @@ class Candidates:
         if candidate not in self._known_explained:
             self._known_explained[candidate] = explained(self._tests(candidate))
         return self._known_explained[candidate]
-
-    def is_small(self, candidate: Candidate) -> bool:
-        """Return whether what a candidate leaves is noise, in kind and in size."""
-        return self.size(candidate) <= _SMALL_ENOUGH and self.leaves_noise(candidate)
 
     def follows_inputs(self, candidate: Candidate) -> bool:
         """Return whether what a candidate leaves depends on the inputs."""

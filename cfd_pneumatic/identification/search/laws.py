@@ -108,14 +108,13 @@ class Laws:
 
         An effect of the library that explains as much is preferred: `known` are models with what was found of it.
         """
-        best_known = min(known, key=lambda one: one.rss, default=None)
-        # a large law may come to far more than it promises
-        least = math.inf if best_known is None or self.candidates.size(best_known) > _LARGE else best_known.rss
+        near = [one.rss for one in known if self.candidates.size(one) < _LARGE]  # a large law may exceed its promise
+        least = min(near, default=math.inf)
         found: list[Drawn] = []
         for begin in sorted(begins, key=self._least_promised):
             if begin in self._known or self._least_promised(begin) < least:
                 found += [one for one in self._beside(begin) if self.is_better(one, known)]
-            if any(self.is_noise(one.candidate) or self.candidates.is_small(one.candidate) for one in found):
+            if any(self.is_noise(one.candidate) for one in found):
                 break  # what leaves hardly more than noise beside one core is not looked for beside another
         if not found:
             return None
@@ -174,9 +173,9 @@ class Laws:
         return self.candidates.size(one) < _NEAR_NOISE and self.candidates.leaves_noise(one)
 
     def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
-        """Return whether a curve leaves little more than noise, and errs less than two of some models might together."""
-        is_hardly_more = self.candidates.size(drawing.candidate) < _NEAR_NOISE
-        return is_hardly_more and all(_error(drawing.candidate) < _FAR_BETTER * _error(one) for one in others)
+        """Return whether a curve leaves hardly more than noise, and hardly two of some models might err as little."""
+        most = _FAR_BETTER * min(map(_error, others), default=math.inf)
+        return self.candidates.size(drawing.candidate) < _NEAR_NOISE and _error(drawing.candidate) < most
 
     def _beside(self, begin: Candidate) -> list[Drawn]:
         """
@@ -218,11 +217,9 @@ class Laws:
 
     def _over_its_range(self, drawing: Drawn) -> Drawn:
         """Return a curve drawn over all that is visited beside it: a large law leads to where nothing was without."""
-        if self._is_near_noise(drawing):
-            return drawing
         slot, model = drawing.promise.slot, drawing.candidate.model
         low, high = ranges_of(self.candidates, drawing.candidate, 0.0)[slot.against]
-        if high - low < _WIDER * (slot.high - slot.low):
+        if self._is_near_noise(drawing) or high - low < _WIDER * (slot.high - slot.low):
             return drawing
         wide = slot.over(low, high)
         promise = replace(drawing.promise, slot=wide)

@@ -42,6 +42,7 @@ _LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by ea
 _LEAST_DROP_OF_MORE = 0.10  # of train or validation, beside a core or more than noise: little finds a name by chance
 _BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
 ALIKE = 1.05  # times an effect's error, at which a rival is named where more than noise is left
+_SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
 _MOST_EFFECTS = 3
 _MOST_EFFECTS_UNSEEN = 2  # where there is no validation part: a single step
 _MOST_ALTERNATIVES = 2
@@ -200,8 +201,8 @@ class Search:
             ranking[lead] = step.rivals(lead)
             model = self.pruned(step.candidates[lead])
             self._accepted[tuple(model.effects)] = model
-            enough = len(model.effects) >= self._most(model) or self.candidates.is_small(model)
-            if enough or lead not in model.effects:
+            is_small = self.candidates.size(model) <= _SMALL_ENOUGH and self.candidates.leaves_noise(model)
+            if len(model.effects) >= self._most(model) or is_small or lead not in model.effects:
                 break
             step = self.step(model)
             if not step.leads:
@@ -302,10 +303,7 @@ class Search:
         """Try rivals in each effect's place; return the best model, and for each effect those that do as well."""
         for _ in range(_ROUNDS):
             coefficients = autoregression(model.residuals)
-            own, more_is_left = (
-                self.criterion(model, coefficients),
-                not self.candidates.leaves_noise(model),
-            )
+            own, more_is_left = self.criterion(model, coefficients), not self.candidates.leaves_noise(model)
             alternatives: dict[str, tuple[str, ...]] = {}
             better: tuple[float, Candidate] | None = None
             for name, rivals in zip(model.effects, each(partial(self._rivals, model, ranking), model.effects)):
