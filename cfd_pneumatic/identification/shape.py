@@ -21,7 +21,7 @@ from cfd_pneumatic.model.effects.knots import KNOTS
 
 _POINTS = 41  # of a curve that is shown
 _CORNER = 1.0 / 24.0  # of a bend: by how much a straight line that was fitted lies beside an even curve midway
-_INEXACT = 0.0025  # of its range, which no noise tells: what the model beside it is wrong by
+_INEXACT = 0.004  # of its range, which no noise tells: what the model beside it is wrong by
 _BAND = 1.96  # standard errors: 95 % at each point
 # gains of the model that have what is even of a curve
 _GAINS = {'gain': slice(0, 1), 'flow': slice(1, 3), 'stiffness': slice(0, 3)}
