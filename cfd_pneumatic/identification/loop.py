@@ -142,7 +142,7 @@ def _looked_for(
     is_noise, several = may_do and laws.is_noise(found.model), len(found.model.effects) > 1
     if several or not is_noise:
         # beside a core alone, for effects that were found instead of a law are none, and else beside them
-        asked = [partial(laws.best, cores.begins)]
+        asked = [partial(laws.best, cores.begins, searched=True)]
         if not is_noise:
             asked += [partial(cores.beside_law, laws), partial(laws.best, [found.model])]
         if not (is_noise or candidates.channel.cores):

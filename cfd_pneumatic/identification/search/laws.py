@@ -102,14 +102,14 @@ class Laws:
         promised, above = self._promises(begin), self.candidates.size(begin) ** 2 - 1.0
         return any(one.left * (above + 1.0) - 1.0 < _MOST_OF_ALL * above for one in promised)
 
-    def best(self, begins: Sequence[Candidate], known: Sequence[Candidate]) -> Drawn | None:
+    def best(self, begins: Sequence[Candidate], known: Sequence[Candidate], searched: bool = False) -> Drawn | None:
         """
         Return the curve that foretells best beside one of some models; None where none explains what is left.
 
-        An effect of the library that explains as much is preferred: `known` are models with what was found of it.
+        An effect of the library that explains as much is preferred: `known` are models with what was found of it. Where
+        effects were `searched` in company and leave much, laws that promise less are tried: large ones come to more.
         """
-        near = [one.rss for one in known if self.candidates.size(one) < _LARGE]  # a large law may exceed its promise
-        least = min(near, default=math.inf)
+        least = min((one.rss for one in known if not searched or self.candidates.size(one) < _LARGE), default=math.inf)
         found: list[Drawn] = []
         for begin in sorted(begins, key=self._least_promised):
             if begin in self._known or self._least_promised(begin) < least:
