@@ -9,7 +9,7 @@ test part; say what was found, or that it is not known.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
@@ -46,6 +46,7 @@ _SEEN = 0.92  # of the error without a law, on validation or test: one that take
 _SEEN_IN_COMPANY = 0.8  # beside effects, which it may mend where they are not quite what the device does
 _MOSTLY = 0.5  # of the error on the test part: a law that takes so much is shown, though more is left there than before
 _DOES_NOTHING = 'does nothing beside the others'
+_LAW_INSTEAD = 'a law was drawn instead'
 _IDLE = 1.01  # times the sum of squares, up to which an effect that is taken out did nothing
 
 
@@ -156,7 +157,8 @@ def _looked_for(
             if with_law is not None:
                 after, unknown = with_law
                 beside = {name: others for name, others in found.alternatives.items() if name in after.model.effects}
-                return after, beside, found.tried, unknown
+                instead = {one.effect for one in found.tried} - after.model.effects.keys()
+                return after, beside, _withdrawn(found.tried, instead, _LAW_INSTEAD), unknown
             if drawing is not None:
                 break
     return *finished(), None
@@ -169,11 +171,14 @@ def _finished(before: Fit, found: SearchResult) -> tuple[Fit, Mapping[str, tuple
     after = _fitted(before, _without_idle(before, found.model.model))
     idle = found.model.effects.keys() - after.model.effects.keys()
     alternatives = {name: others for name, others in found.alternatives.items() if name not in idle}
-    tried = tuple(
-        replace(one, accepted=False, why=_DOES_NOTHING) if one.effect in idle and one.accepted else one
-        for one in found.tried
+    return after, {**alternatives, **_confounded(after)}, _withdrawn(found.tried, idle, _DOES_NOTHING)
+
+
+def _withdrawn(tried: Sequence[Trial], names: Collection[str], why: str) -> tuple[Trial, ...]:
+    """Return what was tried, some of which was not added in the end, and why."""
+    return tuple(
+        replace(one, accepted=False, why=why) if one.effect in names and one.accepted else one for one in tried
     )
-    return after, {**alternatives, **_confounded(after)}, tried
 
 
 def _as_drawn(drawing: Drawn, before: Fit, other: Model) -> tuple[Fit, Shape] | None:

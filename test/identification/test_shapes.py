@@ -132,6 +132,7 @@ def test_an_effect_that_the_library_lacks_is_drawn_where_it_may_enter(effect, se
     result.channel.library = {name: own for name, own in result.channel.library.items() if name != effect}
     _, conclusion = close_loop(result.fit, core)
     assert (conclusion.verdict, conclusion.effects) == ('shape_found', ())
+    assert not any(trial.accepted for trial in conclusion.tried)
     assert {(conclusion.unknown.enters, conclusion.unknown.against), *conclusion.unknown.others} == places
 
 
