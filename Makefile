@@ -35,7 +35,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws monitor-figures planning-document layouts interface-document effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
+.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws monitor-figures planning-document layouts interface-document effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -46,6 +46,9 @@ setup: $(VENV)/.ready  ## make .venv with all that is needed
 test: $(VENV)/.ready  ## run all tests; ARGS='-k name' goes to pytest
 	@$(PY) -c 'import rclpy' || test '$(findstring jazzy,$(EXTRAS))' = ''
 	$(PY) -m pytest $(ARGS)
+
+test-long: $(VENV)/.ready  ## run the tests that are left out as they take long
+	$(PY) -m pytest -m long $(ARGS)
 
 check: lint  ## style, types and the tests that a change usually needs: 2 minutes
 	$(PY) -m pytest --numprocesses 2 --dist loadfile $(QUICK) $(ARGS)

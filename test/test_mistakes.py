@@ -45,6 +45,6 @@ def test_a_mistake_is_noticed(mistake):
         assert 'error' not in said.codes
 
 
-@pytest.mark.parametrize('seed', [1213, 1465])  # two that were once warned of
+@pytest.mark.parametrize('seed', [1213, pytest.param(1465, marks=pytest.mark.long)])  # that were once warned of
 def test_clean_recordings_raise_no_warning(seed):
     assert warnings_of_clean(seed) == []

@@ -47,7 +47,7 @@ def test_what_is_explained_as_it_is_read_is_no_suspect(said):
     assert read_with(0.0, said=said) == []
 
 
-@pytest.mark.parametrize('faults', ['', 'effects_a.leak_conductance=1.5e-10'])
+@pytest.mark.parametrize('faults', ['', pytest.param('effects_a.leak_conductance=1.5e-10', marks=pytest.mark.long)])
 def test_of_two_references_that_leave_noise_the_one_that_leaves_clearly_less_is_named(faults):
     small = {'faults': faults, 'duration': 10.0, 'setpoint': 10.0 * PSI, 'amplitude': 1e-3}
     assert read_with(0.0, said=('Pa', 'absolute'), **small) == []

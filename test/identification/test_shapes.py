@@ -123,7 +123,10 @@ def test_a_law_that_takes_most_of_the_error_is_shown_though_the_test_part_errs_m
     [
         # another effect leaves a twentieth of the error, less than a curve had promised
         ('flow_saturation', 15000, None, LINEAR, {('flow', 'error')}),
-        ('leakage', 16000, 'drilled', AUTO, {('leak', 'p'), ('leak', 'x'), ('leak', 'speed'), ('flow', 'error')}),
+        pytest.param(
+            *('leakage', 16000, 'drilled', AUTO, {('leak', 'p'), ('leak', 'x'), ('leak', 'speed'), ('flow', 'error')}),
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_an_effect_that_the_library_lacks_is_drawn_where_it_may_enter(effect, seed, make, core, places) -> None:

@@ -73,7 +73,7 @@ def test_the_twin_runs_and_a_leak_is_named(graph: Graph, terminals: Terminals) -
     forces = [graph.listen(WrenchStamped, f'/cfd/{name}/contact_force') for name in ('sim', 'bent_sim')]
     graph.until(lambda: all(forces))
     terminals.end('bent')
-    assert graph.set_atomically('/cfd/monitor/monitor_node', learning=3.0, diagnosis_window=10.0).successful
+    assert graph.set_atomically('/cfd/monitor/monitor_node', block=0.05, learning=3.0, diagnosis_window=10.0).successful
 
     def says(words: str) -> None:
         limit = time.monotonic() + LONGEST
