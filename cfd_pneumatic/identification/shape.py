@@ -17,6 +17,7 @@ from cfd_pneumatic.identification.residual.autoregression import autoregression,
 from cfd_pneumatic.identification.search.curves import heights_of, penalty_of
 from cfd_pneumatic.identification.search.laws import Drawn
 from cfd_pneumatic.identification.search.slots import FROM_NOTHING, Slot
+from cfd_pneumatic.model.effects.curve import ONE_WAY
 from cfd_pneumatic.model.effects.knots import KNOTS
 
 _POINTS = 41  # of a curve that is shown
@@ -34,7 +35,7 @@ UNITS = {
     'flow': '1',
     'gain': '1',
     'chamber': 'Pa/s',
-    'leak': '1/s',
+    **dict.fromkeys(('leak', *ONE_WAY), '1/s'),
     'sensing': 'Pa',
     'stiffness': '1',
     'force': 'N',
@@ -55,6 +56,8 @@ _ENTERS = {
     'gain': 'the piston sweeps up to {} % more or less volume',
     'chamber': 'air that nobody has ordered changes the pressure by up to {} Pa a second',
     'leak': 'the chamber loses up to {} % of its gauge pressure a second',
+    'leak_while_growing': 'while it grows the chamber loses up to {} % of its gauge pressure a second',
+    'leak_while_shrinking': 'while it shrinks the chamber loses up to {} % of its gauge pressure a second',
     'sensing': 'the pressure sensor reads up to {} Pa too much or too little',
     'stiffness': 'the air in the chamber is up to {} % stiffer or softer',
     'force': 'something beside the air adds or takes up to {} N',
@@ -76,6 +79,7 @@ _LOOK = {
     'gain': 'the bore, the seal and the chamber walls',
     'chamber': 'the seal and the fittings',
     'leak': 'the seal and the fittings',
+    **dict.fromkeys(ONE_WAY, 'the lip of the seal'),
     'sensing': 'the pressure sensor, its line and its supply',
     'stiffness': 'the chamber walls, hoses and what else is joined to the chamber',
     'force': 'cables and hoses that the piston moves, stops, and the zero of the load cell',

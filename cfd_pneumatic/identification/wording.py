@@ -29,6 +29,8 @@ LAW_PLACES = {
     'gain': 'stiffness K_x, more by',
     'chamber': 'rate of the pressure, more by',
     'leak': 'leak, share of the gauge pressure',
+    'leak_while_growing': 'leak while the chamber grows, share of the gauge pressure',
+    'leak_while_shrinking': 'leak while the chamber shrinks, share of the gauge pressure',
     'sensing': 'reading, off by',
     'stiffness': 'stiffness of the air, more by',
     'force': 'force, more by',

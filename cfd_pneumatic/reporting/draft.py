@@ -8,12 +8,16 @@ from cfd_pneumatic.identification.shape import Shape
 
 _FLOW = ('flow', 'q', 'q * (1.0 + {})', "the pressure rate that the valves' flow makes [Pa/s]")
 _GAIN = ('velocity_gain', 'gain', 'gain * (1.0 + {})', 'K_x [Pa/m]')
+_RATE = "the outlet pressure's rate [Pa/s]"
+_LEAK = 'rate - {} * (moment.p - moment.ambient)'
 _FUNCTIONS = {
     'set_point': (('setpoint', 'p_d', 'p_d + {}', 'the set-point that acts [Pa]'),),
     'flow': (_FLOW,),
     'gain': (_GAIN,),
-    'chamber': (('chamber', 'rate', 'rate + {}', "the outlet pressure's rate [Pa/s]"),),
-    'leak': (('chamber', 'rate', 'rate - {} * (moment.p - moment.ambient)', "the outlet pressure's rate [Pa/s]"),),
+    'chamber': (('chamber', 'rate', 'rate + {}', _RATE),),
+    'leak': (('chamber', 'rate', _LEAK, _RATE),),
+    'leak_while_growing': (('chamber', 'rate', f'{_LEAK} * 0.5 * (1.0 + tanh(moment.rate / 1e-2))', _RATE),),
+    'leak_while_shrinking': (('chamber', 'rate', f'{_LEAK} * 0.5 * (1.0 - tanh(moment.rate / 1e-2))', _RATE),),
     'sensing': (('signal', 'p', 'p + {}', 'what the sensor reads [Pa]'),),
     'stiffness': (_GAIN, _FLOW),
     'force': (('force', 'value', 'value + {}', 'the contact force [N]'),),
@@ -108,7 +112,8 @@ def _drafted(law: Shape, name: str, result: ChannelResult) -> str:
     variable, against = _VARIABLES[law.against]
     names = [_NUMBERS[letter][0] for letter in formula.numbers]
     values = [f'{value:.6g}' for value in formula.numbers.values()]
-    used = [one for one in ('exp', 'tanh', 'wave') if f'{one}(' in formula.code]
+    written = formula.code + ''.join(changed for *_, changed, _ in _FUNCTIONS[law.enters])
+    used = [one for one in ('exp', 'tanh', 'wave') if f'{one}(' in written]
     imports = ['from cfd_pneumatic.model.kernel import inlined']
     if used:
         imports.append(f'from cfd_pneumatic.model.lanewise import {", ".join(used)}')

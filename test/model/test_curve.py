@@ -99,8 +99,9 @@ def test_it_enters_where_it_says_and_nowhere_else(enters: str) -> None:
         'sensing': curve.signal(7.0, *own) - 7.0,
     }
     expected = dict.fromkeys(changes, 0.0)
-    if enters == 'leak':
-        expected['chamber'] = -size * VALUES['p']
+    if enters.startswith('leak'):
+        lifted = {'leak': 1.0, 'leak_while_growing': 0.5 * (1.0 + np.tanh(VALUES['speed'] / 1e-2))}
+        expected['chamber'] = -size * VALUES['p'] * lifted.get(enters, 1.0 - lifted['leak_while_growing'])
     elif enters == 'stiffness':
         expected['flow'] = expected['gain'] = size
     else:

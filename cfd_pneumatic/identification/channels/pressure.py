@@ -42,7 +42,7 @@ from cfd_pneumatic.model.baseline import (
     told_gains,
 )
 from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
-from cfd_pneumatic.model.effects.curve import AGAINST, CURVE, ENTERS, is_of_flow
+from cfd_pneumatic.model.effects.curve import AGAINST, BOTH_WAYS, CURVE, ENTERS, ONE_WAY, is_of_flow
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
@@ -81,13 +81,13 @@ class Pressure(Channel):
         asked={
             'x': ENTERS,
             'speed': ('set_point', 'gain', 'chamber', 'leak'),
-            'p': ENTERS,
+            'p': BOTH_WAYS,
             'error': ('flow', 'gain'),  # one at the chamber is one of the flow
-            'flow': ('flow',),
+            'flow': ('flow', 'set_point'),
             'time': ('set_point', 'flow', 'gain', 'sensing'),
         },
         memory=_FLOW_LAGS[0],
-        memories={('flow', 'flow'): _FLOW_LAGS},
+        memories={('flow', 'flow'): _FLOW_LAGS, ('set_point', 'flow'): _FLOW_LAGS},
         both_ways=('speed', 'error', 'flow'),
     )
     parameters = MappingProxyType({spec.name: spec.unit for spec in SPECS})
@@ -397,7 +397,7 @@ class Pressure(Channel):
         rate = float(model.parameters[1]) * noise
         leak = rate / most['p']
         shares = dict.fromkeys(('flow', 'gain', 'stiffness'), 1e-2)
-        return {**shares, 'set_point': noise, 'chamber': rate, 'leak': leak, 'sensing': noise}
+        return {**shares, 'set_point': noise, 'chamber': rate, 'sensing': noise, **dict.fromkeys(('leak', *ONE_WAY), leak)}
 
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
         """Return inputs, what the model makes of them, and their products."""

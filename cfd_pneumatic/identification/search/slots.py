@@ -12,13 +12,14 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Curve, Model
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
+from cfd_pneumatic.model.effects.curve import ONE_WAY
 from cfd_pneumatic.model.effects.knots import KNOTS
 
 _CROWDS = (0.3, 0.1, 0.03)  # how knots lie about nothing moving, and where a curve bends
 _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
 
-FROM_NOTHING = ('chamber', 'leak', 'friction')
+FROM_NOTHING = ('chamber', 'leak', *ONE_WAY, 'friction')
 """Where a law enters of which no other number has what is even."""
 
 

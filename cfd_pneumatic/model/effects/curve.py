@@ -13,8 +13,13 @@ from cfd_pneumatic.model.effects.effect import Effect, EffectParameter
 from cfd_pneumatic.model.effects.knots import PARAMETERS, choice, height
 from cfd_pneumatic.model.kernel import inlined
 from cfd_pneumatic.model.lanes import some, where
+from cfd_pneumatic.model.lanewise import tanh
 
-ENTERS = ('set_point', 'flow', 'gain', 'chamber', 'leak', 'sensing', 'stiffness')
+ONE_WAY = ('leak_while_growing', 'leak_while_shrinking')
+"""Leaks of a seal whose lip lifts in one direction of travel only."""
+
+BOTH_WAYS = ('set_point', 'flow', 'gain', 'chamber', 'leak', 'sensing', 'stiffness')
+ENTERS = (*BOTH_WAYS, *ONE_WAY)
 """Where it may enter, by the number of its parameter `enters`."""
 
 AGAINST = ('x', 'speed', 'p', 'error', 'flow', 'time')
@@ -22,6 +27,8 @@ AGAINST = ('x', 'speed', 'p', 'error', 'flow', 'time')
 
 CURVE = 'curve'
 """Its name."""
+
+_LIFTING = 1e-2  # at which the lip of a seal lifts [m/s]
 
 
 def is_of_flow(parameters: Sequence[float]) -> bool:
@@ -62,6 +69,19 @@ def _scales(enters, place):
 
 
 @inlined
+def _leaks(enters):
+    """Tell whether it is a leak, always or one way."""
+    return min(min(abs(enters - 4.0), abs(enters - 7.0)), abs(enters - 8.0)) < 0.5
+
+
+@inlined
+def _lifted(enters, rate):
+    """Return how far a seal has lifted at a speed [m/s]: 1 where it does not depend on that."""
+    way = where(enters > 7.5, -1.0, min(max(enters - 6.0, 0.0), 1.0))
+    return 1.0 - 0.5 * abs(way) * (1.0 - tanh(way * rate / _LIFTING))
+
+
+@inlined
 def setpoint(p_d, moment, passed, enters, against, lag, low, high, middle, crowd, *heights):
     """Return the set-point that acts [Pa]."""
     return p_d + _entering(_is(enters, 0.0), moment, passed, against, low, high, middle, crowd, heights)
@@ -83,7 +103,10 @@ def velocity_gain(gain, moment, passed, enters, against, lag, low, high, middle,
 def chamber(rate, moment, passed, enters, against, lag, low, high, middle, crowd, *heights):
     """Return the outlet pressure's rate [Pa/s]: more of it, or less what leaks to ambient."""
     added = _entering(_is(enters, 3.0), moment, passed, against, low, high, middle, crowd, heights)
-    leaks = _entering(_is(enters, 4.0), moment, passed, against, low, high, middle, crowd, heights)
+    leaking = _leaks(enters)
+    leaks = _entering(leaking, moment, passed, against, low, high, middle, crowd, heights)
+    if some(leaking):
+        leaks *= _lifted(enters, moment.rate)
     return rate + moment.dense * (added - leaks * (moment.p - moment.ambient))
 
 
