@@ -395,9 +395,9 @@ class Pressure(Channel):
     ) -> Mapping[str, float]:
         """Return the noise's size, a hundredth of what is scaled, and what the valves make of the noise."""
         rate = float(model.parameters[1]) * noise
-        leak = rate / most['p']
+        leaks = dict.fromkeys(('leak', *ONE_WAY), rate / most['p'])
         shares = dict.fromkeys(('flow', 'gain', 'stiffness'), 1e-2)
-        return {**shares, 'set_point': noise, 'chamber': rate, 'sensing': noise, **dict.fromkeys(('leak', *ONE_WAY), leak)}
+        return {**shares, **leaks, 'set_point': noise, 'chamber': rate, 'sensing': noise}
 
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
         """Return inputs, what the model makes of them, and their products."""
