@@ -64,7 +64,7 @@ setup(
             'pytest-timeout',
             'pytest-xdist',
         ],
-        'benchmark': ['casadi', 'lmfit', 'mcap-ros2-support', 'pytest-benchmark'],
+        'benchmark': ['casadi', 'pytest-benchmark'],
         # ruamel.yaml.clib: rosbags reads metadata.yaml ten times as fast.
         'fuzz': ['ruamel.yaml.clib'],
         # Of ament's linters PyPI lacks copyright; xmllint wants the web, and pep257 takes attributes for sections.

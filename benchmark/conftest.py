@@ -20,8 +20,6 @@ LIBRARIES = (
     'scipy',
     'rosbags',
     'casadi',
-    'lmfit',
-    'mcap-ros2-support',
     'ros-jazzy-rclpy',
     'distributed',
 )

@@ -1,9 +1,9 @@
 """
-Reading a bag into arrays against what a user would write with rosbags or mcap-ros2-support, in the same run.
+Reading a bag into arrays against what a user would write with rosbags, in the same run.
 
     CFD_PNEUMATIC_MESSAGES=10000000 make benchmark ARGS='-k read'
 
-The peers make an object of every message, and nothing of the objects. By default there are a million messages.
+rosbags makes an object of every message, and nothing of the objects. By default there are a million messages.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ from __future__ import annotations
 import os
 
 import pytest
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
@@ -34,12 +32,6 @@ def read_with_rosbags(file):
         )
 
 
-def read_with_mcap_ros2_support(file):
-    with file.open('rb') as stream:
-        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        return sum(message is not None for *_, message in reader.iter_decoded_messages())
-
-
 @pytest.fixture(scope='module', params=BAGS)
 def bag(request, tmp_path_factory):
     storage, compressed = BAGS[request.param]
@@ -59,9 +51,3 @@ def test_reading(benchmark, bag):
 
 def test_reading_with_rosbags(benchmark, bag):
     assert timed(benchmark, bag, read_with_rosbags) == SAMPLES * len(topics())
-
-
-def test_reading_with_mcap_ros2_support(benchmark, bag):
-    if bag[0] == 'sqlite3':
-        pytest.skip('it reads mcap only')
-    assert timed(benchmark, bag, read_with_mcap_ros2_support) == SAMPLES * len(topics())

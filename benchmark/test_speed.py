@@ -2,7 +2,7 @@
 Simulation and fit against what a user would write otherwise, in the same run.
 
 Peers: SciPy's `solve_ivp` (LSODA at 1e-8) for simulation; for the four-parameter fit CasADi's Runge-Kutta with an exact
-Jacobian under SciPy's `least_squares`, and lmfit around `solve_ivp`. Everything compiled is warmed up first, as in a
+Jacobian under SciPy's `least_squares`. Everything compiled is warmed up first, as in a
 running program. What the simulations are off by is told by thirty digits, with the same straight lines between samples.
 """
 
@@ -11,7 +11,6 @@ from __future__ import annotations
 from functools import cache
 
 import casadi
-import lmfit
 import numpy as np
 import pytest
 from reference import pressure_to_thirty_digits
@@ -24,11 +23,8 @@ from cfd_pneumatic.model import Course, Cylinder, OperatingPoints, simulate_para
 from cfd_pneumatic.units import PSI
 from studies.strokes import AMBIENT, CHANNEL, CYLINDER, GAINS, SETPOINT, experiment, record
 
-NAMES = ('k_x', 'k_sv', 'k_v', 'tau')
 START = np.array([2.0, 0.5, 2.0, 0.5])  # times the gains: where all fits begin
 BOUNDS = np.log(GAINS / 10.0), np.log(GAINS * 10.0)  # without them the peers run away
-
-DIFFERENCE = 1e-4  # of a log gain, as lmfit takes it
 
 LENGTHS = (350, 3_600, 3_600_000)
 
@@ -51,20 +47,6 @@ def simulated_by_scipy(samples: int, gains: np.ndarray = GAINS) -> np.ndarray:
 
     rest = [SETPOINT, SETPOINT]
     return solve_ivp(field, (0.0, times[-1]), rest, 'LSODA', t_eval=times, rtol=1e-8, atol=1e-6, max_step=period).y[0]
-
-
-def fitted_by_lmfit(samples: int) -> np.ndarray:
-    measured = experiment(samples).measured
-    parameters = lmfit.Parameters()
-    for name, log, lower, upper in zip(NAMES, np.log(GAINS * START), *BOUNDS):
-        parameters.add(name, log, min=lower, max=upper)
-
-    def residuals(now):
-        return simulated_by_scipy(samples, np.exp([now[name].value for name in NAMES])) - measured
-
-    # a finer difference would be one of the solver's errors, which jump with the steps that it chooses
-    found = lmfit.minimize(residuals, parameters, method='least_squares', diff_step=DIFFERENCE).params
-    return np.exp([found[name].value for name in NAMES])
 
 
 @cache
@@ -178,10 +160,3 @@ def test_fit_by_casadi(benchmark, samples):
     casadi_residuals(samples)
     gains = benchmark.pedantic(fitted_by_casadi, (samples,), warmup_rounds=1, rounds=3)
     agree(benchmark, gains, samples, 2e-3)  # the same optimum, but for a step's error
-
-
-@pytest.mark.parametrize('samples', LENGTHS[:2])
-def test_fit_by_lmfit(benchmark, samples):
-    groups(benchmark, 'fit 4 parameters', samples)
-    gains = benchmark.pedantic(fitted_by_lmfit, (samples,), rounds=1)
-    agree(benchmark, gains, samples, 0.02)  # it is told the set-point
