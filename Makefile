@@ -43,7 +43,7 @@ help:  ## list the targets
 
 setup: $(VENV)/.ready  ## make .venv with all that is needed
 
-test: $(VENV)/.ready  ## run all tests; ARGS='-k name' goes to pytest
+test: $(VENV)/.ready  ## run the tests; ARGS='-k name' goes to pytest
 	@$(PY) -c 'import rclpy' || test '$(findstring jazzy,$(EXTRAS))' = ''
 	$(PY) -m pytest $(ARGS)
 
