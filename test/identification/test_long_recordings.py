@@ -44,7 +44,7 @@ class Both(NamedTuple):
 
 @pytest.fixture(scope='module')
 def both():
-    recording = recording_of(draw('leakage', surface_following(60e3, duration=24.0, seed=66), 66))
+    recording = recording_of(draw('leakage', surface_following(60e3, duration=40.0, seed=66), 66))
     options = Options(close_loop=True)
     whole = identify([recording], options).channels['cylinder_a']
     with pytest.MonkeyPatch.context() as patch:
