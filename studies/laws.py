@@ -190,8 +190,7 @@ def report(rows: Sequence[dict[str, Any]]) -> str:
     curves = [row['near'] for row in seen if row.get('near') and is_right(row)]
     covered, points = (sum(near[name] for near in curves) for name in ('covered', 'points'))
     near = share(curves, lambda one: one['error'] <= NEAR)
-    healthy = [row for row in rows if not row['law']]
-    clean = share(healthy, lambda row: row['verdict'] == 'shape_found')
+    clean = share([row for row in rows if not row['law']], lambda row: row['verdict'] == 'shape_found')
     static = share([row for row in shown if row['law'] in MEMORIES], _is_called_static)
     longest = max((row.get('seconds', 0.0) for row in rows), default=0.0)
     return (

@@ -105,10 +105,11 @@ def pictures(result: ChannelResult, drawn: Sequence[Comparison]) -> dict[str, li
 def law_picture(law: Shape) -> Picture:
     """Return the curve of a law with its band; grey where no recording has been."""
     (scale, across), (size, up) = _LAW_UNITS[law.unit_against], _LAW_UNITS[law.unit]
-    at, seen = law.at / scale, law.visited
-    curves = [Curve(at, law.value / size, MUTED, 0.8)]
-    curves += [Curve(at[seen], line[seen] / size, AFTER, 0.8) for line in (law.low, law.high)]
-    curves.append(Curve(at[seen], law.value[seen] / size, AFTER, 2.0))
+    at, seen = law.at / scale, np.flatnonzero(law.visited)
+    curves, lines = [Curve(at, law.value / size, MUTED, 0.8)], ((law.low, 0.8), (law.high, 0.8), (law.value, 2.0))
+    for run in np.split(seen, 1 + np.flatnonzero(np.diff(seen) > 1)):  # what lies between two of them is not told
+        alone = run.size == 1  # a dot
+        curves += [Curve(at[run], line[run] / size, AFTER, (1 + 2 * alone) * width, alone) for line, width in lines]
     text = f'The law that was drawn: {law.words}. Thin lines: 95 % at each point; grey: not visited.'
     place, variable = wording.LAW_PLACES[law.enters], wording.LAW_VARIABLES[law.against]
 
