@@ -2,8 +2,8 @@
 Simulation and fit against what a user would write otherwise, in the same run.
 
 Peers: SciPy's `solve_ivp` (LSODA at 1e-8) for simulation; for the four-parameter fit CasADi's Runge-Kutta with an exact
-Jacobian under SciPy's `least_squares`. Everything compiled is warmed up first, as in a
-running program. What the simulations are off by is told by thirty digits, with the same straight lines between samples.
+Jacobian under SciPy's `least_squares`. Everything compiled is warmed up first, as in a running program.
+What the simulations are off by is told by thirty digits, with the same straight lines between samples.
 """
 
 from __future__ import annotations

@@ -5,19 +5,21 @@ from __future__ import annotations
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import ChannelResult, Identification
 from cfd_pneumatic.identification.shape import Shape
+from cfd_pneumatic.model.effects.curve import LIFTING
 
 _FLOW = ('flow', 'q', 'q * (1.0 + {})', "the pressure rate that the valves' flow makes [Pa/s]")
 _GAIN = ('velocity_gain', 'gain', 'gain * (1.0 + {})', 'K_x [Pa/m]')
 _RATE = "the outlet pressure's rate [Pa/s]"
 _LEAK = 'rate - {} * (moment.p - moment.ambient)'
+_LIFTED = f'tanh(moment.rate / {LIFTING:g})'
 _FUNCTIONS = {
     'set_point': (('setpoint', 'p_d', 'p_d + {}', 'the set-point that acts [Pa]'),),
     'flow': (_FLOW,),
     'gain': (_GAIN,),
     'chamber': (('chamber', 'rate', 'rate + {}', _RATE),),
     'leak': (('chamber', 'rate', _LEAK, _RATE),),
-    'leak_while_growing': (('chamber', 'rate', f'{_LEAK} * 0.5 * (1.0 + tanh(moment.rate / 1e-2))', _RATE),),
-    'leak_while_shrinking': (('chamber', 'rate', f'{_LEAK} * 0.5 * (1.0 - tanh(moment.rate / 1e-2))', _RATE),),
+    'leak_while_growing': (('chamber', 'rate', f'{_LEAK} * 0.5 * (1.0 + {_LIFTED})', _RATE),),
+    'leak_while_shrinking': (('chamber', 'rate', f'{_LEAK} * 0.5 * (1.0 - {_LIFTED})', _RATE),),
     'sensing': (('signal', 'p', 'p + {}', 'what the sensor reads [Pa]'),),
     'stiffness': (_GAIN, _FLOW),
     'force': (('force', 'value', 'value + {}', 'the contact force [N]'),),

@@ -19,6 +19,8 @@ ONE_WAY = ('leak_while_growing', 'leak_while_shrinking')
 """Leaks of a seal whose lip lifts in one direction of travel only."""
 
 BOTH_WAYS = ('set_point', 'flow', 'gain', 'chamber', 'leak', 'sensing', 'stiffness')
+"""All other places."""
+
 ENTERS = (*BOTH_WAYS, *ONE_WAY)
 """Where it may enter, by the number of its parameter `enters`."""
 
@@ -28,7 +30,8 @@ AGAINST = ('x', 'speed', 'p', 'error', 'flow', 'time')
 CURVE = 'curve'
 """Its name."""
 
-_LIFTING = 1e-2  # at which the lip of a seal lifts [m/s]
+LIFTING = 1e-2
+"""Speed at which the lip of a seal lifts [m/s]."""
 
 
 def is_of_flow(parameters: Sequence[float]) -> bool:
@@ -78,7 +81,7 @@ def _leaks(enters):
 def _lifted(enters, rate):
     """Return how far a seal has lifted at a speed [m/s]: 1 where it does not depend on that."""
     way = where(enters > 7.5, -1.0, min(max(enters - 6.0, 0.0), 1.0))
-    return 1.0 - 0.5 * abs(way) * (1.0 - tanh(way * rate / _LIFTING))
+    return 1.0 - 0.5 * abs(way) * (1.0 - tanh(way * rate / LIFTING))
 
 
 @inlined
