@@ -16,7 +16,7 @@ from types import MappingProxyType
 from cfd_pneumatic.identification.data.options import LINEAR, PHYSICAL
 from cfd_pneumatic.identification.residual.autoregression import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.laws import Drawn, Laws
+from cfd_pneumatic.identification.search.laws import OF_VALVES, Drawn, Laws
 from cfd_pneumatic.identification.search.stepwise import ALIKE, HOPELESS, TIE, Search, SearchResult, Step, Trial
 from cfd_pneumatic.lazy import lazy_property
 
@@ -24,7 +24,6 @@ _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 _MUCH = 3.0  # times the noise
 _HOPEFUL = 1.2  # times what another leaves: what leaves more roughly will not come down to it in the end
 _RIVALLING = 30.0  # times a law's squares: an effect that leaves more roughly will not come near it
-_OF_VALVES = ('flow', 'error')  # a law as effects of the library are, that show only with the core fitted anew
 _CLEARLY = 0.95  # of another's squares, of which those of the validation part were not fitted
 
 
@@ -138,7 +137,7 @@ class Cores:
         if not any(laws.may_explain(begin) for begin in self.begins):
             return None
         drawing = laws.best(self.begins, singles) or self.beside_law(laws, singles)
-        if drawing is None or drawing.name == _OF_VALVES:
+        if drawing is None or drawing.name == OF_VALVES:
             return None
         rivals = self._rivals(drawing)
         near = [one for one in rivals if laws.is_near(drawing, one)]

@@ -37,7 +37,7 @@ _HARDLY_PROMISING = 0.2  # of that: those that are tried where none of the other
 _LARGE = 3.0  # times the noise
 _MOST_LEFT = 0.7  # of the squares above the noise, as the linearised model foretells it
 _MOST_LEFT_IN_COMPANY = 0.53  # beside effects, which a law has to outdo by more
-_SHARES = (1.0, 0.3, 0.1, 0.03)  # of a promise, with which a fit begins
+_SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)  # of a promise, with which a fit begins
 _LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
 _LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
 _CLEARLY = 0.8  # times another's error of validation: whatever the train part, that one foretells too little
@@ -48,6 +48,9 @@ _ALIKE = 1.05  # times the least error of validation: places that are not told a
 _WIDER = 1.1  # times a curve's range: what is visited beside it, from which on it is drawn anew
 _NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
 _SMOOTHED = 0.07  # of what was left before: what a large law's corners leave beside straight pieces
+
+OF_VALVES = ('flow', 'error')
+"""The law of a valve, which hardly shows before the core is fitted anew: beside one that it led astray."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,7 @@ class Laws:
     def __init__(self, candidates: Candidates) -> None:
         self.candidates = candidates
         self._excerpt = candidates.train.spread(_SKETCHED)
+        self._noise = candidates.noise**2 * self._excerpt.samples
         self._known: dict[Candidate, list[Drawn]] = {}
         self._sketches: dict[Candidate, list[_Sketch]] = {}
         self._promised: dict[Candidate, list[Promise]] = {}
@@ -189,24 +193,29 @@ class Laws:
             most = max((one.evidence for one in promised if one.slot.name[1] != 'time'), default=0.0)
             likely = _worth_a_fit(promised, size, left, _PROMISING * most)
             near = self._near(begin, likely)
-            if likely and not near and size > _LARGE:  # far from where it was linearised
+            if likely and size > _LARGE and not self._is_at_noise(near):  # far from where it was linearised
                 names = {one.slot.name for one in likely}
                 others = [one for one in promised if one.slot.name not in names]
-                near = self._near(begin, _worth_a_fit(others, size, left, _HARDLY_PROMISING * most))
+                hardly = _worth_a_fit(others, size, left, _HARDLY_PROMISING * most)
+                of_valve = [one for one in others if one.slot.name == OF_VALVES and one not in hardly]
+                near = self._near(begin, hardly + of_valve)
             drawn = self._fitted(begin, [(one.promise, one.found.model) for one in near[:_FITTED]])
             self._known[begin] = [self._over_its_range(one) for one in drawn]
         return self._known[begin]
 
     def _near(self, begin: Candidate, promised: Sequence[Promise]) -> list[_Sketch]:
-        """Return sketches that come near the noise, the best first."""
+        """Return sketches that come near the noise, those made before as well, the best first."""
         sketches = self._sketched(begin, [(one, self._begun(begin, one)) for one in promised])
         sharper = [other for one in sketches[:_SHARPENED] for other in _otherwise(one.promise, one.found.model)]
-        sketches = _best_first(sketches + self._sketched(begin, sharper))
-        self._sketches[begin] = _best_first(self._sketches.get(begin, []) + sketches)
-        noise = self.candidates.noise**2 * self._excerpt.samples
-        farthest = (_FARTHEST * self._near_noise(begin) / _NEAR_NOISE) ** 2 * noise
+        sketches = _best_first(self._sketches.get(begin, []) + sketches + self._sketched(begin, sharper))
+        self._sketches[begin] = sketches
+        farthest = (_FARTHEST * self._near_noise(begin) / _NEAR_NOISE) ** 2 * self._noise
         most = min(_RIVALLING * sketches[0].found.cost, farthest) if sketches else 0.0
         return _few_of_each([one for one in sketches if one.found.cost < most])
+
+    def _is_at_noise(self, near: Sequence[_Sketch]) -> bool:
+        """Return whether the best of some sketches may come down to the noise."""
+        return bool(near) and near[0].found.cost < _FARTHEST**2 * self._noise
 
     def _fitted(self, begin: Candidate, begun: Sequence[tuple[Promise, Model]]) -> list[Drawn]:
         """Return curves fitted to the train part, from models that have them."""
