@@ -52,9 +52,9 @@ def _described(name: str, place: Place, state: str) -> dict[str, Any]:
     """Return what the template says of an effect; `state` is how a state with a number is written."""
     states = place.state_indices
     own = [state.format(index) for index in states]
-    own += [f'a[{index}]' for index in range(place.parameters.start, place.parameters.stop)]
     effect, row = MODULES[name].EFFECT, name.upper()
     parameters, held = len(effect.parameters), effect.held
+    own.append(f'*floats(a, {place.parameters.start}, {parameters})')
     return {
         'name': name,
         'switch': place.switch,

@@ -5,7 +5,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint 5cff8b40d65ba738; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint 416078a313761ab8; changes by hand are lost.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from cfd_pneumatic.model.effects import (
 )
 from cfd_pneumatic.model.effects.effect import ForceMoment, Moment
 from cfd_pneumatic.model.kernel import inlined, kernel
-from cfd_pneumatic.model.lanes import COUNT, load, loads, rows_of, store, where
+from cfd_pneumatic.model.lanes import COUNT, floats, load, loads, rows_of, store, where
 
 # states: pressures p and p_f, then the effects' own
 Y0, Y1, Y2, Y3, Y4, Y5, Y6, Y7, Y8, Y9, Y10, Y11 = range(0 * COUNT, 12 * COUNT, COUNT)
@@ -428,79 +428,24 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
     """
     travel = x - state[SLID]
     if on & 2:
-        (state[0],) = seal_friction.slide(travel, state[0], a[2], a[3], a[4], a[5])
+        (state[0],) = seal_friction.slide(travel, state[0], *floats(a, 2, 4))
     if on & 4:
-        (state[1],) = stribeck_friction.slide(travel, state[1], a[6], a[7], a[8])
+        (state[1],) = stribeck_friction.slide(travel, state[1], *floats(a, 6, 3))
     if on & 8:
-        (state[2],) = force_curve.slide(
-            travel,
-            state[2],
-            a[9],
-            a[10],
-            a[11],
-            a[12],
-            a[13],
-            a[14],
-            a[15],
-            a[16],
-            a[17],
-            a[18],
-            a[19],
-            a[20],
-            a[21],
-            a[22],
-            a[23],
-            a[24],
-            a[25],
-            a[26],
-            a[27],
-            a[28],
-            a[29],
-            a[30],
-            a[31],
-            a[32],
-        )
+        (state[2],) = force_curve.slide(travel, state[2], *floats(a, 9, 24))
     state[SLID] = x
     moment = ForceMoment(time, x, rate, acceleration, p_a, p_opposing, ambient)
     force = area_times_factor * (p_a - p_opposing)
     if on & 1:
-        force = moving_mass.force(force, moment, a[0], a[1])
+        force = moving_mass.force(force, moment, *floats(a, 0, 2))
     if on & 2:
-        force = seal_friction.force(force, moment, state[0], a[2], a[3], a[4], a[5])
+        force = seal_friction.force(force, moment, state[0], *floats(a, 2, 4))
     if on & 4:
-        force = stribeck_friction.force(force, moment, state[1], a[6], a[7], a[8])
+        force = stribeck_friction.force(force, moment, state[1], *floats(a, 6, 3))
     if on & 8:
-        force = force_curve.force(
-            force,
-            moment,
-            state[2],
-            a[9],
-            a[10],
-            a[11],
-            a[12],
-            a[13],
-            a[14],
-            a[15],
-            a[16],
-            a[17],
-            a[18],
-            a[19],
-            a[20],
-            a[21],
-            a[22],
-            a[23],
-            a[24],
-            a[25],
-            a[26],
-            a[27],
-            a[28],
-            a[29],
-            a[30],
-            a[31],
-            a[32],
-        )
+        force = force_curve.force(force, moment, state[2], *floats(a, 9, 24))
     if on & 16:
-        force = force_offset.force(force, moment, a[33])
+        force = force_offset.force(force, moment, *floats(a, 33, 1))
     return force
 
 

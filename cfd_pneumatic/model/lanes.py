@@ -112,6 +112,18 @@ def store(typing_context: Any, numbers: types.Type, place: types.Type, value: ty
     return types.none(numbers, place, value), code
 
 
+@_built_by_constants
+def floats(typing_context: Any, numbers: types.Type, place: types.Type, count: Any) -> tuple[Any, Build]:
+    """Return as many floats as a constant says, which stand one behind another in an array from a place on."""
+
+    def code(context: Any, builder: ir.IRBuilder, signature: Any, values: Sequence[ir.Value]) -> ir.Value:
+        first = builder.gep(context.make_array(numbers)(context, builder, values[0]).data, [values[1]])
+        each = [builder.load(builder.gep(first, [_INDEX(rank)])) for rank in range(count.literal_value)]
+        return context.make_tuple(builder, signature.return_type, each)
+
+    return types.UniTuple(types.float64, count.literal_value)(numbers, types.intp, count), code
+
+
 def _pointer(builder: ir.IRBuilder, values: Sequence[ir.Value]) -> ir.Value:
     return builder.bitcast(builder.gep(values[0], [values[1]]), _FLOATS.as_pointer())
 
