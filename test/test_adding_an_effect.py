@@ -44,6 +44,7 @@ def run(folder, *arguments):
     return done.stdout
 
 
+@pytest.mark.long
 def test_the_tests_of_all_effects_run_on_it(copy):
     """It simulates, is absent at its null, and its sensitivities are those of differences."""
     tests = [f'test/{name}.py' for name in ('model/test_effects', 'model/test_side_by_side', 'model/test_live_effects')]

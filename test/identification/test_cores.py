@@ -107,6 +107,7 @@ def test_what_is_wrong_with_a_device_of_full_physics_is_named(effect, make, seed
     assert rms(found.cylinders['cylinder_a']) <= 1.05 * oracle_rmse(drawn)
 
 
+@pytest.mark.long
 def test_where_much_is_left_the_search_is_begun_from_the_core_alone():
     """Three effects beside the linear core lead astray, and are named without it."""
     _, found = closed('valve_hysteresis', 'walls', seed=114)

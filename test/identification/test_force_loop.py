@@ -331,6 +331,7 @@ def test_a_force_that_can_not_be_used_does_not_cost_the_pressures():
 
 
 @needs_measured_data
+@pytest.mark.long
 def test_a_real_cylinders_force_pooled(capsys):
     """Four runs with one area and one offset: the error on each one's own test part, and the bore."""
     experiments = measured(FRICTION)

@@ -99,6 +99,7 @@ for path in sys.argv[1:]:
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not sys.platform.startswith('linux'), reason='elsewhere ru_maxrss has another unit')
 def test_a_recording_of_five_times_the_length_needs_that_much_more_memory_at_most(tmp_path):
     """Four hours at 1 kHz of two cylinders are to be identified in 4 GB: 280 bytes for each sample."""

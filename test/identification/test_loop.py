@@ -85,7 +85,7 @@ def test_a_law_is_found_only_where_what_is_left_is_noise():
         assert 'the valves pass less' in why
 
 
-@pytest.mark.parametrize('effect', ['pulsation', 'set_point_jump'])
+@pytest.mark.parametrize('effect', ['pulsation', pytest.param('set_point_jump', marks=pytest.mark.long)])
 def test_does_not_pretend_to_know_what_is_none_of_its_effects(effect):
     closure, _ = closed(draw(effect, 'out_and_back', 1))
     assert closure.verdict == 'unexplained'

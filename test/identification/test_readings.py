@@ -30,6 +30,7 @@ def read_with(shift, factor=1.0, said=(None, None), faults='', **surface):
     return [one for one in found.notices if one.level == WARNING]
 
 
+@pytest.mark.long
 def test_what_is_explained_with_an_atmosphere_more_has_another_reference():
     (found,) = read_with(-AMBIENT, duration=15.0, setpoint=1.6e5, setpoint_b=1.3e5, amplitude=0.8e-3)
     assert found.code == 'reference_suspect'

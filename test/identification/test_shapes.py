@@ -98,6 +98,7 @@ def test_a_small_law_counts_by_what_it_foretells() -> None:
     assert {(shape.enters, shape.against), *shape.others} == {('set_point', 'time'), ('sensing', 'time')}
 
 
+@pytest.mark.long
 def test_one_law_is_preferred_to_several_effects_that_do_less() -> None:
     one = draw('ledge', 'out_and_back', 10001, make=list(MAKES)[10001 % len(MAKES)])
     result = identify([recording_of(one)], Options(close_loop=True)).cylinders['cylinder_a']

@@ -20,6 +20,7 @@ def estimates():
     return scatter(SEED, RUNS)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('index', range(4), ids=NAMES)
 def test_estimates_scatter_as_predicted(estimates, index):
     """A standard deviation of 20 values is within 1 ± 0.49 in 99.7 % of cases; the file is 5 % off besides."""

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from generated import (
     BAGS,
     FIRST,
@@ -147,19 +148,15 @@ def address_of(folder: Path) -> str:
     raise TimeoutError((folder / 'log').read_text())
 
 
-def test_interrupted_killed_and_on_a_cluster_that_loses_a_worker_it_goes_on_where_it_stopped(
-    small, small_results, tmp_path
-):
-    """The cluster is waited for; a run ends where it is lost."""
-    out, lost = tmp_path / 'out', tmp_path / 'lost'
+def begun(small, output, *arguments):
+    return start('plant', '--each', '--output', output, *arguments, cwd=small.parent)
 
-    def begun(output, *arguments):
-        return start('plant', '--each', '--output', output, *arguments, cwd=small.parent)
 
+def test_interrupted_and_killed_it_goes_on_where_it_stopped(small, small_results, tmp_path):
     def done():
-        return sum('~' not in str(row.relative_to(out)) for row in out.rglob('row.json'))  # none left aside
+        return sum('~' not in str(row.relative_to(tmp_path)) for row in tmp_path.rglob('row.json'))  # none left aside
 
-    run = begun(out, '--jobs', 1)
+    run = begun(small, tmp_path, '--jobs', 1)
     wait_for(run, 3)
     os.killpg(run.pid, signal.SIGINT)  # as Ctrl-C does: the workers hear it, too
     _, complaints = run.communicate(timeout=_PATIENCE)
@@ -167,26 +164,34 @@ def test_interrupted_killed_and_on_a_cluster_that_loses_a_worker_it_goes_on_wher
     assert complaints == 'identify_bag: interrupted: give the same command again to go on\n'
     interrupted = done()
     assert 3 <= interrupted < BAGS
-    assert asides(out) == []
-    run = begun(out, '--jobs', 1)
+    assert asides(tmp_path) == []
+    run = begun(small, tmp_path, '--jobs', 1)
     wait_for(run, 3)
     os.killpg(run.pid, signal.SIGKILL)
     run.communicate()
     killed = done()
     assert interrupted + 3 <= killed < BAGS
-    assert not (out / 'results.csv').exists()
+    assert not (tmp_path / 'results.csv').exists()
+    assert f'{BAGS - killed} of {BAGS - killed} bags' in finish(begun(small, tmp_path, '--jobs', 1))
+    assert tables(tmp_path) == tables(small_results)
+    assert asides(tmp_path) == []
+
+
+@pytest.mark.long
+def test_a_cluster_is_waited_for_may_lose_a_worker_and_ends_a_run_where_it_is_lost(small, small_results, tmp_path):
+    out, lost = tmp_path / 'out', tmp_path / 'lost'
     worker = ('worker', '--nthreads', '1', '--host', '127.0.0.1')
     with dask(tmp_path, 'scheduler', '--host', '127.0.0.1', '--port', '0') as scheduler:
         there = ('--scheduler', address_of(tmp_path))
-        run = begun(out, *there)
+        run = begun(small, out, *there)
         assert any('waiting for `dask worker`' in line for line in run.stdout)
         with dask(tmp_path, *worker) as doomed, dask(tmp_path, *worker):
-            wait_for(run, (BAGS - killed) // 2)
+            wait_for(run, BAGS // 2)
             os.killpg(doomed.pid, signal.SIGKILL)
-            assert f'{BAGS - killed} of {BAGS - killed} bags' in finish(run)
+            assert f'{BAGS} of {BAGS} bags' in finish(run)
             assert tables(out) == tables(small_results)
             assert asides(out) == []
-            run = begun(lost, *there)
+            run = begun(small, lost, *there)
             wait_for(run, 3)
             os.killpg(scheduler.pid, signal.SIGKILL)
             _, complaint = run.communicate(timeout=_PATIENCE)

@@ -105,7 +105,7 @@ print(len(read_recording(sys.argv[2], folder=sys.argv[3] or None).displacement))
 
 
 @pytest.mark.skipif(not Path('/proc/self/status').exists(), reason='no /proc here to tell the memory in use')
-@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+@pytest.mark.parametrize('storage', ['mcap', pytest.param('sqlite3', marks=pytest.mark.long)])
 def test_a_recording_in_files_needs_little_memory(tmp_path, storage):
     """Its samples alone are 20 MB; without files they don't fit."""
     file = write_long_bag(tmp_path / 'long', 250_000, storage)
