@@ -53,9 +53,9 @@ def seconds(command: Sequence[str]) -> float:
     return time.perf_counter() - began
 
 
-def unit() -> float:
-    """Return what the imports take now [s]: within an hour that changes by a third."""
-    return statistics.median(seconds([sys.executable, '-c', IMPORTS]) for _ in range(ROUNDS))
+def importing() -> float:
+    """Return what the imports take now [s]: within a minute that changes by a third."""
+    return seconds([sys.executable, '-c', IMPORTS])
 
 
 def stages(command: Sequence[str]) -> list[tuple[str, float]]:
@@ -81,10 +81,11 @@ def folder(tmp_path_factory):
 
 
 def timed(benchmark, table, name: str, command: Sequence[str]) -> None:
-    """Time a command over its rounds, and tell it in units of the imports."""
+    """Time a command over its rounds, and tell it in units of the imports, which are timed before each."""
+    imports: list[float] = []
     benchmark.group = 'whole commands'
-    benchmark.pedantic(seconds, (command,), rounds=ROUNDS, warmup_rounds=1)
-    told(benchmark, table, name, benchmark.stats.stats.median)
+    benchmark.pedantic(seconds, (command,), setup=lambda: imports.append(importing()), rounds=ROUNDS, warmup_rounds=1)
+    told(benchmark, table, name, benchmark.stats.stats.median, imports)
 
 
 def identified(benchmark, table, name: str, arguments: Sequence[str | Path], output: Path) -> None:
@@ -174,11 +175,11 @@ def test_first_start(benchmark, table, tmp_path, count):
     told(benchmark, table, f'first start of {count} sim_node, the last ready', max(times))
 
 
-def told(benchmark, table, what: str, took: float) -> None:
-    """Tell how long something took [s], in units of the imports, too."""
-    imports = unit()
-    benchmark.extra_info.update(seconds=took, units=took / imports)
-    table.append(f'{what}: {took:.2f} s, {took / imports:.2f} units of {imports:.2f} s')
+def told(benchmark, table, what: str, took: float, imports: Sequence[float] = ()) -> None:
+    """Tell how long something took [s], in units of the imports, too, timed now where they were not before."""
+    unit = statistics.median(imports or [importing() for _ in range(ROUNDS)])
+    benchmark.extra_info.update(seconds=took, units=took / unit)
+    table.append(f'{what}: {took:.2f} s, {took / unit:.2f} units of {unit:.2f} s')
 
 
 def test_compile_kernels(benchmark, table, tmp_path, monkeypatch):
