@@ -94,6 +94,8 @@ def close_loop(
     left = [one.measured - values for one, values in zip(experiments, after.simulated)]
     if searching:
         against += contradiction(experiments, left, noise.std)
+    if unknown is not None and unknown.event:
+        against.append(unknown.event)
     effects = tuple(name for name in after.model.effects if name != channel.curve.name)
     used = PHYSICAL if after.model.core else LINEAR
     harmless = within(tolerance, channel.quantity.small.unit, experiments, after.simulated)

@@ -23,6 +23,7 @@ from cfd_pneumatic.model.effects.knots import KNOTS
 _POINTS = 41  # of a curve that is shown
 _CORNER = 1.0 / 24.0  # of a bend: by how much a straight line that was fitted lies beside an even curve midway
 _INEXACT = 0.004  # of its range, which no noise tells: what the model beside it is wrong by
+_EVENT = 2, 0.6  # points of a law of the time between which this share of its change is an event
 _BAND = 1.96  # standard errors: 95 % at each point
 # gains of the model that have what is even of a curve
 _GAINS = {'gain': slice(0, 1), 'flow': slice(1, 3), 'stiffness': slice(0, 3)}
@@ -131,6 +132,17 @@ class Shape:
     def unit_against(self) -> str:
         """Of what it depends on."""
         return UNITS_AGAINST[self.against]
+
+    @property
+    def event(self) -> str:
+        """When most of a law of the time comes at once, in a clause: that is no law; empty where it does not."""
+        points, share = _EVENT
+        changes = np.abs(self.value[points:] - self.value[:-points])
+        largest = int(np.argmax(changes))
+        if self.against != 'time' or changes[largest] < share * np.ptp(self.value):
+            return ''
+        when = 0.5 * (self.at[largest] + self.at[largest + points])
+        return f'most of it comes at once, about t = {when:.3g} s: it is an event, and no law of the time'
 
     @property
     def words(self) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -143,6 +145,16 @@ def test_an_effect_that_the_library_lacks_is_drawn_where_it_may_enter(effect, se
     assert (conclusion.verdict, conclusion.effects) == ('shape_found', ())
     assert not any(trial.accepted for trial in conclusion.tried)
     assert {(conclusion.unknown.enters, conclusion.unknown.against), *conclusion.unknown.others} == places
+
+
+def test_what_comes_at_once_is_an_event_and_no_law_of_the_time() -> None:
+    one = draw('set_point_jump', 'out_and_back', 5205)
+    findings = identify([recording_of(one)], Options(close_loop=True)).cylinders['cylinder_a'].findings
+    assert (findings.verdict, findings.status) == ('unexplained', 'hypothesis')
+    (when,) = re.findall(r'comes at once, about t = ([\d.]+) s: it is an event', findings.why)
+    assert float(when) == pytest.approx(one.truth.changes['effects_a.jump_time'], abs=0.3)
+    assert findings.unknown is not None
+    assert not replace(findings.unknown, against='p').event
 
 
 def test_short_stretches_see_all_of_a_recording() -> None:
