@@ -9,7 +9,7 @@ from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.device.identified import estimated_setpoints
 from cfd_pneumatic.identification import Identification, PartError
 
-_MOST = 4_000  # samples of the displacement that are answered
+_MOST = 2_000  # samples of the displacement that are answered
 _LEAD = 500  # samples before these, in which the beginning is forgotten
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from cfd_pneumatic.identification.readings import left_of_force, other_pressure,
 from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
+from cfd_pneumatic.parallel import each
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, LENGTHS, duplicates, in_other_units, shown_length
 from cfd_pneumatic.recording.inspection import doubts as doubts_of_recording
@@ -67,7 +69,8 @@ def doubts(
     if not odd:  # in a wrong unit signs and levels look wrong, too
         found += seen
     if not any_warning(found):
-        found += [notice for one in cylinders.values() for notice in other_pressure(one, recordings, options)]
+        others = each(lambda one: [*other_pressure(one, recordings, options)], cylinders.values())
+        found += chain.from_iterable(others)
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in _of_long_chamber(one, recordings, options)]
     if not any_warning(found):
