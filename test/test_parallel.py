@@ -43,6 +43,25 @@ def test_results_come_in_the_order_of_the_items(monkeypatch, limit):
     assert each(work, []) == []
 
 
+def test_who_has_no_work_left_helps_others(monkeypatch):
+    monkeypatch.setenv(LIMIT, '2')
+    both_at_work, begun, meeting = threading.Barrier(2, timeout=30.0), threading.Event(), threading.Barrier(2)
+
+    def inner(item):
+        begun.set()
+        meeting.wait(30.0)  # two work at once
+        return item
+
+    def outer(item):
+        both_at_work.wait()  # no core is idle when the inner work is shared out
+        if item == 0:
+            return each(inner, range(2))
+        assert begun.wait(30.0)
+        return item
+
+    assert each(outer, range(2)) == [[0, 1], 1]
+
+
 def test_an_error_in_the_work_is_raised(monkeypatch):
     monkeypatch.setenv(LIMIT, '2')
     with pytest.raises(ZeroDivisionError):

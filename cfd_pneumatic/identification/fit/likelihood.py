@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -144,6 +145,7 @@ class Likelihood:
     channel: Channel
     experiments: tuple[Experiment, ...]
     weights: tuple[Array, ...]
+    _simulated: WeakKeyDictionary[Model, list[Array]] = field(default_factory=WeakKeyDictionary, init=False, repr=False)
 
     @classmethod
     def alike(cls, channel: Channel, experiments: Sequence[Experiment]) -> Likelihood:
@@ -243,8 +245,10 @@ class Likelihood:
         return sum(int(np.count_nonzero(one.counts)) for one in self.experiments)
 
     def simulate(self, model: Model) -> list[Array]:
-        """Return what a model makes of each experiment, shape (m,) [SI]."""
-        return self.channel.simulated(self.experiments, model)
+        """Return what a model makes of each experiment, shape (m,) [SI]; it is kept as long as the model is."""
+        if model not in self._simulated:
+            self._simulated[model] = self.channel.simulated(self.experiments, model)
+        return self._simulated[model]
 
     def counted(self, signals: Sequence[Array]) -> list[Array]:
         """Return signals of each experiment at the samples that count, weighted, each of shape (n,)."""
