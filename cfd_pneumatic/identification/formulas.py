@@ -18,7 +18,8 @@ from cfd_pneumatic.arrays import Array
 Function = Callable[..., Array]
 
 _MOST = 3  # formulas that are told
-_STARTS = 60  # evaluations of each
+_REFINED = 2  # starts of a form, those that come nearest
+_EVALUATIONS = 60  # from each
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,7 @@ class Form:
 
 _PLACES = (-0.6, -0.2, 0.2, 0.6)
 _LENGTHS = (0.2, 0.6)
-_BEYOND = 1.2  # a place is hardly beyond the range
-_SHORTEST, _LONGEST = 0.05, 4.0
+_LIMITS = {'b': (-1.2, 1.2), 'c': (0.05, 4.0)}  # a place is hardly beyond the range
 
 _HUMPS = (-0.6, -0.3, 0.0, 0.3, 0.6)
 _WAVES = (0.5, 0.8, 1.2, 1.8)
@@ -176,18 +176,16 @@ def _fitted(form: Form, u: Array, value: Array, weights: Array, free: bool) -> t
         known, *_ = np.linalg.lstsq(columns * weights[:, None], value * weights, rcond=None)
         return np.asarray(known), (columns @ known - value) * weights
 
-    best, numbers = np.inf, tuple[float, ...]()
-    for start in product(*form.starts):
-        point = start
-        if start:
-            lower = [_SHORTEST if one == 'c' else -_BEYOND for one in form.has]
-            upper = [_LONGEST if one == 'c' else _BEYOND for one in form.has]
-            point = tuple(
-                least_squares(lambda at: linear(at)[1], start, bounds=(lower, upper), max_nfev=_STARTS).x.tolist()
-            )
-        misfit = float(np.sum(linear(point)[1] ** 2))
-        if misfit < best:
-            best, numbers = misfit, point
+    def misfit(numbers: Sequence[float]) -> float:
+        return float(np.sum(linear(numbers)[1] ** 2))
+
+    def refined(start: Sequence[float]) -> Sequence[float]:
+        lower, upper = ([_LIMITS[one][side] for one in form.has] for side in (0, 1))
+        found = least_squares(lambda at: linear(at)[1], start, bounds=(lower, upper), max_nfev=_EVALUATIONS)
+        return tuple(found.x.tolist())
+
+    starts = sorted(product(*form.starts), key=misfit)[:_REFINED]
+    numbers = min(map(refined, starts), key=misfit) if form.has else ()
     known, _ = linear(numbers)
     return numbers, float(known[0]), float(known[1]) if free else 0.0
 

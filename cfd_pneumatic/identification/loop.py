@@ -39,6 +39,7 @@ from cfd_pneumatic.identification.verdict import (
     verdict_of,
     within,
 )
+from cfd_pneumatic.parallel import each
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60
@@ -188,18 +189,18 @@ def _as_drawn(drawing: Drawn, before: Fit, other: Model) -> tuple[Fit, Shape] | 
     likelihood, begin = before.likelihood, drawing.begin
     fitted = fitted_curve(likelihood, drawing.candidate.model, drawing.promise).model
     model = centred(likelihood, fitted, drawing.promise.slot)
-    simulated = likelihood.simulate(model)
+    others = {name: own for name, own in model.effects.items() if name != likelihood.channel.curve.name}
+    asked = model, other, replace(model, effects=others), begin.model
+    simulated, of_other, without, of_begin = each(likelihood.simulate, asked)
     if not all(np.all(np.isfinite(values)) for values in simulated):
         return None
     experiments = likelihood.experiments
-    if compared(experiments, likelihood.simulate(other), simulated)[0] >= 1.0:
+    if compared(experiments, of_other, simulated)[0] >= 1.0:
         return None
-    others = {name: own for name, own in model.effects.items() if name != likelihood.channel.curve.name}
-    without = likelihood.simulate(replace(model, effects=others))
     squares = [sum(float(run @ run) for run in likelihood.residuals(one)) for one in (simulated, without)]
     if min(compared(experiments, without, simulated)[0], math.sqrt(squares[0] / squares[1])) >= _SEEN:
         return None  # it freed a core that was stuck, and does nothing itself
-    left_of_unseen = [compared(experiments, likelihood.simulate(begin.model), simulated)[0]]  # of the test part first
+    left_of_unseen = [compared(experiments, of_begin, simulated)[0]]  # of the test part first
     if begin.validation_rmse and drawing.candidate.validation_rmse is not None:
         left_of_unseen.append(drawing.candidate.validation_rmse / begin.validation_rmse)
     if min(left_of_unseen) >= (_SEEN_IN_COMPANY if begin.effects else _SEEN):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from cfd_pneumatic.parallel import each
 _PLAIN = 10.0  # times what shows: no fit makes up for so much
 _MADE_UP = 2.0  # an effect that loses less than half of itself to the model's parameters keeps what is left
 _EXCERPT = 3000  # grid steps of each recording that are asked first
-_SURELY = 2.0  # times what shows: what shows in an excerpt shows in the whole
+_SURELY = 2.0  # times what shows: what shows in its liveliest part shows in the whole
+_SPREAD = 16_000  # grid steps that are asked then
 _ROUGH = (1e-2, 10)  # tolerance and evaluations of a fit to what an effect makes
 
 
@@ -42,25 +44,27 @@ def invisible(likelihood: Likelihood, model: Model, noise: Noise) -> tuple[str, 
     """
     channel, strength = likelihood.channel, STRENGTH * noise.std
     alike = replace(likelihood, weights=tuple(np.ones(one.part.size) for one in likelihood.experiments))
-    part, telling = alike.excerpt(_EXCERPT), alike.representative()
-    known = channel.data(telling.experiments, model, telling.simulate(model))
+    telling, shown = alike.representative(), SHOWN * noise.std
+    known = channel.data(telling.experiments, model, likelihood.representative().simulate(model))
     data = {**known, 'residual': strength, 'mean': strength, 'lag': 0.0}
-    shown = SHOWN * noise.std
-    whole, excerpt = Complement(telling, model), Complement(part, model)
-    has_excerpt = part is not alike and part.samples > 0
 
-    def shows(name: str) -> bool:
-        if not channel.may_tell(telling.experiments, name, model):
-            return False
-        starts = channel.library[name].starts(data)
-        if has_excerpt and _shows(excerpt, name, starts, _SURELY * shown):
-            return True
-        return _shows(whole, name, starts, shown)
+    def asks(complement: Complement, least: float, name: str) -> bool:
+        return _shows(complement, name, channel.library[name].starts(data), least)
 
+    # what shows in few samples is not asked of more
+    asked = [(alike.excerpt(_EXCERPT), _SURELY * shown), (alike.spread(_SPREAD), shown)]
+    asked = [one for one in asked if 0 < one[0].samples < telling.samples] + [(telling, shown)]
     names = channel.candidates(model)
-    for one in (excerpt, whole) if has_excerpt else (whole,):
-        one.left(one.simulated)  # made once, before threads ask for it
-    return tuple(name for name, visible in zip(names, each(shows, names)) if not visible)
+    pending = [name for name in names if channel.may_tell(telling.experiments, name, model)]
+    visible: set[str] = set()
+    for part, least in asked:
+        complement = Complement(part, model)
+        complement.left(complement.simulated)  # made once, before threads ask for it
+        visible.update(name for name, shows in zip(pending, each(partial(asks, complement, least), pending)) if shows)
+        pending = [name for name in pending if name not in visible]
+        if not pending:
+            break
+    return tuple(name for name in names if name not in visible)
 
 
 def _shows(complement: Complement, name: str, starts: Sequence[Start], least: float) -> bool:
