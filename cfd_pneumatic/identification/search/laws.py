@@ -219,9 +219,12 @@ class Laws:
 
     def _fitted(self, begin: Candidate, begun: Sequence[tuple[Promise, Model]]) -> list[Drawn]:
         """Return curves fitted to the train part, from models that have them."""
-        models = each(lambda one: fitted(self.candidates.train, one[1], one[0], ROUGH).model, begun)
-        finished = [self.candidates.finished(model, begin.model) for model in models]
-        drawn = [Drawn(promise, own, begin, ()) for (promise, _), own in zip(begun, finished)]
+
+        def finished(promise: Promise, model: Model) -> Candidate:
+            return self.candidates.finished(fitted(self.candidates.train, model, promise, ROUGH).model, begin.model)
+
+        ended = each(lambda one: finished(*one), begun)
+        drawn = [Drawn(promise, own, begin, ()) for (promise, _), own in zip(begun, ended)]
         return [one for one in drawn if one.promise.slot.curve.name in one.candidate.effects]
 
     def _over_its_range(self, drawing: Drawn) -> Drawn:
