@@ -56,7 +56,7 @@ check: lint  ## style, types and the tests that a change usually needs: 2 minute
 properties: $(VENV)/.ready  ## run the property tests on random examples, twice as many
 	$(PY) -m pytest -m hypothesis --hypothesis-profile=random $(ARGS)
 
-fuzz: $(VENV)/.with-fuzz  ## change valid inputs at random, and see what readers and nodes make of them; 2 minutes
+fuzz: $(VENV)/.ready $(VENV)/.with-fuzz  ## change valid inputs at random, and see what readers and nodes make of them; 2 minutes
 	$(PY) -m studies.fuzz $(ARGS)
 
 measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measured_runs.md; a quarter of an hour
@@ -77,7 +77,7 @@ mistakes: $(VENV)/.ready  ## make each mistake that users make, write docs/mista
 demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify the recording
 	@$(PY) -m studies.demo $(ARGS)
 
-benchmark: $(VENV)/.with-benchmark  ## time simulation, fit, reading and sim_node against their peers
+benchmark: $(VENV)/.ready $(VENV)/.with-benchmark  ## time simulation, fit, reading and sim_node against their peers
 	@mkdir -p build
 	$(PY) -m pytest benchmark --benchmark-json=build/benchmark.json $(ARGS)
 
@@ -87,13 +87,13 @@ speed-document: $(VENV)/.with-benchmark  ## write docs/speed.md of what make ben
 benchmark-laws: $(VENV)/.ready  ## draw laws that no library has; ARGS='--seeds 1' for a quarter of an hour
 	$(PY) -m studies.laws $(ARGS)
 
-benchmark-effects: $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes
+benchmark-effects: $(VENV)/.ready $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes
 	$(PY) -m studies.benchmark_effects $(ARGS)
 
-monitor-figures: $(VENV)/.with-benchmark  ## false alarms of the watch over a device: an hour
+monitor-figures: $(VENV)/.ready $(VENV)/.with-benchmark  ## false alarms of the watch over a device: an hour
 	$(PY) -m studies.monitor_figures $(ARGS)
 
-planning-document: $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
+planning-document: $(VENV)/.ready $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
 	$(PY) -m studies.planning_document
 
 interface-document: $(VENV)/.ready  ## write docs/interface.md, docs/mapping.md, and the pages of --help
@@ -154,7 +154,7 @@ require = $(if $(missing),$(error $(missing)))
 install = $(1)/bin/python -m pip install -qq --disable-pip-version-check --no-build-isolation $(2) || \
 	{ echo 'pip could not install the packages (see above): is PyPI within reach? Then run make again.' >&2; exit 1; }
 
-$(VENV)/.ready: $(PACKAGING)
+$(VENV)/.installed: $(PACKAGING)
 	@$(call require,PYTHON,$(if $(findstring jazzy,$(EXTRAS)),wheels) $(if $(filter true,$(CI)),locked))
 	@echo 'Setting up $(VENV): about a minute and 800 MB, once'
 	@$(VENV)/bin/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
@@ -168,11 +168,14 @@ else
 	@$(call install,$(VENV),$(SETUPTOOLS))
 	@$(call install,$(VENV),--editable '.[$(EXTRAS)]')
 endif
+	@touch $@
+
+$(VENV)/.ready: $(VENV)/.installed
 	@$(VENV)/bin/compile_kernels
 	@touch $@
 
 # Developers' tools, each when it is first wanted.
-$(VENV)/.with-%: $(VENV)/.ready
+$(VENV)/.with-%: $(VENV)/.installed
 	@$(call install,$(VENV),--editable '.[$*]')
 	@touch $@
 
