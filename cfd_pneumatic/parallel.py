@@ -42,15 +42,13 @@ class _Crew:
     @contextmanager
     def with_more(self, number: int) -> Iterator[None]:
         """Count so many more threads meanwhile."""
-        self._change(number)
+        with self._lock:
+            self._size += number
         try:
             yield
         finally:
-            self._change(-number)
-
-    def _change(self, by: int) -> None:
-        with self._lock:
-            self._size += by
+            with self._lock:
+                self._size -= number
 
 
 _crew = _Crew()
@@ -61,32 +59,27 @@ class _Job:
     """Items that are worked on by whoever has nothing else to do."""
 
     def __init__(self, work: Callable[[Any], Any], items: Sequence[Any]) -> None:
+        self.left = iter(range(len(items)))  # that nobody has begun
         self.results: dict[int, Any] = {}
         self._work = work
         self._items = items
-        self._left = iter(range(len(items)))
         self._stop: Event = getattr(_here, 'stop', None) or Event()
         self._error: BaseException | None = None
         self._hands = 0
         self._lock = Lock()
         self._ended = Event()
 
-    @property
-    def is_open(self) -> bool:
-        """Whether items are left that nobody has begun."""
-        return length_hint(self._left) > 0
-
     def share(self) -> None:
         """Work on one item after another until none is left; after an error nobody goes on."""
         before, _here.stop = getattr(_here, 'stop', None), self._stop
         self._count(1)
         try:
-            for place in self._left:
+            for place in self.left:
                 if self._stop.is_set():
                     raise KeyboardInterrupt
                 self.results[place] = self._work(self._items[place])
         except BaseException as error:  # raised where the job is waited for
-            deque(self._left, maxlen=0)
+            deque(self.left, maxlen=0)
             self._error = error
         finally:
             _here.stop = before
@@ -120,7 +113,7 @@ def _help(job: _Job | None) -> None:
     with _crew.with_more(1):
         while job is not None:
             job.share()
-            job = next((one for one in reversed(_jobs) if one.is_open), None)
+            job = next((one for one in reversed(_jobs) if length_hint(one.left)), None)
 
 
 def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:

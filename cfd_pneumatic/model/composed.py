@@ -334,35 +334,11 @@ def rest(x, setpoint, numbers):
     """Set the states to rest at a displacement [m] and a pressure [Pa], each lane's at its own."""
     w = rows_of(numbers)
     pressure = setpoint + load(w, OFFSET)
-    store(w, Y0, pressure)
-    store(w, S0, pressure)
-    store(w, Y1, pressure)
-    store(w, S1, pressure)
-    store(w, Y2, 0.0)
-    store(w, S2, 0.0)
-    store(w, Y3, 0.0)
-    store(w, S3, 0.0)
-    store(w, Y4, 0.0)
-    store(w, S4, 0.0)
-    store(w, Y5, x)
-    store(w, S5, x)
-    store(w, Y6, pressure)
-    store(w, S6, pressure)
-    store(w, Y7, pressure)
-    store(w, S7, pressure)
-    store(w, Y8, 0.0)
-    store(w, S8, 0.0)
-    store(w, Y9, 0.0)
-    store(w, S9, 0.0)
-    store(w, Y10, 0.0)
-    store(w, S10, 0.0)
-    store(w, Y11, 0.0)
-    store(w, S11, 0.0)
-    store(w, FOLLOWED, x)
-    store(w, MEASURED, x)
-    store(w, X, x)
-    store(w, RATE, 0.0)
-    store(w, SETPOINT, pressure)
+    states = pressure, pressure, 0.0, 0.0, 0.0, x, pressure, pressure, 0.0, 0.0, 0.0, 0.0
+    store(w, Y0, states)
+    store(w, S0, states)
+    store(w, FOLLOWED, (x, x))
+    store(w, X, (x, 0.0, pressure))
 
 
 @kernel
@@ -455,16 +431,5 @@ def propagate_force(
 ):
     """Advance over a piece of a recording that has begun at a time [s]; write the contact force at each sample [N]."""
     for i in range(times.size):
-        force_out[i] = step_force(
-            times[i] - begin,
-            displacement[i],
-            rate[i],
-            acceleration[i],
-            p_a[i],
-            p_opposing[i],
-            ambient,
-            area_times_factor,
-            state,
-            a,
-            on,
-        )
+        now = times[i] - begin, displacement[i], rate[i], acceleration[i], p_a[i], p_opposing[i]
+        force_out[i] = step_force(*now, ambient, area_times_factor, state, a, on)
