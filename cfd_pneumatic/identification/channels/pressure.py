@@ -33,14 +33,7 @@ from cfd_pneumatic.identification.residual.noise import sample_noise, stamp_jitt
 from cfd_pneumatic.identification.residual.regressors import Regressors
 from cfd_pneumatic.identification.residual.shape import lag_of, speed_of, strongest_frequency
 from cfd_pneumatic.model import DIRECTIONS, SPECS, Course
-from cfd_pneumatic.model.baseline import (
-    HINTS,
-    displacement_sensitivity,
-    flows,
-    other_gains,
-    starting_gains,
-    told_gains,
-)
+from cfd_pneumatic.model.baseline import HINTS, displacement_sensitivity, flows, other_gains, starting_gains, told_gains
 from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
 from cfd_pneumatic.model.effects.curve import AGAINST, BOTH_WAYS, CURVE, ENTERS, ONE_WAY, is_of_flow
 from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
@@ -146,10 +139,7 @@ class Pressure(Channel):
         times, displacement = motion.on_grid(sampled, changed)
         begins = np.append(motion.times[0], times[:-1])
         held = np.searchsorted(changed, begins, side='right') - 1
-        return times, {
-            'displacement': DIRECTIONS[self.name] * displacement,
-            'setpoint': levels[np.maximum(held, 0)],
-        }
+        return times, {'displacement': DIRECTIONS[self.name] * displacement, 'setpoint': levels[np.maximum(held, 0)]}
 
     def _check(self, recording: str, pressure: Array) -> None:
         topic = f'{self.name}/pressure'
@@ -183,15 +173,7 @@ class Pressure(Channel):
         """Return the gains, every offset, and the starts where the piston does not begin at rest."""
         bounds = told_gains(shortest_period(experiments) if model.parts else 0.0)
         found = [
-            Unknown(
-                spec.name,
-                spec.unit,
-                slot,
-                lower,
-                upper,
-                1.0,
-                logarithmic=True,
-            )
+            Unknown(spec.name, spec.unit, slot, lower, upper, 1.0, logarithmic=True)
             for slot, (spec, lower, upper) in enumerate(zip(SPECS, *bounds))
         ]
         scale = (
@@ -313,13 +295,7 @@ class Pressure(Channel):
         walks = []
         for own in groups:
             alike = SideBySide(
-                cylinders[0],
-                parameters[own],
-                rows[own, self.shared],
-                starts[own],
-                experiment.begin,
-                stiffness,
-                settles,
+                cylinders[0], parameters[own], rows[own, self.shared], starts[own], experiment.begin, stiffness, settles
             )
             delay, behind = times[own[0]].tolist()
             walks.append(_walk(alike, experiment.blocks(count, delay, behind)))

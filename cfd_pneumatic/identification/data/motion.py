@@ -254,12 +254,7 @@ def _joined(
     """Return what is smoothed in windows, of which one is known."""
     size = times.size
     found = replace(
-        known,
-        times=times,
-        stamps=stamps,
-        displacement=np.empty(size),
-        rate=np.empty(size),
-        acceleration=np.empty(size),
+        known, times=times, stamps=stamps, displacement=np.empty(size), rate=np.empty(size), acceleration=np.empty(size)
     )
 
     def smooth(place: tuple[slice, slice]) -> tuple[float, float]:

@@ -50,14 +50,7 @@ def _carried(h, xx, xv, xa, vv, va, aa):
     row_v = xv + h * vv + half * va
     row_a = xa + h * va + half * aa
     va_ahead = va + h * aa
-    return (
-        row_x + h * row_v + half * row_a,
-        row_v + h * row_a,
-        row_a,
-        vv + h * va + h * va_ahead,
-        va_ahead,
-        aa,
-    )
+    return (row_x + h * row_v + half * row_a, row_v + h * row_a, row_a, vv + h * va + h * va_ahead, va_ahead, aa)
 
 
 @compiler(error_model='numpy', nogil=True)
