@@ -58,9 +58,8 @@ def test_the_kidney_seal_leaks_at_one_end_while_the_chamber_grows():
     assert (end, direction) == (1.0, 1.0)
 
 
-@pytest.mark.parametrize(
-    'run', ['rerun/2_O-ring257_3bar', pytest.param('friction/O-ring257_7bar', marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize('run', ['rerun/2_O-ring257_3bar', 'friction/O-ring257_7bar'])
 def test_a_healthy_seal_does_not_leak(run):
     """What opens towards an end of the stroke may be said, with what it may be instead."""
     experiments = experiments_from(run)
