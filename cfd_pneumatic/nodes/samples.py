@@ -21,7 +21,7 @@ from cfd_pneumatic.nodes.messages import is_time, nanoseconds, stamp_message
 from cfd_pneumatic.recording.bags.fields import FieldPath, Step
 from cfd_pneumatic.recording.bags.form import NANOSECOND, SECOND, Form
 from cfd_pneumatic.recording.bags.layout import Layout, LayoutError, Place, Serialization
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS, standard_types
+from cfd_pneumatic.recording.bags.messages import NANOSECONDS, types_with
 
 Sample = tuple['int | None', float]
 """A stamp [ns], None where it is no time, and a number."""
@@ -104,7 +104,7 @@ class _ByLayout:
         """Find out where stamp and number are."""
         self._layout, self._places = None, None
         try:
-            self._layout = layout = Layout(message, standard_types(), self._msgtype, Serialization.CDR)
+            self._layout = layout = Layout(message, types_with(self._msgtype), self._msgtype, Serialization.CDR)
         except LayoutError:
             return
         seconds, rest, number = map(layout.place, (SECOND, NANOSECOND, self._path))

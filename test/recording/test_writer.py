@@ -13,6 +13,7 @@ from recording_cases import EPOCH, assert_same, recording
 from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import BagWriter, read_recording, write_recording
+from cfd_pneumatic.recording.bags import messages
 from cfd_pneumatic.recording.bags.mcap_writing import McapWriter
 from cfd_pneumatic.recording.bags.sqlite_writing import SqliteWriter
 
@@ -143,6 +144,15 @@ def test_an_unknown_type_is_refused(tmp_path):
     assert str(caught.value) == (
         'topic /x cannot be recorded: its type acme_msgs/msg/Press is not one that ROS 2 ships'
     )
+
+
+def test_everyday_types_are_as_ros_2_ships_them():
+    everyday, shipped = messages.types_with(convention.JOINT_STATE), messages.standard_types()
+    assert everyday is not shipped
+    for msgtype in messages._EVERYDAY:
+        assert everyday.fielddefs[msgtype] == shipped.fielddefs[msgtype]
+        assert everyday.generate_msgdef(msgtype, ros_version=2) == shipped.generate_msgdef(msgtype, ros_version=2)
+        assert everyday.hash_rihs01(msgtype) == shipped.hash_rihs01(msgtype)
 
 
 def test_times_that_do_not_fit_a_stamp(tmp_path):

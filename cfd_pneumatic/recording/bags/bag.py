@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 from warnings import catch_warnings, simplefilter
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Reader as Ros1Reader
-from rosbags.rosbag1.reader import decompressors
 from rosbags.rosbag2 import Reader as Ros2Reader
 
 from cfd_pneumatic.errors import InputError
@@ -40,7 +38,6 @@ _MAX_LISTED = 5
 _LARGEST_METADATA = 2**20  # bytes; a thousand files take a fifth of that
 _ANCHOR = re.compile(rb'(?m)(?:^|[\s\[{,:])&\w')
 _ROS1_MAGIC = b'#ROSBAG V2.0\n'
-_COMPRESSIONS = {function: name for name, function in decompressors.items()}
 
 
 @dataclass(frozen=True)
@@ -217,11 +214,14 @@ class Bag:
         return f'holds no bag, neither {METADATA} nor .mcap or .db3 files'
 
     def _open_ros1(self) -> StorageFile:
+        from rosbags.rosbag1.reader import Reader, decompressors  # which most bags do without
+
+        names = {function: name for name, function in decompressors.items()}
         try:
             with self.path.open('rb') as file:
                 if file.read(len(_ROS1_MAGIC)) not in (b'', _ROS1_MAGIC):  # rosbags would look for the end of this line
                     raise InputError('it is no bag of ROS 1')
-            reader = Ros1Reader(self.path)
+            reader = Reader(self.path)
             reader.open()
             self._stack.callback(reader.close)
             told: Counter[int] = Counter()  # by the chunks' summaries, beside what their indexes lead to
@@ -232,7 +232,7 @@ class Bag:
                 for connection in reader.connections
             ]
             reader.chunks = {
-                place: chunk._replace(decompressor=unpacker(_COMPRESSIONS[chunk.decompressor]))
+                place: chunk._replace(decompressor=unpacker(names[chunk.decompressor]))
                 for place, chunk in reader.chunks.items()
             }
             return OneByOne(reader, reader.start_time)

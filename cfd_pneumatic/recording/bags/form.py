@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
+from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import JOINT_STATE
 from cfd_pneumatic.recording.bags.blocks import MessageBlock
 from cfd_pneumatic.recording.bags.fields import NUMBERS, FieldPath, parse_path
 from cfd_pneumatic.recording.bags.layout import Layout, Place, Serialization
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS, obvious_field, standard_types
+from cfd_pneumatic.recording.bags.messages import NANOSECONDS, obvious_field, types_with
 
 SECOND, NANOSECOND = parse_path('header.stamp.sec'), parse_path('header.stamp.nanosec')
 """Where a header's stamp is."""
@@ -44,8 +45,8 @@ class Form:
 
     def __init__(self, msgtype: str, *, joint: str = '', axis: str = 'x', frame_id: str = '') -> None:
         self.msgtype = msgtype
-        types = standard_types()
-        message = _blank(msgtype)
+        types = types_with(msgtype)
+        message = _blank(types, msgtype)
         if msgtype == JOINT_STATE:
             message.name, message.position = [joint], np.zeros(1)
         if hasattr(message, 'header'):
@@ -94,19 +95,18 @@ def _place(layout: Layout, path: FieldPath) -> Place:
     return place
 
 
-def _blank(msgtype: str) -> Any:
+def _blank(types: Typestore, msgtype: str) -> Any:
     """Return a message of zeros and empty texts."""
-    types = standard_types()
     fields = types.fielddefs[msgtype][1]
-    return types.types[msgtype](**{name: _zero(desc) for name, desc in fields})
+    return types.types[msgtype](**{name: _zero(types, desc) for name, desc in fields})
 
 
-def _zero(desc: FieldDesc) -> Any:
+def _zero(types: Typestore, desc: FieldDesc) -> Any:
     if desc[0] == Nodetype.NAME:
-        return _blank(desc[1])
+        return _blank(types, desc[1])
     if desc[0] == Nodetype.BASE:
         return '' if desc[1][0] == 'string' else 0
     element, length = desc[1]
     if element[0] == Nodetype.BASE and element[1][0] in NUMBERS:
         return np.zeros(length if desc[0] == Nodetype.ARRAY else 0, NUMBERS[element[1][0]])
-    return [_zero(element) for _ in range(length if desc[0] == Nodetype.ARRAY else 0)]
+    return [_zero(types, element) for _ in range(length if desc[0] == Nodetype.ARRAY else 0)]

@@ -21,7 +21,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import Aside, reported
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, join
 from cfd_pneumatic.recording.bags.form import Form
-from cfd_pneumatic.recording.bags.messages import standard_types
+from cfd_pneumatic.recording.bags.messages import types_with
 from cfd_pneumatic.recording.bags.storages import METADATA, STORAGES, SUFFIXES, StorageName, StorageWriter
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class BagWriter:
             If ROS 2 has no such message type.
 
         """
-        types = standard_types()
+        types = types_with(msgtype)
         if msgtype not in types.fielddefs:
             raise InputError(f'topic {topic} cannot be recorded: its type {msgtype} is not one that ROS 2 ships')
         with self._reported():
