@@ -48,7 +48,7 @@ test: $(VENV)/.ready  ## run the tests; ARGS='-k name' goes to pytest
 	$(PY) -m pytest $(ARGS)
 
 test-long: $(VENV)/.ready  ## run the tests that are left out as they take long
-	$(PY) -m pytest -m long $(ARGS)
+	$(PY) -m pytest -m 'long or slow' $(ARGS)
 
 check: lint  ## style, types and the tests that a change usually needs: 2 minutes
 	$(PY) -m pytest --numprocesses 2 --dist loadfile $(QUICK) $(ARGS)

@@ -135,6 +135,7 @@ def test_parameters_and_the_report_of_another_run_are_refused(tmp_path, other):
         Device.load(tmp_path / 'parameters.yaml')
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which('strace') is None, reason='strace is not to be had here')
 def test_killed_anywhere_or_without_room_a_program_leaves_the_old_or_the_new(tmp_path):
     """`make crash` tries all."""

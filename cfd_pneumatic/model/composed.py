@@ -265,8 +265,8 @@ def follow_rates(h, stage, w, on):
 
 
 @inlined
-def advance(time, h, steps, ambient, w, on):
-    """Advance the states by h seconds from a time on, cut into equal steps; the piston keeps its speed."""
+def advance(time, h, steps, acceleration, ambient, w, on):
+    """Advance the states by h seconds from a time on, cut into equal steps; the piston keeps its acceleration."""
     h /= steps
     # a compiler would write out a loop of four stages, and each once more for a switch that is asked here
     for count in range(4 * steps):
@@ -275,7 +275,9 @@ def advance(time, h, steps, ambient, w, on):
         follow_rates(h, stage, w, on)
         passed = h * PASSED[stage]
         time += passed
-        store(w, X, load(w, X) + passed * load(w, RATE))
+        rate = load(w, RATE)
+        store(w, X, load(w, X) + passed * (rate + 0.5 * passed * acceleration))
+        store(w, RATE, rate + passed * acceleration)
         leave_behind_valve_hysteresis(time, stage, ambient, w, on)
 
 
@@ -351,27 +353,29 @@ def settle(setpoint, duration, ambient, stiffness, numbers, on):
     hold(0.0, ambient, w, on)
     steps = max(1, math.ceil(duration * stiffness))
     for _ in range(steps):
-        advance(0.0, duration / steps, 1, ambient, w, on)
+        advance(0.0, duration / steps, 1, 0.0, ambient, w, on)
 
 
 @kernel
-def step(time, x, h, setpoint, ambient, stiffness, numbers, on):
+def step(time, x, h, acceleration, setpoint, ambient, stiffness, numbers, on):
     """
     Advance the states to a sample h seconds after the last one, and read the pressure sensor.
 
     The time and x are those of the new sample. Steps are short against 1/stiffness, the fastest time constant [s].
+    The acceleration is that of the piston [m/s^2], 0 where effects move the chamber in another way.
     """
     follow(time, x, h, ambient, numbers, on)
     w = rows_of(numbers)
     store(w, SETPOINT, setpoint + load(w, OFFSET))
     hold(time - h, ambient, w, on)
+    store(w, RATE, load(w, RATE) - 0.5 * h * acceleration)
     steps = max(1, math.ceil(h * stiffness))
-    advance(time - h, h, steps, ambient, w, on)
+    advance(time - h, h, steps, acceleration, ambient, w, on)
     read(time, ambient, numbers, on)
 
 
 @kernel
-def propagate(times, displacement, setpoint, begin, ambient, stiffness, numbers, on, signals):
+def propagate(times, displacement, acceleration, setpoint, begin, ambient, stiffness, numbers, on, signals):
     """
     Advance over a recording, as `propagation.propagate` does; write the lanes' readings, (n, lanes) [Pa].
 
@@ -383,7 +387,7 @@ def propagate(times, displacement, setpoint, begin, ambient, stiffness, numbers,
         signals[0, j] = numbers[SIGNAL + j]
     for i in range(1, times.size):
         h = times[i] - times[i - 1]
-        step(times[i] - begin, displacement[i], h, setpoint[i], ambient, stiffness, numbers, on)
+        step(times[i] - begin, displacement[i], h, acceleration[i], setpoint[i], ambient, stiffness, numbers, on)
         for j in range(lanes):
             signals[i, j] = numbers[SIGNAL + j]
 

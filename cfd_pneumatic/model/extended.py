@@ -221,6 +221,7 @@ class ExtendedCylinder:
             movement.time,
             movement.end,
             movement.duration,
+            0.0,
             setpoint,
             self.ambient_pressure,
             stiffness,
@@ -345,11 +346,12 @@ class SideBySide:
         self._groups: list[Array] = []
         self._begin = begin
 
-    def follow(self, times: Array, displacement: Array, setpoint: Array) -> Array:
+    def follow(self, times: Array, displacement: Array, setpoint: Array, acceleration: Array | None = None) -> Array:
         """
         Return the readings at the samples of a piece, shape (n, cylinders) [Pa].
 
-        The arguments are as in `Cylinder.simulate`; a piece begins with the last sample of the one before.
+        The arguments are as in `Cylinder.simulate`, and the acceleration on the step to each sample, by default none
+        [m/s^2]; a piece begins with the last sample of the one before.
         """
         if not self._groups:
             self._groups = [
@@ -357,11 +359,14 @@ class SideBySide:
             ]
         readings = np.empty((times.size, len(self._parameters)))
         ambient = self._cylinder.ambient_pressure
+        bent = np.zeros(times.size) if acceleration is None else acceleration
 
         def run(rank: int) -> None:
             own = readings[:, rank * COUNT : (rank + 1) * COUNT]
             numbers = self._groups[rank]
-            propagate(times, displacement, setpoint, self._begin, ambient, self._stiffness, numbers, self._on, own)
+            propagate(
+                times, displacement, bent, setpoint, self._begin, ambient, self._stiffness, numbers, self._on, own
+            )
 
         each(run, range(len(self._groups)))
         return readings

@@ -81,6 +81,7 @@ def walked(recording: cfd.Recording, folder: Path, core: str = 'auto') -> cfd.Re
     return result
 
 
+@pytest.mark.slow
 def test_the_lines_run_on_the_rig(rig, tmp_path):
     result = walked(cfd.read_recording(rig), tmp_path)
     assert 'leakage' in result.device.model.cylinders['cylinder_a'].effects
@@ -92,6 +93,7 @@ def test_the_lines_run_on_the_rig(rig, tmp_path):
     assert {path.name for path in plan.save(tmp_path / 'next')} == {'schedule.csv', 'plan.json', 'schedule.svg'}
 
 
+@pytest.mark.slow
 @needs_measured_data
 def test_the_lines_run_on_a_measured_run(tmp_path):
     run = cfd.read_recording(ROOT / 'friction' / 'O-ring257_3bar.csv', mapping=MAPPING)

@@ -49,6 +49,33 @@ def test_blocks_hold_each_sample_once_and_every_step_up_to_the_last(samples, siz
     assert blocks[-1].times[-1] == samples[-1]
 
 
+def test_few_lines_from_sample_to_sample_are_a_parabola():
+    lines = 3
+    times = 1e-3 * np.arange(61.0)
+    accelerations = np.repeat(np.linspace(-5.0, 8.0, 20), lines)
+    since = np.arange(60) % lines * 1e-3
+    displacement = np.append(0.5 * accelerations * since * (since - lines * 1e-3), 0.0)
+    one = made(times, displacement, np.arange(0, 61, lines))
+    found = one.parabolic
+    np.testing.assert_array_equal(found.times, one.sample_times)
+    np.testing.assert_array_equal(found.sample_times, one.sample_times)
+    mean_of_lines = 1.0 - 1.0 / lines**2  # of the parabola's
+    np.testing.assert_allclose(found.inputs['acceleration'][1:], mean_of_lines * accelerations[::lines], rtol=1e-9)
+    np.testing.assert_allclose(found.inputs['displacement'], 0.0, atol=1e-18)
+
+
+def test_a_parabola_ends_where_a_set_point_changes_and_where_the_piston_is_sudden():
+    times = 1e-3 * np.arange(61.0)
+    setpoint = np.where(times > 0.0315, 1e5, 2e5)  # on the step that ends there
+    samples = [*range(0, 40, 3), *range(48, 61, 3)]
+    one = made(times, strokes(times, times < 0.03), samples)
+    found = replace(one, inputs={**one.inputs, 'setpoint': setpoint}).parabolic
+    np.testing.assert_array_equal(found.times, times[sorted({*samples, 31, *range(39, 49)})])
+    np.testing.assert_array_equal(found.inputs['setpoint'], np.where(found.times > 0.0315, 1e5, 2e5))
+    lines = np.concatenate([[False], np.diff(found.times) < 1.5e-3])
+    np.testing.assert_array_equal(found.inputs['acceleration'][lines], 0.0)
+
+
 def strokes(times, lively):
     """Return strokes of a tenth of a millimetre, so many times longer where they are `lively`."""
     return 1e-4 * (1.0 + 9.0 * lively) * np.sin(3.0 * times)

@@ -56,3 +56,21 @@ def test_a_recording_in_pieces_is_followed_as_a_whole(effects):
     for begin, end in pairwise([0, 1, 40, 41, TIMES.size - 1]):
         piece = slice(begin, end + 1)
         np.testing.assert_array_equal(in_pieces.follow(TIMES[piece], STROKE[piece], SETPOINT[piece]), whole[piece])
+
+
+@pytest.mark.parametrize('effect', ['leakage', 'volume_variation', 'valve_dead_band', 'line_restriction'])
+def test_an_acceleration_bends_the_way_between_samples(effect):
+    cylinder = ExtendedCylinder(GAINS, {effect: ALL[effect]}, AMBIENT)
+    row = all_parameters(GAINS, cylinder.effects)[None]
+    times, per_sample, turns = np.arange(10_001) * 5e-5, 40, 50.0  # [s], [rad/s]
+    displacement, setpoint = 1e-3 * np.sin(turns * times), np.full(times.size, SETPOINT[0])
+    stiffness = cylinder.stiffness(*extremes(times, displacement, setpoint))
+
+    def read(every, acceleration=None):
+        alone = SideBySide(cylinder, row, np.zeros(1), np.zeros(1), 0.0, stiffness)
+        return alone.follow(times[::every], displacement[::every], setpoint[::every], acceleration)[:, 0]
+
+    truth = read(1)[::per_sample]
+    halfway = -(turns**2) * displacement[per_sample // 2 :: per_sample]
+    bent = np.std(read(per_sample, np.append(0.0, halfway)) - truth)
+    assert bent < 0.4 * np.std(read(per_sample) - truth)

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from graph import PATIENCE, Graph, ros_arguments, unique_namespace
 from sensor_msgs.msg import FluidPressure, JointState
@@ -30,6 +31,7 @@ DEVICE = """
 import json, os, sys
 from functools import partial
 import numpy as np
+import pytest
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.rig_node import RigNode
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
@@ -119,6 +121,7 @@ class Residual:
         return ratios
 
 
+@pytest.mark.slow
 def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found(graph: Graph, tmp_path: Path) -> None:
     real, simulator, own = unique_namespace(), unique_namespace(), unique_namespace()
     sim, identifier = f'{simulator}/sim_node', f'{own}/identifier_node'

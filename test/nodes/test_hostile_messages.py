@@ -202,6 +202,7 @@ def test_monitor_node_learns_from_signals_that_never_change(graph: Graph, nodes:
     MonitorClient(graph, nodes['monitor_node'], 2 * SANE).learns(lambda _: REST)
 
 
+@pytest.mark.slow
 def test_monitor_node_predicts_a_sane_sample_after_every_message_and_learns(
     graph: Graph, nodes: dict[str, str]
 ) -> None:

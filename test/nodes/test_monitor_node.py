@@ -136,6 +136,7 @@ def stamp_of(message: bytes) -> int:
     return seconds * 10**9 + rest
 
 
+@pytest.mark.slow
 def test_a_leak_that_appears_is_named_while_no_sample_is_lost(graph: Graph, identified: Path) -> None:
     real, own = unique_namespace(), unique_namespace()
     monitor = f'{own}/monitor_node'
@@ -240,6 +241,7 @@ def monitors(graph: Graph) -> Iterator[dict[str, Monitor]]:
             one.process.reap()
 
 
+@pytest.mark.slow
 def test_faults_of_the_feed_are_named_and_the_watch_goes_on(graph: Graph, monitors: dict[str, Monitor]) -> None:
     process, monitor, _, driver = monitors['lossless']
 

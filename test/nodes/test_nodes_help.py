@@ -56,6 +56,7 @@ def test_a_parameter_has_its_unit_and_default(name: str, line: str, capsys: pyte
     assert line in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_examples_come_up_together_and_end(graph: Graph, examples) -> None:
     """Together, as the device's topics are what the others of them want."""
     running = {

@@ -885,6 +885,7 @@ def test_who_compiles_and_who_waits_for_a_compiler_says_so(graph: Graph, tmp_pat
         assert 'ready for piston_state' not in waiting.stderr
 
 
+@pytest.mark.slow
 def test_an_installation_where_nothing_can_be_written_runs(graph: Graph, alone: tuple[str, Process]) -> None:
     namespace, process = alone
     sim = SimClient(graph, namespace).meet()

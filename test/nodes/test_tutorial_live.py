@@ -69,6 +69,7 @@ def terminals(tutorial) -> Iterator[Terminals]:
                 process.wait()
 
 
+@pytest.mark.slow
 def test_the_twin_runs_and_a_leak_is_named(graph: Graph, terminals: Terminals) -> None:
     forces = [graph.listen(WrenchStamped, f'/cfd/{name}/contact_force') for name in ('sim', 'bent_sim')]
     graph.until(lambda: all(forces))

@@ -40,6 +40,7 @@ def client():
         yield one
 
 
+@pytest.mark.slow
 def test_only_the_job_that_kills_every_worker_is_given_up(client):
     jobs = ['die', *range(20)]
     done = dict(results(client, work, jobs))
@@ -47,6 +48,7 @@ def test_only_the_job_that_kills_every_worker_is_given_up(client):
     assert done == {job: 2 * str(job) for job in range(20)}
 
 
+@pytest.mark.slow
 def test_a_dead_worker_is_waited_for_longer_than_dask_does_and_its_job_done_again(tmp_path):
     def is_kept():
         assert slow.cluster.workers, 'it was given up for good'

@@ -64,6 +64,7 @@ def test_a_row_for_each_cylinder_of_each_bag(small_results):
     assert parquet.read_table(small_results / 'results.parquet').num_rows == len(rows)
 
 
+@pytest.mark.slow
 def test_bags_that_fail_are_rows_the_others_finish_and_what_is_mended_is_done_again_and_nothing_else(tmp_path, capsys):
     plant, output = tmp_path / 'plant', tmp_path / 'out'
     write_plant(plant, 1, 2)
@@ -152,6 +153,7 @@ def begun(small, output, *arguments):
     return start('plant', '--each', '--output', output, *arguments, cwd=small.parent)
 
 
+@pytest.mark.slow
 def test_interrupted_and_killed_it_goes_on_where_it_stopped(small, small_results, tmp_path):
     def done():
         return sum('~' not in str(row.relative_to(tmp_path)) for row in tmp_path.rglob('row.json'))  # none left aside

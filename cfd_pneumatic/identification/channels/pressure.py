@@ -36,7 +36,7 @@ from cfd_pneumatic.model import DIRECTIONS, SPECS, Course
 from cfd_pneumatic.model.baseline import HINTS, displacement_sensitivity, flows, other_gains, starting_gains, told_gains
 from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
 from cfd_pneumatic.model.effects.curve import AGAINST, BOTH_WAYS, CURVE, ENTERS, ONE_WAY, is_of_flow
-from cfd_pneumatic.model.extended import ExtendedCylinder, SideBySide
+from cfd_pneumatic.model.extended import MOVING, ExtendedCylinder, SideBySide
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
 
@@ -273,7 +273,8 @@ class Pressure(Channel):
         Yield pressures with effects, and that of the first row on the grid of its block, shape (n, 1).
 
         Cylinders that are read as late, and moved as late, are simulated side by side, in steps that are short enough
-        for the stiffest of the rows that are `unlike`: the others differ hardly from them.
+        for the stiffest of the rows that are `unlike`: the others differ hardly from them. Where an effect moves the
+        chamber in another way than the piston, or at another time, no step is longer than a straight line.
         """
         cylinders = [
             ExtendedCylinder(
@@ -292,13 +293,15 @@ class Pressure(Channel):
         parameters[:, late[1]] = 0.0  # the displacement is looked up
         times = np.column_stack([rows[:, some].sum(axis=1) for some in late])
         groups = [np.flatnonzero(np.all(times == some, axis=1)) for some in dict.fromkeys(map(tuple, times.tolist()))]
+        is_moved = any(name in MOVING or self.effects[name].late for name in effects)
+        followed = experiment if is_moved else experiment.parabolic
         walks = []
         for own in groups:
             alike = SideBySide(
                 cylinders[0], parameters[own], rows[own, self.shared], starts[own], experiment.begin, stiffness, settles
             )
             delay, behind = times[own[0]].tolist()
-            walks.append(_walk(alike, experiment.blocks(count, delay, behind)))
+            walks.append(_walk(alike, followed.blocks(count, delay, behind)))
         order = np.argsort(np.concatenate(groups))
         for parts in zip(*walks):
             first, course = parts[0]
@@ -451,7 +454,7 @@ class Pressure(Channel):
 def _walk(cylinders: SideBySide, blocks: Iterator[Block]) -> Iterator[tuple[Block, Array]]:
     """Yield the pressures of cylinders side by side in pieces of an experiment, on its grid."""
     for block in blocks:
-        yield block, cylinders.follow(block.times, block.inputs['displacement'], block.inputs['setpoint'])
+        yield block, cylinders.follow(block.times, **block.inputs)
 
 
 def _evidence(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> float:

@@ -18,6 +18,7 @@ from cfd_pneumatic.model.extended import extremes
 
 _BEYOND = 0.5  # longest time by which a signal may be read early [s]
 _BLOCK = 4096  # samples: what is simulated of them stays in a processor's cache
+_MOST_LINES = 4  # that a parabola stands for: where more are needed, the piston moves too suddenly for one
 _STARTING = 3  # samples whose median a cut begins with
 
 
@@ -119,6 +120,31 @@ class Experiment:
     def extremes(self) -> tuple[tuple[float, float], tuple[float, float], float]:
         """Extremes of pressure [Pa] and displacement [m], and the highest speed [m/s], where these are its inputs."""
         return extremes(self.times, self.inputs['displacement'], self.inputs['setpoint'])
+
+    @lazy_property
+    def parabolic(self) -> Experiment:
+        """
+        The same with the piston on a parabola from sample to sample, where few straight lines followed it in between.
+
+        Its inputs hold the `acceleration` on the step that ends at each grid time, too [m/s^2]: the one by which the
+        mean displacement of the step stays what it is.
+        """
+        held, moved = self.inputs['setpoint'], self.inputs['displacement']
+        needed = np.append(held[1:] != held[:-1], True)
+        needed[0] = needed[self.samples] = True
+        lines = np.diff(np.flatnonzero(needed))
+        needed[1:] |= np.repeat(lines > _MOST_LINES, lines)
+        kept = np.flatnonzero(needed)
+        inputs = {name: values[kept] for name, values in self.inputs.items()}
+        lasting, ends = np.diff(self.times[kept]), inputs['displacement']
+        swept = np.add.reduceat(0.5 * (moved[1:] + moved[:-1]) * np.diff(self.times), kept[:-1])
+        bend = np.where(np.diff(kept) > 1, 0.5 * (ends[1:] + ends[:-1]) - swept / lasting, 0.0)
+        return replace(
+            self,
+            times=self.times[kept],
+            inputs={**inputs, 'acceleration': np.append(0.0, 12.0 * bend / lasting**2)},
+            samples=np.searchsorted(kept, self.samples),
+        )
 
     @property
     def fitted(self) -> Mask:
