@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
 
 from cfd_pneumatic.identification import wording
 
 TEMPLATES = Path(__file__).parent / 'templates'
+_COMPILED = Path(__file__).parent / '__pycache__'
 
 
 def rendered(template: str, *folders: Path, **values: Any) -> str:
     """Return the page that a template makes of some values; `folders` are searched for it before this package's own."""
+    kept = FileSystemBytecodeCache(str(_COMPILED)) if os.access(_COMPILED, os.W_OK) else None
     templates = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]),
         undefined=StrictUndefined,
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
+        bytecode_cache=kept,
     )
     templates.filters.update(
         number=wording.number,

@@ -45,6 +45,7 @@ _SMOOTHED = 25  # samples
 _LEAST_FLOW = 10.0  # that a limit may be drawn from [Pa/s]
 _LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone stays below
 _MOST_STEPS = 100.0  # in a sample: what is quicker runs away in them, and no search goes there
+_LINEARISED = 1.5  # periods: where small changes are asked for, by which a quicker model differs hardly
 _SENSED = 0.03  # after which a sensed pressure that is not known at the start is forgotten [s]
 _SHORTEST_GAP = 1e-9  # [s]
 _SHORTEST_STROKE = 1e-5  # that effects along the stroke are tried over, whatever the piston does [m]
@@ -166,8 +167,9 @@ class Pressure(Channel):
         return [model, *(replace(model, parameters=gains) for gains in other_gains(model.parameters, astray))]
 
     def beside_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
-        """Return the model, no quicker than can be told: Runge and Kutta's steps get as short as it is quick."""
-        return replace(model, parameters=np.clip(model.parameters, *told_gains(shortest_period(experiments))))
+        """Return the model, no quicker than small changes tell: Runge and Kutta's steps get as short as it is quick."""
+        told = told_gains(_LINEARISED * shortest_period(experiments))
+        return replace(model, parameters=np.clip(model.parameters, *told))
 
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
         """Return the gains, every offset, and the starts where the piston does not begin at rest."""

@@ -237,11 +237,10 @@ def smooth_motion(stamps: Array, measured: Array) -> Motion:
 
 def _likeliest_motion(stamps: Array, clock: Array | None, measured: Array) -> Motion:
     """Return the smoothed displacement by the stamps or by a clock, if there is one."""
-    as_stamped = _smoothed(stamps, measured)
     if clock is None:
-        return as_stamped
-    by_clock = replace(_smoothed(clock, measured), stamps=stamps)
-    return by_clock if by_clock.deviance <= as_stamped.deviance else as_stamped
+        return _smoothed(stamps, measured)
+    as_stamped, by_clock = each(lambda times: _smoothed(times, measured), [stamps, clock])
+    return replace(by_clock, stamps=stamps) if by_clock.deviance <= as_stamped.deviance else as_stamped
 
 
 def _travel(measured: Array, window: slice) -> float:

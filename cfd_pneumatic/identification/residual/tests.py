@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter
 from scipy.special import betaincinv, fdtri
 
@@ -197,14 +196,16 @@ def _slow_parts(residuals: Sequence[Array], regressors: Sequence[Regressors]) ->
 
 def _quick(length: int) -> int:
     """Return the longest length up to one whose Fourier transform is quick: a few hundredths less at most."""
-    return next(one for one in range(length, 0, -1) if next_fast_len(one, real=True) == one)
+    return next(one for one in range(length, 0, -1) if pow(30, one, one) == 0)  # of 2, 3 and 5 alone
 
 
 def _orthogonal(columns: Array) -> Array:
     """Return an orthonormal basis of what columns span, those that are zero left out, shape (n, rank)."""
     size = np.linalg.norm(columns, axis=0)
-    basis, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-    return np.asarray(basis[:, values > _APART * values[0]])
+    scaled = columns[:, size > 0.0] / size[size > 0.0]
+    powers, directions = np.linalg.eigh(scaled.T @ scaled)
+    apart = powers > _APART**2 * powers[-1]
+    return np.asarray(scaled @ (directions[:, apart] / np.sqrt(powers[apart])))
 
 
 def _line_test(spectra: Sequence[Sequence[Array]]) -> Test:

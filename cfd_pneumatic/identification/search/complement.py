@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import qr
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
@@ -80,7 +79,9 @@ class Complement:
         telling = np.isfinite(size) & (size > 0.0)
         if not telling.any():
             return 0.0
-        basis, triangle, _ = qr(changes[:, telling] / size[telling], mode='economic', pivoting=True)
-        basis = basis[:, np.abs(np.diag(triangle)) > _ALIKE]
+        scaled = changes[:, telling] / size[telling]
+        powers, directions = np.linalg.eigh(scaled.T @ scaled)
+        apart = powers > _ALIKE**2
+        along = directions[:, apart].T @ (scaled.T @ self.residual)
         power = max(float(self.residual @ self.residual), 1e-300)
-        return float(np.sum((basis.T @ self.residual) ** 2)) / power
+        return float(np.sum(along**2 / powers[apart])) / power

@@ -31,6 +31,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
+from cfd_pneumatic.lazy import lazy_property
+
 FUNCTIONS = {
     'displacement': 'displacement of a sample [m], which the chamber follows in a straight line from the last one',
     'setpoint': 'set-point p_d [Pa]',
@@ -267,7 +269,7 @@ class Effect:
         """What to record to see it, and how often to sample, for people."""
         return f'{self.shown_by}, sampled at {self.shown_at:g} Hz or more' if self.shown_at else self.shown_by
 
-    @property
+    @lazy_property
     def null(self) -> tuple[float, ...]:
         """Parameter values at which the model is the baseline."""
         return tuple(parameter.null for parameter in self.parameters)
