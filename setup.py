@@ -87,6 +87,6 @@ setup(
             'recorder_node = cfd_pneumatic.start:recorder_node',
             'rig_node = cfd_pneumatic.start:rig_node',
             'sim_node = cfd_pneumatic.start:sim_node',
-        ],
+        ]
     },
 )

@@ -14,15 +14,7 @@ sys.path[:0] = [str(Path(__file__).parents[1] / folder) for folder in ('', 'test
 
 TABLE = []
 LOAD = os.getloadavg()
-LIBRARIES = (
-    'numpy',
-    'numba',
-    'scipy',
-    'rosbags',
-    'casadi',
-    'ros-jazzy-rclpy',
-    'distributed',
-)
+LIBRARIES = ('numpy', 'numba', 'scipy', 'rosbags', 'casadi', 'ros-jazzy-rclpy', 'distributed')
 
 
 @pytest.fixture(scope='session')

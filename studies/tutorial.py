@@ -59,11 +59,7 @@ def programs(folder: Path, around: Mapping[str, str] = os.environ) -> dict[str, 
         program.write_text(f'#!/bin/sh\nexec "{sys.executable}" {option}"$@"\n', encoding='utf-8')
         program.chmod(0o755)
     paths = [str(ROOT), *filter(None, [around.get('PYTHONPATH')])]
-    return {
-        **around,
-        'PATH': f'{folder}{os.pathsep}{around["PATH"]}',
-        'PYTHONPATH': os.pathsep.join(paths),
-    }
+    return {**around, 'PATH': f'{folder}{os.pathsep}{around["PATH"]}', 'PYTHONPATH': os.pathsep.join(paths)}
 
 
 def run(text: str, folder: Path, environment: dict[str, str]) -> str:

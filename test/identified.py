@@ -10,14 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.identification import (
-    ChannelResult,
-    Estimate,
-    Identification,
-    Options,
-    PartError,
-    identify,
-)
+from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, Options, PartError, identify
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import fit

@@ -65,12 +65,7 @@ def told(**changes: tuple[float, dict] | None) -> dict:
         {'name': name, 'stats': {'min': one[0]}, 'extra_info': one[1]} for name, one in found.items() if one is not None
     ]
     about = {'machine': 'a machine', 'commit': '1234567', 'libraries': {'numpy': '2.0'}}
-    return {
-        **about,
-        'load': {'before': 0.1, 'after': 1.2},
-        'machine_info': {'node': 'secret'},
-        'benchmarks': rows,
-    }
+    return {**about, 'load': {'before': 0.1, 'after': 1.2}, 'machine_info': {'node': 'secret'}, 'benchmarks': rows}
 
 
 def verdicts(run: dict) -> dict[str, bool | None]:

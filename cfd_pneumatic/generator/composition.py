@@ -12,15 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from cfd_pneumatic.model import flow_function, lanes, lanewise
 from cfd_pneumatic.model.effects import FORCE_PARTS, FUNCTIONS, MODULES, PRESSURE_PARTS, knots
-from cfd_pneumatic.model.places import (
-    FORCE_PLACES,
-    FORCE_STATES,
-    PARAMETERS,
-    PLACES,
-    PRESSURES,
-    STATES,
-    Place,
-)
+from cfd_pneumatic.model.places import FORCE_PLACES, FORCE_STATES, PARAMETERS, PLACES, PRESSURES, STATES, Place
 
 _TEMPLATES = Path(__file__).parent
 

@@ -50,10 +50,7 @@ _TOLD_BY_FORCE = 0.05  # change of the force's error
 
 
 def doubts(
-    recordings: Sequence[Recording],
-    results: Mapping[str, ChannelResult],
-    options: Options,
-    seen: Sequence[Notice] = (),
+    recordings: Sequence[Recording], results: Mapping[str, ChannelResult], options: Options, seen: Sequence[Notice] = ()
 ) -> tuple[Notice, ...]:
     """
     Return which mistakes recordings, and what was identified of them, look like; and what was assumed.

@@ -1,11 +1,6 @@
 """The paper's pneumatic model: parameters, exact propagation, the two-cylinder device. No input or output."""
 
-from cfd_pneumatic.model.cylinder import (
-    Course,
-    Cylinder,
-    CylinderState,
-    simulate_parameter_sets,
-)
+from cfd_pneumatic.model.cylinder import Course, Cylinder, CylinderState, simulate_parameter_sets
 from cfd_pneumatic.model.device import DIRECTIONS, DeviceModel, DeviceState, ForceGeometry
 from cfd_pneumatic.model.extended import ExtendedCylinder, Movement
 from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess

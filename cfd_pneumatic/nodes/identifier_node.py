@@ -46,10 +46,7 @@ _POLL = 0.01  # [s]
 _PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
 _ASK_AGAIN = 1.0  # a request to set or get parameters is repeated after this time [s]
 _SERVICE_WAIT = 5.0  # how long a target of `apply_to` may take to appear or answer [s]
-_TRANSFER = {
-    GetParameters: 'get_parameters',
-    SetParametersAtomically: 'set_parameters_atomically',
-}
+_TRANSFER = {GetParameters: 'get_parameters', SetParametersAtomically: 'set_parameters_atomically'}
 """The services of the target of `apply_to`, and their names."""
 _BUSY = 'refused: an identification is running; ~/cancel ends it'
 CANCELLED = 'cancelled: earlier outputs are untouched'
@@ -220,11 +217,7 @@ class IdentifierNode(Node):
                 'contact force over piston force, from the linkage; 0: not known, it counts as a part of the area',
             ),
         )
-        declare(
-            'apply_to',
-            '',
-            text('node whose parameters the result sets, e.g. /cfd/sim/sim_node; none: no node'),
-        )
+        declare('apply_to', '', text('node whose parameters the result sets, e.g. /cfd/sim/sim_node; none: no node'))
         declare('split', '60/20/20', text('percent of train, validation and test'))
 
     def _value(self, name: str) -> Any:

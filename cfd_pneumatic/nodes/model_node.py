@@ -273,7 +273,7 @@ class ModelNode(Node):
                 self._health.warn(
                     f'{name}: set-point {self._setpoints[name]:.0f} Pa lies outside the operating '
                     f'points {cylinder.parameters.setpoints[0]:.0f} to {cylinder.parameters.setpoints[-1]:.0f} Pa: '
-                    'the nearest gains are held',
+                    'the nearest gains are held'
                 )
         ambient = self._device.geometry.ambient_pressure
         return self._setpoints['cylinder_a'] + ambient, self._setpoints['cylinder_b'] + ambient

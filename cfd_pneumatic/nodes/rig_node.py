@@ -206,10 +206,7 @@ class RigNode(Node):
         first, second = (self._value(f'{cylinder}.initial_setpoint') for cylinder in convention.CYLINDERS)
         rig = Rig((first, second), self._device)
         piston = CommandedPiston(
-            rig.position,
-            self._device.piston.travel,
-            self._value('speed_limit'),
-            self._value('acceleration_limit'),
+            rig.position, self._device.piston.travel, self._value('speed_limit'), self._value('acceleration_limit')
         )
         commanded = Commanded(Bench(rig, self._period, self._sensors, self._value('seed')), piston, (first, second))
 

@@ -56,7 +56,7 @@ def listen_to(
     """
     events = SubscriptionEventCallbacks(
         incompatible_qos=on_mismatch
-        and (lambda event: on_mismatch(event.total_count_change, qos_policy_name_from_kind(event.last_policy_kind))),
+        and (lambda event: on_mismatch(event.total_count_change, qos_policy_name_from_kind(event.last_policy_kind)))
     )
     if on_lost is not None:
         callback = Counting(callback, on_lost, lambda: node.count_publishers(subscription.topic_name), queue)

@@ -216,11 +216,7 @@ def _parameters(evidence: Evidence, wanted: Collection[str]) -> list[ParameterPr
     }
     return [
         ParameterPrediction(
-            evidence.signatures.channel,
-            name,
-            units[name],
-            value,
-            float(std * abs(value)) if np.isfinite(std) else None,
+            evidence.signatures.channel, name, units[name], value, float(std * abs(value)) if np.isfinite(std) else None
         )
         for name, value, std in zip(evidence.signatures.own, evidence.signatures.values.tolist(), evidence.stds)
         if name in wanted or (name in units and name not in NAMES)  # a curve's heights are told by its band

@@ -53,7 +53,7 @@ def print_plan(plan: Plan, console: Console) -> None:
     proposal = plan.proposal
     console.print(
         f'{proposal.times[-1]:.1f} s in {plan.rounds} round{"s" if plan.rounds > 1 else ""}, each of: '
-        f'{"; ".join(_counted(plan))}.',
+        f'{"; ".join(_counted(plan))}.'
     )
     console.print(_parameter_table(plan.parameters))
     for channel, effects in groupby(plan.effects, key=lambda one: one.channel):

@@ -4,11 +4,7 @@ from cfd_pneumatic.reporting.advice import next_plan
 from cfd_pneumatic.reporting.console import print_report
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.reporting.draft import draft_effect
-from cfd_pneumatic.reporting.folder import (
-    compare_files,
-    is_compare_file,
-    write_report,
-)
+from cfd_pneumatic.reporting.folder import compare_files, is_compare_file, write_report
 from cfd_pneumatic.reporting.names import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 
 __all__ = [

@@ -40,10 +40,7 @@ def write_decays(decays: Mapping[str, Decay], folder: Path) -> list[Path]:
 
     """
     make_folder(folder)
-    content = {
-        'schema': SCHEMA,
-        'cylinders': {name: _data(decay) for name, decay in decays.items()},
-    }
+    content = {'schema': SCHEMA, 'cylinders': {name: _data(decay) for name, decay in decays.items()}}
     write_text(folder / LEAK_FILE, json.dumps(content, indent=1) + '\n')
     write_text(folder / PICTURE_FILE, _picture(decays))
     return [folder / LEAK_FILE, folder / PICTURE_FILE]

@@ -99,10 +99,7 @@ class Performance:
     ) -> None:
         first = tuple(schedule.setpoints[0])
         rig = Rig(
-            (first[0], first[1]),
-            parameters,
-            position=float(schedule.positions[0]),
-            time=-schedule.sampling_period,
+            (first[0], first[1]), parameters, position=float(schedule.positions[0]), time=-schedule.sampling_period
         )
         self._schedule = schedule
         self._bench = Bench(rig, schedule.sampling_period, sensors, seed)

@@ -419,10 +419,7 @@ def odd_drag(position: float, stretch: float, odd: ForceOddities) -> float:
 
 @inner
 def contact_force(
-    outlets: tuple[float, float],
-    stretch: float,
-    motion: tuple[float, float, float],
-    parameters: RigParameters,
+    outlets: tuple[float, float], stretch: float, motion: tuple[float, float, float], parameters: RigParameters
 ) -> float:
     """
     Return the force on the workpiece along +x [N]: the air's, less the piston's inertia, weight and friction.

@@ -39,11 +39,7 @@ def at_rest(schedule, faults=''):
 
 @pytest.mark.parametrize(
     ('faults', 'effects'),
-    [
-        ('', ()),
-        ('effects_a.dead_band=600', ('valve_dead_band',)),
-        ('effects_a.leak_conductance=2e-10', ('leakage',)),
-    ],
+    [('', ()), ('effects_a.dead_band=600', ('valve_dead_band',)), ('effects_a.leak_conductance=2e-10', ('leakage',))],
 )
 def test_steps_of_the_set_point_tell_all_but_the_velocity_gain(steps, faults, effects):
     result = identify([at_rest(steps, faults)], Options(close_loop=True))

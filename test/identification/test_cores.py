@@ -30,10 +30,7 @@ def rms(result):
 
 @pytest.mark.parametrize(
     ('make', 'schedule'),
-    [
-        ('orifices', 'surface_following'),
-        *((make, 'out_and_back') for make in ('walls', 'silencer', 'stirred_walls')),
-    ],
+    [('orifices', 'surface_following'), *((make, 'out_and_back') for make in ('walls', 'silencer', 'stirred_walls'))],
 )
 def test_full_physics_is_no_missing_effect(make, schedule):
     drawn, found = closed(None, make, schedule)

@@ -215,10 +215,7 @@ def test_a_force_sensor_that_trails_is_unexplained():
 def test_too_few_samples_are_said():
     (experiment,) = experiments_of([both_cylinders(draw('seal_friction', 'paper_step', 3))])
     few = replace(
-        experiment,
-        samples=experiment.samples[::5],
-        measured=experiment.measured[::5],
-        part=experiment.part[::5],
+        experiment, samples=experiment.samples[::5], measured=experiment.measured[::5], part=experiment.part[::5]
     )
     closure = close([few], AREA)
     assert closure.verdict == 'insufficient_data'

@@ -28,14 +28,7 @@ def closed(drawn):
 
 
 @pytest.mark.parametrize(
-    'effect',
-    [
-        'leakage',
-        'transport_delay',
-        'valve_dead_band',
-        'nonlinear_valve',
-        'heat_transfer',
-    ],
+    'effect', ['leakage', 'transport_delay', 'valve_dead_band', 'nonlinear_valve', 'heat_transfer']
 )
 def test_names_an_effect_and_reaches_the_floor(effect):
     drawn = draw(effect, 'out_and_back', 2)
@@ -147,8 +140,7 @@ def test_the_test_part_decides_nothing():
     signals = recording.cylinders['cylinder_a']
     spoilt = signals.pressure.values + np.where(signals.pressure.times >= begins, 5e3, 0.0)
     recording = replace(
-        recording,
-        cylinders={'cylinder_a': CylinderSignals(Signal(signals.pressure.times, spoilt), signals.setpoint)},
+        recording, cylinders={'cylinder_a': CylinderSignals(Signal(signals.pressure.times, spoilt), signals.setpoint)}
     )
     other = identify([recording], Options(close_loop=True)).cylinders['cylinder_a']
     assert other.conclusion.verdict == 'unexplained'

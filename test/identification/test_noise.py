@@ -145,12 +145,7 @@ def test_recordings_are_heard_together(memory):
     assert together.std == pytest.approx(STD, rel=3.0 * together.uncertainty)
 
 
-@given(
-    step=st.floats(1e-3, 1e3),
-    level=st.floats(-1e5, 1e5),
-    spread=st.floats(1.5, 30.0),
-    seed=st.integers(0, 2**31),
-)
+@given(step=st.floats(1e-3, 1e3), level=st.floats(-1e5, 1e5), spread=st.floats(1.5, 30.0), seed=st.integers(0, 2**31))
 def test_the_converters_step_is_found(step, level, spread, seed):
     counts = np.round(spread * np.random.default_rng(seed).standard_normal(2000))
     counts[:2] = 0.0, 1.0

@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.model.first_principles import (
-    CRITICAL_RATIO,
-    AspiratorTube,
-    Regulator,
-    first_guess,
-    flow_per_area,
-)
+from cfd_pneumatic.model.first_principles import CRITICAL_RATIO, AspiratorTube, Regulator, first_guess, flow_per_area
 
 TUBE = AspiratorTube(inner_diameter=1e-3, length=0.03, chamber_volume=2e-5)
 REGULATOR = Regulator(supply_pressure=6.2e5, temperature=293.0, k_4=2e-10, k_5=4e-11, aspirator=TUBE)

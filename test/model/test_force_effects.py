@@ -31,13 +31,7 @@ RATE = AMPLITUDE * OMEGA * np.cos(OMEGA * TIMES)
 ACCELERATION = -(OMEGA**2) * X
 A = AMBIENT + 80e3 + 2e3 * np.cos(3.0 * TIMES)
 B = AMBIENT + 30e3 + 1e3 * np.sin(2.0 * TIMES)
-DATA = {
-    'residual': 1.5,
-    'mean': -0.3,
-    'gauge': 1e5,
-    'largest_speed': 0.02,
-    'largest_acceleration': 0.2,
-}
+DATA = {'residual': 1.5, 'mean': -0.3, 'gauge': 1e5, 'largest_speed': 0.02, 'largest_acceleration': 0.2}
 
 
 def force(effects, b=B, stretch=0.0):

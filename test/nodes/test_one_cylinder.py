@@ -29,8 +29,7 @@ def recorded(folder: Path, present: str, linkage: float) -> tuple[Path, Recordin
     """Return the bag of a rig that has one cylinder, and what is in it."""
     (missing,) = {*CYLINDERS} - {present}
     rig = with_changes(
-        RigParameters(),
-        {f'{present}.area': AREA, f'{missing}.area': GONE, 'piston.geometric_factor': linkage},
+        RigParameters(), {f'{present}.area': AREA, f'{missing}.area': GONE, 'piston.geometric_factor': linkage}
     )
     schedule = surface_following(setpoint=SETPOINT, setpoint_b=SETPOINT, setpoint_steps=0.0, duration=10.0)
     whole = recording_of(record(schedule, rig), 'one cylinder', 10**18)
@@ -89,9 +88,7 @@ def test_a_monitor_waits_for_the_one_cylinder_alone(graph: Graph, tmp_path: Path
     with graph.run('monitor_node', arguments):
         graph.until(lambda: piston_out.get_subscription_count() and pressure_out.get_subscription_count())
         graph.next_diagnostics(
-            monitor,
-            lambda one: one.name.endswith('feed') and one.message == f'following {PISTON_STATE}',
-            doing=publish,
+            monitor, lambda one: one.name.endswith('feed') and one.message == f'following {PISTON_STATE}', doing=publish
         )
         topics = {topic for topic, _ in graph.node.get_topic_names_and_types() if topic.startswith(namespace)}
         assert not any('cylinder_b' in topic for topic in topics)

@@ -19,17 +19,7 @@ import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
-from graph import (
-    MILLISECOND,
-    PATIENCE,
-    QUEUE,
-    Graph,
-    Process,
-    SimClient,
-    refusals,
-    ros_arguments,
-    unique_namespace,
-)
+from graph import MILLISECOND, PATIENCE, QUEUE, Graph, Process, SimClient, refusals, ros_arguments, unique_namespace
 from measured import MAPPING, ROOT, needs_measured_data
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 from rclpy.context import Context
@@ -266,10 +256,7 @@ def test_topics_have_the_promised_types_and_qos_and_one_publisher_beside_a_devic
     inputs = (PISTON_STATE, *map(setpoint_topic, CYLINDERS), FORCE_SETPOINT)
     remaps = {topic: f'{device}/{topic}' for topic in inputs}
     # a device that publishes the simulator's outputs, too, in its own namespace
-    with (
-        graph.run('rig_node', ros_arguments(device)),
-        graph.run('sim_node', ros_arguments(simulator, remaps=remaps)),
-    ):
+    with graph.run('rig_node', ros_arguments(device)), graph.run('sim_node', ros_arguments(simulator, remaps=remaps)):
         sim = SimClient(graph, simulator, inputs=device)
         graph.until(lambda: all(sim.heard.values()))
         find = graph.node.get_publishers_info_by_topic
@@ -321,10 +308,7 @@ def test_a_qos_override_holds_for_its_topic_only(graph: Graph, given: str) -> No
     find = graph.node.get_publishers_info_by_topic
     graph.until(lambda: all(find(f'{given}/{topic}') for topic in (PRESSURE_A, PRESSURE_B)))
     reliability = {topic: find(f'{given}/{topic}')[0].qos_profile.reliability for topic in (PRESSURE_A, PRESSURE_B)}
-    assert reliability == {
-        PRESSURE_A: ReliabilityPolicy.BEST_EFFORT,
-        PRESSURE_B: ReliabilityPolicy.RELIABLE,
-    }
+    assert reliability == {PRESSURE_A: ReliabilityPolicy.BEST_EFFORT, PRESSURE_B: ReliabilityPolicy.RELIABLE}
     (reader,) = graph.until(lambda: graph.node.get_subscriptions_info_by_topic(f'{given}/{PISTON_STATE}'))
     assert reader.qos_profile.reliability == ReliabilityPolicy.RELIABLE
     depth = f'qos_overrides.{given}/{PISTON_STATE}.subscription.depth'
@@ -437,9 +421,7 @@ def test_a_message_of_other_joints_is_none_of_ours(sim: SimClient) -> None:
     status = sim.graph.next_diagnostics(sim.node, lambda _: True, doing=lambda: sim.send(sim.stamp + MILLISECOND, 0.0))
     assert (status.level, status.message) == (status.OK, 'following piston_state')
     status = sim.graph.next_diagnostics(
-        sim.node,
-        lambda status: status.level == status.ERROR,
-        doing=lambda: sim.piston_out.publish(NOT_OURS[0]),
+        sim.node, lambda status: status.level == status.ERROR, doing=lambda: sim.piston_out.publish(NOT_OURS[0])
     )
     assert 'piston_state has been silent' in status.message
     assert "no joint 'piston', but ['elbow']" in status.message
@@ -620,9 +602,7 @@ def test_silence_is_an_error_until_samples_come_again(sim: SimClient) -> None:
     status = sim.graph.next_diagnostics(sim.node, lambda status: status.level == status.ERROR)
     assert 'piston_state has been silent for' in status.message
     status = sim.graph.next_diagnostics(
-        sim.node,
-        lambda status: status.level == status.OK,
-        doing=lambda: sim.send(sim.stamp + 100 * MILLISECOND, 0.0),
+        sim.node, lambda status: status.level == status.OK, doing=lambda: sim.send(sim.stamp + 100 * MILLISECOND, 0.0)
     )
     values = {value.key: value.value for value in status.values}
     assert status.message == 'following piston_state'

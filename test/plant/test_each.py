@@ -15,19 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from generated import (
-    BAGS,
-    FIRST,
-    SHIFT,
-    SHIFTS,
-    start,
-    step,
-    still,
-    tables,
-    wait_for,
-    write_plant,
-    write_shift,
-)
+from generated import BAGS, FIRST, SHIFT, SHIFTS, start, step, still, tables, wait_for, write_plant, write_shift
 from pyarrow import parquet
 
 from cfd_pneumatic.commands.identify_bag import main as identify_bag

@@ -190,10 +190,7 @@ def test_rows_that_are_left_out_are_said(csv_to_bag, folder):
     done = csv_to_bag('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
     assert (done.returncode, done.stderr) == (0, '')
     said = done.stdout.splitlines()
-    assert said[5:7] == [
-        '  the last row has no line end and may be cut: left out',
-        '  time: dropped 2 rows not finite',
-    ]
+    assert said[5:7] == ['  the last row has no line end and may be cut: left out', '  time: dropped 2 rows not finite']
 
 
 def test_a_bag_that_is_there_is_kept_or_replaced(csv_to_bag, folder):

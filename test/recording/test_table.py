@@ -149,11 +149,7 @@ BAD = {
         BY_NUMBER.replace('column: 3', 'column: d'),
         "has no column 'd': for columns by name set header_rows in the mapping",
     ),
-    'later than any number': (
-        '1e308 1 1\n',
-        BY_NUMBER,
-        'the times in column 1 are far too large: check their unit',
-    ),
+    'later than any number': ('1e308 1 1\n', BY_NUMBER, 'the times in column 1 are far too large: check their unit'),
     'far too late': (
         '1e10 1 1\n',
         BY_NUMBER.replace('unit: ms', 'unit: s'),

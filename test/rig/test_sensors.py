@@ -74,13 +74,7 @@ def test_one_by_one_is_the_same_as_at_once() -> None:
 
 
 @pytest.mark.parametrize(
-    'bad',
-    [
-        {'pressure_noise': -1.0},
-        {'stamp_jitter': float('nan')},
-        {'bits': -1},
-        {'force_range': (1.0, 1.0)},
-    ],
+    'bad', [{'pressure_noise': -1.0}, {'stamp_jitter': float('nan')}, {'bits': -1}, {'force_range': (1.0, 1.0)}]
 )
 def test_sensors_that_cannot_be_built_are_refused(bad: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(bad))):

@@ -1,4 +1,4 @@
-"""The Gram matrix, by one thread: a library would wake others for it, which have work of their own."""
+"""The Gram matrix, by one thread (a library would wake others, which have work of their own), and what it tells."""
 
 from __future__ import annotations
 
@@ -24,3 +24,14 @@ def _multiply(rows: Array, found: Array) -> None:
             for sample in range(rows.shape[1]):
                 total += rows[one, sample] * rows[other, sample]
             found[one, other] = found[other, one] = total
+
+
+def orthonormal(products: Array, least: float) -> Array:
+    """
+    Return orthonormal combinations of columns, whose inner products are given, shape (k, rank).
+
+    Left out are those whose singular value is less than so much of the largest.
+    """
+    powers, directions = np.linalg.eigh(products)
+    apart = powers > least**2 * powers[-1]
+    return np.asarray(directions[:, apart] / np.sqrt(powers[apart]))

@@ -19,7 +19,7 @@ from scipy.special import betaincinv, fdtri
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.autoregression import autocovariance, autoregression, driven, whitened
-from cfd_pneumatic.identification.residual.gram import gram
+from cfd_pneumatic.identification.residual.gram import gram, orthonormal
 from cfd_pneumatic.identification.residual.noise import SLOWEST, Noise
 from cfd_pneumatic.identification.residual.regressors import Regressors
 
@@ -134,10 +134,8 @@ def _inputs_test(
     size = np.sqrt(np.diag(common))
     varying = np.flatnonzero(size[:-1])
     alike, shared = (common[varying][:, rest] / np.outer(size[varying], size[rest]) for rest in (varying, [-1]))
-    powers, directions = np.linalg.eigh(alike)
-    apart = powers > _APART**2 * powers[-1]
-    share = float(np.sum((directions[:, apart].T @ shared[:, 0]) ** 2 / powers[apart]))
-    rank = int(np.count_nonzero(apart))
+    directions = orthonormal(alike, _APART)
+    share, rank = float(np.sum((directions.T @ shared) ** 2)), directions.shape[1]
     significant = float(betaincinv(rank / 2.0, max(count - rank, 1) / 2.0, 1.0 - SIGNIFICANCE))
     threshold = max(significant, rank / count + material)
     return Test('inputs', share, threshold, 'share of the residual that a regression on the inputs explains')
@@ -203,9 +201,7 @@ def _orthogonal(columns: Array) -> Array:
     """Return an orthonormal basis of what columns span, those that are zero left out, shape (n, rank)."""
     size = np.linalg.norm(columns, axis=0)
     scaled = columns[:, size > 0.0] / size[size > 0.0]
-    powers, directions = np.linalg.eigh(scaled.T @ scaled)
-    apart = powers > _APART**2 * powers[-1]
-    return np.asarray(scaled @ (directions[:, apart] / np.sqrt(powers[apart])))
+    return np.asarray(scaled @ orthonormal(scaled.T @ scaled, _APART))
 
 
 def _line_test(spectra: Sequence[Sequence[Array]]) -> Test:

@@ -10,6 +10,7 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
+from cfd_pneumatic.identification.residual.gram import orthonormal
 from cfd_pneumatic.lazy import lazy_property
 
 Start = tuple[float, ...]
@@ -80,8 +81,5 @@ class Complement:
         if not telling.any():
             return 0.0
         scaled = changes[:, telling] / size[telling]
-        powers, directions = np.linalg.eigh(scaled.T @ scaled)
-        apart = powers > _ALIKE**2
-        along = directions[:, apart].T @ (scaled.T @ self.residual)
-        power = max(float(self.residual @ self.residual), 1e-300)
-        return float(np.sum(along**2 / powers[apart])) / power
+        along = orthonormal(scaled.T @ scaled, _ALIKE).T @ (scaled.T @ self.residual)
+        return float(along @ along) / max(float(self.residual @ self.residual), 1e-300)

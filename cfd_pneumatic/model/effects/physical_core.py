@@ -205,15 +205,7 @@ EFFECT = Effect(
             choice=True,
         ),
         EffectParameter(
-            'supply',
-            'Pa',
-            1e5,
-            5e6,
-            8e5,
-            'absolute supply pressure',
-            logarithmic=True,
-            is_supply=True,
-            spread=0.3,
+            'supply', 'Pa', 1e5, 5e6, 8e5, 'absolute supply pressure', logarithmic=True, is_supply=True, spread=0.3
         ),
         EffectParameter('critical_ratio', '-', 0.1, 0.6, 0.4, 'pressure ratio at which the valves choke', spread=0.2),
         EffectParameter(

@@ -90,12 +90,7 @@ def _opened_mcap(file: Any) -> McapFile:
 
 STORAGES: Mapping[StorageName, Storage] = {
     'mcap': Storage(
-        '.mcap',
-        'mcap recover may mend it',
-        mcap_flaw,
-        _opened_mcap,
-        lambda path, _: McapFile(path),
-        McapWriter,
+        '.mcap', 'mcap recover may mend it', mcap_flaw, _opened_mcap, lambda path, _: McapFile(path), McapWriter
     ),
     'sqlite3': Storage(
         '.db3',

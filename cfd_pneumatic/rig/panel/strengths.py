@@ -110,10 +110,7 @@ def supply_variation(amplitude: float, situation: Situation) -> Changes:
 
 def droop(lead: float, situation: Situation) -> Changes:
     """Let the set pressure give way to the flow, late."""
-    return {
-        'effects_a.droop': lead / situation.mass_per_pressure,
-        'effects_a.droop_lag': situation.between(0.03, 0.2),
-    }
+    return {'effects_a.droop': lead / situation.mass_per_pressure, 'effects_a.droop_lag': situation.between(0.03, 0.2)}
 
 
 def seal_friction(coulomb: float, situation: Situation) -> Changes:

@@ -54,14 +54,7 @@ def rates(outlet: float, sensed: float, setpoint: float, velocity: float, gains:
 
 
 @compiled
-def integrate(
-    displacement: Array,
-    setpoints: Array,
-    period: float,
-    steps: int,
-    gains: Gains,
-    pressures: Array,
-) -> None:
+def integrate(displacement: Array, setpoints: Array, period: float, steps: int, gains: Gains, pressures: Array) -> None:
     """
     Fill in the pressure [Pa] at each knot, from rest, by the classical Runge-Kutta method.
 
