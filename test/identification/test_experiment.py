@@ -62,6 +62,7 @@ def test_few_lines_from_sample_to_sample_are_a_parabola():
     mean_of_lines = 1.0 - 1.0 / lines**2  # of the parabola's
     np.testing.assert_allclose(found.inputs['acceleration'][1:], mean_of_lines * accelerations[::lines], rtol=1e-9)
     np.testing.assert_allclose(found.inputs['displacement'], 0.0, atol=1e-18)
+    assert found.parabolic is None, 'no line goes'
 
 
 def test_a_parabola_ends_where_a_set_point_changes_and_where_the_piston_is_sudden():

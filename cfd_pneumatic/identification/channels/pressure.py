@@ -296,7 +296,7 @@ class Pressure(Channel):
         times = np.column_stack([rows[:, some].sum(axis=1) for some in late])
         groups = [np.flatnonzero(np.all(times == some, axis=1)) for some in dict.fromkeys(map(tuple, times.tolist()))]
         is_moved = any(name in MOVING or self.effects[name].late for name in effects)
-        followed = experiment if is_moved else experiment.parabolic
+        followed = (None if is_moved else experiment.parabolic) or experiment
         walks = []
         for own in groups:
             alike = SideBySide(

@@ -18,6 +18,7 @@ from cfd_pneumatic.model.extended import extremes
 
 _BEYOND = 0.5  # longest time by which a signal may be read early [s]
 _BLOCK = 4096  # samples: what is simulated of them stays in a processor's cache
+_LONG = 1_000_000  # grid steps
 _MOST_LINES = 4  # that a parabola stands for: where more are needed, the piston moves too suddenly for one
 _STARTING = 3  # samples whose median a cut begins with
 
@@ -122,19 +123,23 @@ class Experiment:
         return extremes(self.times, self.inputs['displacement'], self.inputs['setpoint'])
 
     @lazy_property
-    def parabolic(self) -> Experiment:
+    def parabolic(self) -> Experiment | None:
         """
         The same with the piston on a parabola from sample to sample, where few straight lines followed it in between.
 
         Its inputs hold the `acceleration` on the step that ends at each grid time, too [m/s^2]: the one by which the
-        mean displacement of the step stays what it is.
+        mean displacement of the step stays what it is. None where no line goes, and of what is long: it takes memory.
         """
+        if self.times.size > _LONG:
+            return None
         held, moved = self.inputs['setpoint'], self.inputs['displacement']
         needed = np.append(held[1:] != held[:-1], True)
         needed[0] = needed[self.samples] = True
         lines = np.diff(np.flatnonzero(needed))
         needed[1:] |= np.repeat(lines > _MOST_LINES, lines)
         kept = np.flatnonzero(needed)
+        if kept.size == self.times.size:
+            return None
         inputs = {name: values[kept] for name, values in self.inputs.items()}
         lasting, ends = np.diff(self.times[kept]), inputs['displacement']
         swept = np.add.reduceat(0.5 * (moved[1:] + moved[:-1]) * np.diff(self.times), kept[:-1])

@@ -14,6 +14,7 @@ FLOAT32 = 'std_msgs/msg/Float32'
 HEADER = 'std_msgs/msg/Header'
 TIME = 'builtin_interfaces/msg/Time'
 
+# what this package reads and writes, defined as ROS 2 ships it
 _EVERYDAY = {
     JOINT_STATE: 'std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort',
     FLUID_PRESSURE: 'std_msgs/Header header\nfloat64 fluid_pressure\nfloat64 variance',
