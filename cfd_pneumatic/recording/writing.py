@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,7 @@ def write_recording(
 
     """
     with BagWriter(path, storage=storage, overwrite=overwrite) as bag:
-        bag.write_streams(streams_of(recording, namespace, ambient_pressure, joint))
+        bag.write_streams(list(streams_of(recording, namespace, ambient_pressure, joint)))
         for role, cylinder, signal in recording.signals():
             if role in ROLES and signal.unit is not None:  # so that a mistake in it is told of the bag, too
                 said = f'{signal.unit} {signal.reference or ""}'.strip()
@@ -69,22 +70,20 @@ def write_recording(
 
 def streams_of(
     recording: Recording, namespace: str, ambient_pressure: float, joint: str = PISTON_JOINT
-) -> list[Stream]:
+) -> Iterator[Stream]:
     """
-    Return what is written of a recording, at topics in a namespace; of signals that only a mapping knows nothing.
+    Yield what is written of a recording, at topics in a namespace; of signals that only a mapping knows nothing.
 
     What is held comes first: at equal times before the samples that it acts on.
     """
     known = [(ROLES[role], cylinder, signal) for role, cylinder, signal in recording.signals() if role in ROLES]
-    return [
-        Stream(
+    for role, cylinder, signal in sorted(known, key=lambda one: not one[0].held):
+        yield Stream(
             resolve(namespace, role.topic_of(cylinder)),
             Form(role.msgtype, joint=joint),
             stamps_of(recording, signal.times),
             signal.values - ambient_pressure if role.gauge else signal.values,
         )
-        for role, cylinder, signal in sorted(known, key=lambda one: not one[0].held)
-    ]
 
 
 def stamps_of(recording: Recording, times: Array) -> NDArray[np.int64]:

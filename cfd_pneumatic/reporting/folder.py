@@ -22,6 +22,7 @@ from cfd_pneumatic.reporting.names import COMPARE_FILE, PAGE_FILE, PARAMETER_FIL
 from cfd_pneumatic.reporting.page import report_page
 
 _RUN_LENGTH = 16
+_BESIDE = 1_000_000  # samples, of more than which the page is made first: both at once take memory
 
 
 class Written(NamedTuple):
@@ -83,6 +84,8 @@ def _written(identification: Identification, folder: Path, full: bool) -> Writte
         compared = compare_files(identification, folder)
         with ThreadPoolExecutor(1) as beside:  # bags are written by what is compiled, which lets the page be made
             text = beside.submit(report_page, identification, live, run)
+            if sum(len(one.displacement) for one in identification.recordings) > _BESIDE:
+                text.result()
             complete = [
                 write_comparison(path, identification, index, run, full=full) for index, path in enumerate(compared)
             ]

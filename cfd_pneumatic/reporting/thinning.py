@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
 
+_TOGETHER = 10_000  # columns
+
 Times = TypeVar('Times', Array, NDArray[np.int64])
 
 
@@ -22,8 +24,12 @@ def thinned(times: Times, values: Array, columns: int) -> tuple[Times, Array]:
         return times, values
     edges = np.linspace(0, values.size, columns + 1).astype(np.intp)
     widest = int(np.max(np.diff(edges)))
-    at = np.minimum(edges[:-1, None] + np.arange(widest), edges[1:, None] - 1)  # the last sample fills what is left
-    seen = values[at]
-    ends = np.column_stack([np.argmin(seen, axis=1), np.argmax(seen, axis=1)])
-    kept = np.unique(np.take_along_axis(at, ends, axis=1))
+    found = []
+    for first in range(0, columns, _TOGETHER):
+        own = edges[first : first + _TOGETHER + 1, None]
+        at = np.minimum(own[:-1] + np.arange(widest), own[1:] - 1)  # the last sample fills what is left
+        seen = values[at]
+        ends = np.column_stack([np.argmin(seen, axis=1), np.argmax(seen, axis=1)])
+        found.append(np.take_along_axis(at, ends, axis=1).ravel())
+    kept = np.unique(np.concatenate(found))
     return times[kept], values[kept]
