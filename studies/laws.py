@@ -70,8 +70,8 @@ LEFT_OUT = {
 MEMORIES = tuple(name for name in LIBRARY if name not in LEFT_OUT)
 """Those with a memory, and a supply that swings as a hum does: no law of what is measured is either."""
 
-FIRST_SEED = 17004
-"""Of the report; 0 to 999 are for developing, 7000 to 17003 were reported."""
+FIRST_SEED = 17005
+"""Of the report; 0 to 999 are for developing, 7000 to 17004 were reported."""
 
 REMAINS = 1.1
 """Error of the better core without a law, against the true device's, from which a law remains [-]."""
