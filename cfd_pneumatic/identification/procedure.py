@@ -22,6 +22,7 @@ from cfd_pneumatic.identification.readings import is_doubtful, other_reading
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
 from cfd_pneumatic.identification.steps import of_fit, of_pressure
 from cfd_pneumatic.identification.verdict import part_errors
+from cfd_pneumatic.identification.waves import to_leave_out, waves_of
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.parallel import each
 from cfd_pneumatic.recording import Recording
@@ -107,6 +108,10 @@ def identify(
     samples = sum(len(recording.displacement.times) for recording in recordings)
     together = each if samples <= _TOGETHER else map  # one after the other where memory counts
     fits = dict(zip(waiting, together(lambda channel: _fitted(channel, data), channels)))
+    even, uneven = _without_waves(data, fits, channels, options)
+    if uneven:
+        data = even
+        fits = dict(zip(waiting, together(lambda channel: _fitted(channel, data), channels)))
     failed = {name: one for name, one in fits.items() if isinstance(one, InputError)}
     fitted = {channel: one for channel in channels if isinstance(one := fits[channel.name], Fit)}
     needed = {channel: fits[channel.name] for channel in channels if channel.needed}
@@ -132,11 +137,33 @@ def identify(
 
     results = {one.channel.name: one for one in together(result_of, fitted)}
     unidentified = {name: str(error) for name, error in failed.items()}
-    notices = doubts(recordings, results, options, seen_in_any)
+    notices = (*uneven, *doubts(recordings, results, options, seen_in_any))
     misread = any_warning([one for one in notices if one.code != 'size_suspect'])
     notices += tuple(_notice_of(one, misread) for one in failed.values())
     results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}
-    return Identification(data.recordings, data.splits, data.no_test, results, unidentified, options, notices)
+    return Identification(tuple(recordings), data.splits, data.no_test, results, unidentified, options, notices)
+
+
+def _without_waves(
+    data: Prepared, fits: Mapping[str, Fit | InputError], channels: Sequence[Channel], options: Options
+) -> tuple[Prepared, tuple[Notice, ...]]:
+    """Return the recordings without waves of the displacement that no pressure follows, and what to say of them."""
+    found = [waves_of(*one) for one in zip(data.recordings, data.motions)]
+    if not any(found):
+        return data, ()
+    recordings = tuple(one if waves is None else waves.without for one, waves in zip(data.recordings, found))
+    even = prepared(recordings, options.fractions)
+    pressures = [
+        (waves, own, recorded, without)
+        for channel in channels
+        if channel.needed and isinstance(own := fits[channel.name], Fit)
+        for index, recorded, without in zip(
+            data.holding(channel), own.likelihood.experiments, even.experiments(channel)
+        )
+        if (waves := found[index])
+    ]
+    said = to_leave_out(pressures)
+    return (data, ()) if said is None else (even, (said,))
 
 
 def _steps(needed: Mapping[Channel, Fit | InputError], data: Prepared, options: Options) -> dict[str, list[Notice]]:

@@ -1,0 +1,141 @@
+"""
+Waves of the displacement that the pressure does not follow: its sensor makes them, not the piston.
+
+Where a piston is driven evenly from one reversal to the next, a sensor may see it wave: its target is no plane, or
+sways. Whether the piston does, the pressure tells, which follows its speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from cfd_pneumatic.arrays import Array, rms
+from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.data.motion import Motion
+from cfd_pneumatic.identification.data.split import stroke_times
+from cfd_pneumatic.identification.fit.fit import Fit
+from cfd_pneumatic.notices import Notice, note
+from cfd_pneumatic.recording import Recording
+
+_TURN = 0.3  # beside a reversal, in which no motion is even [s]
+_EASED = 0.15  # in which waves fade in and out [s]
+_SHORTEST = 1.2  # even motion that tells waves from itself [s]
+_FEWEST = 50  # samples of it
+_DEGREE = 5  # of the polynomial of time that even motion is
+_SLOWEST = 0.5  # of its usual speed
+_FOLLOWED = 0.5  # of what waves of the piston would make of the pressure
+_SURE = 50.0  # times a sample's square, by which less must be left without waves
+
+
+@dataclass(frozen=True)
+class Waves:
+    """
+    Waves of a recording's displacement in even motion.
+
+    Attributes
+    ----------
+    without
+        The recording without them.
+    spans
+        Begin and end of each stretch of even motion [s].
+    size
+        Their root mean square [m].
+
+    """
+
+    without: Recording
+    spans: tuple[tuple[float, float], ...]
+    size: float
+
+
+def waves_of(recording: Recording, motion: Motion) -> Waves | None:
+    """Return the waves of a displacement; None where no motion is even for long, or none stick out of the noise."""
+    if not motion.reach:
+        return None
+    times, moved = motion.times, motion.displacement
+    spans, waves = [], []
+    for begin, end in pairwise(stroke_times(times, moved, motion.noise).tolist()):
+        first, last = begin + _TURN, end - _TURN
+        if last - first < _SHORTEST:
+            continue
+        inside = _between(times, first, last)
+        if inside.stop - inside.start < _FEWEST:
+            continue
+        uneven = _uneven(times[inside], moved[inside])
+        speed = np.abs(np.gradient(moved[inside] - uneven, times[inside]))
+        if np.min(speed) >= _SLOWEST * np.median(speed):
+            from_end = np.minimum(times[inside] - first, last - times[inside])
+            spans.append((first + _EASED, last - _EASED))
+            waves.append((inside, np.minimum(from_end / _EASED, 1.0) * uneven))
+    size = rms(np.concatenate([one for _, one in waves])) if waves else 0.0
+    if size <= motion.uncertainty:
+        return None
+    values = recording.displacement.values.copy()
+    for inside, one in waves:
+        values[inside] -= one
+    without = replace(recording, displacement=replace(recording.displacement, values=values))
+    return Waves(without, tuple(spans), size)
+
+
+def to_leave_out(pressures: Sequence[tuple[Waves, Fit, Experiment, Experiment]]) -> Notice | None:
+    """
+    Return what to say of waves that the pressures do not follow; None where they do, or nothing tells.
+
+    What follows early or late follows, too. Test parts have no say.
+
+    Parameters
+    ----------
+    pressures
+        The waves of each recording with some, and of each cylinder in it its fit, and the recording as it is and
+        without waves, made ready for the model.
+
+    """
+    told = [one for some in pressures for one in _told(*some)]
+    if not told:
+        return None
+    expected, slope, left = np.hstack(told)
+    basis, _ = np.linalg.qr(np.stack([expected, slope], axis=1))
+    share = float(np.linalg.norm(basis.T @ left) / np.linalg.norm(expected))
+    if share >= _FOLLOWED or float(expected @ (expected - 2.0 * left)) <= _SURE:
+        return None
+    size = max(waves.size for waves, *_ in pressures)
+    return note(
+        'waves_left_out',
+        f'where the piston moves evenly its displacement waves by {size * 1e3:.2g} mm, of which the pressures follow '
+        f"{share:.0%}: the waves are the sensor's, and left out",
+        'look at its target and its mount: sim_node and monitor_node take the displacement as it comes',
+    )
+
+
+def _told(waves: Waves, fit: Fit, recorded: Experiment, even: Experiment) -> Iterator[Array]:
+    """Yield what waves would make of a pressure, its slope, and what is left without them, shape (3, n) [residuals]."""
+    times, known = recorded.sample_times, recorded.sample_times[recorded.fitted]
+    if not known.size:
+        return
+    with_waves, without = (fit.likelihood.channel.simulated([one], fit.model)[0] for one in (recorded, even))
+    without = np.interp(times, even.sample_times, without)
+    expected = with_waves - without
+    signals = np.stack([expected, np.gradient(expected, times), recorded.measured - without])
+    inside = [_between(times, begin, min(end, float(known[-1]))) for begin, end in waves.spans]
+    uneven = [_uneven(times[one], signals[:, one]) for one in inside if one.stop - one.start >= _FEWEST]
+    if uneven:
+        found = np.hstack(uneven)
+        yield found / rms(found[-1])
+
+
+def _between(times: Array, begin: float, end: float) -> slice:
+    """Return which of increasing times lie between two."""
+    first, last = np.searchsorted(times, [begin, end]).tolist()
+    return slice(first, max(first, last))
+
+
+def _uneven(times: Array, signals: Array) -> Array:
+    """Return signals, shape (..., n), less what is even in them."""
+    since = (times - times[0]) / (times[-1] - times[0])
+    basis, _ = np.linalg.qr(legvander(2.0 * since - 1.0, _DEGREE))
+    return np.asarray(signals - signals @ basis @ basis.T)
