@@ -137,7 +137,7 @@ def identify(
 
     results = {one.channel.name: one for one in together(result_of, fitted)}
     unidentified = {name: str(error) for name, error in failed.items()}
-    notices = (*uneven, *doubts(recordings, results, options, seen_in_any))
+    notices = (*doubts(recordings, results, options, seen_in_any), *uneven)
     misread = any_warning([one for one in notices if one.code != 'size_suspect'])
     notices += tuple(_notice_of(one, misread) for one in failed.values())
     results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}

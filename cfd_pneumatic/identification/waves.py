@@ -22,12 +22,11 @@ from cfd_pneumatic.identification.fit.fit import Fit
 from cfd_pneumatic.notices import Notice, note
 from cfd_pneumatic.recording import Recording
 
-_TURN = 0.3  # beside a reversal, in which no motion is even [s]
-_EASED = 0.15  # in which waves fade in and out [s]
+_EASED = 0.15  # after which a motion is even, and in which its waves fade in [s]
 _SHORTEST = 1.2  # even motion that tells waves from itself [s]
 _FEWEST = 50  # samples of it
 _DEGREE = 5  # of the polynomial of time that even motion is
-_SLOWEST = 0.5  # of its usual speed
+_EVEN, _SLOWEST = 0.8, 0.5  # of the usual speed of a stroke, which it begins and ends with, and never is below
 _FOLLOWED = 0.5  # of what waves of the piston would make of the pressure
 _SURE = 50.0  # times a sample's square, by which less must be left without waves
 
@@ -60,16 +59,19 @@ def waves_of(recording: Recording, motion: Motion) -> Waves | None:
     times, moved = motion.times, motion.displacement
     spans, waves = [], []
     for begin, end in pairwise(stroke_times(times, moved, motion.noise).tolist()):
-        first, last = begin + _TURN, end - _TURN
-        if last - first < _SHORTEST:
+        if end - begin < _SHORTEST:
             continue
+        stroke = _between(times, begin, end)
+        speed = np.abs(motion.rate[stroke])
+        usual = float(np.median(speed))
+        fast = times[stroke][speed >= _EVEN * usual]
+        first, last = float(fast[0]) + _EASED, float(fast[-1]) - _EASED
         inside = _between(times, first, last)
-        if inside.stop - inside.start < _FEWEST:
+        if last - first < _SHORTEST or inside.stop - inside.start < _FEWEST:
             continue
-        uneven = _uneven(times[inside], moved[inside])
-        speed = np.abs(np.gradient(moved[inside] - uneven, times[inside]))
-        if np.min(speed) >= _SLOWEST * np.median(speed):
+        if np.min(np.abs(motion.rate[inside])) >= _SLOWEST * usual:
             from_end = np.minimum(times[inside] - first, last - times[inside])
+            uneven = _uneven(times[inside], moved[inside])
             spans.append((first + _EASED, last - _EASED))
             waves.append((inside, np.minimum(from_end / _EASED, 1.0) * uneven))
     size = rms(np.concatenate([one for _, one in waves])) if waves else 0.0
@@ -106,9 +108,9 @@ def to_leave_out(pressures: Sequence[tuple[Waves, Fit, Experiment, Experiment]])
     size = max(waves.size for waves, *_ in pressures)
     return note(
         'waves_left_out',
-        f'where the piston moves evenly its displacement waves by {size * 1e3:.2g} mm, of which the pressures follow '
-        f"{share:.0%}: the waves are the sensor's, and left out",
-        'look at its target and its mount: sim_node and monitor_node take the displacement as it comes',
+        f'where the piston moves evenly the displacement waves by {size * 1e3:.2g} mm, of which the pressures follow '
+        f'{share:.0%}; the sensor makes these waves, and they are left out',
+        "look at the sensor's target and mount; sim_node and monitor_node still see the waves",
     )
 
 
