@@ -30,7 +30,7 @@ LENGTHS = (350, 3_600, 3_600_000)
 
 
 def fitted_here(samples: int) -> np.ndarray:
-    start = Model(GAINS * START, {}, np.zeros((1, 2)))
+    start = Model(GAINS * START, {}, np.zeros((1, 3)))
     return fit(CHANNEL, [experiment(samples)], start).model.parameters
 
 

@@ -51,41 +51,53 @@ def identified(*runs: Path) -> Identification:
     return identify(recordings, Options(close_loop=True))
 
 
+def drift_of(of: ChannelResult) -> float:
+    """Return the median rate by which the set-points drift that nobody recorded [Pa/s]."""
+    return float(np.median(of.found.model.own[:, 2]))
+
+
 def predicted(of: ChannelResult, run: ChannelResult, learnt: float = 1.0) -> float:
     """
-    Return the error of one run's model in another run, over its noise, where only the set-point is fitted.
+    Return the error of a model of other runs in a run, over its noise, where only the set-point is fitted.
 
     Parameters
     ----------
     of, run
         Whose model, and which run.
     learnt
-        Share of the run that its set-point is fitted to; the rest is scored, or all of it where that is 1.
+        Share of the run that its set-point is fitted to, which then drifts as in the other runs; the rest is scored, or
+        all of it where that is 1.
 
     """
-    likelihood, (experiment,) = run.fit.likelihood, run.experiments
-    model = replace(of.found.model, own=run.fit.model.own)
+    (experiment,) = run.experiments
     count = round(learnt * experiment.measured.size)
-    scale = noise(experiment.measured)
+    scale, drift = noise(experiment.measured), drift_of(of)
+    offset, start, _ = run.fit.model.own[0].tolist()
 
-    def left(setpoint: Array) -> Array:
-        own = model.own.copy()
-        own[0, 0] = setpoint[0]
-        return (likelihood.simulate(replace(model, own=own))[0] - experiment.measured) / scale
+    def left(more: Array) -> Array:
+        own = np.array([[offset + scale * more[0], start, drift]])
+        return (run.channel.simulated([experiment], replace(of.found.model, own=own))[0] - experiment.measured) / scale
 
-    begin = [float(model.own[0, 0])]
-    found = least_squares(lambda setpoint: left(setpoint)[:count], begin, x_scale=1e3, diff_step=1e-4)
+    found = least_squares(lambda more: left(more)[:count], [1.0], diff_step=1e-2)
     return rms(left(found.x)[count if learnt < 1.0 else 0 :])
 
 
-def mean_stroke(of: Experiment, run: Experiment) -> float:
-    """Return the error of one run's mean stroke in another run, over its noise, moved by a constant."""
-    strokes = {}
+def mean_stroke(of: ChannelResult, run: ChannelResult) -> float:
+    """Return the error of one run's mean stroke and drift in another run, over its noise; a constant is fitted."""
+    (of_one,), (one,), drift = of.experiments, run.experiments, drift_of(of)
+    even = of_one.measured - drift * of_one.sample_times
+    curves = {}
     for way in (False, True):
-        ones = np.ma.masked_invalid([one for other, one in _strokes(of) if other == way])
-        strokes[way] = ones.mean(axis=0).filled(np.nan)
-    left = np.concatenate([one - strokes[way] for way, one in _strokes(run)])
-    return rms(left - np.nanmean(left)) / noise(run.measured)
+        strokes = [
+            np.interp(PHASES, phases, even[samples], right=np.nan)
+            for inwards, samples, phases in _strokes(of_one)
+            if inwards == way
+        ]
+        curves[way] = np.ma.masked_invalid(strokes).mean(axis=0).filled(np.nan)
+    measured = one.measured - drift * one.sample_times
+    left = [measured[samples] - np.interp(phases, PHASES, curves[way]) for way, samples, phases in _strokes(one)]
+    together = np.concatenate(left)
+    return rms(together - np.nanmean(together)) / noise(one.measured)
 
 
 def document(data: Path) -> str:
@@ -149,12 +161,12 @@ def _reruns(rerun: Path, alone: Mapping[str, ChannelResult]) -> Iterator[tuple[s
     for pressure in (3, 7):
         names = sorted(path.stem for path in rerun.glob(f'*_{pressure}bar.csv'))
         for of, run in permutations(names, 2):
-            stroke = mean_stroke(alone[of].experiments[0], alone[run].experiments[0])
+            stroke = mean_stroke(alone[of], alone[run])
             yield run, of, f'{predicted(alone[of], alone[run]):.2f}', f'{stroke:.2f}'
 
 
-def _strokes(one: Experiment) -> list[tuple[bool, Array]]:
-    """Return the pressure from each turn of the piston to the next, NaN after it, and whether it then goes inwards."""
+def _strokes(one: Experiment) -> list[tuple[bool, slice, Array]]:
+    """Return of each stroke whether it goes inwards, its samples, and how long after its begin they are [s]."""
     times, position = one.sample_times, gaussian_filter1d(one.at_samples('displacement'), SMOOTHED)
     stroke = float(np.ptp(position))
     turns = sorted(
@@ -164,6 +176,6 @@ def _strokes(one: Experiment) -> list[tuple[bool, Array]]:
     )
     found = []
     for (first, inwards), (last, _) in pairwise(turns):
-        phases = np.where(last - first > PHASES, PHASES - BEFORE, np.nan)
-        found.append((inwards, np.interp(first + phases, times, one.measured)))
+        samples = slice(*np.searchsorted(times, [first - BEFORE, last - BEFORE]).tolist())
+        found.append((inwards, samples, times[samples] - first + BEFORE))
     return found

@@ -64,7 +64,7 @@ def estimated_setpoints(identification: Identification) -> list[dict[str, float]
         levels = result.channel.levels(result.experiments, result.found.model)
         for one, level in zip(result.comparisons, levels):
             if identification.recordings[one.recording].cylinders[name].setpoint is None:
-                found[one.recording][name] = float(level[0])
+                found[one.recording][name] = float(np.mean(level))
     return found
 
 

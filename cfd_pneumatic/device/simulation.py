@@ -68,7 +68,7 @@ def _pressure(name: str, cylinder: Cylinder, recording: Recording, motion: Motio
         first = float(np.median(measured.values[within][:_STARTING]))
     if cylinder.effects and cylinder.parameters.setpoints.size == 1:
         start = first - level - cylinder.setpoint_offset
-        own = np.array([[cylinder.setpoint_offset, start]])
+        own = np.array([[cylinder.setpoint_offset, start, 0.0]])
         model = Model.of_parts(cylinder.parameters.table[0, 1:], cylinder.effects, own)
         values = _simulated(channel, model, recording, motion, times, inputs, samples)
     else:

@@ -77,6 +77,7 @@ def doubts(
         found += [notice for one in cylinders.values() for notice in _of_delay(one, forces, recordings, options)]
     if not any_warning(found):
         found += _of_chambers(cylinders, recordings, options)
+    found += [notice for one in cylinders.values() for notice in _of_drift(one)]
     found += [notice for one in forces for notice in _of_force(one, recordings, options)]
     return tuple(found)
 
@@ -85,6 +86,15 @@ def of_recordings(recordings: Sequence[Recording], options: Options) -> tuple[No
     """Return which mistakes recordings look like, and what has to be assumed of them."""
     alone = (notice for one in recordings for notice in doubts_of_recording(one, options.ambient_pressure))
     return (*dict.fromkeys(alone), *duplicates(recordings))
+
+
+def _of_drift(result: ChannelResult) -> Iterator[Notice]:
+    """Say by how much the set-points drift that nobody recorded."""
+    drifting = [one.index for one in result.experiments if one.drifts]
+    if drifting:
+        rates = result.found.model.own[drifting, result.channel.own.index('drift')]
+        shown = ' to '.join(dict.fromkeys(f'{rate:.2g}' for rate in (np.min(rates), np.max(rates))))
+        yield note('setpoint_drifts', f'{result.name}: the set-point that was not recorded drifts by {shown} Pa/s')
 
 
 def _of_chamber(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[Notice]:

@@ -35,7 +35,7 @@ def of_fit(fit: Fit, recordings: Sequence[Recording]) -> Iterator[Notice]:
     levels = channel.levels(experiments, fit.model)
     for one, simulated, level in zip(_unrecorded(channel, experiments, recordings), fit.simulated, levels):
         if one is not None:
-            yield from _steps(channel, one, one.measured - simulated, float(level[0]), noise)
+            yield from _steps(channel, one, one.measured - simulated + level - level[0], float(level[0]), noise)
 
 
 def of_pressure(

@@ -239,7 +239,7 @@ def _assumptions(recording: Recording) -> Iterator[Notice]:
         if own.setpoint is None:
             yield note(
                 'setpoint_assumed',
-                f'{name}: no set-point was recorded: one that never changes is assumed, and estimated',
+                f'{name}: no set-point was recorded: one that drifts evenly at most is assumed, and estimated',
                 'record the set-point if it changes',
             )
     if len(recording.cylinders) == 1 and recording.force is not None:

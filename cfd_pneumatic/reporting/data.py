@@ -87,7 +87,7 @@ def _cylinder_data(result: ChannelResult, identification: Identification) -> dic
                 'std_pa': std,
                 'displacement_noise_m': experiment.motion.noise,
             }
-            for experiment, recorded, (offset, _), (std, _) in zip(
+            for experiment, recorded, (offset, *_), (std, *_) in zip(
                 result.experiments, recorded_setpoints, result.fit.model.own.tolist(), result.fit.stds.tolist()
             )
         ],

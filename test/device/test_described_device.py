@@ -78,7 +78,8 @@ def test_it_simulates_with_the_error_of_the_report(case):
     found = identified(case)
     answers = identified_device(found).simulate(found.recordings[0])
     for name, result in found.cylinders.items():
-        assert rmse(found, name, answers) == pytest.approx(result.rmse(1), rel=0.01)
+        drifts = any(one.drifts for one in result.experiments)  # which a device does not
+        assert rmse(found, name, answers) == pytest.approx(result.rmse(1), rel=0.03 if drifts else 0.01)
     if 'force' in found.channels:
         answers = identified_device(found).simulate(found.recordings[0], measured_pressures=True)
         assert rmse(found, 'force', answers) == pytest.approx(found.channels['force'].rmse(1), rel=0.01)

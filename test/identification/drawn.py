@@ -44,7 +44,7 @@ def experiments_of(recordings, channel=CHANNEL):
 
 def model(gains, effects=MappingProxyType({}), offsets=(0.0,), starts=(0.0,)):
     """Return a model of the pressure with an offset and a start for each experiment [Pa]."""
-    return Model(np.array(gains), dict(effects), np.column_stack([offsets, starts]))
+    return Model(np.array(gains), dict(effects), np.column_stack([offsets, starts, np.zeros_like(starts)]))
 
 
 def whole(experiment):

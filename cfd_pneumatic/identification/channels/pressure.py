@@ -51,7 +51,7 @@ _SHORTEST_GAP = 1e-9  # [s]
 _SHORTEST_STROKE = 1e-5  # that effects along the stroke are tried over, whatever the piston does [m]
 _APART = 1.01  # times the lowest set-point: where they are nearer, no dependence on the pressure is told
 _FLOW_LAGS = (0.03, 0.1, 0.3)  # of the flow that a law depends on [s]
-_OFFSET, _START = range(2)
+_OFFSET, _START, _DRIFT = range(3)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
 
 
@@ -61,6 +61,7 @@ class Pressure(Channel):
 
     Inputs of an experiment: `displacement` that grows this chamber [m], absolute `setpoint` on the step that ends at
     each grid time [Pa]. Each experiment has an `offset` of its set-point, and a `start` of the pressure above it [Pa].
+    A set-point that nobody recorded has a `drift`, too: a regulator that is set by hand creeps [Pa/s].
     """
 
     quantity = Quantity('pressure', 'pa', 'paper’s model', Scale('Pa', 1.0), Scale('psi', PSI), Scale('kPa', 1e3))
@@ -86,7 +87,7 @@ class Pressure(Channel):
     )
     parameters = MappingProxyType({spec.name: spec.unit for spec in SPECS})
     hints = HINTS
-    own = ('offset', 'start')
+    own = ('offset', 'start', 'drift')
     steady = 'setpoint'
     slack = 6.0
     needed = True
@@ -129,6 +130,7 @@ class Pressure(Channel):
             part=part,
             motion=motion,
             starts_at_rest=at_rest,
+            drifts=signals.setpoint is None,
             chosen=None if at_rest else known & (part < PARTS.index('test')),
         )
 
@@ -185,16 +187,19 @@ class Pressure(Channel):
         # what moves the rest settles before the first sample: where it began is forgotten
         anywhere = any(one.rests_anywhere for one in parts) and not any(one.moves_rest for one in parts)
         for index in sorted({one.index for one in experiments}):
-            offset, start = self.own_slots(index)
+            offset, start, drift = self.own_slots(index)
+            alike = [one for one in experiments if one.index == index]
             found.append(Unknown('', 'Pa', offset, -np.inf, np.inf, scale))
-            if any(one.index == index and one.whole and (anywhere or not one.starts_at_rest) for one in experiments):
+            if any(one.whole and (anywhere or not one.starts_at_rest) for one in alike):
                 found.append(Unknown('', 'Pa', start, -np.inf, np.inf, scale, passing=True))
+            if any(one.drifts for one in alike):
+                lasts = max(float(np.ptp(one.times)) for one in alike)
+                found.append(Unknown('', 'Pa/s', drift, -np.inf, np.inf, scale / lasts))
         return found
 
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
         """Return the lag of a law that has none, and what of a core recordings at one pressure do not tell."""
-        counted = [one.at_samples('setpoint')[one.counts] + model.own[one.index, _OFFSET] for one in experiments]
-        levels = np.concatenate(counted)
+        levels = np.concatenate([_held(one, model)[one.counts] for one in experiments])
         held = dict(super().held(experiments, model))
         if CURVE in model.effects and not is_of_flow(model.effects[CURVE]):
             held[f'{CURVE}.lag'] = 'the law is none of the flow'
@@ -239,15 +244,19 @@ class Pressure(Channel):
         """
         Yield the pressure and its derivatives; without effects they are exact.
 
-        Who reads later reads what the pressure was by its slope before: no other simulation is asked for a delay.
+        Who reads later reads what the pressure was by its slope before: no other simulation is asked for a delay. Nor
+        for a drift, which a pressure follows.
         """
         if effects:
-            late = np.isin(slots, self._late(effects)[0])
-            rows = stepped(row, slots[~late], steps[~late])
+            late, drift = np.isin(slots, self._late(effects)[0]), slots == self.shared + _DRIFT
+            stepping = ~(late | drift)
+            rows = stepped(row, slots[stepping], steps[stepping])
             for block, course, pressures in self._composed(experiment, effects, rows, count, row[None]):
                 jacobian = np.empty((len(pressures), slots.size), order='F')
-                jacobian[:, ~late] = differences(pressures, steps[~late])
+                jacobian[:, stepping] = differences(pressures, steps[stepping])
                 jacobian[:, late] = -_slope(block.times, course)[block.at]
+                by_offset = jacobian[:, slots == self.shared + _OFFSET]
+                jacobian[:, drift] = _drifted(experiment, block.times)[block.at, None] * by_offset
                 yield block.samples, pressures[:, 0], jacobian
             return
         columns = np.where(slots < self.shared, slots, slots - self.shared + len(SPECS))
@@ -257,16 +266,20 @@ class Pressure(Channel):
     def _exact(
         self, experiment: Experiment, row: Array, count: int, *, slopes: bool
     ) -> Iterator[tuple[slice, Array, Array]]:
-        """Yield pressure and derivatives by the gains, the offset and the start."""
-        offset = row[self.shared]
-        start = experiment.inputs['setpoint'][0] + offset + self._starts(experiment, row[None])[0]
+        """Yield pressure and derivatives by the gains, the offset, the start and the drift, which it follows."""
+        offset, drift = row[self.shared + _OFFSET], row[self.shared + _DRIFT]
+        begun = experiment.inputs['setpoint'][0] + offset + drift * _drifted(experiment, experiment.times[0])
+        start = begun + self._starts(experiment, row[None])[0]
         course = Course(row[: len(SPECS)], start)
         for block in experiment.blocks(count):
-            moved, held = block.inputs['displacement'], block.inputs['setpoint'] + offset
+            since = _drifted(experiment, block.times)
+            moved, held = block.inputs['displacement'], block.inputs['setpoint'] + offset + drift * since
             pressure, jacobian = course.follow(block.times, moved, held, slopes=slopes)
-            if slopes and not experiment.whole:
-                jacobian[:, _OF_OFFSET] -= jacobian[:, _OF_START]  # the start is measured, whatever the offset
-            yield block.samples, pressure[block.at], jacobian[block.at] if slopes else jacobian
+            if slopes:
+                if not experiment.whole:
+                    jacobian[:, _OF_OFFSET] -= jacobian[:, _OF_START]  # the start is measured, whatever the offset
+                jacobian = np.column_stack([jacobian, since * jacobian[:, _OF_OFFSET]])[block.at]
+            yield block.samples, pressure[block.at], jacobian
 
     def _composed(
         self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int, unlike: Array
@@ -274,7 +287,7 @@ class Pressure(Channel):
         """
         Yield pressures with effects, and that of the first row on the grid of its block, shape (n, 1).
 
-        Cylinders that are read as late, and moved as late, are simulated side by side, in steps that are short enough
+        Cylinders that are read as late, moved as late and drift alike are simulated side by side, in steps short enough
         for the stiffest of the rows that are `unlike`: the others differ hardly from them. Where an effect moves the
         chamber in another way than the piston, or at another time, no step is longer than a straight line.
         """
@@ -293,8 +306,9 @@ class Pressure(Channel):
         late = self._late(effects)
         parameters, starts = rows[:, : self.shared].copy(), self._starts(experiment, rows)
         parameters[:, late[1]] = 0.0  # the displacement is looked up
-        times = np.column_stack([rows[:, some].sum(axis=1) for some in late])
-        groups = [np.flatnonzero(np.all(times == some, axis=1)) for some in dict.fromkeys(map(tuple, times.tolist()))]
+        unlike_inputs = np.column_stack([*(rows[:, some].sum(axis=1) for some in late), rows[:, self.shared + _DRIFT]])
+        kinds = dict.fromkeys(map(tuple, unlike_inputs.tolist()))
+        groups = [np.flatnonzero(np.all(unlike_inputs == some, axis=1)) for some in kinds]
         is_moved = any(name in MOVING or self.effects[name].late for name in effects)
         followed = (None if is_moved else experiment.parabolic) or experiment
         walks = []
@@ -302,8 +316,8 @@ class Pressure(Channel):
             alike = SideBySide(
                 cylinders[0], parameters[own], rows[own, self.shared], starts[own], experiment.begin, stiffness, settles
             )
-            delay, behind = times[own[0]].tolist()
-            walks.append(_walk(alike, followed.blocks(count, delay, behind)))
+            delay, behind, drift = unlike_inputs[own[0]].tolist()
+            walks.append(_walk(alike, _drifting(followed, followed.blocks(count, delay, behind), drift)))
         order = np.argsort(np.concatenate(groups))
         for parts in zip(*walks):
             first, course = parts[0]
@@ -319,15 +333,15 @@ class Pressure(Channel):
 
     def _starts(self, experiment: Experiment, rows: Array) -> Array:
         """Return by how much models start above the set-point, shape (models,) [Pa]."""
-        offsets, starts = rows[:, self.shared], rows[:, self.shared + 1]
+        offsets, starts, drifts = rows[:, self.shared :].T
         if experiment.whole:
             return np.asarray(starts)
-        return np.asarray(experiment.first - experiment.inputs['setpoint'][0] - offsets)
+        drifted = _drifted(experiment, experiment.times[0])
+        return np.asarray(experiment.first - experiment.inputs['setpoint'][0] - offsets - drifts * drifted)
 
     def levels(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
         """Return the gauge set-point."""
-        offsets = model.own[:, _OFFSET] - self.ambient_pressure
-        return [one.at_samples('setpoint') + float(offsets[one.index]) for one in experiments]
+        return [_held(one, model) - self.ambient_pressure for one in experiments]
 
     def sensitivity(self, model: Model) -> float:
         """Return K_x [Pa/m]."""
@@ -359,14 +373,14 @@ class Pressure(Channel):
     def variables(self, experiment: Experiment, simulated: Array, model: Model) -> Mapping[str, Array]:
         """Return what a law may depend on: what is sensed follows from the model's lag, the flow from its stiffness."""
         times = experiment.sample_times
-        x, held = experiment.at_samples('displacement'), experiment.at_samples('setpoint')
+        x = experiment.at_samples('displacement')
         rate, slope = np.gradient(x, times), np.gradient(simulated, times)
         k_x, _, _, tau = model.parameters.tolist()
         return {
             'x': x,
             'speed': rate,
             'p': simulated - self.ambient_pressure,
-            'error': held + model.own[experiment.index, _OFFSET] - simulated + tau * slope,
+            'error': _held(experiment, model) - simulated + tau * slope,
             'flow': slope + k_x * rate,
             'time': times - experiment.begin,
         }
@@ -418,10 +432,7 @@ class Pressure(Channel):
         residuals = [one.measured - pressure for one, pressure in zip(experiments, simulated)]
         pressures, left = (np.concatenate(runs) for runs in ([one.measured for one in experiments], residuals))
         displacement = np.concatenate([one.inputs['displacement'] for one in experiments])
-        errors = [
-            one.at_samples('setpoint') + model.own[one.index, _OFFSET] - pressure
-            for one, pressure in zip(experiments, simulated)
-        ]
+        errors = [_held(one, model) - pressure for one, pressure in zip(experiments, simulated)]
         charge, exhaust = flows(model.parameters, np.concatenate(errors))
         longest = max(range(len(experiments)), key=lambda index: float(np.ptp(experiments[index].sample_times)))
         one = experiments[longest]
@@ -451,6 +462,27 @@ class Pressure(Channel):
             'piston speed': np.gradient(displacement, experiment.sample_times),
             'set-point': experiment.at_samples('setpoint'),
         }
+
+
+def _held(experiment: Experiment, model: Model) -> Array:
+    """Return the set-point that acts at the samples, shape (m,) [Pa]."""
+    offset, _, drift = model.own[experiment.index].tolist()
+    held: Array = experiment.at_samples('setpoint') + offset + drift * _drifted(experiment, experiment.sample_times)
+    return held
+
+
+def _drifted(experiment: Experiment, times: Array) -> Array:
+    """Return for how long a set-point has drifted [s]."""
+    return np.asarray(times - experiment.begin)
+
+
+def _drifting(experiment: Experiment, blocks: Iterator[Block], drift: float) -> Iterator[Block]:
+    """Yield pieces of an experiment with a set-point that drifts [Pa/s]."""
+    for block in blocks:
+        if drift:
+            setpoint = block.inputs['setpoint'] + drift * _drifted(experiment, block.times)
+            block = block._replace(inputs={**block.inputs, 'setpoint': setpoint})
+        yield block
 
 
 def _walk(cylinders: SideBySide, blocks: Iterator[Block]) -> Iterator[tuple[Block, Array]]:

@@ -72,6 +72,8 @@ class Experiment:
         The smoothed displacement of the recording.
     starts_at_rest
         Whether the piston stands still at the start.
+    drifts
+        Whether what nobody recorded may drift.
     index
         Of the recording among those that are fitted together: its row of `Model.own`.
     chosen
@@ -89,6 +91,7 @@ class Experiment:
     part: NDArray[np.int8]
     motion: Motion
     starts_at_rest: bool
+    drifts: bool = False
     index: int = 0
     chosen: Mask | None = None
     cut_from: float | None = None
