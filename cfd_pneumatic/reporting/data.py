@@ -85,9 +85,10 @@ def _cylinder_data(result: ChannelResult, identification: Identification) -> dic
                     offset if recorded else float(experiment.inputs['setpoint'][0]) + offset
                 ),
                 'std_pa': std,
+                **({} if recorded else {'drift_pa_per_s': drift}),
                 'displacement_noise_m': experiment.motion.noise,
             }
-            for experiment, recorded, (offset, *_), (std, *_) in zip(
+            for experiment, recorded, (offset, _, drift), (std, *_) in zip(
                 result.experiments, recorded_setpoints, result.fit.model.own.tolist(), result.fit.stds.tolist()
             )
         ],

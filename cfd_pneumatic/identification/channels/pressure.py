@@ -275,11 +275,11 @@ class Pressure(Channel):
             since = _drifted(experiment, block.times)
             moved, held = block.inputs['displacement'], block.inputs['setpoint'] + offset + drift * since
             pressure, jacobian = course.follow(block.times, moved, held, slopes=slopes)
-            if slopes:
-                if not experiment.whole:
-                    jacobian[:, _OF_OFFSET] -= jacobian[:, _OF_START]  # the start is measured, whatever the offset
-                jacobian = np.column_stack([jacobian, since * jacobian[:, _OF_OFFSET]])[block.at]
-            yield block.samples, pressure[block.at], jacobian
+            if slopes and not experiment.whole:
+                jacobian[:, _OF_OFFSET] -= jacobian[:, _OF_START]  # the start is measured, whatever the offset
+            if slopes and experiment.drifts:
+                jacobian = np.column_stack([jacobian, since * jacobian[:, _OF_OFFSET]])
+            yield block.samples, pressure[block.at], jacobian[block.at] if slopes else jacobian
 
     def _composed(
         self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int, unlike: Array
