@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import MAPPING, ROOT, needs_measured_data
 
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data.motion import observed_motion
 from cfd_pneumatic.identification.waves import waves_of
-from cfd_pneumatic.recording import recording_of
+from cfd_pneumatic.recording import read_mapping, read_recording, recording_of
 from cfd_pneumatic.rig import SetPoints, device_named, lay_out, out_and_back, paper_step, record, surface_following
 
 STROKE, PERIOD = 8e-3, 5.0  # of going out and back [m, s]
@@ -91,3 +92,11 @@ def test_waves_are_told_from_even_motion():
     left = moved[inside] - even(times[inside])[0]
     assert inside.mean() > 0.6
     assert np.std(left) < 0.1 * SIZE
+
+
+@needs_measured_data
+@pytest.mark.parametrize(('run', 'followed'), [('rerun/2_O-ring257_7bar', ' 2%'), ('friction/O-ring257_3bar', ' 5%')])
+def test_a_measured_cylinder_does_not_follow_its_laser(run, followed):
+    one = replace(read_recording(ROOT / f'{run}.csv', mapping=read_mapping(MAPPING)), force=None)
+    (told,) = (notice for notice in identify([one], Options()).notices if notice.code == 'waves_left_out')
+    assert f'of which the pressures follow{followed};' in told.message
