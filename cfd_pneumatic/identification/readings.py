@@ -28,6 +28,7 @@ from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.identification.steps import with_steps
+from cfd_pneumatic.identification.verdict import maybe_more
 from cfd_pneumatic.model.parameters import SPECS
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
@@ -85,7 +86,7 @@ def other_pressure(result: ChannelResult, recordings: Sequence[Recording], optio
 
     Only that has the flows and the stiffness of its pressure. It is asked where something is left, and where what was
     found is a law or physics that the core has: those are what a wrong scale looks like. Where the core itself was
-    found, another scale may leave noise as well, but clearly less.
+    found, another scale may leave noise as well, but clearly less; of noise that may have a memory nothing is clear.
     """
     conclusion = result.conclusion
     if options.core != AUTO or conclusion is None or not result.channel.cores:
@@ -94,7 +95,7 @@ def other_pressure(result: ChannelResult, recordings: Sequence[Recording], optio
     physics = {*result.channel.effects[name].covers, *((result.channel.curve.name,) if conclusion.unknown else ())}
     found = result.found.model
     is_told = explained(conclusion.tests_after) and not physics & {*found.effects}
-    if is_told and not found.core:
+    if is_told and (not found.core or maybe_more(conclusion.tests_after, rested=False)):
         return
 
     left_as_found = result.fit.likelihood.residuals(result.found.simulated)

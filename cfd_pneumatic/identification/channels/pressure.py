@@ -50,6 +50,7 @@ _SENSED = 0.03  # after which a sensed pressure that is not known at the start i
 _SHORTEST_GAP = 1e-9  # [s]
 _SHORTEST_STROKE = 1e-5  # that effects along the stroke are tried over, whatever the piston does [m]
 _APART = 1.01  # times the lowest set-point: where they are nearer, no dependence on the pressure is told
+_FARTHEST = 3.0  # times what a pressure spans, that it begins from its set-point at most
 _FLOW_LAGS = (0.03, 0.1, 0.3)  # of the flow that a law depends on [s]
 _OFFSET, _START, _DRIFT = range(3)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
@@ -191,7 +192,8 @@ class Pressure(Channel):
             alike = [one for one in experiments if one.index == index]
             found.append(Unknown('', 'Pa', offset, -np.inf, np.inf, scale))
             if any(one.whole and (anywhere or not one.starts_at_rest) for one in alike):
-                found.append(Unknown('', 'Pa', start, -np.inf, np.inf, scale, passing=True))
+                farthest = _FARTHEST * scale  # of a quick regulator the first samples tell little
+                found.append(Unknown('', 'Pa', start, -farthest, farthest, scale, passing=True))
             if any(one.drifts for one in alike):
                 lasts = max(float(np.ptp(one.times)) for one in alike)
                 found.append(Unknown('', 'Pa/s', drift, -np.inf, np.inf, scale / lasts))
