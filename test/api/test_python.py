@@ -102,7 +102,9 @@ def test_the_lines_run_on_a_measured_run(tmp_path):
     assert set(result.device.model.cylinders) == {'cylinder_a'}
     assert result.setpoints[0] == pytest.approx(result.device.initial_setpoints)
     # a displacement that comes late has to be foretold, which a live simulation does from its noisy speed
-    assert result.device.model.cylinders['cylinder_a'].effects['displacement_delay'][0] > 0.02
+    ((name, (late,)),) = result.device.model.cylinders['cylinder_a'].effects.items()
+    assert name in {'displacement_delay', 'displacement_lag'}
+    assert late > 0.02
     block = result.report['cylinders']['cylinder_a']
     assert block['live']['test']['rmse_pa'] > 2.0 * block['after']['test']['rmse_pa']
 
