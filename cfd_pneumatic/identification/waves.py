@@ -69,7 +69,7 @@ def waves_of(recording: Recording, motion: Motion) -> Waves | None:
         inside = _between(times, first, last)
         if last - first < _SHORTEST or inside.stop - inside.start < _FEWEST:
             continue
-        if np.min(np.abs(motion.rate[inside])) >= _SLOWEST * usual:
+        if np.min(np.abs(motion.rate[inside])) > _SLOWEST * usual:
             from_end = np.minimum(times[inside] - first, last - times[inside])
             uneven = _uneven(times[inside], moved[inside])
             spans.append((first + _EASED, last - _EASED))
@@ -101,9 +101,11 @@ def to_leave_out(pressures: Sequence[tuple[Waves, Fit, Experiment, Experiment]])
     if not told:
         return None
     expected, slope, left = np.hstack(told)
+    if float(expected @ (expected - 2.0 * left)) <= _SURE:
+        return None
     basis, _ = np.linalg.qr(np.stack([expected, slope], axis=1))
     share = float(np.linalg.norm(basis.T @ left) / np.linalg.norm(expected))
-    if share >= _FOLLOWED or float(expected @ (expected - 2.0 * left)) <= _SURE:
+    if share >= _FOLLOWED:
         return None
     size = max(waves.size for waves, *_ in pressures)
     return note(

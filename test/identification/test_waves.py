@@ -83,6 +83,14 @@ def test_what_never_moves_evenly_for_long_has_no_waves(schedule):
     assert waves_of(one, observed_motion(one)[0]) is None
 
 
+def test_a_piston_that_rests_most_of_the_time_does_not_move_evenly():
+    times = np.arange(5_000) * 2e-3
+    one = recorded(even)
+    moved = np.interp(times % 4.0, [0.0, 1.9, 2.0, 3.9, 4.0], [0.0, 0.0, STROKE, STROKE, 0.0])
+    still = replace(one, displacement=replace(one.displacement, times=times, values=moved))
+    assert waves_of(still, observed_motion(still)[0]) is None
+
+
 def test_waves_are_told_from_even_motion():
     one = as_a_swaying_target_has_it(recorded(even))
     waves = waves_of(one, observed_motion(one)[0])
