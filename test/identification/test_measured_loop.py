@@ -64,6 +64,12 @@ def test_the_kidney_seal_leaks_at_one_end_while_the_chamber_grows():
     assert (end, direction) == (1.0, 1.0)
 
 
+def test_no_delay_is_named_that_no_air_can_have():
+    """The pressure comes before the piston as it is recorded: it is the displacement that is late."""
+    closure = pressure_of('friction/KDN_3bar').conclusion
+    assert closure.effects == ('displacement_delay',)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize('run', [*(f'friction/O-ring257_{bar}bar' for bar in (1, 3, 5, 7)), 'rerun/2_O-ring257_3bar'])
 def test_a_healthy_seal_does_not_leak(run):

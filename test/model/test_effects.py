@@ -267,3 +267,17 @@ def test_gains_follow_the_operating_point():
     scaled = GAINS * [ratio, 1.0, ratio, 1.0 / ratio]
     whole = simulate({'operating_point': (1.0, 5e6, 1.0)})
     assert np.max(np.abs(whole - simulate({}, gains=scaled))) < 0.1 * np.ptp(whole)
+
+
+@pytest.mark.parametrize(
+    ('name', 'values', 'expected'),
+    [
+        ('transport_delay', (-0.02,), True),
+        ('transport_delay', (0.01,), False),
+        ('displacement_lag', (0.0,), False),
+        ('positional_leakage', (0.1, 1e-3, 2e-3, 0.5, 1.0, -1.0), False),
+    ],
+)
+def test_a_search_ends_at_a_bound_where_the_effect_does_something(name, values, expected):
+    """Which end leaks, and which way it opens, is a choice and no bound."""
+    assert EFFECTS[name].ends_at_bound(values) == expected

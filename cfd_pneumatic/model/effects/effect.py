@@ -284,6 +284,13 @@ class Effect:
             if (parameter.unit, parameter.null) == (first.unit, first.null)
         )
 
+    def ends_at_bound(self, values: Sequence[float]) -> bool:
+        """Return whether a search for parameters with such values ended at a bound, where the effect does something."""
+        return any(
+            value != one.null and not one.choice and any(math.isclose(value, bound) for bound in (one.lower, one.upper))
+            for one, value in zip(self.parameters, values)
+        )
+
     def of_strength(self, parameters: Sequence[float], share: float) -> tuple[float, ...]:
         """
         Return parameters with a share of their strength, the others as they are.
