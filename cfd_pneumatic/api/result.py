@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.device import Device
-from cfd_pneumatic.device.identified import estimated_setpoints, identified_device
+from cfd_pneumatic.device.identified import identified_device, identified_recordings
 from cfd_pneumatic.device.live_error import live_errors
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Identification, Options, PartError
@@ -107,14 +107,15 @@ class Result:
     def _live(self) -> dict[str, PartError]:
         return live_errors(self.identification, self.device)
 
-    @property
-    def setpoints(self) -> list[dict[str, float]]:
+    @lazy_property
+    def recordings(self) -> tuple[Recording, ...]:
         """
-        Set-points that were not recorded and so estimated, for each recording by cylinder, gauge [Pa].
+        The recordings as they were identified, which `device` simulates with the errors of the report.
 
-        They are what `Device.simulate` takes as `setpoints`.
+        They have no waves of the displacement that no pressure follows, and the set-points that were estimated where
+        none were recorded.
         """
-        return estimated_setpoints(self.identification)
+        return identified_recordings(self.identification)
 
     @property
     def report(self) -> dict[str, Any]:

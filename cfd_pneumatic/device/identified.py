@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
 _SEAL_PLAY = 3.0  # standard deviations of the displacement's noise
 _LARGEST_SEAL_PLAY = 1e-3  # [m]
@@ -66,6 +68,26 @@ def estimated_setpoints(identification: Identification) -> list[dict[str, float]
             if identification.recordings[one.recording].cylinders[name].setpoint is None:
                 found[one.recording][name] = float(np.mean(level))
     return found
+
+
+def identified_recordings(identification: Identification) -> tuple[Recording, ...]:
+    """
+    Return the recordings as they were identified, which the device simulates with the errors of the report.
+
+    They have no waves of the displacement that no pressure follows, and the set-points that were estimated where none
+    were recorded, with their drift.
+    """
+    found = list(identification.without_waves)
+    for name, result in identification.cylinders.items():
+        levels = result.channel.levels(result.experiments, result.found.model)
+        for one, level in zip(result.comparisons, levels):
+            recording = found[one.recording]
+            pressure, recorded = recording.cylinders[name].pressure, recording.cylinders[name].setpoint
+            if recorded is None:
+                setpoint = Signal(one.stamps(pressure), level + identification.ambient_pressure)
+                cylinders = {**recording.cylinders, name: CylinderSignals(pressure, setpoint)}
+                found[one.recording] = replace(recording, cylinders=cylinders)
+    return tuple(found)
 
 
 def _add_geometry(identification: Identification, values: Values, notes: Notes) -> None:

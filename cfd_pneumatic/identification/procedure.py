@@ -141,7 +141,9 @@ def identify(
     misread = any_warning([one for one in notices if one.code != 'size_suspect'])
     notices += tuple(_notice_of(one, misread) for one in failed.values())
     results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}
-    return Identification(tuple(recordings), data.splits, data.no_test, results, unidentified, options, notices)
+    return Identification(
+        tuple(recordings), data.recordings, data.splits, data.no_test, results, unidentified, options, notices
+    )
 
 
 def _without_waves(

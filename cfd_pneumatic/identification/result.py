@@ -223,7 +223,9 @@ class Identification:
     Attributes
     ----------
     recordings
-        What was identified.
+        What was recorded.
+    without_waves
+        The same, without waves of the displacement that no pressure follows: what was identified.
     splits
         Where each recording was cut.
     no_test
@@ -240,6 +242,7 @@ class Identification:
     """
 
     recordings: tuple[Recording, ...]
+    without_waves: tuple[Recording, ...]
     splits: tuple[Split, ...]
     no_test: str | None
     channels: Mapping[str, ChannelResult]

@@ -60,8 +60,7 @@ def walked(recording: cfd.Recording, folder: Path, core: str = 'auto') -> cfd.Re
     }
     assert '<iframe' in result._repr_html_()
     device = result.device
-    left_out = {'setpoint_drifts', 'waves_left_out'} & {one['code'] for one in result.report['warnings']}
-    simulated = device.simulate(recording)
+    simulated = device.simulate(result.recordings[0])
     assert set(simulated.cylinders) == set(recording.cylinders)
     for name, signals in simulated.cylinders.items():
         measured = recording.cylinders[name].pressure
@@ -71,7 +70,7 @@ def walked(recording: cfd.Recording, folder: Path, core: str = 'auto') -> cfd.Re
         begin = result.report['split']['recordings'][0]['test_from_s']
         at = np.searchsorted(measured.times, signals.pressure.times)
         left = (measured.values[at] - signals.pressure.values)[signals.pressure.times >= begin]
-        assert np.sqrt(np.mean(left**2)) == pytest.approx(test['rmse_pa'], rel=0.3 if left_out else 0.01)
+        assert np.sqrt(np.mean(left**2)) == pytest.approx(test['rmse_pa'], rel=0.01)
         assert result.report['cylinders'][name]['live']['test']['rmse_pa'] > 0.0
     assert len(simulated.force) > 0
     device.save(folder / 'parameters.yaml')
@@ -87,7 +86,7 @@ def test_the_lines_run_on_the_rig(rig, tmp_path):
     result = walked(cfd.read_recording(rig), tmp_path)
     assert 'leakage' in result.device.model.cylinders['cylinder_a'].effects
     assert set(result.device.model.cylinders) == {'cylinder_a', 'cylinder_b'}
-    assert result.setpoints == [{}]
+    assert result.recordings[0] is result.identification.recordings[0], 'its set-points were recorded'
     limits = cfd.Limits(stroke=3e-3, speed=0.1, acceleration=2.0, pressures=(35e3, 70e3), duration=8.0)
     plan = cfd.plan(result.device, limits)
     assert 'predicted standard errors' in str(plan)
@@ -100,7 +99,7 @@ def test_the_lines_run_on_a_measured_run(tmp_path):
     run = cfd.read_recording(ROOT / 'friction' / 'O-ring257_3bar.csv', mapping=MAPPING)
     result = walked(run, tmp_path, core='linear')
     assert set(result.device.model.cylinders) == {'cylinder_a'}
-    assert result.setpoints[0] == pytest.approx(result.device.initial_setpoints)
+    assert {'setpoint_drifts', 'waves_left_out'} <= {one['code'] for one in result.report['warnings']}
     # a displacement that comes late has to be foretold, which a live simulation does from its noisy speed
     ((name, (late,)),) = result.device.model.cylinders['cylinder_a'].effects.items()
     assert name in {'displacement_delay', 'displacement_lag'}
