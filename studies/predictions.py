@@ -100,6 +100,20 @@ def mean_stroke(of: ChannelResult, run: ChannelResult) -> float:
     return rms(together - np.nanmean(together)) / noise(one.measured)
 
 
+def swing(one: Experiment) -> tuple[float, float, float]:
+    """Return the mean speed of the strokes out and in, midway [m/s], and the difference of the pressures there [Pa]."""
+    speeds: dict[bool, list[float]] = {False: [], True: []}
+    pressures: dict[bool, list[float]] = {False: [], True: []}
+    position = one.at_samples('displacement')
+    for inwards, samples, _ in _strokes(one):
+        quarter = (samples.stop - samples.start) // 4
+        midway = slice(samples.start + quarter, samples.stop - quarter)
+        speeds[inwards].append(float(np.polyfit(one.sample_times[midway], position[midway], 1)[0]))
+        pressures[inwards].append(float(np.mean(one.measured[midway])))
+    out, back = (float(np.mean(speeds[way])) for way in (False, True))
+    return out, back, float(np.mean(pressures[True]) - np.mean(pressures[False]))
+
+
 def document(data: Path) -> str:
     """Return the tables, of the runs in a folder."""
     friction, rerun = data / 'friction', data / 'rerun'
@@ -124,6 +138,11 @@ def document(data: Path) -> str:
             f'set-point alone is fitted, to the first {LEARNT:.0%}, which is not scored.',
             '',
             table(('seal', f'at {UNSEEN} bar', 'effects beside the core'), _unseen(friction, alone)),
+            '',
+            'How far the pressure swings between strokes out and back, midway, where the piston is even. Over the '
+            'difference of the speeds that is a number of the device, without a model.',
+            '',
+            table(('run', 'out [mm/s]', 'back [mm/s]', 'swing [kPa]', 'over the speeds [kPa s/m]'), _swings(alone)),
             '',
             'Reruns, predicted by the model of another, or by its mean stroke; one constant is fitted.',
             '',
@@ -155,6 +174,17 @@ def _unseen(friction: Path, alone: Mapping[str, ChannelResult]) -> Iterator[tupl
         model = identified(*others).channels[CYLINDER]
         error = predicted(model, alone[f'{seal}_{UNSEEN}bar'], LEARNT)
         yield seal, f'{error:.2f}', ', '.join(model.findings.effects)
+
+
+def _swings(alone: Mapping[str, ChannelResult]) -> Iterator[tuple[str, ...]]:
+    for name, one in alone.items():
+        out, back, pressure = swing(one.experiments[0])
+        yield (
+            name,
+            *(f'{1e3 * speed:.1f}' for speed in (out, back)),
+            f'{1e-3 * pressure:.2f}',
+            f'{1e-3 * pressure / (out - back):.1f}',
+        )
 
 
 def _reruns(rerun: Path, alone: Mapping[str, ChannelResult]) -> Iterator[tuple[str, ...]]:
