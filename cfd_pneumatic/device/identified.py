@@ -17,6 +17,7 @@ from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
 _SEAL_PLAY = 3.0  # standard deviations of the displacement's noise
 _LARGEST_SEAL_PLAY = 1e-3  # [m]
+_OF_TIME = "counts from the recording's begin, and in a node from its start: false where that runs for hours"
 _HEADROOM = 1.2  # times the highest set-point
 
 Values = dict[str, Value]
@@ -54,7 +55,7 @@ def identified_device(identification: Identification) -> Device:
             noise = max(one.motion.noise for one in force.experiments)
             values[f'{CONTACT_FORCE}.seal_play'] = min(_SEAL_PLAY * noise, _LARGEST_SEAL_PLAY)
             notes[f'{CONTACT_FORCE}.seal_play'] = "three standard deviations of the displacement's noise"
-        _add_effects(CONTACT_FORCE, effects, FORCE_PARTS, values)
+        _add_effects(CONTACT_FORCE, effects, FORCE_PARTS, values, notes)
     _hold_within_ranges(values, notes)
     return Device(values, notes)
 
@@ -116,7 +117,7 @@ def _add_cylinder(identification: Identification, result: ChannelResult, values:
     doubtful = tuple(spec.name for spec in SPECS if rows[spec.name][1])
     if doubtful:
         values[f'{result.name}.not_identifiable'] = doubtful
-    _add_effects(result.name, effects, PRESSURE_PARTS, values)
+    _add_effects(result.name, effects, PRESSURE_PARTS, values, notes)
 
 
 def _offset(identification: Identification, result: ChannelResult) -> float:
@@ -167,10 +168,12 @@ def _held(used: Sequence[float], estimates: Sequence[Estimate]) -> Row:
 
 
 def _add_effects(
-    prefix: str, effects: Mapping[str, Sequence[float]], library: Mapping[str, Effect], values: Values
+    prefix: str, effects: Mapping[str, Sequence[float]], library: Mapping[str, Effect], values: Values, notes: Notes
 ) -> None:
     for name, own in effects.items():
         values[f'{prefix}.{name}.enabled'] = True
+        if library[name].of_time:
+            notes[f'{prefix}.{name}.enabled'] = _OF_TIME
         for parameter, value in zip(library[name].parameters, own):
             values[f'{prefix}.{name}.{parameter.name}'] = _within(value, parameter.lower, parameter.upper)
 

@@ -105,6 +105,17 @@ def test_estimated_set_points_stand_in_the_file_and_are_an_argument(case):
         assert np.mean(shifted.cylinders[name].pressure.values - usual.values) == pytest.approx(1000.0, rel=0.05)
 
 
+def test_the_file_says_that_a_drift_goes_on_from_the_start_of_a_node():
+    one = alone(recording())
+    signals = one.cylinders['cylinder_a']
+    drifting = replace(signals.pressure, values=signals.pressure.values + 100.0 * signals.pressure.times)
+    found = identify(
+        [replace(one, cylinders={'cylinder_a': replace(signals, pressure=drifting)})], Options(close_loop=True)
+    )
+    assert 'set_point_drift' in found.cylinders['cylinder_a'].found.model.effects
+    assert 'enabled: true  # counts from the recording' in identified_device(found).text
+
+
 def test_live_it_answers_each_sample_as_the_model_steps():
     found = identified('two cylinders with effects')
     device, one = identified_device(found), recording().between(0.0, 1.0)
