@@ -208,7 +208,7 @@ def _as_drawn(drawing: Drawn, before: Fit, other: Model) -> tuple[Fit, Shape] | 
     left = [one.measured - values for one, values in zip(experiments, simulated)]
     if left_of_unseen[0] > _MOSTLY and contradiction(experiments, left, likelihood.noise(model).std):
         return None
-    return _summary(before, model), shape_of(likelihood, model, drawing, begin.model)
+    return summary(likelihood, model), shape_of(likelihood, model, drawing, begin.model)
 
 
 def with_core(before: Fit) -> Fit:
@@ -247,20 +247,7 @@ def _fitted(before: Fit, rough: Model) -> Fit:
     model = (as_data_sheets(likelihood, found, *how) if found.model.core else found).model
     if not all(np.all(np.isfinite(values)) for values in likelihood.simulate(model)):
         model = rough
-    return _summary(before, model)
-
-
-def _summary(before: Fit, model: Model) -> Fit:
-    """
-    Return a fitted model summed up.
-
-    Parameters that were not identifiable without effects are not with them; another core may tell them.
-    """
-    after = summary(before.likelihood, model)
-    if model.core:
-        return after
-    unidentifiable = {one.name: one for one in before.estimates if not one.identifiable}
-    return replace(after, estimates=tuple(unidentifiable.get(one.name, one) for one in after.estimates))
+    return summary(likelihood, model)
 
 
 def _confounded(after: Fit) -> Mapping[str, tuple[str, ...]]:

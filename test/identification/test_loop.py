@@ -94,6 +94,8 @@ def test_a_late_displacement_is_found_where_it_leads_the_gains_astray():
     assert rms(result) <= 1.05 * oracle_rmse(drawn)
     (late,) = result.found.model.effects['displacement_delay']
     assert late == pytest.approx(drawn.truth.strengths['displacement_delay'], rel=0.01)
+    assert result.fit.estimates[0].value is None
+    assert [one.value for one in result.gains] == pytest.approx(drawn.truth.gains, rel=0.02), 'each is told now'
 
 
 @pytest.mark.parametrize(('pressure', 'verdict'), [(100.0, 'unexplained'), (2000.0, 'no_missing_effect')])

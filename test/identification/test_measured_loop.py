@@ -64,12 +64,6 @@ def test_the_kidney_seal_leaks_at_one_end_while_the_chamber_grows():
     assert (end, direction) == (1.0, 1.0)
 
 
-def test_no_delay_is_named_that_no_air_can_have():
-    """The pressure comes before the piston as it is recorded: it is the displacement that is late."""
-    closure = pressure_of('friction/KDN_3bar').conclusion
-    assert closure.effects == ('displacement_delay',)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize('run', [*(f'friction/O-ring257_{bar}bar' for bar in (1, 3, 5, 7)), 'rerun/2_O-ring257_3bar'])
 def test_a_healthy_seal_does_not_leak(run):
@@ -85,11 +79,11 @@ def test_a_healthy_seal_does_not_leak(run):
 
 
 def test_what_seems_late_is_judged():
-    """Here the force says that it stands for something else."""
+    """It is the displacement: no air is earlier than its piston. The force says that more is in it than a delay."""
     recording = read_recording(ROOT / 'friction/KDN_3bar.csv', mapping=read_mapping(MAPPING))
     found = identify([recording], Options(close_loop=True))
     conclusion = found.channels['cylinder_a'].conclusion
-    assert (conclusion.effects, conclusion.status) == (('transport_delay',), 'hypothesis')  # which is at its bound
+    assert (conclusion.effects, conclusion.status) == (('displacement_delay',), 'hypothesis')
     (told,) = (one for one in found.notices if one.code == 'size_suspect')
     assert 'makes the error of the force grow' in told.fix
 
