@@ -98,6 +98,20 @@ def test_a_late_displacement_is_found_where_it_leads_the_gains_astray():
     assert [one.value for one in result.gains] == pytest.approx(drawn.truth.gains, rel=0.02), 'each is told now'
 
 
+def test_a_pressure_that_comes_before_its_piston_is_suspect():
+    """It was stamped 10 ms early."""
+    recording = recording_of(draw_textbook('out_and_back', 2, 'white'))
+    signals = recording.cylinders['cylinder_a']
+    early = replace(signals.pressure, times=signals.pressure.times - 0.01)
+    found = identify(
+        [replace(recording, cylinders={'cylinder_a': replace(signals, pressure=early)})], Options(close_loop=True)
+    )
+    conclusion = found.cylinders['cylinder_a'].conclusion
+    assert (conclusion.effects, conclusion.status) == (('transport_delay',), 'hypothesis')
+    (told,) = (one for one in found.notices if one.code == 'size_suspect')
+    assert 'a delay of -10 ms has the pressure come before the piston' in told.message
+
+
 @pytest.mark.parametrize(('pressure', 'verdict'), [(100.0, 'unexplained'), (2000.0, 'no_missing_effect')])
 def test_what_is_left_within_the_tolerance_is_not_unexplained(pressure, verdict):
     recording = recording_of(draw('mains_hum', 'out_and_back', 1))
