@@ -102,16 +102,15 @@ def mean_stroke(of: ChannelResult, run: ChannelResult) -> float:
 
 def swing(one: Experiment) -> tuple[float, float, float]:
     """Return the mean speed of the strokes out and in, midway [m/s], and the difference of the pressures there [Pa]."""
-    speeds: dict[bool, list[float]] = {False: [], True: []}
-    pressures: dict[bool, list[float]] = {False: [], True: []}
     position = one.at_samples('displacement')
+    found: dict[bool, list[tuple[float, float]]] = {False: [], True: []}
     for inwards, samples, _ in _strokes(one):
         quarter = (samples.stop - samples.start) // 4
         midway = slice(samples.start + quarter, samples.stop - quarter)
-        speeds[inwards].append(float(np.polyfit(one.sample_times[midway], position[midway], 1)[0]))
-        pressures[inwards].append(float(np.mean(one.measured[midway])))
-    out, back = (float(np.mean(speeds[way])) for way in (False, True))
-    return out, back, float(np.mean(pressures[True]) - np.mean(pressures[False]))
+        speed = np.polyfit(one.sample_times[midway], position[midway], 1)[0]
+        found[inwards].append((float(speed), float(np.mean(one.measured[midway]))))
+    (out, lower), (back, higher) = (np.mean(found[way], axis=0).tolist() for way in (False, True))
+    return out, back, higher - lower
 
 
 def document(data: Path) -> str:
@@ -179,12 +178,13 @@ def _unseen(friction: Path, alone: Mapping[str, ChannelResult]) -> Iterator[tupl
 def _swings(alone: Mapping[str, ChannelResult]) -> Iterator[tuple[str, ...]]:
     for name, one in alone.items():
         out, back, pressure = swing(one.experiments[0])
-        yield (
-            name,
-            *(f'{1e3 * speed:.1f}' for speed in (out, back)),
+        told = (
+            f'{1e3 * out:.1f}',
+            f'{1e3 * back:.1f}',
             f'{1e-3 * pressure:.2f}',
             f'{1e-3 * pressure / (out - back):.1f}',
         )
+        yield name, *told
 
 
 def _reruns(rerun: Path, alone: Mapping[str, ChannelResult]) -> Iterator[tuple[str, ...]]:

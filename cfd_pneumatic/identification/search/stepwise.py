@@ -10,7 +10,7 @@ against its rivals. The test part is never looked at.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -224,8 +224,8 @@ class Search:
         coefficients = autoregression(min((*candidates.values(), model), key=lambda one: one.rss).residuals)
         before, reference = self.criterion(model, coefficients), model.validation_rmse
         criteria = {name: self.criterion(one, coefficients) for name, one in candidates.items()}
-        trials: dict[str, Trial] = {}
         beside = tuple(model.effects)
+        trials = {name: Trial(name, None, part, None, False, _UNPROMISING, beside) for name, part in others.items()}
         objections: dict[str, str | None] = {}
         for name, candidate in candidates.items():
             gain = min(before - criteria[name], self.evidence(model, candidate))
@@ -238,26 +238,20 @@ class Search:
                 reason = self._too_little(candidate)
             objections[name] = reason
             trials[name] = Trial(name, gain, drop, validation, False, reason or _OUTDONE, beside)
-        trials.update(
-            {
-                name: Trial(name, None, part, None, False, _UNPROMISING, beside)
-                for name, part in others.items()
-                if name not in candidates
-            }
-        )
         ranked = sorted(candidates, key=lambda name: self.criterion(candidates[name], _WHITE))
         worthy = [name for name in ranked if objections[name] is None]
         leads = [*sorted(worthy, key=lambda name: criteria[name])[:1], *worthy[:1]]
         leads = list(dict.fromkeys(_foretelling(one, worthy, candidates) for one in leads))
         return Step(candidates, ranked, tuple(leads), trials)
 
-    def _going_on(self, candidates: Mapping[str, Candidate], others: Iterable[str]) -> list[str]:
+    def _going_on(self, candidates: Mapping[str, Candidate], others: Collection[str]) -> list[str]:
         """Return which other effects may go on where the best one ends at a bound: those of its families."""
+        if not others:
+            return []
         effects = self.candidates.channel.effects
         best = effects[min(candidates, key=lambda name: candidates[name].rss)]
-        if not best.ends_at_bound(candidates[best.name].effects[best.name]):
-            return []
-        return [name for name in others if set(best.families) & set(effects[name].families)]
+        at_bound = best.ends_at_bound(candidates[best.name].effects.get(best.name, best.null))  # none where it ran away
+        return [name for name in others if at_bound and set(best.families) & set(effects[name].families)]
 
     def _too_little(self, candidate: Candidate) -> str | None:
         """Return why an effect that takes little beside others or a core is not worth adding, or None."""
