@@ -26,8 +26,8 @@ from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.verdict import VERDICTS, not_added, part_errors, verdict_of
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
-from cfd_pneumatic.recording import Signal, read_mapping, read_recording
-from cfd_pneumatic.rig import surface_following
+from cfd_pneumatic.recording import Signal, read_mapping, read_recording, recording_of
+from cfd_pneumatic.rig import device_named, paper_step, record, surface_following
 from cfd_pneumatic.rig.panel import draw, force_oracle_rmse
 
 AREA = 1.14e-3
@@ -365,3 +365,10 @@ def test_a_real_cylinders_force_at_one_pressure(capsys):
     assert not estimates_of(closure)['area'].identifiable
     assert closure.area == BORE
     assert after < 1.1
+
+
+def test_the_search_ends_where_samples_tell_no_further_effect():
+    """A step leaves an acceleration that changes from sample to sample: beside a mass nothing else is asked for."""
+    recording = recording_of(record(paper_step(70e3), device_named('real', ''), seed=0))
+    found = identify([recording], Options(close_loop=True)).channels['force']
+    assert (found.findings.verdict, found.findings.effects) == ('unexplained', ('moving_mass',))
