@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS, SUPPLY_PRESSURE
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification
+from cfd_pneumatic.identification.result import Comparison
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
@@ -63,11 +65,8 @@ def identified_device(identification: Identification) -> Device:
 def estimated_setpoints(identification: Identification) -> list[dict[str, float]]:
     """Return the set-points that were not recorded and so estimated, for each recording by cylinder, gauge [Pa]."""
     found: list[dict[str, float]] = [{} for _ in identification.recordings]
-    for name, result in identification.cylinders.items():
-        levels = result.channel.levels(result.experiments, result.found.model)
-        for one, level in zip(result.comparisons, levels):
-            if identification.recordings[one.recording].cylinders[name].setpoint is None:
-                found[one.recording][name] = float(np.mean(level))
+    for name, one, level in _estimated(identification):
+        found[one.recording][name] = float(np.mean(level))
     return found
 
 
@@ -79,16 +78,22 @@ def identified_recordings(identification: Identification) -> tuple[Recording, ..
     were recorded, with their drift.
     """
     found = list(identification.without_waves)
+    for name, one, level in _estimated(identification):
+        signals = found[one.recording].cylinders
+        pressure = signals[name].pressure
+        setpoint = Signal(one.stamps(pressure), level + identification.ambient_pressure)
+        cylinders = {**signals, name: CylinderSignals(pressure, setpoint)}
+        found[one.recording] = replace(found[one.recording], cylinders=cylinders)
+    return tuple(found)
+
+
+def _estimated(identification: Identification) -> Iterator[tuple[str, Comparison, Array]]:
+    """Yield set-points that were not recorded: of which cylinder, in which recording, gauge at its samples [Pa]."""
     for name, result in identification.cylinders.items():
         levels = result.channel.levels(result.experiments, result.found.model)
         for one, level in zip(result.comparisons, levels):
-            recording = found[one.recording]
-            pressure, recorded = recording.cylinders[name].pressure, recording.cylinders[name].setpoint
-            if recorded is None:
-                setpoint = Signal(one.stamps(pressure), level + identification.ambient_pressure)
-                cylinders = {**recording.cylinders, name: CylinderSignals(pressure, setpoint)}
-                found[one.recording] = replace(recording, cylinders=cylinders)
-    return tuple(found)
+            if identification.recordings[one.recording].cylinders[name].setpoint is None:
+                yield name, one, level
 
 
 def _add_geometry(identification: Identification, values: Values, notes: Notes) -> None:
