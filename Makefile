@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What a first-time user and a developer run. All of it happens in virtual environments in this folder, with ROS 2 Jazzy
 # from PyPI; with a system's ROS 2 use colcon (see README).
 #

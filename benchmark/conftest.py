@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What all benchmarks share: where their helpers are, lines shown at the end, and what is told of the run."""
 
 from __future__ import annotations

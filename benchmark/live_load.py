@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A piston at 1 kHz for a live simulator in another process, and what becomes of its answers.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The live simulator as a user would write it: a timer at 1 kHz, rclpy's default executor, messages made anew."""
 
 from __future__ import annotations

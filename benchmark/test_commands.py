@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Whole commands as a user waits for them, in units of what their heaviest libraries take to import in the same run.
 

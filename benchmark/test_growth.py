@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What work costs as recordings grow: time and peak memory, each size in a process of its own.
 

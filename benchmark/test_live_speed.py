@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 `sim_node` against the same model in a node with a timer and the default executor, in the same run.
 

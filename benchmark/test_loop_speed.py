@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Closing the loop on a minute and on a quarter of an hour at 500 Hz, with all cores.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How much faster two workers do a plant than one: the whole program on 200 bags, from its start to its end.
 

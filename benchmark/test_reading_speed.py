@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Reading a bag into arrays against what a user would write with rosbags, in the same run.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Simulation and fit against what a user would write otherwise, in the same run.
 

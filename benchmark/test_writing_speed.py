@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Writing a recording as a bag, against what a user would write with rosbags, in the same run.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Simulate, identify and watch a pneumatic constant-force device.
 

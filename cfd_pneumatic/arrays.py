@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What almost all arrays of this package are, and how large."""
 
 import numpy as np

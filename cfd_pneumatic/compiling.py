@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Numba's compiler: machine code is kept on disk, or in memory where no folder can be written.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Names that the nodes, the recordings and the rig agree on.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one error that a user can mend, and how names from outside are printed."""
 
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 An example for each program, as its `--help` shows it and as a shell takes it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Writing results so that a reader finds the old one or the new one, never half of either, whatever ends the program.
 

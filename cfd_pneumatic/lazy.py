@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Properties that are computed when they are first asked for, and kept."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What has to be said about data and results: mistakes that they look like, and what was assumed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Work that is shared among the processor's cores."""
 
 from __future__ import annotations

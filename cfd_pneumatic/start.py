@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Where every program begins: its help and its version at once, itself where more is asked.
 

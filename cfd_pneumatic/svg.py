@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Charts as SVG: panels below each other over one axis.
 

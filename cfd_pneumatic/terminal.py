@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Consoles that print words as they are: brackets and colons in a file's name are no markup; and their tables."""
 
 from __future__ import annotations

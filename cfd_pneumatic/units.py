@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Units at the edges: factors to SI, and the paper's units for display."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Reading the YAML files that people write, mappings and parameter files, and bounding those that libraries read.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cell: the device, or the virtual rig in its place, with the simulator and the monitor beside it."""
 
 from launch import LaunchDescription

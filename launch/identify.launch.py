@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The identifier of a cell: on request it identifies bags, and sets the result on the cell's simulator."""
 
 from launch import LaunchDescription

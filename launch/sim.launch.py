@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulator beside a device: it hears the device, and publishes in a namespace of its own."""
 
 from launch.actions import DeclareLaunchArgument

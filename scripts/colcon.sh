@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # Build, try and test the package as in a ROS 2 workspace, in a folder of its own that is removed afterwards.
 # usage: colcon.sh VENV [PYTEST_ARGUMENT...]    (VENV: an environment with colcon and what the package needs)
 set -eu

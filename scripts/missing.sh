@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: Apache-2.0
 # Print in one line what this machine lacks for `make setup`, and what to do next; nothing where all is there.
 # usage: missing.sh VARIABLE PYTHON [wheels] [locked]
 # VARIABLE of make names PYTHON; wheels: ROS 2 is wanted from PyPI; locked: all is wanted as requirements/ci.txt has it.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How often the loop names the effect that is in a recording: make benchmark-effects.
 

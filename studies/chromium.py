@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A headless Chromium, spoken to over its debugging pipe: nothing but the standard library is needed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How often the 95 % intervals of the gains hold the truth, and where the estimates lie: `make coverage`.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What is left of results when a program is killed, or its disk fills up: `make crash`.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a deburring tool feels along a path: surface error to piston displacement to contact force.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What documents that are written by a program share: tables, and notes by hand that are kept."""
 
 from __future__ import annotations

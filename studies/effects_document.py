@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Every physical effect, and how it shows: make effects-document writes docs/effects.md and docs/effects/*.svg.
 

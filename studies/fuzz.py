@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Inputs that are changed at random, each given to what reads it: `make fuzz`.
 

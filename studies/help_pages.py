@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The programs' help: what each is, its arguments or parameters with their units and defaults, an example.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Every program, topic, service and parameter: make interface-document writes docs/interface.md, and the pages of help.
 

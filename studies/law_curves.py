@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How near curves that were drawn are to the laws of the rig.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How often a law that is in no library is drawn where it enters: `make benchmark-laws`.
 

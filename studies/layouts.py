@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Write the layouts for PlotJuggler and Foxglove in `config/`: make layouts.
 

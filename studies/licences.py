@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Write docs/licences.md: the licence of each package that is installed: `make licences`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Lock what CI installs, by version and by hash: `make lock`.
 

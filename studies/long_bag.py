@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Bags of any length, made in bulk: a device at 1 kHz with two cylinders, each with pressure and applied set-point.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every key of a mapping file: make interface-document writes docs/mapping.md."""
 
 from __future__ import annotations

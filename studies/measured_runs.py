@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is said of each measured run of a real cylinder: make measured-runs writes docs/measured_runs.md."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What is said of recordings that were read wrongly: make mistakes.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Count the false alarms of the watch against the mean time between them that is asked for.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/python.ipynb: docs/python.md as a notebook, executed; make notebook writes it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What setup.py says of the package; it is read and not run."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What came of the panel, in Markdown."""
 
 from __future__ import annotations

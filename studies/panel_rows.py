@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The panel's recordings, each drawn, identified, and put down as a row.
 

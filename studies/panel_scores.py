@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the answers to the panel's recordings count, and the goals."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What `plan_experiment` predicts beside what the virtual rig then gives: make planning-document writes docs/planning.md.
 

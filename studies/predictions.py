@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One model for many measured runs: of all at once, of a pressure that it never saw, of the same again."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Processes: work side by side in some; how they start, what the system says of them, when their messages came."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a figure comes from: the program's version and the machine."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A ROS graph that no other program on this machine or its network takes part in."""
 
 from __future__ import annotations

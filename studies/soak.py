@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 All nodes for hours at 1 kHz, and what becomes of their memory, threads, descriptors and latency: `make soak`.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What everything costs, what was promised, and what peers need: docs/speed.md of what `make benchmark` has measured.
 

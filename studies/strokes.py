@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Strokes of a device whose gains are known, of any length: what simulation and fit are measured with.
 

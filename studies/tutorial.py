@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The tutorial's commands, and the picture in it: make tutorial-picture.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A ROS graph of its own for the tests, how property tests are run, and a word on those that can't run here."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An identification with its loop closed, for tests of what is made of it: droop in cylinder A, nothing in B."""
 
 from __future__ import annotations

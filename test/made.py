@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages made one by one, as rosbags makes them: what ours are compared with."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the measured recordings are, and the skip where they are not."""
 
 import os

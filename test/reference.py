@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Integrators of the paper's equations that share nothing with the package.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/adding_an_effect.md, done to the letter on a copy of the package."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The panel's benchmark: what counts as right, the document, and that a run goes on where it was stopped."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where machine code is kept, as a process finds its folders; what can't be written here root can't write either."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The worked example: a path's surface error becomes a schedule, and the schedule a contact force."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every file, and every name in a file, that a document refers to is there."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Results take their place whole, what was left aside goes, and two runs don't mix."""
 
 from __future__ import annotations

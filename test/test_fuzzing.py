@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A short run of the fuzzers, the same every time, and whether they find what there is; `make fuzz` has longer ones."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Imports point downwards only, as docs/design.md draws the layers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Properties that are computed once, for one instance while they are for another."""
 
 from threading import Barrier, Thread

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Mistakes that users make are noticed, and clean recordings raise no warning."""
 
 import random

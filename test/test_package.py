@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What stands in more than one file about the package says the same everywhere."""
 
 from __future__ import annotations
@@ -66,6 +67,20 @@ def imported(folder: str) -> set[str]:
             elif isinstance(node, ast.ImportFrom) and not node.level:
                 names.add(node.module.split('.')[0])
     return names - sys.stdlib_module_names - {'cfd_pneumatic'}
+
+
+LICENCE = 'SPDX-License-Identifier: Apache-2.0'
+SOURCES = ('*.py', '*.sh', '*.css', '*.jinja', 'Makefile', '.ci/run')
+
+
+def test_every_source_file_names_its_licence():
+    listed = subprocess.run(['git', 'ls-files', '-z', *SOURCES], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip('not a clone of the repository')
+    files = [ROOT / name for name in listed.stdout.split('\0') if name and (ROOT / name).exists()]
+    assert len(files) > 400
+    without = [path.name for path in files if LICENCE not in path.read_text(encoding='utf-8')[:1000]]
+    assert without == [], f'add this line at the top: {LICENCE}'
 
 
 def test_versions_agree():

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Work is shared among as many threads as are allowed."""
 
 from __future__ import annotations

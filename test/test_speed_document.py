@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The document of speed: promises judged by what was measured."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Charts: round numbers beside the axes, curves where they belong, and elements of a page that are well-formed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`docs/tutorial.md`: its commands, one after the other in an empty folder, and what its text promises of them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `import cfd_pneumatic as cfd` offers, see docs/python.md."""
 
 from cfd_pneumatic.api.result import Result, identify

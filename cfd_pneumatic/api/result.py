@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An identification for whoever works in Python: printed, drawn, saved, and the device that it found."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`compile_kernels`: what all programs compile on their first start, at once; for the build of an image."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`csv_to_bag`: make a bag of a table."""
 
 from __future__ import annotations

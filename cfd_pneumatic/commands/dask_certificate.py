@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`dask_certificate`: lets only those into a Dask cluster who have it; for `identify_bag --each` on many computers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`identify_bag`: fit the model's parameters to recordings."""
 
 from __future__ import annotations

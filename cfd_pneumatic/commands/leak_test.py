@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`leak_test`: how much leaks behind a shut valve, and by which law."""
 
 from __future__ import annotations

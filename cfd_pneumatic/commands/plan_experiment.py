@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`plan_experiment`: which experiment to do next, and what it will tell."""
 
 from __future__ import annotations

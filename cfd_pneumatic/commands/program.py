@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What all offline programs have in common: their help, and how they end."""
 
 from __future__ import annotations

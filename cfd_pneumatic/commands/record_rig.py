@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`record_rig`: what a test on the virtual rig leaves, as a bag, without a ROS graph."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A device as its parameters describe it: their table, its file, and what it makes of a recording."""
 
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, NO_NAMES, Descriptor, Value

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every parameter of a device, described once: for its file, the nodes that declare it, the planner and Python."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A device, of one cylinder or two, with effects or without."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`parameters.yaml`: a ROS parameter file that `sim_node` and `monitor_node` run with as it is."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The device that an identification found, with what is to be said of its parameters."""
 
 from __future__ import annotations

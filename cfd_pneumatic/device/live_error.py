@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How well a device does live: sample by sample, as `sim_node` answers, without smoothing or looking ahead."""
 
 from __future__ import annotations

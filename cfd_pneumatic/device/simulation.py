@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a device makes of a recording: smoothed, as it is identified, or sample by sample, as `sim_node` answers it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Write the extended model's kernel from the effects: make kernel."""
 
 import sys

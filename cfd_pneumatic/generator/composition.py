@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The text of the extended model's kernel: every effect behind a switch, put together by a template."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 From recordings to parameters, and to what the model lacks: fit, uncertainty, identifiability, effects.
 

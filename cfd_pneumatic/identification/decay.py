@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A pressure that falls behind a shut valve: how much leaks, and by which law.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Which mistakes a result looks like: parameters that no device has, a device that changed, an area that can't be.
 

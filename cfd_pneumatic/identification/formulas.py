@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Formulas for a curve: the simplest few of a small grammar that stay within its band wherever recordings have been.
 

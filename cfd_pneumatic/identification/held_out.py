@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one look at the test part, when all else is done: whether it contradicts what train and validation have shown."""
 
 from __future__ import annotations

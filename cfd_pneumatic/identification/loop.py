@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Closing the loop: what a channel's model lacks, added to it, and the error before and after.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From recordings to an identification: smooth, split, fit, judge."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Other ways to read recordings: the displacement counted the other way, the cylinders swapped, gauge for absolute.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an identification comes to: one result for each measured channel."""
 
 from __future__ import annotations

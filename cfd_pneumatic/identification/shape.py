@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A law that nobody knows, as recordings have drawn it: where it enters, against what, and its curve with a band."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a set-point that nobody recorded was stepped: what is left of the pressure, then, is a staircase."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What closing the loop comes to: the verdict in a sentence, and the errors before and after on the test part."""
 
 from __future__ import annotations

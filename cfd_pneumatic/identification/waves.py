@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Waves of the displacement that the pressure does not follow: its sensor makes them, not the piston.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where what a model leaves lives: on which signals it depends most, and what that suggests to look at."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How results are put to people: names, sentences and numbers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's pneumatic model: parameters, exact propagation, the two-cylinder device. No input or output."""
 
 from cfd_pneumatic.model.cylinder import Course, Cylinder, CylinderState, simulate_parameter_sets

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What others need to know of the paper's model: where a fit starts, what shows a parameter, how quick it is."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One pressure-regulated cylinder: stepped sample by sample, or over a whole recording."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The constant-force device: two opposing cylinders and the contact force that they make."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cylinder with physical effects beside the paper's equations, at constant gains."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The contact force, with physical effects beside the piston's area times the pressures."""
 
 from __future__ import annotations

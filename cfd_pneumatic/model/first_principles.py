@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Equations (1) to (11): from a data sheet's dimensions to the model's parameters.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The flow function of ISO 6358: how much passes an orifice, by the ratio of the pressures on its two sides."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the model's numerical functions are compiled."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Lanes: eight numbers that a processor adds and multiplies at once.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Functions that a library has for floats only, without branches and for lanes too; exact to 1e-14 or so."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The device followed sample by sample, by the samples' own stamps."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pneumatic model's parameters as data: names, units, ranges, the paper's values."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Where each effect's switch, parameters and states stand among all.
 

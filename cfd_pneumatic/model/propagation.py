@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Exact propagation of one regulator and cylinder, with forward sensitivities.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A device watched beside its model, sample by sample; nothing of ROS.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a model usually leaves of a signal, learned from a stretch in which the device is as it should be."""
 
 from __future__ import annotations

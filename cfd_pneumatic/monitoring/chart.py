@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A CUSUM chart on a series that has a memory: what is new in each value, added up until it is too much for chance."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What may be wrong with a topic, as against the device: it is silent, its clock jumps, its sensor is stuck."""
 
 from __future__ import annotations

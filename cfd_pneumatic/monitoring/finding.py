@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the loop makes of a stretch of a device's signals, and what is new in it against an earlier stretch."""
 
 from __future__ import annotations

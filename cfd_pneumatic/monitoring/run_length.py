@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How long a CUSUM chart runs until it gives a false alarm, and the threshold that makes it as long as is wanted.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The watch over a device: its model beside it, the charts, the topics' faults, and what the loop makes of an alarm."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One measured signal beside its model: blocks of residuals, and the charts that watch them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the watch puts it to people."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A process in which the loop is closed, so that no callback waits for it; it ends with the process that started it."""
 
 from __future__ import annotations

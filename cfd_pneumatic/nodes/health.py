@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a node says of itself: warnings that don't flood the log, and messages for `/diagnostics`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`identifier_node`: `identify_bag` as a ROS service, with the result set on a running simulator."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the launch files share: the arguments that they have in common, and the nodes beside a device."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parts of messages, and how reliably and deep topics are queued."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What nodes share that run the device's model: its parameters, its set-points, the piston's samples."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`monitor_node`: the identified model beside the real device, and when the two part."""
 
 from __future__ import annotations

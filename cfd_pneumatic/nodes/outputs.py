@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a device measures and its simulator answers: pressures, applied set-points, the contact force."""
 
 from __future__ import annotations

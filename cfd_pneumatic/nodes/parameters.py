@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """ROS parameters of the model: declared with unit, range and description, checked before they act."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every node's main does: say what it is, start, spin, end cleanly, say in one line what is wrong."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`recorder_node`: topics to a bag, as `ros2 bag record` does, where no rosbag2 is installed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`rig_node`: the virtual test rig, publishing what a real device's drivers would."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Samples in messages: a stamp and one number, read from serialised messages and written into them.
 

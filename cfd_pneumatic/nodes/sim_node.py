@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sim_node`: the device's model, driven by piston displacement and set-points."""
 
 from __future__ import annotations

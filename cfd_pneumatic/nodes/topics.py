@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Opening topics whose QoS parameters can override: `qos_overrides./cfd/sim/piston_state.subscription.reliability`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Which experiment to do next: a schedule within the limits of a cell, and what it will tell.
 

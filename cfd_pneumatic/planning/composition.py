@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which segments a schedule is put together from: always the one next that lets the most be told for its time."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The device to plan for: its usual set-points, and what its sensors see."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The motions that a schedule is put together from.
 

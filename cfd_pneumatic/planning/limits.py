@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a cell allows, and what its sensors see."""
 
 from __future__ import annotations

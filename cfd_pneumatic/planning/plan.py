@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a device and the limits of its cell to a schedule, and what it will tell."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A proposal: displacement and set-points at each sample, laid out within the limits of the cell."""
 
 from __future__ import annotations

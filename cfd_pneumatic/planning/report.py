@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A plan for people and for programs: tables for the terminal, JSON, and a picture."""
 
 from __future__ import annotations

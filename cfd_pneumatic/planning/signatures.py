@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What parameters and effects do to a recording that a proposal would give: their signatures.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A plant: hundreds of devices, a bag each a shift, identified by many workers into one table and one page.
 

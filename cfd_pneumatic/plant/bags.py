@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which bags are meant: those given, and those in the folders given, at any depth."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The certificate by which scheduler, workers and clients of a Dask cluster know each other: one for all of them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small charts of a value's drift, as SVG of few bytes: a page has thousands of them."""
 
 from __future__ import annotations

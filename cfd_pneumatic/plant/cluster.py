@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Jobs done by the workers of a Dask cluster, some of which may die over them."""
 
 from __future__ import annotations

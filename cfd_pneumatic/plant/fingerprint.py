@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a result follows from: while none of it changes, doing a bag again would give the same."""
 
 from __future__ import annotations

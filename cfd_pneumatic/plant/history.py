@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the rows of a plant say of each device: how it is now, and when that changed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`index.html`: the whole plant on one page that stands alone, each device with its drift, linked to all reports."""
 
 from __future__ import annotations

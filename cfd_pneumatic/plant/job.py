@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One bag from beginning to end, wherever it is done."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """All bags of a plant, each identified once, and what they come to."""
 
 from __future__ import annotations

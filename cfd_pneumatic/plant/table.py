@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The table of all results: its columns, and its two forms, CSV and Parquet.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What rises or falls from bag to bag of one device, and not by chance: wear, which no single bag shows."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Recordings: bags and tables to arrays in SI units, and back.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Making signals of samples as they come: out of order, twice, with gaps, not a number.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a recording looks like to people, and which mistakes it looks like.
 

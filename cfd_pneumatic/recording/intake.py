@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Taking in the messages of one channel, a block at a time."""
 
 from __future__ import annotations

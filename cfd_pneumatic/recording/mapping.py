@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Mapping files: where a bag or a table of another make keeps the signals.
 

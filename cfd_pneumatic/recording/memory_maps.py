@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Arrays that are longer than memory: kept in files, made and gone over part by part."""
 
 from __future__ import annotations

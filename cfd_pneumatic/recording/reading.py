@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading a recording, from whatever it is in."""
 
 from __future__ import annotations

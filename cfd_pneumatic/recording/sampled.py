@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of arrays: signals that were sampled together."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading the samples of a bag's channels: one pass over the messages, decoded a block at a time."""
 
 from __future__ import annotations

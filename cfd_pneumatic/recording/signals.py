@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a recording holds: signals in SI units, each on its own times.
 

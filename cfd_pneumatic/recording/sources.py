@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sources: where a recording keeps the numbers of a signal, and what makes SI units of them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Samples that no sensor gives which is well: some leap out of all others and back, some hold still."""
 
 from __future__ import annotations

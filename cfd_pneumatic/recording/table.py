@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tables: text files with a row for each sample and a column for each signal."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Finding our convention's topics in a bag."""
 
 from __future__ import annotations

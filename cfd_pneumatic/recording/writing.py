@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writing a recording as a bag in our convention."""
 
 from __future__ import annotations

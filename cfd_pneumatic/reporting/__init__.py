@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an identification says: data for programs, a parameter file, a page and tables for people, a bag for plots."""
 
 from cfd_pneumatic.reporting.advice import next_plan

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What to do next where something was not identifiable or could not have shown: plan an experiment for it."""
 
 from __future__ import annotations

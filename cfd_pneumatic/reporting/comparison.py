@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 `compare.mcap`: a recording beside its simulations without and with effects, for PlotJuggler and Foxglove.
 

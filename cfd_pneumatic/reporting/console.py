@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tables and verdicts for the terminal, the paper's units beside SI."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`report.json`: strict JSON, numbers in SI units, null where there is none."""
 
 from __future__ import annotations

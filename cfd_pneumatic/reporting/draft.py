@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A draft of an effect's file, of a law that was drawn and has a formula: where `docs/adding_an_effect.md` goes on."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Figures of the page, as SVG that takes its colours and its fonts from the page around it.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a pressure decay tells, for people and for programs: a table and sentences, JSON, a picture."""
 
 from __future__ import annotations

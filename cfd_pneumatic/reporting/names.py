@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Names of the files of results."""
 
 from cfd_pneumatic.device.file import REPORT_FILE

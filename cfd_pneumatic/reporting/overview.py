@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One picture of a recording for people at a prompt: measured, simulated, residual."""
 
 from __future__ import annotations

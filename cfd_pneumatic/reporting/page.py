@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`report.html`: one page that stands alone, for whoever runs the cell."""
 
 from __future__ import annotations

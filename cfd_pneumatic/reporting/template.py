@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pages from templates: HTML that stands alone, in one style."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Long series made short for people: minima and maxima, so that nothing that can be seen is lost."""
 
 from __future__ import annotations

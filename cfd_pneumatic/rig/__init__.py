@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 A virtual test rig: the stand-in for a real constant force device.
 

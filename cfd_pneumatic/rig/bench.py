@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The test bench: the rig with its instruments, sampled."""
 
 from __future__ import annotations

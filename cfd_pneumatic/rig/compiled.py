@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Numba's compiler, with the types kept."""
 
 from __future__ import annotations

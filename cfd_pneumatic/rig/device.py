@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rig as a thing with a state: it is moved, and answers with pressures and a force."""
 
 from __future__ import annotations

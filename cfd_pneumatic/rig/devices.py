@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Devices by name, and what goes wrong with them while they run."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What acts on a regulator's set pressure besides the hand that sets it: drift, creep, pulsation, a jump."""
 
 from __future__ import annotations

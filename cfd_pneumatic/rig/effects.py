@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a healthy device lacks: physical effects by their strengths, none of which acts by default.
 

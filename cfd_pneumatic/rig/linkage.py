@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The linkage between the tool, whose displacement is measured, and the piston: it may have a gap."""
 
 from __future__ import annotations

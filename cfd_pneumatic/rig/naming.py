@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Schedules by what people call them: a name, or a file that holds one."""
 
 from __future__ import annotations

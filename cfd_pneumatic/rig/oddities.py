@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What no textbook has, and a device may do all the same: laws for those who look for a law that they don't know.
 

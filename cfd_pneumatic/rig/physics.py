@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The rig's physics: compressible flow through two poppets and a tube into two chambers, and a seal that rubs.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A piston that is told where to go."""
 
 from __future__ import annotations

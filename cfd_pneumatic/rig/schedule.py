@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What a test does to the rig: how the piston is moved, and what the regulators are set to.
 

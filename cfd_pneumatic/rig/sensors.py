@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rig's sensors: noise, a 12-bit converter, and a clock that stamps a little early or late."""
 
 from __future__ import annotations

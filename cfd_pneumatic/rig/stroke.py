@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One quick movement from rest to rest."""
 
 from __future__ import annotations

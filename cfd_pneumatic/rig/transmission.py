@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Between the rig and its sensors: lines that ring, sensors that lag or bend, the mains, a load cell's zero."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Schedules that stand in a file, as `plan_experiment` writes them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bags of all storages and compressions, whole and damaged, each read by us and by rosbags."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many inputs of a kind: each is given to what reads it, what becomes of it is counted, what is new is kept."""
 
 from __future__ import annotations

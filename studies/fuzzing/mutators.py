@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random changes of valid inputs; the same generator makes the same changes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What strangers may send to nodes: serialised messages on their topics, and requests to their parameter services.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Texts: tables, mappings, parameters, schedules, definitions, reports, a bag's metadata."""
 
 from __future__ import annotations

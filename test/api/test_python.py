@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Python front door: the lines of its page, on the rig and on a measured run, and the notebook."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The offline programs' help, and its examples, one after the other in an empty folder."""
 
 from __future__ import annotations

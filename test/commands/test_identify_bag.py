@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`identify_bag` as people call it: on bags, on bad ones, and on folders that can't be written."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`plan_experiment` as people call it, and what comes after it: the rig plays, `identify_bag` identifies."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What was identified is what runs: from the result, from its file, smoothed as reported, and live."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of the rig's panel, and pressures of known models, made ready for the identification."""
 
 from __future__ import annotations

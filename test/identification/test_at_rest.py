@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings without displacement: a piston at rest, whose set-points change."""
 
 from __future__ import annotations

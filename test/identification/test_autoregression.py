@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The colour of noise: known autoregressions are found again, taken out, and counted for what they are worth."""
 
 import numpy as np

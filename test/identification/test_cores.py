@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which core recordings need: devices of full physics are healthy, and those of the paper's law keep their effects."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Leaks behind a shut valve: decays whose truth another integrator made, and measured ones."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An experiment in pieces, and the part of it that is worth a first look."""
 
 from dataclasses import replace

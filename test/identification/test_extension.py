@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fits of effects: parameters that a pressure was made with are found again, within what their errors say."""
 
 from dataclasses import replace

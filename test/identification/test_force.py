@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The force's fit: known truth found again, what the recordings don't tell said so, and a real cylinder.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Closing the loop on the force: effects named that are there, none that aren't, and what can't be told said so.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A law of the force that no effect of the library is: where it enters, its curve, and when none is drawn."""
 
 from __future__ import annotations

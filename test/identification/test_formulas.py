@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simplest formulas that stay within a curve's band."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one look at the test part: what contradicts a verdict, and what strokes that scatter do not."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From recordings to a report, on recordings of known truth."""
 
 from __future__ import annotations

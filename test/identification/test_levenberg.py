@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Least squares within bounds: as good as SciPy's, in few simulations, on problems that fits bring with them."""
 
 import numpy as np

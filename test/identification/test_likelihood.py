@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a likelihood knows of the models that it is asked about."""
 
 import gc

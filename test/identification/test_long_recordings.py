@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A long recording: identified as a short one is, in memory that grows no faster than it."""
 
 from __future__ import annotations

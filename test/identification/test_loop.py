@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The loop on recordings of the rig with something wrong with it: what it names, and when it won't name anything."""
 
 from dataclasses import replace

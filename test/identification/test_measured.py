@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's model alone on a real cylinder, set-points estimated."""
 
 import pytest

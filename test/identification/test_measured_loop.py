@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The loop on measured recordings: a worn seal named, healthy ones left alone, one model for four pressures."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The smoothed displacement: closer to the truth than the measured one, honest about how close."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The noise of a pressure: how large it is and what colour it has, seen where nothing moves."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings that are misread: signs; units and references of all pressures, which only the physical core sees."""
 
 from dataclasses import replace

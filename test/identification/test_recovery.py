@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Known truth: the paper's Table 1 found again.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tests of a residual: silent on noise of any colour, awake to what a model may lack."""
 
 import math

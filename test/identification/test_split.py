@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cuts that leave motion in every part, and say so where there is none to leave."""
 
 import numpy as np

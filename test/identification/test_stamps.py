@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stamps that jitter about a regular clock, told from irregular sampling."""
 
 import numpy as np

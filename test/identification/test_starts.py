@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What effects draw their starting values from: lags, frequencies and speeds that are known are found."""
 
 from dataclasses import replace

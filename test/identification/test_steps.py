@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A set-point that was not recorded: when it was stepped, and where to, is said before anything is searched for."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A further measured channel: one class in one file, and everything else knows of it."""
 
 from __future__ import annotations

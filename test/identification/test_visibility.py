@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which effects a recording could not have shown: what physics says, and what a search finds in it."""
 
 import itertools

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Waves of the displacement: the sensor's are left out, the piston's stay, and the pressure tells which they are."""
 
 from dataclasses import replace

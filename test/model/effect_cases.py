@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Strong cases of each effect on the pressure: the starting points that a search takes."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each effect: null is the baseline, strong it shows as physics has it, and the composed kernel is up to date."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Equations (1) to (11) from dimensions, against textbook values and against each other."""
 
 import math

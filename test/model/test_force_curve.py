@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The force's generic effect: a curve that data have drawn, where it enters and on what it depends."""
 
 from __future__ import annotations

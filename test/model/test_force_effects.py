@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each effect on the contact force: null is the baseline, and strong it shows as physics has it."""
 
 import math

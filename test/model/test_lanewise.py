@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lanes are calculated with as floats are, and functions of them agree with the library's."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Effects sample by sample: the live device does what the fit's simulation does, and they go on and off on the way."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Effects on the contact force sample by sample: the live device does what the simulation of a recording does."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's tables, the parameter files made of them, and what an operating-point table refuses."""
 
 from pathlib import Path

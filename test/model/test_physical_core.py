@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The physical core: what gases do, the paper's linear law as its limit, and the same in one step as in a recording."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The kernel against an independent integrator, its own finite differences, and what physics demands."""
 
 from itertools import pairwise

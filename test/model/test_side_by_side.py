@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cylinders side by side in the lanes of the kernel: none knows of the others."""
 
 from itertools import pairwise

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Two cylinders, contact force, and following samples by their stamps."""
 
 import numpy as np

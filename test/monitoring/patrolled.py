@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A rig that is as the paper's device, its identified model, and a watch that hears the one beside the other."""
 
 from __future__ import annotations

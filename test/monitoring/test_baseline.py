@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is usual, learned from residuals of which everything is known."""
 
 from __future__ import annotations

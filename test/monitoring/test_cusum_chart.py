@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A CUSUM chart: what it is told by, and what it is not."""
 
 from __future__ import annotations

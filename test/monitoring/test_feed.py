@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Topics that fall silent, clocks that jump, sensors that are stuck; and sensors that only look like it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is new in a finding, and how it is put."""
 
 from __future__ import annotations

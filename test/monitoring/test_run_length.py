@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How long a CUSUM chart runs until a false alarm: against the exact answer, and against chance."""
 
 from __future__ import annotations

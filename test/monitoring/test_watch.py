@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The watch beside the rig: what is an alarm, what is a fault of the feed, and what is neither."""
 
 from __future__ import annotations

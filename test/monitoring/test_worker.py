@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The process in which the loop is closed: it answers, and ends with the process that started it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The graph that a test file's tests share."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A ROS graph for a test: the nodes as processes of their own, and a client that talks to them over DDS."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The closed loop in the graph: a device with something wrong, a bag, the identifier, and the simulator put right."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """No message ends a node: every extreme of every field, after each of which a sane message is answered as before."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`identifier_node`: a bag identified in the background, and the result set on a running simulator."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/interface.md says what the running nodes say of themselves."""
 
 from __future__ import annotations

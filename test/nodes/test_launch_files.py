@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The launch files: what they offer, and two cells of them side by side in a real graph."""
 
 from __future__ import annotations

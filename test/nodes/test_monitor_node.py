@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`monitor_node` beside a device over real DDS: residuals, predictions, alarms with their cause, faults of the feed."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nodes' help, which starts nothing, and its examples, each of which comes up and ends."""
 
 from __future__ import annotations

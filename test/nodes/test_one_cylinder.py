@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A device with one cylinder, from its bag to the nodes over real DDS: the simulated force is the measured one."""
 
 from __future__ import annotations

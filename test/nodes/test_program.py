@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every node's main, ended by a signal at a bad moment, and what it says of parameters that are none."""
 
 from __future__ import annotations

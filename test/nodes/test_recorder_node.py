@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`recorder_node`: what it hears is in the bag, and a simulator that hears the bag again says the same."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`rig_node` as a process of its own, over real DDS."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Samples are read from serialised messages as rclpy reads them, whatever came before them, and written as rclpy would.
 

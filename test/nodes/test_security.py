@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The policies of SROS 2: they allow what the nodes of a cell do, and nothing else."""
 
 from __future__ import annotations

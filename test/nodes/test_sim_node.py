@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sim_node` as a user meets it: a process of its own, reached over DDS."""
 
 from __future__ import annotations

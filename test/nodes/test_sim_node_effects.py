@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Physical effects as parameters of `sim_node`: set live and from a file."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sim_node` started with what `identify_bag --close-loop` wrote."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the nodes hear and publish is what the launch files redirect and the layouts show."""
 
 from __future__ import annotations

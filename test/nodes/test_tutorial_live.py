@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The tutorial's programs that run on, as it has them typed, with a leak that appears while they do.
 

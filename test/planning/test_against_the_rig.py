@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What is predicted against what the rig then gives, which shares no code with the model.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is predicted: the notions of the identification, asked before anything is recorded."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is proposed keeps the limits of the cell, whatever they are."""
 
 from __future__ import annotations

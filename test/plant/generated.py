@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plants for tests: bags of the virtual rig, of which a few serve many times."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which bags are meant, whose they are, and where their results go."""
 
 from __future__ import annotations

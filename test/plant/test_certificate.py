@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cluster that lets in who has its certificate: a real scheduler, a real worker, real clients."""
 
 from __future__ import annotations

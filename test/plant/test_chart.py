@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small charts: every value is there, at its place."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Jobs on real workers, some of which die."""
 
 from __future__ import annotations

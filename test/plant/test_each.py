@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`identify_bag --each` as a plant runs it: interrupted, killed, on a cluster, and twice."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When a device's verdict has changed, and when it only seems so."""
 
 from __future__ import annotations

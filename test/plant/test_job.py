@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One bag: what its row says, and when it need not be done again."""
 
 from __future__ import annotations

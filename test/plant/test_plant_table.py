@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table: its two forms say the same, and keep what they were given."""
 
 from __future__ import annotations

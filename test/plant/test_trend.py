@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What drifts from bag to bag, and what only seems to."""
 
 from __future__ import annotations

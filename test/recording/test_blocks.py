@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The messages of a file come in blocks, whatever the file is, as rosbags gives them one by one."""
 
 from __future__ import annotations

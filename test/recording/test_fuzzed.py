@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files cut and flipped anywhere: what a checksum can tell never becomes a wrong number, and losses are told."""
 
 from __future__ import annotations

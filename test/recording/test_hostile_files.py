@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files made to harm: each ends in one line within seconds, whatever it declares; what is odd but valid is read."""
 
 from __future__ import annotations

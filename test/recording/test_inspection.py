@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a recording looks like: the unit that it was recorded in is named, and the reference."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/mapping.md says what the reader of mapping files takes."""
 
 from __future__ import annotations

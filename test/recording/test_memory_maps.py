@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recording that is kept in files, and gone over part by part, is the same as in memory."""
 
 from __future__ import annotations

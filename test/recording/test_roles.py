@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A further measured signal is one row of the table of roles."""
 
 from __future__ import annotations

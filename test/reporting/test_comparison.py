@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`compare.mcap`, read back by rosbags and by our reader."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What programs of others rely on: the keys of report.json and their types, and parameters.yaml as 0.1.0 wrote it."""
 
 from __future__ import annotations

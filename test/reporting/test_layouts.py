@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The layouts in config/ are of today's topics: those that compare.mcap has, and the fields of their messages."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`parameters.yaml` with effects: it simulates what was reported."""
 
 from __future__ import annotations

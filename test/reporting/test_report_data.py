@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`report.json`: what closing the loop adds to it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`report.html`: what it says, and what a real browser makes of it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Records of the rig, and the commanded piston."""
 
 from __future__ import annotations

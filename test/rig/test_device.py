@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rig as a whole: rest, conservation of mass, limits of compression, accuracy, and what it refuses."""
 
 from __future__ import annotations

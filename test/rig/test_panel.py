@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The panel: what it draws, what it keeps to itself, and how well anybody could do on it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rig's physics against what physics says, and its behaviour near rest against the paper's Table 1."""
 
 from __future__ import annotations

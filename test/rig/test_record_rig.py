@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`record_rig`: a test on the rig as a bag."""
 
 from __future__ import annotations

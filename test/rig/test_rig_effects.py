@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rig's effects: none by default, each with its signature, and right in its limits."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The schedules: what they ask of the rig."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the sensors add to the truth."""
 
 from __future__ import annotations

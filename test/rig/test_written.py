@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Schedules from a file: what is played is what stands there."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a measured channel is: a signal, the model that simulates it, and what may be missing from that model."""
 
 from __future__ import annotations

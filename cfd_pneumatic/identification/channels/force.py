@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The contact force: piston area times geometric factor times the difference of the measured pressures.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cylinder's pressure: equations (8) and (12) of the paper, exactly where no effect is on."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a fit searches: a number, where it stands, and between which bounds."""
 
 from __future__ import annotations

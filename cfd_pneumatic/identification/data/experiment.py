@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One measured signal of one recording beside what drives its model, on one time grid."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The displacement that the piston really made, from the one that was measured.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How to identify."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether recorded numbers can be what they are said to be."""
 
 from __future__ import annotations

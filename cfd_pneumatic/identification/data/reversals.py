@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How a seal sees the piston travel: reversals that may be noise left out, those between samples put in.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The likeliest smoothing spline through samples in noise, sudden steps apart.
 

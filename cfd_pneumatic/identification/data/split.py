@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cutting recordings into train, validation and test parts that each hold motion."""
 
 from __future__ import annotations

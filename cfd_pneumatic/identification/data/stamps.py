@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stamps that jitter about a regular clock, and the clock behind them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How large an error may be before it matters to whoever asks."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What recordings don't tell of a core: it stands as data sheets have it, or the gains would make up for it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fits of a channel's model, with or without effects, and what they tell of each parameter."""
 
 from __future__ import annotations

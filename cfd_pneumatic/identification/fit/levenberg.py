@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Least squares within bounds, by Levenberg and Marquardt.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The likelihood of a channel's samples: what they weigh, how their residual is whitened, what a model has to gain.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Standard errors from a Jacobian and residuals that may be correlated."""
 
 from __future__ import annotations

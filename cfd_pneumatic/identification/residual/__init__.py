@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a fit leaves: its noise, its autoregression, and the tests that ask whether it is noise."""

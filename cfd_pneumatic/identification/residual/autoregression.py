@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Autoregression: how much a sample of noise says about the next, and how to take that out."""
 
 from __future__ import annotations

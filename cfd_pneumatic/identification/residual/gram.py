@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Gram matrix, by one thread (a library would wake others, which have work of their own), and what it tells."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How small the residual could be: the noise that no model can explain."""
 
 from __future__ import annotations

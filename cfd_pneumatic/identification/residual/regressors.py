@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What residuals may depend on: signals, some of them at several lags, looked at in pieces of a long recording."""
 
 from __future__ import annotations

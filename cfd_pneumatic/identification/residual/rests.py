@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rests: stretches in which neither the piston nor the set-point moves, and a residual is noise alone."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a residual and a motion are like: period, lag, speed."""
 
 from __future__ import annotations

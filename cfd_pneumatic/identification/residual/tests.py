@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What is left of the measured pressure: whether a model that knew more could explain it.
 

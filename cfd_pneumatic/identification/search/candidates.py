@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Models with one effect more or less: roughly fitted from every start, to the end where that promises much."""
 
 from __future__ import annotations

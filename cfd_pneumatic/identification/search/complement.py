@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a model's own unknowns can not make up for."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Which core a recording needs: the linear one, or one with the physics that it leaves out.
 

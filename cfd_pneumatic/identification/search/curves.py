@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fits of models that have a curve, with a penalty on its roughness."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Laws that nobody knows: curves, where no effect of the library leaves noise.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Places for a curve: where a law may enter, on what it may depend, and where its knots are."""
 
 from __future__ import annotations

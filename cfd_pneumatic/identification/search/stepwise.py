@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Which effects a model lacks, judged by the residual: one search, whatever the model and the effects are of.
 

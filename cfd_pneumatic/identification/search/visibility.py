@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which effects a recording could not have shown, had they been there."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Physical effects that the paper's model lacks; each module here that defines `EFFECT` is one."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Curve: a law that nobody knows, as a table that data have drawn: where it enters, against what, and its values.
 

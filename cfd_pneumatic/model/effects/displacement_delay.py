@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Displacement delay: the displacement is reported late."""
 
 from __future__ import annotations

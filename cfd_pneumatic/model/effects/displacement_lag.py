@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Displacement lag: the measured displacement lags the piston."""
 
 from __future__ import annotations

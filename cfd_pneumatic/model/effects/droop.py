@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Droop: the regulated pressure sags under flow, with a lag; without one it would be part of K."""
 
 from __future__ import annotations

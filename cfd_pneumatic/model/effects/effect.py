@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 What an effect is: a small file that says its name, its parameters and where it enters the model.
 

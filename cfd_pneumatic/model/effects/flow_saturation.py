@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Flow saturation: the valves pass no more than so much, charging and exhausting apart."""
 
 from __future__ import annotations

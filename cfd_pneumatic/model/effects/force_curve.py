@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Force curve: a law of the contact force that nobody knows, as a table that data have drawn.
 

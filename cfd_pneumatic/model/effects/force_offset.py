@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Force offset: what the force sensor reads without load."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Heat transfer: a fast change of volume is adiabatic, and relaxes to isothermal as the walls take up the heat."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Knots: how a curve that data have drawn runs through its heights, and the parameters that say so."""
 
 from __future__ import annotations

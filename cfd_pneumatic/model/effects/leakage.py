@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Leakage: air escapes from the chamber to ambient, through a gap (laminar) or through a hole (an orifice)."""
 
 from __future__ import annotations

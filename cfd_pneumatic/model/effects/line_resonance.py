@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Line resonance: the air in the line to the pressure sensor swings."""
 
 from __future__ import annotations

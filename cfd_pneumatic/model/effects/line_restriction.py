@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Line restriction: a laminar resistance between the regulator, with its outlet's volume, and the cylinder."""
 
 from __future__ import annotations

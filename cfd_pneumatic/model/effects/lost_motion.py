@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lost motion: the piston follows the measured displacement with play."""
 
 from __future__ import annotations

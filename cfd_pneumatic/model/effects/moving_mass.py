@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Moving mass: what inertia and weight of the moving parts take from the air's force.
 

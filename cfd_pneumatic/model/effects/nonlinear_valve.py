@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Nonlinear valve: flow as a power of the valve's error."""
 
 from __future__ import annotations

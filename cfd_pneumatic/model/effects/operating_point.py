@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Operating point: the gains follow the absolute pressure as equations (1), (11) and (12) say."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The physical core: equations (1) to (11) of the paper before they were linearised.
 

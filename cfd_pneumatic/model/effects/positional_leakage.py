@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Positional leakage: a seal that lifts near one end of the stroke, perhaps in one direction of travel only."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Seal friction: Coulomb friction that grows with pressure, viscous friction, and presliding after a reversal (Dahl).
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sensor lag: the pressure sensor, or the line to it, is a first-order lag."""
 
 from __future__ import annotations

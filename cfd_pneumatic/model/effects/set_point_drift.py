@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Set-point drift: the regulator creeps."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Stribeck friction: what slowly moving seals rub beyond seal friction, as they have to be broken away first.
 

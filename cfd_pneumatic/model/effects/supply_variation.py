@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Supply variation: the supply pressure swings, and the regulated pressure with it."""
 
 from __future__ import annotations

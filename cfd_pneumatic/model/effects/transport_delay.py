@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Transport delay: the pressure is read late, or all else is."""
 
 from __future__ import annotations

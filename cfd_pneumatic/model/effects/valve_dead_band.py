@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Valve dead band: neither valve opens until the error leaves a band."""
 
 from __future__ import annotations

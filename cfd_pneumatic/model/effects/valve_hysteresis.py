@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Valve hysteresis: the valves follow the error with play."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Volume variation: V = V0 + A x in all gains."""
 
 from __future__ import annotations

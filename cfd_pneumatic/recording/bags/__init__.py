@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Bags: files of serialised messages, to blocks of messages and numbers, and back.
 

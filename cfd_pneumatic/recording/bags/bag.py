@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bags of ROS 1 and ROS 2: their topics and their messages, from whatever files they consist of."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Blocks: many messages of a topic as one piece of memory, so that they can be decoded together."""
 
 from __future__ import annotations

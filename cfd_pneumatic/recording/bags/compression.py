@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Unpacking what is compressed, and no more of it than can be meant: a few bytes may unpack to gigabytes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Definitions of message types: a bag's own, ROS 2's, and those that the user gives."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Field paths: which number of a message is meant.
 

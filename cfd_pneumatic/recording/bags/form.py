@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Forms of serialised messages: with blanks for the stamp and one number, filled one by one or many at once."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where in an mcap file its messages are, whatever is left of the file: in chunks, and outside of them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reading an mcap file chunk by chunk: its index tells where in a chunk the messages of a topic are."""
 
 from __future__ import annotations

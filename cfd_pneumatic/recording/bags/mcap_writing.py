@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writing an mcap file in whole chunks, with checksums; NumPy puts times, places and payloads into bytes."""
 
 from __future__ import annotations

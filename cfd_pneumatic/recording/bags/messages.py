@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Message types that ROS 2 ships, and which number each is about."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What can still be read of a sqlite3 file that was cut off or damaged."""
 
 from __future__ import annotations

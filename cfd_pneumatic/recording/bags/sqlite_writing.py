@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writing a sqlite3 file many messages at a time."""
 
 from __future__ import annotations

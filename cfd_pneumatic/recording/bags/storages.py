@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The formats of a bag's files: how each is read, mended and written; a further one is a row here."""
 
 from __future__ import annotations

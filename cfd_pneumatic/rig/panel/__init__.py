@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Recordings of devices with something wrong with them, drawn at random, and what is wrong kept apart.
 

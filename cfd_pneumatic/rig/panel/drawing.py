@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One draw: a device, something wrong with it, a schedule, and what the sensors make of it."""
 
 from __future__ import annotations

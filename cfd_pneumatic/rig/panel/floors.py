@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 How well anybody could do on a recording: the oracle knows the device, and the baseline the device without its effects.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Makes of devices with all of their physics: what the panel has beside the paper's law.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is done to a device: an effect by its strength, and the situation that it is put into."""
 
 from __future__ import annotations

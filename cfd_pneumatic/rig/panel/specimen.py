@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The devices of the panel: the paper's model made of metal, and what is done to it."""
 
 from __future__ import annotations

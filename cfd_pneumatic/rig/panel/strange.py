@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Laws that no library has, thought up before anybody looked for them: where each enters, and on what it depends.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The panel's effects: what is done to a device, and how strongly.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 The paper's model to the letter: equations (8) and (12) of Guvenc and Srinivasan, integrated in small steps.
 
