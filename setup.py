@@ -57,6 +57,7 @@ setup(
         # colcon runs pytest because it stands here.
         'test': [
             'catkin_pkg',
+            'cyclonedds',  # a participant that is no node of ROS 2
             'hypothesis',
             'ipykernel',
             'mpmath',

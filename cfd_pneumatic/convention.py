@@ -187,6 +187,24 @@ TOPICS = {
 }
 """What each topic carries, with its unit."""
 
+_TYPES = {
+    **{role.topic: role.msgtype for role in ROLES.values()},
+    residual_topic(EITHER): FLUID_PRESSURE,
+    PISTON_COMMAND: FLOAT64,
+    FORCE_SETPOINT: FLOAT64,
+    CONTACT_FORCE: WRENCH_STAMPED,
+    residual_topic(CONTACT_FORCE): WRENCH_STAMPED,
+}
+
+
+def expected_type(topic: str) -> str | None:
+    """Return the message type of a topic of the convention, given in any namespace; None of another topic."""
+    name = f'/{topic}'
+    for cylinder in CYLINDERS:
+        name = name.replace(f'/{cylinder}/', f'/{EITHER}/')
+    return next((msgtype for known, msgtype in _TYPES.items() if name.endswith(f'/{known}')), None)
+
+
 _BELOW = {PREDICTED: 'predicted: ', PREVIEW: 'while `piston_state` is silent, with the piston held: '}
 
 

@@ -18,9 +18,10 @@ _NUMBER = re.compile(r'\d[\d.]*(e[+-]?\d+)?|\b(nan|inf)\b')
 
 LOST = 'lost messages'
 MISMATCHED = 'QoS mismatches'
+LARGE = 'queues shortened for large messages'
 
 _TROUBLES = (
-    'resets', 'ignored samples', 'ignored stamps', 'ignored set-points', 'ignored measurements', LOST, MISMATCHED
+    'resets', 'ignored samples', 'ignored stamps', 'ignored set-points', 'ignored measurements', LOST, MISMATCHED, LARGE
 )  # fmt: skip
 """What makes `/diagnostics` warn where it has happened since the last report."""
 

@@ -11,7 +11,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64
@@ -21,9 +20,10 @@ from cfd_pneumatic.compiling import announced
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import NAMES, DeviceModel, warm_up
-from cfd_pneumatic.nodes.health import LOST, MISMATCHED, InputHealth, diagnostics
+from cfd_pneumatic.nodes.bounded_node import BoundedNode
+from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, InputHealth, diagnostics
 from cfd_pneumatic.nodes.messages import AXES, COMMAND_QOS, OUTPUT_QOS
-from cfd_pneumatic.nodes.parameters import declare_device, device_of, number, text, wrong_type
+from cfd_pneumatic.nodes.parameters import FRAME_LENGTH, checked_frame, declare_device, device_of, number, text
 from cfd_pneumatic.nodes.samples import joint_reader
 from cfd_pneumatic.nodes.topics import Queue, listen_to
 
@@ -33,7 +33,7 @@ _NAMES = reprlib.Repr()  # of the joints in a message, which may be any number o
 _NAMES.maxlist, _NAMES.maxstring = 20, 80
 
 
-class ModelNode(Node):
+class ModelNode(BoundedNode):
     """
     A node that runs the device's model; every parameter is described, with its unit, in its descriptor.
 
@@ -84,7 +84,7 @@ class ModelNode(Node):
     def _declare_parameters(self) -> None:
         declare = self.declare_parameter
         declare('joint', convention.PISTON_JOINT, text('name of the piston joint in piston_state'))
-        declare('frame_id', 'cfd', text('frame of contact_force and of the pressures', 'not empty'))
+        declare('frame_id', 'cfd', text('frame of contact_force and of the pressures', FRAME_LENGTH))
         declare(
             'axis',
             'x',
@@ -103,19 +103,11 @@ class ModelNode(Node):
     def _make_device(self, changes: Mapping[str, Any]) -> Device:
         if self._value('axis', changes) not in AXES:
             raise InputError(f'axis {self._value("axis", changes)!r} is not one of {", ".join(AXES)}')
-        if not self._value('frame_id', changes):
-            raise InputError("frame_id is empty: name the frame of the contact force, 'cfd'")
+        checked_frame(self._value('frame_id', changes))
         lower, upper = (self._value(f'stroke_{end}', changes) for end in ('lower', 'upper'))
         if not lower < upper:
             raise InputError(f'stroke_lower {lower:g} m does not lie below stroke_upper {upper:g} m')
         return device_of(self, changes)
-
-    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set parameters as every node does, but say which one is of a wrong type."""
-        refusal = wrong_type(self, parameter_list)
-        if refusal is not None:
-            return SetParametersResult(successful=False, reason=refusal)
-        return super().set_parameters_atomically(parameter_list)
 
     def _on_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         """Take good values from the next sample on; reject others with the reason."""
@@ -182,6 +174,7 @@ class ModelNode(Node):
             raw,
             partial(self._on_lost, topic),
             partial(self._on_mismatch, topic),
+            self._on_large,
             self._samples if raw else None,
         )
 
@@ -192,6 +185,10 @@ class ModelNode(Node):
     def _on_lost(self, topic: str, lost: int) -> None:
         self._health.counts[LOST] += lost
         self._health.warn(f'messages on {topic} are lost: they come faster than they are taken')
+
+    def _on_large(self, what: str) -> None:
+        self._health.counts[LARGE] += 1
+        self._health.warn(what)
 
     def _on_mismatch(self, topic: str, publishers: int, policy: str) -> None:
         self._health.counts[MISMATCHED] += publishers

@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, ParameterType, SetParametersResult
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, ParameterType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from cfd_pneumatic.device import DESCRIPTORS, Descriptor, Device, Value, default_of
+from cfd_pneumatic.errors import InputError
 
 _HINTS = {
     ('INTEGER', 'DOUBLE'): ' (write 1.0 for 1)',
@@ -19,6 +20,8 @@ _HINTS = {
     ('BOOL', 'STRING'): ' (quote it, as YAML takes a bare y or on for true)',
 }
 
+FRAME_LENGTH = '1 to 256 characters'
+_LONGEST_FRAME = 256
 
 NONE = 'none'
 """Says that a text is not given: an empty one can't be typed in a shell."""
@@ -68,6 +71,23 @@ def texts(description: str, read_only: bool = False) -> ParameterDescriptor:
     return ParameterDescriptor(type=ParameterType.PARAMETER_STRING_ARRAY, description=description, read_only=read_only)
 
 
+def checked_frame(frame_id: str) -> str:
+    """
+    Return the name of a frame, which every message carries.
+
+    Raises
+    ------
+    InputError
+        If the name is empty or longer than 256 characters.
+
+    """
+    if not 0 < len(frame_id) <= _LONGEST_FRAME:
+        raise InputError(
+            f'frame_id has {len(frame_id)} characters, and must have {FRAME_LENGTH}: name the frame of the force'
+        )
+    return frame_id
+
+
 def wrong_type(node: Node, parameters: Sequence[Parameter]) -> str | None:
     """Return which of these parameters is not of its declared type, or None; rclpy's own reason leaves the name out."""
     for parameter in parameters:
@@ -79,20 +99,13 @@ def wrong_type(node: Node, parameters: Sequence[Parameter]) -> str | None:
     return None
 
 
-def keep_to_declared(node: Node) -> None:
-    """Warn of parameters that were given to a node and that it does not have, and take none without a name."""
+def warn_of_undeclared(node: Node) -> None:
+    """Warn of parameters that were given to a node and that it does not have."""
     for name in node._parameter_overrides:
         if not node.has_parameter(name):
             near = get_close_matches(name, node._parameters, n=1)
             hint = f': did you mean {near[0]}?' if near else ''
             node.get_logger().warning(f'parameter {name} is none of this node, and has no effect{hint}')
-    node.add_on_set_parameters_callback(_refuse_nameless)
-
-
-def _refuse_nameless(parameters: Sequence[Parameter]) -> SetParametersResult:
-    """Refuse what rclpy takes for declared, of any type and value."""
-    named = all(parameter.name for parameter in parameters)
-    return SetParametersResult(successful=named, reason='' if named else 'a parameter has a name')
 
 
 def declare_device(node: Node) -> None:

@@ -28,7 +28,7 @@ from rclpy.time_source import TimeSource
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.messages import is_time
-from cfd_pneumatic.nodes.parameters import keep_to_declared
+from cfd_pneumatic.nodes.parameters import warn_of_undeclared
 from cfd_pneumatic.start import BAD_INPUT, told
 
 try:
@@ -87,7 +87,7 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     try:
         _start(args)
         node = _made(make_node)
-        keep_to_declared(node)
+        warn_of_undeclared(node)
         ending.made.set()
         try:
             _spin(node, ending)

@@ -8,30 +8,37 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.convention import expected_type
+from cfd_pneumatic.errors import InputError, printable
+from cfd_pneumatic.nodes.bounded_node import BoundedNode
 from cfd_pneumatic.nodes.health import Warnings
 from cfd_pneumatic.nodes.parameters import switch, text, texts
 from cfd_pneumatic.nodes.program import run
-from cfd_pneumatic.nodes.samples import message_class
-from cfd_pneumatic.nodes.topics import Counting
+from cfd_pneumatic.nodes.samples import is_message_type, message_class
+from cfd_pneumatic.nodes.topics import listen_to
 from cfd_pneumatic.recording import BagWriter
 from cfd_pneumatic.recording.bags.blocks import MessageBlock
 from cfd_pneumatic.recording.bags.storages import STORAGES
 
 _LOOK_PERIOD = 0.1  # how often topics that were not there yet are looked for [s]
 _DEPTH = 10_000  # messages of one topic that may wait while others are written, or the node waits for a core
+_BUDGET = 32 * 2**20  # of the messages of a topic that wait [bytes]; images are larger than samples
+_MOST_SHOWN, _LONGEST_SHOWN = 5, 100  # types in a message, and characters of each
 
 
-class RecorderNode(Node):
+class RecorderNode(BoundedNode):
     """
     Writes every message of the chosen topics to a bag until it is interrupted; the bag appears when it is complete.
 
-    Parameters: `topics` (absolute or relative names, each recorded once it appears), `output` (folder of the bag),
-    `storage` (mcap or sqlite3), `overwrite`.
+    Parameters: `topics` (absolute or relative names, each recorded once it appears, perhaps with the message type as
+    NAME=TYPE), `output` (folder of the bag), `storage` (mcap or sqlite3), `overwrite`.
+
+    A topic is recorded with one type: the given one, the convention's, or the only one that is offered.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -45,9 +52,10 @@ class RecorderNode(Node):
             raise InputError("parameter 'output' is empty: give the folder of the bag, -p output:=my_bag")
         if storage not in STORAGES:
             raise InputError(f"parameter 'storage' is {storage!r}: choose {' or '.join(STORAGES)}")
-        self._wanted = {self._full_name(topic) for topic in topics if topic}
-        if not self._wanted:
+        self._expected = dict(self._topic_and_type(topic) for topic in topics if topic)
+        if not self._expected:
             raise InputError("parameter 'topics' is empty: name the topics, -p topics:=[/cfd/device/piston_state]")
+        self._recorded: dict[str, str] = {}
         self._written = self._lost = 0
         self._warnings = Warnings(self)
         self._failure: InputError | None = None
@@ -56,36 +64,69 @@ class RecorderNode(Node):
 
     def _declare_parameters(self) -> None:
         declare = self.declare_parameter
-        declare('topics', [''], texts('names of the topics to record', read_only=True))
+        declare(
+            'topics',
+            [''],
+            texts('names of the topics to record, perhaps with the message type as NAME=TYPE', read_only=True),
+        )
         declare('output', '', text('folder of the bag to be written', read_only=True))
         declare('storage', 'mcap', text('storage of the bag', 'mcap or sqlite3', read_only=True))
         declare('overwrite', False, switch('replace a bag that is there', read_only=True))
 
-    def _full_name(self, topic: str) -> str:
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters as every node does, but keep the clock by which the bag's messages are stamped."""
+        if any(parameter.name == 'use_sim_time' for parameter in parameter_list):
+            return SetParametersResult(successful=False, reason='use_sim_time cannot change while a bag is recorded')
+        return super().set_parameters_atomically(parameter_list)
+
+    def _topic_and_type(self, text: str) -> tuple[str, str | None]:
+        """Return a topic's full name, and the type that it is recorded with; None if any will do."""
+        name, _, given = text.partition('=')
         try:
-            return self.resolve_topic_name(topic)
+            topic = self.resolve_topic_name(name)
         except RuntimeError as error:
-            raise InputError(f"parameter 'topics': {topic!r}: {error}") from error
+            raise InputError(f"parameter 'topics': {name!r}: {error}") from error
+        if given:
+            message_class(given)
+        return topic, given or expected_type(topic)
 
     def _look(self) -> None:
         """Subscribe to wanted topics that have a publisher by now."""
-        for topic, types in self.get_topic_names_and_types():
-            publishers = self.get_publishers_info_by_topic(topic) if topic in self._wanted else []
-            if publishers:
-                self._wanted.discard(topic)
-                self._record(topic, types[0], [info.qos_profile for info in publishers])
+        for topic, expected in self._expected.items():
+            try:
+                self._look_for(topic, expected)
+            except Exception as error:  # whatever discovery brings from strangers, the recording goes on
+                self._warnings.warn(f'{topic}: cannot be recorded yet: {printable(str(error))[:_LONGEST_SHOWN]}')
+
+    def _look_for(self, topic: str, expected: str | None) -> None:
+        offered: dict[str, list[QoSProfile]] = {}
+        for publisher in self.get_publishers_info_by_topic(topic):
+            offered.setdefault(publisher.topic_type, []).append(publisher.qos_profile)
+        known = [name for name in offered if is_message_type(name)]
+        wanted = self._recorded.get(topic) or expected or (known[0] if len(known) == 1 else None)
+        others = sorted(offered.keys() - {wanted})
+        if others:
+            shown = ', '.join(printable(name)[:_LONGEST_SHOWN] for name in others[:_MOST_SHOWN])
+            what = f'only {wanted} is recorded' if wanted else f'give the type to record, -p topics:=[{topic}=TYPE]'
+            self._warnings.warn(f'{topic} is published as {shown}: {what}')
+        if wanted in offered and topic not in self._recorded:
+            self._record(topic, wanted, offered[wanted])
 
     def _record(self, topic: str, type_name: str, offered: Sequence[QoSProfile]) -> None:
-        try:
-            message_type = message_class(type_name)
-            self._bag.add_topic(topic, type_name)
-        except (InputError, ImportError, AttributeError) as error:
-            self.get_logger().error(f'{topic} is left out: {error}')
-            return
-        write = Counting(
-            partial(self._write, topic), partial(self._on_lost, topic), partial(self.count_publishers, topic)
+        message_type = message_class(type_name)
+        self._bag.add_topic(topic, type_name)
+        self._recorded[topic] = type_name
+        listen_to(
+            self,
+            message_type,
+            topic,
+            partial(self._write, topic),
+            _qos_for(offered),
+            raw=True,
+            on_lost=partial(self._on_lost, topic),
+            on_large=self._warnings.warn,
+            budget=_BUDGET,
         )
-        self.create_subscription(message_type, topic, write, _qos_for(offered), raw=True)
         self.get_logger().info(f'recording {topic}')
 
     def _write(self, topic: str, payload: Any) -> None:
@@ -104,8 +145,9 @@ class RecorderNode(Node):
 
     def destroy_node(self) -> None:
         """Complete the bag; where the disk is full, leave what is written."""
-        if self._wanted:
-            self.get_logger().warning(f'never seen, so not in the bag: {", ".join(sorted(self._wanted))}')
+        unseen = sorted(self._expected.keys() - self._recorded.keys())
+        if unseen:
+            self.get_logger().warning(f'never seen, so not in the bag: {", ".join(unseen)}')
         try:
             if self._failure is not None:
                 raise self._failure

@@ -12,7 +12,6 @@ from typing import Any
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterType, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
@@ -20,10 +19,11 @@ from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.nodes.bounded_node import BoundedNode
 from cfd_pneumatic.nodes.health import Warnings
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, OUTPUT_QOS, stamp_message
 from cfd_pneumatic.nodes.outputs import Outputs, writers
-from cfd_pneumatic.nodes.parameters import number, switch, text, value_of
+from cfd_pneumatic.nodes.parameters import FRAME_LENGTH, checked_frame, number, switch, text, value_of
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.topics import listen_to, publish_on
 from cfd_pneumatic.rig import (
@@ -72,7 +72,7 @@ class Commanded:
         return self._bench.take(positions, velocities, [self.setpoints] * samples)
 
 
-class RigNode(Node):
+class RigNode(BoundedNode):
     """
     The device's stand-in.
 
@@ -97,9 +97,7 @@ class RigNode(Node):
         self._declare_parameters()
         self._warnings = Warnings(self)
         self._period = 1.0 / self._value('sample_rate')
-        self._joint, self._frame = self._value('joint'), self._value('frame_id')
-        if not self._frame:
-            raise InputError("frame_id is empty: name the frame of measured_force, 'cfd'")
+        self._joint, self._frame = self._value('joint'), checked_frame(self._value('frame_id'))
         self._healthy = device_named(self._value('device')) if parameters is None else parameters
         self._sensors = sensors
         self._device = with_faults(self._healthy, self._value('faults'))
@@ -145,7 +143,7 @@ class RigNode(Node):
 
         declare('device', 'real', text('which device: with gains as in nature, or constant ones', ' or '.join(DEVICES)))
         declare('joint', convention.PISTON_JOINT, text('name of the piston joint in piston_state'))
-        declare('frame_id', 'cfd', text('frame of measured_force and of the pressures', 'not empty'))
+        declare('frame_id', 'cfd', text('frame of measured_force and of the pressures', FRAME_LENGTH))
         declare('sample_rate', 500.0, number('Hz', 1.0, 2000.0, 'samples in a second'))
         declare('seed', 0, _whole(0, 2**31 - 1, "picks the sensors' noise, and the surface that is followed"))
         declare(
@@ -217,10 +215,11 @@ class RigNode(Node):
             else:
                 self._warnings.warn(f'ignored: piston_command {message.data:g} m')
 
-        listen_to(self, Float64, convention.PISTON_COMMAND, on_piston_command, COMMAND_QOS)
+        listen = partial(listen_to, self, Float64, qos=COMMAND_QOS, on_large=self._warnings.warn)
+        listen(convention.PISTON_COMMAND, on_piston_command)
         for index, name in enumerate(convention.CYLINDERS):
             on_setpoint = partial(self._on_setpoint, commanded, index)
-            listen_to(self, Float64, convention.setpoint_topic(name), on_setpoint, COMMAND_QOS)
+            listen(convention.setpoint_topic(name), on_setpoint)
         return commanded
 
     def _on_setpoint(self, commanded: Commanded, index: int, message: Float64) -> None:

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 import copy
 import importlib
+import re
 from typing import Any, Protocol
 
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
 from cfd_pneumatic.convention import FLUID_PRESSURE, JOINT_STATE, WRENCH_STAMPED
+from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.nodes.messages import is_time, nanoseconds, stamp_message
 from cfd_pneumatic.recording.bags.fields import FieldPath, Step
 from cfd_pneumatic.recording.bags.form import NANOSECOND, SECOND, Form
@@ -27,7 +29,13 @@ from cfd_pneumatic.recording.bags.messages import NANOSECONDS, types_with
 Sample = tuple['int | None', float]
 """A stamp [ns], None where it is no time, and a number."""
 
+_TYPE_NAME = re.compile(r'[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*')  # the grammar of ROS 2
+_LONGEST_SHOWN = 100  # characters of a type's name in a message
+
 _TRIED = (12_000_000_034, 56.78)
+
+_LARGEST = 64 * 1024
+"""Size of a message in which a sample is looked for [bytes]: a thousand joints. A larger one takes long to parse."""
 
 
 class SampleReader(Protocol):
@@ -75,10 +83,31 @@ def force_writer(node: Node, frame_id: str, axis: str) -> SampleWriter:
     return _writer(node, Form(WRENCH_STAMPED, axis=axis, frame_id=frame_id), _force(axis), frame_id)
 
 
+def is_message_type(name: str) -> bool:
+    """Return whether a name is that of a message type that ROS 2 ships."""
+    return _TYPE_NAME.fullmatch(name) is not None and name in types_with(name).fielddefs
+
+
 def message_class(msgtype: str) -> Any:
-    """Return the class of a message type such as std_msgs/msg/Float64."""
-    package, _, name = msgtype.partition('/msg/')  # what is none of ROS's may have any name
-    return getattr(importlib.import_module(f'{package}.msg'), name)
+    """
+    Return the class of a message type such as std_msgs/msg/Float64.
+
+    The name may come from a stranger in the graph, and to import a module runs the module. So only the packages of
+    messages that ROS 2 ships are imported.
+
+    Raises
+    ------
+    InputError
+        If the name is not the name of a message type, or its package is not installed.
+
+    """
+    if not is_message_type(msgtype):
+        raise InputError(f'{printable(msgtype)[:_LONGEST_SHOWN]} is not a message type that ROS 2 ships')
+    package, _, name = msgtype.partition('/msg/')
+    try:
+        return getattr(importlib.import_module(f'{package}.msg'), name)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f'the package {package} is not installed with the message {name}: install it') from error
 
 
 class _ByLayout:
@@ -94,6 +123,9 @@ class _ByLayout:
         return [] if self._layout is None else self._layout.names()
 
     def read(self, message: bytes) -> Sample | None:
+        if len(message) > _LARGEST:
+            self._layout = None
+            return None
         if self._layout is None or not self._layout.fits(message):
             self._learn(message)
         if self._places is None:
@@ -121,10 +153,12 @@ class _ByMessage:
         self.names: list[str] = []
 
     def read(self, message: bytes) -> Sample | None:
+        self.names = []
+        if len(message) > _LARGEST:
+            return None
         try:
             made = deserialize_message(message, self._class)
         except Exception:  # whatever the middleware has for it
-            self.names = []
             return None
         self.names = list(getattr(made, 'name', []))
         number = _number_in(made, self._path)

@@ -4,17 +4,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from copy import copy
+from functools import partial
 from inspect import signature
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.subscription import Subscription
+from rclpy.serialization import deserialize_message
 
 from cfd_pneumatic.errors import InputError
 
@@ -27,6 +29,13 @@ _WAIT = 200_000_000  # longer no sample should wait for its callback [ns]
 _SHORT = 50_000_000  # until they wait no longer than this, once too many wait [ns]
 _STANDING = 1_000_000_000  # for so long all may, as behind a process that stood still [ns]
 _KEPT = 10  # of so many samples one is taken while they wait for longer
+
+BUDGET = 8 * 2**20
+"""Largest size of the messages of a topic that wait [bytes]: 5,000 samples of a robot with twenty joints fit."""
+
+_OVERHEAD = 256  # of a message in the middleware's queue [bytes]
+_PAUSE = 0.01  # in which the executor lets go of a queue [s]
+_CALM = 30.0  # after the last large message the queue gets its full depth again [s]
 
 
 def publish_on(node: Node, message_type: type, topic: str, qos: QoSProfile) -> Publisher:
@@ -46,32 +55,122 @@ def listen_to(
     raw: bool = False,
     on_lost: Callable[[int], None] | None = None,
     on_mismatch: Callable[[int, str], None] | None = None,
+    on_large: Callable[[str], None] | None = None,
     queue: Queue | None = None,
-) -> Subscription:
+    budget: int = BUDGET,
+) -> None:
     """
-    Return a subscription, to serialised messages where `raw`; `qos` stays as it is.
+    Call a function for each message on a topic, with the serialised message if `raw`.
 
-    `on_lost` is told how many messages were lost since it was told last, `on_mismatch` how many publishers more offer
-    less than is asked for, and the policy that differs. Of what waits in a `queue` one of ten is taken while messages
-    come faster than they are taken.
+    Parameters
+    ----------
+    node, message_type, topic, callback, qos
+        As of `Node.create_subscription`; `qos` stays as it is, and parameters of the node may override it.
+    raw
+        Whether the function takes serialised messages. Messages that are none of the type are counted as lost if not.
+    on_lost
+        Is called with the number of messages that were lost since its last call.
+    on_mismatch
+        Is called with the number of further publishers that offer less than `qos`, and the policy that differs.
+    on_large
+        Is called with a text when the depth of the queue changes because of the messages' size.
+    queue
+        If given, one of ten waiting messages is taken while messages come faster than they are taken.
+    budget
+        Largest size of the messages that wait [bytes].
+
+    Raises
+    ------
+    InputError
+        If the overrides in the node's parameters cannot be used.
+
     """
     events = SubscriptionEventCallbacks(
         incompatible_qos=on_mismatch
         and (lambda event: on_mismatch(event.total_count_change, qos_policy_name_from_kind(event.last_policy_kind)))
     )
-    if on_lost is not None:
-        callback = Counting(callback, on_lost, lambda: node.count_publishers(subscription.topic_name), queue)
-    with _named(topic):
-        subscription = node.create_subscription(
-            message_type,
-            topic,
-            callback,
-            copy(qos),
-            raw=raw,
-            event_callbacks=events,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        )
-    return subscription
+    lost = on_lost or (lambda _: None)
+    take = callback if raw else _deserialised(message_type, callback, lost)
+    counting = Counting(take, lost, lambda: node.count_publishers(node.resolve_topic_name(topic)), queue)
+    _Subscribed(node, message_type, topic, counting, qos, events, on_large or (lambda _: None), budget)
+
+
+def _deserialised(
+    message_type: type, callback: Callable[[Any], None], on_lost: Callable[[int], None]
+) -> Callable[[bytes], None]:
+    """Return a function that calls another one with the message that it deserialises."""
+
+    def take(message: bytes) -> None:
+        try:
+            made = deserialize_message(message, message_type)
+        except Exception:  # the middleware raises whatever a stranger's bytes make it stumble over
+            on_lost(1)
+            return
+        callback(made)
+
+    return take
+
+
+class _Subscribed:
+    """
+    A subscription whose queue is bounded in bytes.
+
+    The middleware bounds a queue in messages only, and it keeps the memory of the largest ones. So a topic whose large
+    messages wait is opened anew with less depth, and with the full depth again when large messages have stayed away.
+    While a topic is opened anew messages are lost, and counted.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        message_type: type,
+        topic: str,
+        counting: Counting,
+        qos: QoSProfile,
+        events: SubscriptionEventCallbacks,
+        on_large: Callable[[str], None],
+        budget: int,
+    ) -> None:
+        self._node, self._topic, self._counting = node, topic, counting
+        self._on_large, self._budget = on_large, budget
+        self._create = partial(node.create_subscription, message_type, topic, self, raw=True, event_callbacks=events)
+        self.__signature__ = signature(lambda message, info: None)  # by which rclpy sees that it wants both
+        with _named(topic):
+            overriding = QoSOverridingOptions.with_default_policies()
+            self._subscription = self._create(qos_profile=copy(qos), qos_overriding_options=overriding)
+        self._qos = self._subscription.qos_profile
+        self._full = self._qos.depth
+        self._large_until = 0.0
+
+    def __call__(self, *given: Any) -> None:
+        """Take a message, and what the middleware knows of it."""
+        message, info = given if len(given) == 2 else given[0]  # EventsExecutor gives the pair
+        self._fit_depth(len(message) + _OVERHEAD, info['received_timestamp'])
+        self._counting(message, info)
+
+    def _fit_depth(self, size: int, received: int) -> None:
+        """Open the topic with the depth that messages of a size [bytes] leave room for, if the node falls behind."""
+        fitting = max(1, min(self._full, self._budget // size))
+        if fitting < self._full:
+            self._large_until = time.monotonic() + _CALM
+        if fitting < self._qos.depth and time.time_ns() - received > _SHORT:
+            self._reopen(fitting)
+            self._on_large(
+                f'{self._topic} has messages of {size:,} bytes, faster than they are taken: at most {fitting} of them '
+                'wait, others are lost. Find out who publishes them'
+            )
+        elif self._qos.depth < self._full and time.monotonic() > self._large_until:
+            self._reopen(self._full)
+
+    def _reopen(self, depth: int) -> None:
+        """Close the topic, and open it when the executor has released the queue: two queues would share memory."""
+        self._qos.depth = depth
+        self._node.destroy_subscription(self._subscription)
+        self._opening = self._node.create_timer(_PAUSE, self._open, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _open(self) -> None:
+        self._node.destroy_timer(self._opening)
+        self._subscription = self._create(qos_profile=self._qos)
 
 
 class Counting:
@@ -104,11 +203,9 @@ class Counting:
         self._callback, self._on_lost, self._publishers = callback, on_lost, publishers
         self._expected: list[int] = []  # last the number of whoever was heard last
         self._queue = queue
-        self.__signature__ = signature(lambda message, info: None)  # by which rclpy sees that it wants both
 
-    def __call__(self, *given: Any) -> None:
+    def __call__(self, message: Any, info: Mapping[str, Any]) -> None:
         """Take a message, and what the middleware tells of it."""
-        message, info = given if len(given) == 2 else given[0]  # EventsExecutor gives the pair
         number = info.get('publication_sequence_number')
         if number is not None:  # else the middleware does not tell
             self._count(number)

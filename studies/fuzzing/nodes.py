@@ -47,7 +47,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.identifier_node import IdentifierNode
 from cfd_pneumatic.nodes.messages import nanoseconds, stamp_message
 from cfd_pneumatic.nodes.monitor_node import MonitorNode
-from cfd_pneumatic.nodes.parameters import keep_to_declared
+from cfd_pneumatic.nodes.parameters import warn_of_undeclared
 from cfd_pneumatic.nodes.recorder_node import RecorderNode
 from cfd_pneumatic.nodes.rig_node import RigNode
 from cfd_pneumatic.nodes.sim_node import SimNode
@@ -85,7 +85,7 @@ class _WithNode(Kind):
             overrides.append(NodeParameter('output', value=str(self._bag)))
         set_logger_level('fuzzed', LoggingSeverity.FATAL)
         self._node = self._make(namespace='/fuzzed', context=self._context, parameter_overrides=overrides)
-        keep_to_declared(self._node)
+        warn_of_undeclared(self._node)
         self._client = Node('stranger', namespace='/fuzzed', context=self._context)
         self._executor = Executor(context=self._context)
         self._executor.add_node(self._node)

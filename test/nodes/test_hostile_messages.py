@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from itertools import product
@@ -20,10 +21,13 @@ from geometry_msgs.msg import WrenchStamped
 from graph import MILLISECOND, Graph, Process, SimClient, ros_arguments, unique_namespace
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import ListParameters, SetParameters
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Float64, Header
+from std_msgs.msg import Float64, Header, String
 
 from cfd_pneumatic.convention import (
     AMBIENT_PRESSURE,
@@ -36,8 +40,11 @@ from cfd_pneumatic.convention import (
     pressure_topic,
     setpoint_topic,
 )
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.nodes import topics
 from cfd_pneumatic.nodes.messages import LATEST, nanoseconds, stamp_message
 from cfd_pneumatic.nodes.samples import message_class
+from cfd_pneumatic.nodes.topics import listen_to
 from cfd_pneumatic.units import PSI
 
 NUMBERS = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e155, 1e13, 5e-324, -0.0)
@@ -92,11 +99,12 @@ MEASURED = (PISTON_STATE, *map(pressure_topic, CYLINDERS), MEASURED_FORCE)
 @pytest.fixture(scope='module')
 def running(graph: Graph, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, tuple[str, Process]]]:
     """Run a node of each kind by the clock of `/clock`; yield the namespace and process of each."""
+    root = tmp_path_factory.getbasetemp()
     spaces = {module: unique_namespace() for module in MODULES}
     given = {
         'sim_node': reliable(spaces['sim_node'], PISTON_STATE),
         'monitor_node': reliable(spaces['monitor_node'], *MEASURED) | {'learning': 2.0, 'block': 0.02, 'timeout': 60.0},
-        'identifier_node': {},
+        'identifier_node': {'input_folders': f'[{root}]', 'output_folder': root},
         'rig_node': {'sample_rate': 50.0},
         'recorder_node': {'topics': '[/nothing]', 'output': tmp_path_factory.mktemp('recorder') / 'bag'},
     }
@@ -263,7 +271,7 @@ def test_recorder_node_records_every_message(graph: Graph, tmp_path: Path) -> No
         assert graph.get(f'{namespace}/recorder_node', 'output') == [str(bag)]  # behind the messages
     with Reader(bag) as reader:
         assert reader.message_count == len(messages)
-    with pytest.raises(ImportError):  # a topic of another system
+    with pytest.raises(InputError, match='not a message type'):  # a topic of another system
         message_class('HelloWorld')
 
 
@@ -274,8 +282,8 @@ def test_identifier_node_refuses_what_the_system_cannot_take(
     good = {'bags': [str(tmp_path)], 'split': '60/20/20', 'apply_to': ''}
     assert graph.set_atomically(node, output_dir=str(tmp_path / 'out'), **good).successful
     for name, value, why in (
-        ('bags', ['x' * 5000], 'File name too long'),
-        ('split', 'x' * 200_000, 'Argument list too long'),
+        ('bags', ['x' * 5000], 'lies outside of input_folders'),
+        ('bags', [str(tmp_path / ('x' * 5000))], 'cannot be used as a path'),
         ('apply_to', '{nobody}', "parameter 'apply_to' is '{nobody}'"),
         ('apply_to', 'x' * 300, "parameter 'apply_to' is"),
     ):
@@ -287,12 +295,88 @@ def test_identifier_node_refuses_what_the_system_cannot_take(
     assert graph.trigger(f'{node}/identify').success
 
 
+MEBIBYTE = 2**20
+
+
+def own_memory(pid: int) -> float:
+    """Return the memory that a process does not share with others [MiB]."""
+    status = Path(f'/proc/{pid}/status').read_text(encoding='ascii')
+    (line,) = (line for line in status.splitlines() if line.startswith('RssAnon'))
+    return int(line.split()[1]) / 1024
+
+
+@pytest.mark.parametrize('module', ['sim_node', 'monitor_node', 'recorder_node'])
+def test_large_messages_leave_memory_and_samples_alone(graph: Graph, tmp_path: Path, module: str) -> None:
+    """A full queue of these messages would take 2.4 GB."""
+    namespace = unique_namespace()
+    topic = f'{namespace}/{PISTON_STATE}'
+    large = bytes(serialize_message(JointState(name=[f'{index:09}' for index in range(20_000)])))
+    record = {'topics': f'[{topic}]', 'output': tmp_path / 'bag'} if module == 'recorder_node' else {}
+    out = graph.node.create_publisher(JointState, topic, QoSProfile(depth=1))
+    with graph.run(module, ros_arguments(namespace, record)) as process:
+        graph.until(out.get_subscription_count)
+        before = own_memory(process.pid)
+        limit = time.monotonic() + 5.0
+        while time.monotonic() < limit:
+            out.publish(large)
+        graph.until(lambda: f'messages of {len(large) + 256:,} bytes, faster than' in process.stderr)
+        graph.until(lambda: own_memory(process.pid) < before + 100.0)
+        if module == 'sim_node':
+            sim = SimClient(graph, namespace).meet()
+            sim.sample(SANE, 0.0)
+
+
+def test_large_requests_leave_the_memory_alone(graph: Graph) -> None:
+    """Without a bound a thousand of them would wait."""
+    namespace = unique_namespace()
+    node = f'{namespace}/sim_node'
+    request = SetParameters.Request(
+        parameters=[Parameter(name='frame_id', value=ParameterValue(type=4, string_value='x' * MEBIBYTE))]
+    )
+    client = graph.node.create_client(SetParameters, f'{node}/set_parameters')
+    with graph.run('sim_node', ros_arguments(namespace)) as process:
+        graph.until(client.service_is_ready)
+        before = own_memory(process.pid)
+        for _ in range(500):
+            client.call_async(request)
+        refusal = graph.set(node, frame_id='x' * 1000)
+        assert (refusal.successful, 'must have 1 to 256 characters' in refusal.reason) == (False, True)
+        assert 'must have at most 32,768' in graph.set(node, hardware_id='x' * 100_000).reason
+        graph.until(lambda: own_memory(process.pid) < before + 100.0)
+
+
+def test_a_queue_shortened_for_large_messages_gets_its_depth_back(
+    graph: Graph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(topics, '_CALM', 0.5)
+    monkeypatch.setattr(topics, '_SHORT', 0)  # as if each message had waited
+    namespace = unique_namespace()
+    taken: list[bytes] = []
+    said: list[str] = []
+    topic = f'{namespace}/text'
+    out = graph.publisher(String, topic)
+    with graph.run_here(Node('listener', context=graph.context)) as node:
+        listen_to(node, String, topic, taken.append, QoSProfile(depth=100), True, on_large=said.append, budget=100_000)
+
+        def depths() -> list[int]:
+            return [one.qos_profile.depth for one in node.subscriptions]
+
+        graph.until(out.get_subscription_count)
+        graph.until(lambda: depths() == [9], doing=lambda: out.publish(String(data='x' * 10_000)))
+        graph.until(lambda: depths() == [100], doing=lambda: out.publish(String(data='small')))
+        count = len(taken)
+        graph.until(lambda: len(taken) > count, doing=lambda: out.publish(String(data='small')))
+    assert len(said) == 1
+    assert 'at most 9 of them wait' in said[0]
+
+
 def test_a_clock_that_is_no_time_changes_nothing(graph: Graph, nodes: dict[str, str]) -> None:
     clock = graph.publisher(Clock, '/clock')
     graph.until(lambda: clock.get_subscription_count() == len(nodes))
-    for time, (module, namespace) in product(NO_TIMES, nodes.items()):
-        clock.publish(Clock(clock=time))
-        assert graph.set(f'{namespace}/{module}', use_sim_time=True).successful  # which rclpy tells with a stamp
+    for moment, (module, namespace) in product(NO_TIMES, nodes.items()):
+        clock.publish(Clock(clock=moment))
+        changed = graph.set(f'{namespace}/{module}', use_sim_time=True)  # which rclpy tells with a stamp
+        assert changed.successful == (module != 'recorder_node')  # whose clock stays
 
 
 def test_what_is_stamped_with_the_last_time_of_a_clock_is_survived(graph: Graph, nodes: dict[str, str]) -> None:

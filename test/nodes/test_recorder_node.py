@@ -15,6 +15,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
+from stranger import Stranger
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_STATE, setpoint_topic
 from cfd_pneumatic.nodes.messages import nanoseconds
@@ -132,6 +133,49 @@ def test_a_simulator_that_hears_the_recording_again_answers_bit_for_bit(graph: G
                 for topic in (f'{cylinder}/pressure', f'{cylinder}/setpoint_applied'):
                     assert answer[topic] == outputs[topic][stamp].fluid_pressure
             assert answer['contact_force'].x == outputs['contact_force'][stamp].wrench.force.x
+
+
+TRAP = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {folder!r})
+"""
+"""Lets a node import the modules of a folder."""
+
+
+def test_a_type_that_a_stranger_names_imports_nothing_and_the_expected_type_is_recorded(
+    graph: Graph, tmp_path: Path
+) -> None:
+    trap, bag, namespace = tmp_path / 'trap', tmp_path / 'bag', unique_namespace()
+    (trap / 'trapped').mkdir(parents=True)
+    for name in ('trapped/__init__.py', 'trapped/msg.py', 'trapped/__main__.py'):
+        (trap / name).write_text(f'open({str(tmp_path / "sprung")!r}, "w")\nraise SystemExit(1)\n')
+    piston, other, given = (f'{namespace}/{name}' for name in (PISTON_STATE, 'other', 'given'))
+    wanted = (piston, other, f'{given}=std_msgs/msg/String')
+    names = ('trapped', 'trapped.__main__', 'trapped::msg::dds_::Foo_', 'trapped/msg/Foo', 'std_msgs::msg::dds_::Bool_')
+    stranger = Stranger()
+    with graph.run('recorder_node', recorder(bag, *wanted), before=TRAP.format(folder=str(trap))) as process:
+        senders = [stranger.sender(topic, name) for topic in (piston, given) for name in names]
+        senders += [stranger.sender(other, name) for name in names[:4]]
+        graph.until(lambda: all(f'{topic} is published as' in process.stderr for topic in (piston, other, given)))
+        outs = {
+            piston: (graph.publisher(JointState, piston), JointState(name=['piston'], position=[0.5])),
+            other: (graph.publisher(Float64, other), Float64(data=0.5)),
+            given: (graph.publisher(String, given), String(data='expected')),
+        }
+        for topic, (out, message) in outs.items():
+            graph.until(lambda topic=topic: f'recording {topic}' in process.stderr)
+            graph.until(out.get_subscription_count)
+            out.publish(message)
+            assert out.wait_for_all_acked()
+        assert not graph.set('/recorder_node', use_sim_time=True).successful
+        process.stop()
+    assert not (tmp_path / 'sprung').exists()
+    assert len(senders) == 14  # they have been there all the time
+    messages = read_bag(bag)
+    assert [one.position[0] for one in messages[piston]] == [0.5]
+    assert [one.data for one in messages[other]] == [0.5]
+    assert [one.data for one in messages[given]] == ['expected']
 
 
 def test_what_is_lost_is_said(graph: Graph, tmp_path: Path) -> None:

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The base of every node: whatever a stranger in the graph sends, the node's memory stays bounded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from rclpy.service import Service
+
+from cfd_pneumatic.nodes.parameters import wrong_type
+
+_SERVICE_QOS = QoSProfile(depth=10)
+"""rclpy queues 1,000 requests for parameters, and the middleware keeps the memory of the largest ones."""
+
+_LONGEST_NAME = 256  # characters of a parameter's name
+_LARGEST_REQUEST = 32 * 1024
+"""Size of the parameters that are set at once [bytes], four times those of a device; each change is published, too."""
+
+
+class BoundedNode(Node):
+    """
+    A node with short queues for requests, and with limits on the size of its parameters.
+
+    Topics are bounded by `listen_to`.
+    """
+
+    def create_service(self, *args: Any, **kwargs: Any) -> Service:
+        """Offer a service as every node does, with a short queue."""
+        return super().create_service(*args, **{**kwargs, 'qos_profile': _SERVICE_QOS})
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters as every node does; refuse those without a name, too large, or of another type."""
+        refusal = _unfit(parameter_list) or wrong_type(self, parameter_list)
+        if refusal is not None:
+            return SetParametersResult(successful=False, reason=refusal)
+        return super().set_parameters_atomically(parameter_list)
+
+
+def _unfit(parameters: Sequence[Parameter]) -> str | None:
+    """Return why parameters are not looked at, or None."""
+    if not all(0 < len(parameter.name) <= _LONGEST_NAME for parameter in parameters):
+        return f'the name of a parameter must have 1 to {_LONGEST_NAME} characters'
+    size = sum(len(parameter.name) + _size(parameter.value) for parameter in parameters)
+    if size > _LARGEST_REQUEST:
+        return f'the parameters have {size:,} bytes, and must have at most {_LARGEST_REQUEST:,} together'
+    return None
+
+
+def _size(value: Any) -> int:
+    """Return about how many bytes a parameter's value has in a message."""
+    if isinstance(value, str):
+        return len(value.encode(errors='replace'))
+    if isinstance(value, (bytes, bytearray)):
+        return len(value)
+    if isinstance(value, Sequence) or hasattr(value, '__len__'):
+        return sum(map(_size, value))
+    return 8
