@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one error that a user can mend, and how names from outside are printed."""
+"""The one error that a user can mend, how names from outside are printed, and how files are quoted."""
+
+import re
+
+_LONGEST_QUOTE = 40
+_QUOTE = re.compile('“[^“”]*”')
 
 
 class InputError(Exception):
@@ -15,3 +20,13 @@ def printable(text: str) -> str:
     """Return a text in one line, with nothing in it that a terminal would obey: names in files may hold anything."""
     line = ' '.join(text.split())
     return ''.join(one if one.isprintable() else repr(one)[1:-1] for one in line)
+
+
+def quoted(text: str) -> str:
+    """Return at most 40 characters of a file's content, marked as a quotation by “ and ”, in one line."""
+    return f'“{printable(re.sub("[“”]", "?", text))[:_LONGEST_QUOTE]}”'
+
+
+def without_quotations(message: str) -> str:
+    """Return a message without what it quotes of files: others than the file's owner may read it."""
+    return re.sub('(.*”|“.*)', '...', _QUOTE.sub('...', message))  # a message that was cut may hold half a quotation

@@ -11,14 +11,27 @@ from cfd_pneumatic.nodes.launching import CELL, common_arguments, our_node
 
 def generate_launch_description():
     switch = {'default_value': 'false', 'choices': ['true', 'false']}
+    lists = {name: ['[', LaunchConfiguration(name), ']'] for name in ('input_folders', 'bags')}
     texts = {
         name: ParameterValue(LaunchConfiguration(name), value_type=str)
-        for name in ('output_dir', 'mapping', 'apply_to')
+        for name in ('output_folder', 'output_dir', 'mapping', 'apply_to')
     }
     switches = {name: LaunchConfiguration(name) for name in ('close_loop', 'per_setpoint')}
     return LaunchDescription(
         [
             *common_arguments(),
+            DeclareLaunchArgument(
+                'input_folders',
+                default_value='none',
+                description='folders below which bags and mapping have to be, with commas in between; none: the '
+                'working folder, unless it is the home folder or above it',
+            ),
+            DeclareLaunchArgument(
+                'output_folder',
+                default_value='none',
+                description='folder below which output_dir has to be; none: the working folder, unless it is the home '
+                'folder or above it',
+            ),
             DeclareLaunchArgument(
                 'bags',
                 default_value='none',
@@ -40,10 +53,6 @@ def generate_launch_description():
                 default_value=[CELL, '/sim/sim_node'],
                 description='node on which the result is set; none for no node',
             ),
-            our_node(
-                'identifier_node',
-                namespace=CELL,
-                parameters=[{'bags': ['[', LaunchConfiguration('bags'), ']'], **texts, **switches}],
-            ),
+            our_node('identifier_node', namespace=CELL, parameters=[{**lists, **texts, **switches}]),
         ]
     )

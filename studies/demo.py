@@ -208,7 +208,8 @@ def note(heard: dict[int, float], message: FluidPressure) -> None:
 def graph(bag: Path, results: Path, errors: IO[bytes]) -> Iterator[tuple[Client, subprocess.Popen[bytes]]]:
     """Run all nodes; the device plays its schedule over and over once the simulator and the recorder listen."""
     record = {'output': bag, 'topics': f'[{",".join(RECORDED)}]'}
-    identify = {'bags': f'[{bag}]', 'namespace': DEVICE, 'output_dir': results, 'apply_to': SIMULATOR}
+    folders = {'input_folders': f'[{bag.parent}]', 'output_folder': results.parent}
+    identify = {'bags': f'[{bag}]', 'namespace': DEVICE, 'output_dir': results, 'apply_to': SIMULATOR, **folders}
     play = {'schedule': 'out_and_back', 'start_subscribers': 2, 'start_delay': 1.0, 'repeat': 'true'}
     remaps = {topic: f'{DEVICE}/{topic}' for topic in MODEL_INPUTS}
     programs: list[tuple[str, str, str, str, dict[str, Any]]] = [

@@ -216,7 +216,13 @@ class Soak:
             given = {'use_sim_time': 'true', **reliable, **parameters}
             self._programs[name] = Program(name, namespace, self._log, given, *remaps)
 
-        identify = {'bags': f'[{self._bag}]', 'output_dir': self._folder / 'identified', 'apply_to': SIM_NODE}
+        folders = {'input_folders': f'[{self._folder}]', 'output_folder': self._folder}
+        identify = {
+            'bags': f'[{self._bag}]',
+            'output_dir': self._folder / 'identified',
+            'apply_to': SIM_NODE,
+            **folders,
+        }
         watch = {'learning': 30.0, 'diagnosis_window': 20.0}
         record = {'topics': f'[{",".join(RECORDED)}]', 'output': self._folder / 'bag', 'overwrite': 'true'}
         start('recorder_node', CELL, record)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -32,13 +33,16 @@ from std_srvs.srv import Trigger
 from cfd_pneumatic import convention
 from cfd_pneumatic.commands.identify_bag import PROGRESS_KEY
 from cfd_pneumatic.device import DESCRIPTORS, NO_NAMES, Device, Value
-from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.errors import InputError, without_quotations
 from cfd_pneumatic.identification.data.options import AUTO, CORES
 from cfd_pneumatic.identification.wording import sentence, title
+from cfd_pneumatic.nodes.bounded_node import BoundedNode
+from cfd_pneumatic.nodes.folders import INPUTS, OUTPUT, Folders
 from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.parameters import number, switch, text, texts, value_of
 from cfd_pneumatic.nodes.program import run
+from cfd_pneumatic.recording import read_mapping
 from cfd_pneumatic.reporting import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.start import BAD_INPUT
 
@@ -47,6 +51,7 @@ _POLL = 0.01  # [s]
 _PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
 _ASK_AGAIN = 1.0  # a request to set or get parameters is repeated after this time [s]
 _SERVICE_WAIT = 5.0  # how long a target of `apply_to` may take to appear or answer [s]
+_KEPT_LINES, _LONGEST_LINE = 20, 4_000  # of what a fit writes on standard error
 _TRANSFER = {GetParameters: 'get_parameters', SetParametersAtomically: 'set_parameters_atomically'}
 """The services of the target of `apply_to`, and their names."""
 _BUSY = 'refused: an identification is running; ~/cancel ends it'
@@ -61,7 +66,7 @@ class FitProcess:
         """Start it."""
         self.what = 'starting'
         self.share = 0.0
-        self._errors: list[str] = []
+        self._errors: deque[str] = deque(maxlen=_KEPT_LINES)
         self._kill_at = math.inf
         # a group of its own: an interrupt at the terminal reaches the node, which then ends the fit
         self._process = subprocess.Popen(
@@ -85,7 +90,7 @@ class FitProcess:
 
     def _read_errors(self) -> None:
         assert self._process.stderr is not None
-        self._errors.extend(line.rstrip() for line in self._process.stderr)
+        self._errors.extend(line.rstrip()[:_LONGEST_LINE] for line in self._process.stderr)
 
     def ended(self) -> bool:
         """Tell whether it has ended; one that does not heed its cancellation in time is ended by force."""
@@ -95,7 +100,11 @@ class FitProcess:
         return self._process.poll() is not None
 
     def failure(self) -> str | None:
-        """Return why it failed, or None where it succeeded; to be called once it has ended."""
+        """
+        Return why the ended fit failed; None if it succeeded.
+
+        Everybody in the graph reads the reason, so it quotes no file.
+        """
         for reader in self._readers:
             reader.join()
         if self._process.returncode == 0:
@@ -103,9 +112,11 @@ class FitProcess:
         if self._kill_at < math.inf:
             return CANCELLED
         if self._process.returncode == BAD_INPUT and self._errors:
-            return self._errors[-1]
-        print('\n'.join(self._errors), file=sys.stderr)
-        return f'identify_bag ended with code {self._process.returncode}: what it wrote stands on the terminal'
+            return without_quotations(self._errors[-1])
+        return (
+            f'identify_bag ended unexpectedly with code {self._process.returncode}: '
+            'run identify_bag on the same bags in a terminal to see why'
+        )
 
     def cancel(self) -> None:
         """Ask it to end; outputs are written whole or not at all."""
@@ -141,7 +152,7 @@ class Job:
     target: str
 
 
-class IdentifierNode(Node):
+class IdentifierNode(BoundedNode):
     """
     Identifies bags on request.
 
@@ -154,6 +165,12 @@ class IdentifierNode(Node):
         """Declare parameters and offer the services."""
         super().__init__('identifier_node', **kwargs)
         self._declare_parameters()
+        self._folders = Folders([one for one in self._value(INPUTS) if value_of(one)], self._value(OUTPUT))
+        for parameter in self._folders.missing:
+            self.get_logger().warning(
+                f'requests are refused: the node was started in the home folder or above it, and {parameter} is not '
+                f'given. Start the node with -p {parameter}:=...'
+            )
         self._job: Job | None = None
         self._fit: FitProcess | None = None
         self._transfer: ParameterTransfer | None = None
@@ -171,9 +188,31 @@ class IdentifierNode(Node):
 
     def _declare_parameters(self) -> None:
         declare = self.declare_parameter
-        declare('bags', [''], texts('paths of the bags to identify jointly'))
-        declare('output_dir', '', text('folder for report.json, parameters.yaml and, with close_loop, report.html'))
-        declare('mapping', '', text('mapping file for bags with other topics; empty: the convention'))
+        declare(
+            INPUTS,
+            [''],
+            texts(
+                'folders below which bags and mapping have to be; empty: the working folder, '
+                'unless it is the home folder or above it',
+                read_only=True,
+            ),
+        )
+        declare(
+            OUTPUT,
+            '',
+            text(
+                'folder below which output_dir has to be; empty: the working folder, '
+                'unless it is the home folder or above it',
+                read_only=True,
+            ),
+        )
+        declare('bags', [''], texts('paths of the bags to identify jointly, below input_folders'))
+        declare(
+            'output_dir',
+            '',
+            text('folder for report.json, parameters.yaml and, with close_loop, report.html; below output_folder'),
+        )
+        declare('mapping', '', text('mapping file for bags of other topics, below input_folders; none: no mapping'))
         declare('namespace', '', text('namespace of the device where a bag holds several; empty: the only one'))
         declare('per_setpoint', False, switch('fit a table of operating points'))
         declare(
@@ -232,9 +271,7 @@ class IdentifierNode(Node):
             raise InputError("parameter 'bags' is empty: name at least one bag")
         if not output:
             raise InputError("parameter 'output_dir' is empty: name the folder for the results")
-        for path in bags:
-            if not Path(path).exists():
-                raise InputError(f"{path} (parameter 'bags') does not exist: give the path of a bag")
+        self._check_paths(bags, self._value('mapping'), output)
         if target:
             try:
                 validate_topic_name(target)
@@ -256,6 +293,15 @@ class IdentifierNode(Node):
         arguments += [f'--{name.replace("_", "-")}' for name in ('per_setpoint', 'close_loop') if self._value(name)]
         return Job([*arguments, '--', *bags], Path(output), target)
 
+    def _check_paths(self, bags: Sequence[str], mapping: str, output: str) -> None:
+        """Check that what is read and written is where the node was started to read and write."""
+        for path in (*bags, *([mapping] if mapping else [])):
+            self._folders.check_readable(path)
+        types = read_mapping(mapping).types if mapping else None
+        if types is not None:
+            self._folders.check_readable(str(types))
+        self._folders.check_writable(output)
+
     def _on_identify(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Begin to identify what the parameters name; refused while an identification runs."""
         if self._is_busy:
@@ -265,7 +311,7 @@ class IdentifierNode(Node):
             job = self._make_job()
             self._fit = FitProcess(job.arguments)
         except (InputError, OSError) as error:  # a path may be too long for the system
-            response.message = f'refused: {error}'
+            response.message = f'refused: {without_quotations(str(error))}'
             return response
         self._job = job
         self._report = {}

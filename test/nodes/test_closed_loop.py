@@ -135,7 +135,8 @@ def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found
     earlier, bag, output = tmp_path / 'earlier', tmp_path / 'bag', tmp_path / 'identified'
     specimen = draw_specimen(np.random.default_rng(DRAWN))[0].with_changes(UNDECLARED)
     write_recording(earlier, recording_of(rig_record(SCHEDULE, specimen.rig, seed=1), epoch=10**18))
-    identify = {'bags': f'[{earlier}]', 'output_dir': output, 'apply_to': sim}
+    folders = {'input_folders': f'[{tmp_path}]', 'output_folder': tmp_path}
+    identify = {**folders, 'bags': f'[{earlier}]', 'output_dir': output, 'apply_to': sim}
     record = {'output': bag, 'topics': f'[{real}/{PISTON_STATE},{",".join(topics)}]'}
 
     def identified(report: str) -> DiagnosticStatus:

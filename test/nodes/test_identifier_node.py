@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from diagnostic_msgs.msg import DiagnosticStatus
-from graph import Graph, Process, ros_arguments, unique_namespace
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from graph import Graph, Process, refusals, ros_arguments, unique_namespace
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -98,15 +100,17 @@ class Identifier:
 
 
 @contextmanager
-def identifier(graph: Graph, before: str = '', **parameters: object) -> Iterator[Identifier]:
+def identifier(graph: Graph, root: Path, before: str = '', **parameters: object) -> Iterator[Identifier]:
+    """Run a node that may read and write below a folder."""
     namespace = unique_namespace()
+    parameters = {'input_folders': f'[{root}]', 'output_folder': root, **parameters}
     with graph.run('identifier_node', ros_arguments(namespace, parameters), before=before) as process:
         yield Identifier(graph, process, f'{namespace}/identifier_node')
 
 
 @pytest.fixture(scope='module')
-def node(graph: Graph) -> Iterator[Identifier]:
-    with identifier(graph) as node:
+def node(graph: Graph, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Identifier]:
+    with identifier(graph, tmp_path_factory.getbasetemp()) as node:
         yield node
 
 
@@ -167,9 +171,9 @@ def test_a_bag_is_identified_and_set_on_the_simulator(
 
 
 def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(
-    graph: Graph, node: Identifier, bag: Path, tmp_path: Path
+    graph: Graph, node: Identifier, bag: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    namespace = unique_namespace()
+    namespace, root = unique_namespace(), tmp_path_factory.getbasetemp()
 
     def serve(name: str, knows: set[str] | None) -> None:
         def get(request: GetParameters.Request, response: GetParameters.Response) -> GetParameters.Response:
@@ -187,7 +191,7 @@ def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(
     serve('stubborn', None)
     serve('stranger', {'use_sim_time'})
     own, nobody = {'bags': f'[{bag}]', 'output_dir': tmp_path / 'own'}, f'{namespace}/nobody'
-    with identifier(graph, IMPATIENT, apply_to=nobody, **own) as other:  # which waits for its target meanwhile
+    with identifier(graph, root, IMPATIENT, apply_to=nobody, **own) as other:  # which waits for its target meanwhile
         other.identify()
         for target, words in (
             ('stubborn', f'{namespace}/stubborn refused the parameters: not today'),
@@ -207,7 +211,7 @@ def test_what_cannot_begin_is_refused_with_the_reason(
     for parameters, reason in (
         ({}, "parameter 'bags' is empty"),
         ({'bags': bags}, "parameter 'output_dir' is empty"),
-        ({'bags': [str(tmp_path / 'none')], 'output_dir': output}, "none (parameter 'bags') does not exist"),
+        ({'bags': [str(tmp_path / 'none')], 'output_dir': output}, 'none does not exist'),
         ({'bags': bags, 'output_dir': output, 'apply_to': 'no node'}, "parameter 'apply_to' is 'no node'"),
     ):
         node.set(**parameters)
@@ -228,6 +232,68 @@ def test_a_bad_bag_is_an_error_with_its_reason(node: Identifier, bag: Path, tmp_
         assert status.level == DiagnosticStatus.ERROR
         assert str(bad) in status.message
         assert 'Traceback' not in status.message
+
+
+SECRET = 'correct horse battery staple'
+
+
+def test_a_stranger_reads_no_file_of_the_node_s_user(
+    graph: Graph, bag: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """Anybody in the graph may set paths. Files elsewhere, hidden files and pipes are neither read nor quoted."""
+    allowed, elsewhere = tmp_path / 'allowed', tmp_path / 'elsewhere'
+    for folder in (allowed / '.hidden', allowed / 'linked', elsewhere):
+        folder.mkdir(parents=True)
+    own = allowed / 'own'
+    shutil.copytree(bag, own)
+    for place in (elsewhere / 'key', allowed / '.hidden' / 'key', allowed / 'key', allowed / 'table.csv'):
+        place.write_text(f'{SECRET}\n' * 3)
+    (allowed / 'link').symlink_to(elsewhere / 'key')
+    (allowed / 'linked' / 'bag.mcap').symlink_to(elsewhere / 'key')
+    (elsewhere / 'msg').mkdir()
+    os.mkfifo(allowed / 'pipe')
+    columns = 'cylinder_a: {pressure: {column: 1, unit: Pa, reference: absolute}}'
+    topics = 'cylinder_a: {pressure: {topic: a, unit: Pa, reference: absolute}}'
+    (allowed / 'columns').write_text(f'table: {{time: {{column: 2, unit: s}}}}\n{columns}')
+    (allowed / 'types').write_text(f'types: ../elsewhere\n{topics}')
+    good = {'bags': [str(own)], 'mapping': '', 'output_dir': str(allowed / 'out')}
+    requests = [
+        *({'mapping': str(path)} for path in (elsewhere / 'key', allowed / '.hidden' / 'key', allowed / 'link')),
+        *({'mapping': str(allowed / name)} for name in ('key', 'types', 'pipe', '../elsewhere/key', 'missing')),
+        *({'bags': [str(path)]} for path in (elsewhere / 'key', allowed / 'linked', allowed / 'pipe', allowed / 'key')),
+        *({'bags': [path]} for path in ('/', '/proc/self/environ', '/dev/zero', 'x' * 5000, 'null\0character')),
+        {'bags': [str(allowed / 'table.csv')], 'mapping': str(allowed / 'columns')},
+        *({'output_dir': str(path)} for path in (elsewhere / 'out', allowed / '.hidden' / 'out', '/', '~')),
+    ]
+    folders = {'input_folders': f'[{allowed}]', 'output_folder': allowed}
+    before = sorted(elsewhere.rglob('*')), sorted((allowed / '.hidden').iterdir())
+    with identifier(graph, tmp_path_factory.getbasetemp(), **folders) as node:
+        heard, answers = graph.listen(DiagnosticArray, '/diagnostics'), []
+        for request in requests:
+            assert graph.set_atomically(node.name, **{**good, **request}).successful
+            answers.append(graph.trigger(f'{node.name}/identify'))
+            if answers[-1].success:
+                status = graph.next_diagnostics(node.name, lambda one: one.level == DiagnosticStatus.ERROR)
+                assert 'identify_bag: error' in status.message, request
+        assert not graph.set(node.name, input_folders=['/']).successful
+        said = node.process.stderr + repr(heard) + repr(answers)
+    assert not any(word in said for word in SECRET.split())
+    assert (sorted(elsewhere.rglob('*')), sorted((allowed / '.hidden').iterdir())) == before
+    assert not (allowed / 'out').exists()
+
+
+def test_the_home_folder_is_not_given_to_the_graph(tmp_path: Path) -> None:
+    given = [{'input_folders': f'[{folder}]', 'output_folder': tmp_path} for folder in ('/', '~', '~/..')]
+    lines = refusals('identifier_node', [ros_arguments(parameters=one) for one in given])
+    assert all('is the home folder or above it' in line for line in lines)
+
+
+def test_a_node_started_in_the_home_folder_says_what_it_needs(graph: Graph) -> None:
+    name = unique_namespace()
+    with graph.run('identifier_node', ros_arguments(name), before='import os; os.chdir("/")') as process:
+        graph.until(lambda: process.stderr.count('requests are refused') == 2)
+        assert graph.set_atomically(f'{name}/identifier_node', bags=['/etc'], output_dir='/tmp').successful
+        assert "parameter 'input_folders' is not given" in graph.trigger(f'{name}/identifier_node/identify').message
 
 
 def test_cancel_ends_the_fit_at_once_and_leaves_earlier_outputs(
