@@ -16,6 +16,14 @@ class InputError(Exception):
     """
 
 
+class DamageError(ValueError):
+    """
+    Data are not what was written, or declare what cannot be.
+
+    The message says so in general: it quotes nothing of the data.
+    """
+
+
 def printable(text: str) -> str:
     """Return a text in one line, with nothing in it that a terminal would obey: names in files may hold anything."""
     line = ' '.join(text.split())

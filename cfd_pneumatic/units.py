@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cfd_pneumatic.errors import InputError
-
 INCH = 0.0254
 """Metres in an inch."""
 
@@ -50,35 +48,3 @@ UNITS = {
     'us': Unit('time', 1e-6),
     'ns': Unit('time', 1e-9),
 }
-
-
-def quantity(unit: str) -> str:
-    """
-    Return what a unit measures.
-
-    Raises
-    ------
-    InputError
-        If the unit is unknown.
-
-    """
-    if unit not in UNITS:
-        raise InputError(f'unit {unit!r} is not known: use one of {", ".join(UNITS)}')
-    return UNITS[unit].quantity
-
-
-def factor(unit: str, quantity: str) -> float:
-    """
-    Return what one `unit` of `quantity` is in SI.
-
-    Raises
-    ------
-    InputError
-        If the unit is unknown or measures another quantity.
-
-    """
-    known = UNITS.get(unit)
-    if known is None or known.quantity != quantity:
-        choices = ', '.join(name for name, entry in UNITS.items() if entry.quantity == quantity)
-        raise InputError(f'unit {unit!r} is not one of {quantity}: use one of {choices}')
-    return known.si

@@ -16,10 +16,13 @@ from cfd_pneumatic.recording.bags.decoding import Decoder
 from cfd_pneumatic.recording.bags.fields import FieldPath
 from cfd_pneumatic.recording.memory_maps import allocate, give_back
 from cfd_pneumatic.recording.sources import SignalSource
-from cfd_pneumatic.recording.wording import counted
+from cfd_pneumatic.recording.wording import counted, listed
 
 MOST_LAGS = 16_384
 """Of a longer recording every second, fourth, ... lag is kept, so that no more than these are."""
+
+
+_MOST_NAMES = 20
 
 
 @dataclass(frozen=True)
@@ -122,11 +125,11 @@ class Intake:
         if not self._count:
             if not self._missing:
                 raise InputError(f'topic {channel.source}, the {channel.name}, has no messages')
-            there = f'; the names are {", ".join(self._names)}' if self._names else ''
-            raise InputError(f'no message on topic {channel.source} has {self._path}{there}')
+            there = f'; the names are {listed(self._names, _MOST_NAMES)}' if self._names else ''
+            raise InputError(f'no message on topic {channel.source} has {self._wanted}{there}')
         notes = []
         if self._missing:
-            notes.append(f'{channel.name}: {counted(self._missing, "message")} without {self._path}')
+            notes.append(f'{channel.name}: {counted(self._missing, "message")} without {self._wanted}')
         return Content(
             channel,
             self._times[: self._count],
@@ -135,6 +138,11 @@ class Intake:
             self._lags.median(),
             tuple(notes),
         )
+
+    @property
+    def _wanted(self) -> str:
+        """What every message is to have; what a mapping says is not quoted."""
+        return str(self._path) if self.channel.field is None else 'the field that the mapping gives'
 
     def _append(self, times: NDArray[np.int64], values: Array) -> None:
         end = self._count + len(times)

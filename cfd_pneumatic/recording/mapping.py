@@ -8,17 +8,19 @@ A mapping is YAML, with an entry for each signal; docs/mapping.md has examples, 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
 
-from cfd_pneumatic import units
 from cfd_pneumatic.convention import CYLINDERS, ROLES
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.fields import parse_path
 from cfd_pneumatic.recording.sources import OTHER, SignalSource
 from cfd_pneumatic.recording.table import TableFormat
-from cfd_pneumatic.yaml_files import read_yaml
+from cfd_pneumatic.units import UNITS, Unit
+from cfd_pneumatic.yaml_files import YamlMapping, read_yaml
 
 _OF_CYLINDER = tuple(role.name for role in ROLES.values() if role.of_cylinder)
 _OF_DEVICE = tuple(role.name for role in ROLES.values() if not role.of_cylinder)
@@ -74,6 +76,7 @@ _DECIMALS = {'comma': ',', ',': ',', 'point': '.', '.': '.'}
 _MOST_ROWS = 10**9
 _LARGEST_NUMBER = 1e30
 _LONGEST_OFFSET = 1e9  # thirty years [s]
+_LONGEST_KEY = 40  # characters of a key that may be a misspelt one
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,8 @@ def read_mapping(path: Path | str) -> ChannelMapping:
     Raises
     ------
     InputError
-        If it can't be read or something in it can't be meant: the message names the file, the entry and the key.
+        If it can't be read or something in it can't be meant: the message names the file, the line, the entry and the
+        key, and quotes nothing that stands there.
 
     """
     path = Path(path)
@@ -126,36 +130,41 @@ def read_mapping(path: Path | str) -> ChannelMapping:
 class _Entry:
     """A part of the file and its name, which every message about it begins with."""
 
-    def __init__(self, name: str, content: object) -> None:
-        self.name = name
+    def __init__(self, name: str, content: object, line: int = 0) -> None:
+        self._name = name
         if content is None:
-            raise self.error('is empty: it must hold keys and values')
-        if not isinstance(content, dict):
-            raise self.error(f'must hold keys and values, not {content!r}')
-        self.content: dict[str, Any] = content
+            raise self._error('is empty: it must hold keys and values', line)
+        if not isinstance(content, YamlMapping):
+            raise self._error(f'must hold keys and values, not {_kind_of(content)}', line)
+        self._line = line or content.line
+        self.content = content
 
     def __contains__(self, key: str) -> bool:
         return key in self.content
 
-    def error(self, text: str) -> InputError:
-        """Return an error about this part."""
-        return InputError(f'{self.name}: {text}' if self.name else text)
+    def error(self, text: str, key: str = '') -> InputError:
+        """Return an error about this part, or about the value of a key, which it does not quote."""
+        return self._error(f'{key} {text}' if key else text, self.content.lines.get(key, self._line))
 
     def check_keys(self, *known: str) -> None:
         """Raise if there is a key that isn't known."""
         for key in self.content:
             if key not in known:
-                raise self.error(f'unknown key {key!r}: the keys are {", ".join(known)}')
+                near = get_close_matches(str(key)[:_LONGEST_KEY], known, n=1)
+                meant = f', did you mean {near[0]}? The' if near else ': the'
+                raise self._error(f'unknown key{meant} keys are {", ".join(known)}', self.content.lines[key])
 
-    def inner(self, key: str) -> _Entry:
-        """Return the part under a key."""
-        return _Entry(f'{self.name}.{key}' if self.name else key, self._value(key))
+    def inner(self, key: str, shown: str = '') -> _Entry:
+        """Return the part under a key, which messages may show as another."""
+        name = shown or key
+        value = self._value(key)
+        return _Entry(f'{self._name}.{name}' if self._name else name, value, self.content.lines[key])
 
     def text(self, key: str) -> str:
         """Return a text that is needed."""
         value = self._value(key)
         if not isinstance(value, str) or not value:
-            raise self.error(f'{key} must be a text, not {value!r}')
+            raise self.error(f'must be a text, not {_kind_of(value)}', key)
         return value
 
     def number(self, key: str, default: float, largest: float = _LARGEST_NUMBER) -> float:
@@ -167,23 +176,23 @@ class _Entry:
         except (ValueError, ZeroDivisionError):
             number = math.nan
         if isinstance(value, bool) or not math.isfinite(number):
-            raise self.error(f'{key} must be a number, not {value!r}')
+            raise self.error('must be a finite number, or a fraction of two', key)
         if abs(number) > largest:
-            raise self.error(f'{key} is {number:g}, and may be {largest:g} at most')
+            raise self.error(f'must be between -{largest:g} and {largest:g}', key)
         return number
 
     def count(self, key: str) -> int:
         """Return a number of rows, 0 if not given."""
         value = self.content.get(key, 0)
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= _MOST_ROWS:
-            raise self.error(f'{key} must be a number of rows, not {value!r}')
+            raise self.error(f'must be a number of rows, from 0 to {_MOST_ROWS:,}', key)
         return value
 
     def choice(self, key: str, choices: tuple[object, ...]) -> object:
         """Return one of several values that is needed."""
         value = self._value(key)
         if value not in choices or isinstance(value, bool):
-            raise self.error(f'{key} must be {" or ".join(map(str, choices))}, not {value!r}')
+            raise self.error(f'must be {_either(choices)}', key)
         return value
 
     def column(self) -> str | int:
@@ -195,21 +204,43 @@ class _Entry:
             or value in ('', 0)
             or str(value).startswith('-')
         ):
-            raise self.error(f'column must be a name or a number from 1 on, not {value!r}')
+            raise self.error('must be a name or a number from 1 on', 'column')
         return value
 
-    def unit(self, quantity: str, key: str = 'unit') -> float:
-        """Return what a unit is in SI."""
+    def unit(self, quantity: str | None, key: str = 'unit') -> Unit:
+        """Return a unit that is needed, of one quantity or of any."""
+        known = [name for name, unit in UNITS.items() if quantity in (None, unit.quantity)]
         name = self.text(key)
-        try:
-            return units.factor(name, quantity)
-        except InputError as error:
-            raise self.error(str(error)) from error
+        if name not in known:
+            raise self.error(f'must be a unit{f" of {quantity}" if quantity else ""}: {_either(known)}', key)
+        return UNITS[name]
 
     def _value(self, key: str) -> object:
         if key not in self.content:
-            raise self.error(f'{key} is missing')
+            raise self.error('is missing', key)
         return self.content[key]
+
+    def _error(self, text: str, line: int) -> InputError:
+        return InputError(': '.join(filter(None, (f'line {line}' if line else '', self._name, text))))
+
+
+def _either(choices: Sequence[object]) -> str:
+    """Return choices with an `or` before the last one."""
+    *others, last = map(str, choices)
+    return f'{", ".join(others)} or {last}'
+
+
+def _kind_of(value: object) -> str:
+    """Return what kind of value stands there, for a message that must not quote it."""
+    kinds: tuple[tuple[type | tuple[type, ...], str], ...] = (
+        (dict, 'keys and values'),
+        (list, 'a list'),
+        (str, 'a text'),
+        (bool, 'true or false'),
+        ((int, float), 'a number'),
+        (date, 'a date'),
+    )
+    return next((text for kind, text in kinds if isinstance(value, kind)), 'nothing')
 
 
 def _mapping(path: Path, root: _Entry) -> ChannelMapping:
@@ -226,10 +257,12 @@ def _mapping(path: Path, root: _Entry) -> ChannelMapping:
         raise root.error(f'{CYLINDERS[0]} is missing: give the pressure of a cylinder')
     if 'others' in root:
         others = root.inner('others')
-        channels += [_channel(others.inner(name), OTHER, name, table) for name in others.content]
+        for rank, name in enumerate(others.content, start=1):
+            entry = others.inner(name, f'entry {rank}')
+            channels.append(_channel(entry, OTHER, str(name), table))
     types = (path.parent / root.text('types')).absolute() if 'types' in root else None
     if types is not None and not _is_folder(types):
-        raise root.error(f'types: {types} is not a folder')
+        raise root.error('must be a folder that is there, seen from the folder of this file', 'types')
     return ChannelMapping(path, tuple(channels), table, types)
 
 
@@ -247,13 +280,13 @@ def _table(entry: _Entry) -> TableFormat:
     delimiter = entry.text('delimiter') if 'delimiter' in entry else 'space'
     delimiter_ = _DELIMITERS.get(delimiter, delimiter)
     if delimiter_ is not None and len(delimiter_) != 1:
-        raise entry.error(f'delimiter must be one character or one of {", ".join(_DELIMITERS)}, not {delimiter!r}')
+        raise entry.error(f'must be one character, {_either(tuple(_DELIMITERS))}', 'delimiter')
     decimal = _DECIMALS[str(entry.choice('decimal', tuple(_DECIMALS)))] if 'decimal' in entry else '.'
     if decimal == delimiter_:
         raise entry.error('delimiter and decimal are the same character: no number could be told from two')
     return TableFormat(
         time=time.column(),
-        time_unit=None if time.content.get('unit') == _DATE else time.unit('time'),
+        time_unit=None if time.content.get('unit') == _DATE else time.unit('time').si,
         thousands=time.text('thousands') if 'thousands' in time else '',
         delimiter=None if delimiter_ == ' ' else delimiter_,
         decimal=decimal,
@@ -264,21 +297,21 @@ def _table(entry: _Entry) -> TableFormat:
 
 def _channel(entry: _Entry, role: str, cylinder: str | None, table: TableFormat | None) -> SignalSource:
     source_keys = TOPIC_KEYS if table is None else COLUMN_KEYS
-    quantity = ROLES[role].quantity if role in ROLES else units.quantity(entry.text('unit'))
+    quantity = ROLES[role].quantity if role in ROLES else entry.unit(None).quantity
     pressure = quantity == 'pressure'
     if table is None and 'column' in entry:
         raise entry.error('a column is one of a table: the mapping needs the entry `table`, with the time')
     entry.check_keys(*source_keys, *NUMBER_KEYS, *(PRESSURE_KEYS if pressure else ()))
     source = entry.text('topic') if table is None else entry.column()
     sign = entry.choice('sign', (1, -1)) if 'sign' in entry else 1
-    unit = entry.unit(quantity) * (-1.0 if sign == -1 else 1.0)
+    unit = entry.unit(quantity).si * (-1.0 if sign == -1 else 1.0)
     return SignalSource(
         role=role,
         cylinder=cylinder,
         source=source,
         field=_path(entry, 'field'),
         stamp=_path(entry, 'stamp'),
-        stamp_unit=entry.unit('time', 'stamp_unit') if 'stamp_unit' in entry else 1.0,
+        stamp_unit=entry.unit('time', 'stamp_unit').si if 'stamp_unit' in entry else 1.0,
         gain=_scale(entry) * unit,
         bias=entry.number('offset', 0.0) * unit,
         unit=entry.text('unit'),
@@ -290,7 +323,7 @@ def _channel(entry: _Entry, role: str, cylinder: str | None, table: TableFormat 
 def _scale(entry: _Entry) -> float:
     scale = entry.number('scale', 1.0)
     if scale == 0.0:
-        raise entry.error('scale must not be 0: it is what one raw unit is in `unit`')
+        raise entry.error('must not be 0: it is what one raw unit is in `unit`', 'scale')
     return scale
 
 
@@ -300,4 +333,4 @@ def _path(entry: _Entry, key: str) -> str | None:
     try:
         return str(parse_path(entry.text(key)))
     except InputError as error:
-        raise entry.error(f'{key}: {error}') from error
+        raise entry.error(str(error), key) from error

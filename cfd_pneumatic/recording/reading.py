@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError, printable
+from cfd_pneumatic.input_files import check_input
 from cfd_pneumatic.recording.bags.bag import Bag
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
@@ -120,8 +121,8 @@ def read_recording(
     if force_axis not in FORCE_AXES:
         raise InputError(f'the force has no axis {force_axis!r}: choose one of {", ".join(FORCE_AXES)}')
     try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
-            raise InputError('is a pipe or a device, and recordings are read twice: give a file')
+        if path.exists() and not path.is_dir():
+            check_input(path)
         if mapping is not None and mapping.table is not None:
             samples, notes = read_table(path, mapping.table, mapping.channels)
         else:

@@ -13,7 +13,7 @@ from rosbags.typesys.store import Typestore
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.bag import Bag, Topic
 from cfd_pneumatic.recording.bags.decoding import CounterPath, Decoder, TimePaths
-from cfd_pneumatic.recording.bags.definitions import read_types, types_of
+from cfd_pneumatic.recording.bags.definitions import Definitions
 from cfd_pneumatic.recording.bags.fields import FieldPath, check_number, has_header, is_time, list_numbers, parse_path
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS, obvious_field
 from cfd_pneumatic.recording.intake import Content, Intake
@@ -61,7 +61,8 @@ def read_samples(
         If a topic is missing or empty, its type unknown, or a field isn't there.
 
     """
-    found = [_find(bag, channel, types_folder, defaults) for channel in channels]
+    definitions = Definitions(types_folder)
+    found = [_find(bag, channel, definitions, defaults) for channel in channels]
     if folder is None and sum(topic.count for topic, _, _ in found) > LONG:
         folder = Path(gettempdir())
     intakes = [
@@ -77,19 +78,22 @@ def read_samples(
 
 
 def _find(
-    bag: Bag, channel: SignalSource, types_folder: Path | None, defaults: Defaults
+    bag: Bag, channel: SignalSource, definitions: Definitions, defaults: Defaults
 ) -> tuple[Topic, FieldPath, Decoder]:
     """Return a channel's topic, where its number is, and what decodes it."""
     topic = bag.topics.get(str(channel.source))
     if topic is None:
-        raise InputError(f'no topic {channel.source} for the {channel.name}: the topics are {list_topics(bag.topics)}')
-    types = types_of(topic.connections, read_types(types_folder) if types_folder else None)
+        raise InputError(
+            f'has no topic of the name that the mapping gives for the {channel.name}: '
+            f'the topics are {list_topics(bag.topics)}'
+        )
+    types = definitions.of(topic.connections)
     field = channel.field or obvious_field(topic.msgtype, joint=defaults.joint, force_axis=defaults.force_axis)
     if field is None:
         numbers = list_numbers(types, topic.msgtype)
         raise InputError(f'topic {topic.name}: say which field of {topic.msgtype} is meant: {numbers}')
-    path = parse_path(field)
     try:
+        path = parse_path(field)
         check_number(types, topic.msgtype, path)
         stamp = _stamp(types, topic.msgtype, channel)
     except InputError as error:

@@ -10,16 +10,19 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
+from difflib import get_close_matches
+from io import TextIOWrapper
 from itertools import chain, islice
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 
-from cfd_pneumatic.errors import InputError, printable
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.input_files import open_input
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.sources import Samples, SignalSource
-from cfd_pneumatic.recording.wording import counted, reason_of
+from cfd_pneumatic.recording.wording import counted
 
 _MAX_TIME = 2**62
 """Nanoseconds beyond which a time is a mistake."""
@@ -28,10 +31,10 @@ _LONGEST_LINE = 2**24
 """Characters of a line beyond which a file is no table."""
 
 _LONGEST_SHOWN = 40
-"""Characters of a field that a message shows."""
+"""Characters of the one field that a message shows."""
 
-_MOST_NAMES = 20
-"""Columns that a message lists."""
+_MOST_NAMES = 1_000
+"""Columns among which one of a similar name is looked for."""
 
 _LOOKED_AT = 2**16
 """Bytes that tell how a file is encoded."""
@@ -94,7 +97,8 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
 
     """
     encoding = _encoding(path)
-    columns, names = _resolve(path, encoding, layout, [layout.time, *(channel.source for channel in channels)])
+    wanted = [('time', layout.time), *((channel.name, channel.source) for channel in channels)]
+    columns, names = _resolve(path, encoding, layout, wanted)
     notes: list[str] = []
     lines = _rows(path, encoding, layout, names, notes)
     try:
@@ -111,13 +115,11 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
         )
     except (ValueError, IndexError) as error:
         again = _rows(path, encoding, layout, names, [])
-        raise InputError(
-            f'cannot be read as a table of numbers: {_explained(error, layout, columns, again)}'
-        ) from error
+        raise InputError(f'cannot be read as a table of numbers: {_explained(layout, columns, again)}') from error
     rows = rows[layout.skip_rows :]
     timed = np.isfinite(rows[:, 0])
     if not timed.any():
-        skipped = f' after the {layout.skip_rows} that are skipped' if layout.skip_rows else ' with a time'
+        skipped = ' after those that are skipped' if layout.skip_rows else ' with a time'
         raise InputError(f'holds no samples{skipped}')
     if not timed.all():
         notes.append(f'time: dropped {counted(int(np.sum(~timed)), "row")} not finite')
@@ -127,10 +129,10 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
     with np.errstate(over='ignore'):
         nanoseconds = np.rint(rows[:, 0] * ((layout.time_unit or 1.0) * NANOSECONDS))
     if np.abs(nanoseconds).max() > _MAX_TIME:
-        raise InputError(f'the times in column {layout.time} are far too large: check their unit')
+        raise InputError('the times are far too large: check their column and their unit')
     alike = int(np.count_nonzero(np.diff(nanoseconds) == 0.0))
     if alike and alike == len(rows) - 1:
-        raise InputError(f'the time in column {layout.time} never changes: is it the time, with all its digits?')
+        raise InputError('the time never changes: is its column the time, with all its digits?')
     if alike > _MOST_ALIKE * len(rows):
         notes.append(
             f'time: {alike:,} of {counted(len(rows), "row")} have the time of the row before: were its last digits '
@@ -192,7 +194,7 @@ def seconds_of(text: str) -> float:
     return days * _DAY + 3600 * int(hours) + 60 * (int(minutes) - ahead) + float(seconds.replace(',', '.'))
 
 
-def _explained(error: Exception, layout: TableFormat, columns: Sequence[int], rows: Iterator[tuple[int, str]]) -> str:
+def _explained(layout: TableFormat, columns: Sequence[int], rows: Iterator[tuple[int, str]]) -> str:
     """Return which field is no number, and what to look at."""
     converters = _converters(layout, columns) or {}
     with suppress(UnicodeError):  # the error that there was, then
@@ -205,7 +207,7 @@ def _explained(error: Exception, layout: TableFormat, columns: Sequence[int], ro
                     text = fields[column].strip()
                     fix = str(failed) if isinstance(failed, _DateError) else _fix_of(text, line, layout)
                     return f'line {line}, column {column + 1} holds {text[:_LONGEST_SHOWN]!r}; {fix}'
-    return f'{reason_of(error)}; {_CHECK}'
+    return _CHECK
 
 
 def _fix_of(text: str, line: int, layout: TableFormat) -> str:
@@ -232,7 +234,7 @@ def _rows(
     """
     delimiter = layout.delimiter
     width, known = len(names), f'the header has {len(names)} names'
-    with path.open(encoding=encoding) as stream:
+    with TextIOWrapper(open_input(path), encoding) as stream:
         for number, line in enumerate(islice(_lines(stream), layout.header_rows, None), layout.header_rows + 1):
             row = line.partition('#')[0].rstrip('\n')
             if not row.strip():
@@ -254,11 +256,8 @@ def _rows(
 
 def _encoding(path: Path) -> str:
     """Return how a file of text is encoded, as far as its beginning tells."""
-    try:
-        with path.open('rb') as stream:
-            head = stream.read(_LOOKED_AT)
-    except OSError as error:
-        raise InputError(f'cannot be read: {error.strerror}') from error
+    with open_input(path) as stream:
+        head = stream.read(_LOOKED_AT)
     if head.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
         return 'utf-16'
     try:
@@ -271,24 +270,23 @@ def _encoding(path: Path) -> str:
 
 
 def _resolve(
-    path: Path, encoding: str, layout: TableFormat, columns: Sequence[str | int]
+    path: Path, encoding: str, layout: TableFormat, columns: Sequence[tuple[str, str | int]]
 ) -> tuple[list[int], list[str]]:
-    """Return the positions of columns, from 0 on, and the names of all columns where the header has them."""
+    """Return where the columns of signals are, from 0 on, and the names of all columns where the header has them."""
     try:
-        with path.open(encoding=encoding, newline='') as stream:
+        with TextIOWrapper(open_input(path), encoding, newline='') as stream:
             head = list(islice(_lines(stream), layout.header_rows + 1))
     except UnicodeError as error:
         raise InputError('is not a text file, and the mapping is for tables') from error
     if len(head) <= layout.header_rows:
         raise InputError('holds no samples')
     width = len(_split(head[-1], layout.delimiter))
-    wanted = {column for column in columns if isinstance(column, str)}
+    wanted = {column for _, column in columns if isinstance(column, str)}
     rows = [_names(line, layout) for line in reversed(head[:-1])]
     last = rows[0] if rows else []
     names = next((row for row in rows if wanted <= {*row}), last) if wanted else last  # units may stand below them
-    positions = [_position(column, names, width) for column in columns]
-    by_number = all(isinstance(column, int) for column in columns)
-    if by_number and (layout.delimiter is None or len(names) == 1):
+    positions = [_position(signal, column, names, width) for signal, column in columns]
+    if not wanted and (layout.delimiter is None or len(names) == 1):
         names = []  # perhaps a line of text
     return positions, names
 
@@ -314,29 +312,34 @@ def _split(line: str, delimiter: str | None) -> list[str]:
     try:
         return [name.strip() for name in next(csv.reader([line], delimiter=delimiter), [])]
     except csv.Error as error:
-        raise InputError(f'cannot be read as a table: {reason_of(error)}; {_CHECK}') from error
+        raise InputError(f'cannot be read as a table; {_CHECK}') from error
 
 
-def _position(column: str | int, names: list[str], width: int) -> int:
-    if isinstance(column, str):
-        if column not in names:
-            raise InputError(f'has no column {column!r}: {_known(names)}')
-        if names.count(column) > 1:
-            raise InputError(f'has {names.count(column)} columns {column!r}: give the number of the one that is meant')
-        return names.index(column)
-    if column > width:
-        raise InputError(f'has no column {column}: the first row has {width}; check the delimiter in the mapping')
-    return column - 1
+def _position(signal: str, column: str | int, names: Sequence[str], width: int) -> int:
+    if isinstance(column, int):
+        if column > width:
+            raise InputError(
+                f'has no column of the number that the mapping gives for the {signal}: the first row has {width}; '
+                'check the delimiter in the mapping'
+            )
+        return column - 1
+    if column not in names:
+        missing = f'has no column of the name that the mapping gives for the {signal}'
+        raise InputError(f'{missing}: {_advice(column, names)}')
+    if names.count(column) > 1:
+        raise InputError(
+            f'has {names.count(column)} columns of the name that the mapping gives for the {signal}: '
+            'give the number of the one that is meant'
+        )
+    return names.index(column)
 
 
-def _known(names: Sequence[str]) -> str:
-    """Return which columns a table has, and what to look at where these can't be its names."""
+def _advice(column: str, names: Sequence[str]) -> str:
+    """Return what to do where a table has no column of a name; of its names the most similar one is shown."""
     if not names:
         return 'for columns by name set header_rows in the mapping'
-    further = len(names) - _MOST_NAMES
-    listed = ', '.join(printable(name) for name in names[:_MOST_NAMES])
-    if further > 0:
-        listed += f' and {further:,} more'
     if len(names) == 1:
-        return f'its columns are {listed}; check the delimiter in the mapping'
-    return f'its columns are {listed}; a column may be given by its number, too'
+        return 'its header has one name; check the delimiter in the mapping'
+    shown = [name[:_LONGEST_SHOWN] for name in names[:_MOST_NAMES]]
+    (nearest,) = get_close_matches(column[:_LONGEST_SHOWN], shown, n=1, cutoff=0.0)
+    return f'of its {len(names):,} columns {nearest!r} is most like it; a column may be given by its number, too'

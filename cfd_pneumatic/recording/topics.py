@@ -9,8 +9,7 @@ from cfd_pneumatic.convention import CYLINDERS, PISTON_STATE, ROLES, Role, press
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.bag import Topic
 from cfd_pneumatic.recording.sources import SignalSource
-
-_MAX_LISTED = 40
+from cfd_pneumatic.recording.wording import listed
 
 
 def convention_channels(topics: Mapping[str, Topic], namespace: str | None) -> list[SignalSource]:
@@ -48,9 +47,7 @@ def resolve(namespace: str | None, topic: str) -> str:
 
 def list_topics(topics: Mapping[str, Topic]) -> str:
     """Return topics with their types, for a message."""
-    names = sorted(topics)
-    listed = ', '.join(f'{name} ({topics[name].msgtype})' for name in names[:_MAX_LISTED])
-    return listed + (f', and {len(names) - _MAX_LISTED} more' if len(names) > _MAX_LISTED else '')
+    return listed([f'{name} ({topics[name].msgtype})' for name in sorted(topics)])
 
 
 def _choose(topics: Mapping[str, Topic], namespace: str | None) -> str:
@@ -94,4 +91,4 @@ def _normalise(namespace: str) -> str:
 
 
 def _list(namespaces: Iterable[str]) -> str:
-    return ', '.join(namespace or '/' for namespace in namespaces)
+    return listed([namespace or '/' for namespace in namespaces])

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+import warnings
+from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +14,11 @@ from scipy.interpolate import CubicHermiteSpline
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import SCHEDULE_COLUMNS
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.input_files import open_input
 from cfd_pneumatic.rig.schedule import SAMPLING_PERIOD, Schedule, SetPoints, lay_out
 
+_LARGEST = 2**27  # bytes; the longest that the rig plays, at 1 kHz, has 100 MB
+_LONGEST_LINE = 200  # characters of its first line
 _FAR = 1e12  # longer than any schedule may be, and no more than can be counted in samples [s]
 
 SUFFIX = '.csv'
@@ -58,26 +63,22 @@ def written_schedule(path: Path, *, sampling_period: float = SAMPLING_PERIOD) ->
 
 def _columns(path: Path) -> Array:
     """Return the columns of a file, shape (5, n)."""
+    count = len(SCHEDULE_COLUMNS)
     try:
-        head, *rows = path.read_text(encoding='utf-8').splitlines()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or 'it is empty or no text'
-        raise InputError(f'cannot read the schedule {path}: {reason}; give one that plan_experiment wrote') from error
-    if tuple(head.split(',')) != SCHEDULE_COLUMNS:
-        raise InputError(f'{path} is no schedule: its first line is to be {",".join(SCHEDULE_COLUMNS)}')
-    if len(rows) < 2:
-        raise InputError(f'{path}: a schedule is to have two rows or more of {len(SCHEDULE_COLUMNS)} numbers')
-    try:
-        values = np.array([_numbers(row) for row in rows])
+        with TextIOWrapper(open_input(path, _LARGEST), 'utf-8') as stream:
+            if stream.readline(_LONGEST_LINE).rstrip() != ','.join(SCHEDULE_COLUMNS):
+                raise InputError(f'is no schedule: its first line must be {",".join(SCHEDULE_COLUMNS)}')
+            with warnings.catch_warnings():
+                warnings.simplefilter('ignore')  # of a file without rows
+                rows = np.loadtxt(stream, delimiter=',', comments=None, ndmin=2)
+        if rows.shape[0] < 2:
+            raise InputError(f'is no schedule: it must have two rows or more of {count} numbers')
+        if rows.shape[1] != count:
+            raise ValueError('is another table')
+        if not np.isfinite(rows).all() or rows[0, 0] != 0.0 or not np.all(np.diff(rows[:, 0]) > 0.0):
+            raise InputError('is no schedule: it must have finite numbers, and times that increase from 0 on')
+    except InputError as error:
+        raise InputError(f'{path} {error}; give one that plan_experiment wrote') from error
     except ValueError as error:
-        raise InputError(f'{path}: each row of a schedule is to have {len(SCHEDULE_COLUMNS)} numbers') from error
-    if not np.all(np.isfinite(values)) or values[0, 0] != 0.0 or not np.all(np.diff(values[:, 0]) > 0.0):
-        raise InputError(f'{path}: a schedule is to have finite numbers, and times that increase from 0 on')
-    return values.T
-
-
-def _numbers(row: str) -> list[float]:
-    numbers = [float(cell) for cell in row.split(',')]
-    if len(numbers) != len(SCHEDULE_COLUMNS):
-        raise ValueError(f'{len(numbers)} numbers')
-    return numbers
+        raise InputError(f'{path} is no schedule: each row must have {count} numbers') from error
+    return rows.T

@@ -22,7 +22,7 @@ from cfd_pneumatic.device import Device
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.planning import Limits, read_report
 from cfd_pneumatic.recording import read_recording, recording_of
-from cfd_pneumatic.recording.bags.definitions import types_of
+from cfd_pneumatic.recording.bags.definitions import Definitions
 from cfd_pneumatic.reporting import write_report
 from cfd_pneumatic.rig import paper_step, record, written_schedule
 from studies.fuzzing.bags import by_rosbags, check, contents
@@ -216,7 +216,7 @@ def _schedule(file: Path) -> None:
 def _definition(file: Path) -> None:
     text = file.read_bytes().decode(errors='replace')  # as a bag's reader does
     told = MessageDefinition(MessageDefinitionFormat.MSG, text)
-    types_of([Connection(1, '/x', 'acme_msgs/msg/Press', told, '', 1, None, None)], None)  # type: ignore[arg-type]
+    Definitions().of([Connection(1, '/x', 'acme_msgs/msg/Press', told, '', 1, None, None)])  # type: ignore[arg-type]
 
 
 def _report(file: Path) -> None:

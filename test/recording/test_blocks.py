@@ -66,8 +66,7 @@ def by_topic(blocks):
 def chunked_and_one_by_one(path, topics):
     with Reader(path) as reader:
         wanted = [connection for connection in reader.connections if connection.topic in topics]
-        chunked = McapFile(path, reader.connections)
-        return by_topic(chunked.blocks(wanted)), by_topic(OneByOne(reader, reader.start_time).blocks(wanted))
+        return by_topic(McapFile(path).blocks(wanted)), by_topic(OneByOne(reader, reader.start_time).blocks(wanted))
 
 
 @given(

@@ -113,7 +113,7 @@ def test_a_database_with_a_damaged_page(long_bags, tmp_path):
     content[middle : middle + 5000] = bytes(5000)
     (tmp_path / 'rot.db3').write_bytes(content)
     read = read_recording(tmp_path / 'rot.db3')
-    assert read.health[0].startswith('rot.db3 is damaged (Cannot open database')
+    assert read.health[0].startswith('rot.db3 is damaged (sqlite3 cannot read it): salvaged ')
     assert len(read.displacement) > 1000
 
 
@@ -242,13 +242,13 @@ def test_an_empty_bag(tmp_path):
 @pytest.mark.parametrize('name', ['empty.mcap', 'empty.db3', 'empty.bag'])
 def test_an_empty_file(tmp_path, name):
     (tmp_path / name).touch()
-    assert 'seems to be empty' in error_of(tmp_path / name) or 'is damaged' in error_of(tmp_path / name)
+    assert error_of(tmp_path / name).startswith(('is damaged (', 'cannot be read: '))
 
 
 @pytest.mark.parametrize('name', ['letter.mcap', 'letter.db3', 'letter.bag'])
 def test_a_file_that_is_no_bag(tmp_path, name):
     (tmp_path / name).write_text('Dear engineer,\n' * 50)
-    assert error_of(tmp_path / name).startswith(('is damaged (', 'cannot be read: '))
+    assert error_of(tmp_path / name).startswith(('is damaged (', 'is no bag of ROS 1; '))
 
 
 def test_broken_metadata_is_done_without(tmp_path):
@@ -256,7 +256,10 @@ def test_broken_metadata_is_done_without(tmp_path):
     (tmp_path / 'bag' / 'metadata.yaml').write_text('rosbag2_bagfile_information: {version: 5}\n')
     read = read_recording(tmp_path / 'bag')
     assert len(read.displacement) == 20
-    assert read.health == ("metadata.yaml was not used: A metadata key is missing KeyError('relative_file_paths')",)
+    assert read.health == (
+        'metadata.yaml was not used: it lacks rosbag2_bagfile_information with relative_file_paths and '
+        'storage_identifier',
+    )
 
 
 BOMB = 'm0: &m0 [1]\n' + ''.join(f'm{at + 1}: &m{at + 1} [{", ".join([f"*m{at}"] * 10)}]\n' for at in range(6))

@@ -76,14 +76,16 @@ YAML = {
     'a list that holds itself': ('&a [*a]', 'unfolds to more than'),
     'deep lists': ('[' * 10_000, 'is nested too deeply'),
     'deep mappings': ('{a: ' * 5_000, 'is nested too deeply'),
-    'a date that is none': ('x: 2001-99-99', 'holds a value that can not be read'),
+    'a date that is none': ('y: 1\nx: 2001-99-99', 'line 2: holds a value that can not be read'),
     'a number without digits': ('x: 0b_', 'holds a value that can not be read'),
     'a number of thousands of digits': (f'x: {"1" * 5000}', 'holds a value that can not be read'),
     'the same in hexadecimal digits': (f'x: 0x{"f" * 5000}', 'line 1: a number is too large'),
     'a number longer than a processor has': (f'y:\n  x: {2**63}', 'line 2: a number is too large'),
     'a time that is none': ('x: 2001-01-01 99:99:99', 'holds a value that can not be read'),
     'too large': (f'x: {"y" * LARGEST}', 'has more than 256 KiB'),
-    'a key twice': ('x: 1\ny: 2\nx: 3', "line 3: the key 'x' stands in line 1 already"),
+    'a key twice': ('x: 1\ny: 2\nx: 3', 'line 3: the key stands in line 1 already'),
+    'more values than can be meant': ('[' + '1,' * 60_000 + ']', 'has more than 50,000 values'),
+    'a switch that is none': ('x: !!bool secret', 'line 1: holds a value that can not be read'),
     'code': ('!!python/object/apply:os.getcwd []', 'is not YAML'),
     'bytes that are no text': (b'x: \xff\xfe', 'is not YAML'),
 }
@@ -132,7 +134,8 @@ def test_an_entry_that_is_no_number_is_a_name(tmp_path, index):
     )
     mapping.write_text(text, encoding='utf-8')
     bag = write_mcap(tmp_path / 'made.mcap', plain_messages())
-    assert 'position' in refused(lambda: read_recording(bag, mapping=read_mapping(mapping)))
+    told = refused(lambda: read_recording(bag, mapping=read_mapping(mapping)))
+    assert told.endswith('has the field that the mapping gives; the names are piston')
 
 
 # mcap: definitions, chunks, files without what most have
@@ -318,8 +321,8 @@ def test_a_database_that_computes_its_messages_is_refused(tmp_path, kind, part):
 
 def test_a_bag_of_ros_1_without_a_first_line_is_refused(tmp_path):
     (tmp_path / 'zeros.bag').touch()
-    os.truncate(tmp_path / 'zeros.bag', 2**36)
-    assert 'it is no bag of ROS 1' in refused(read_recording, tmp_path / 'zeros.bag')
+    os.truncate(tmp_path / 'zeros.bag', 2**28)
+    assert 'is no bag of ROS 1' in refused(read_recording, tmp_path / 'zeros.bag')
 
 
 # Names and tables

@@ -96,88 +96,101 @@ def test_the_mapping_of_the_measured_data_is_valid():
 
 BAD = {
     'no entry': ('', 'is empty: it must hold keys and values'),
-    'a list': ('[1, 2]', 'must hold keys and values, not [1, 2]'),
-    'no signal': ('force: {topic: a, unit: N}', 'cylinder_a is missing: give the pressure of a cylinder'),
-    'no pressure': ('displacement: {topic: a, unit: m}', 'cylinder_a is missing: give the pressure of a cylinder'),
+    'a list': ('[1, 2]', 'must hold keys and values, not a list'),
+    'no signal': ('force: {topic: a, unit: N}', 'line 1: cylinder_a is missing: give the pressure of a cylinder'),
+    'no pressure': (
+        'displacement: {topic: a, unit: m}',
+        'line 1: cylinder_a is missing: give the pressure of a cylinder',
+    ),
     'only a set-point': (
         'displacement: {topic: a, unit: m}\ncylinder_b: {setpoint: {topic: a, unit: Pa, reference: gauge}}',
-        'cylinder_b: pressure is missing',
+        'line 2: cylinder_b: pressure is missing',
     ),
     'unknown entry': (
         f'{GOOD}cylinder_c: 1\n',
-        "unknown key 'cylinder_c': the keys are displacement, force, cylinder_a, cylinder_b, others, table, types",
+        'line 4: unknown key, did you mean cylinder_b? The keys are displacement, force, cylinder_a, cylinder_b, '
+        'others, table, types',
     ),
     'unknown role': (
         f'{GOOD}  temperature: 1\n',
-        "cylinder_a: unknown key 'temperature': the keys are pressure, setpoint, setpoint_applied",
+        'line 4: cylinder_a: unknown key: the keys are pressure, setpoint, setpoint_applied',
     ),
     'unknown key': (
         GOOD.replace('unit: m', 'units: m'),
-        "displacement: unknown key 'units': the keys are topic, field, stamp, stamp_unit, unit, scale, offset, sign, "
-        'time_offset',
+        'line 1: displacement: unknown key, did you mean unit? The keys are topic, field, stamp, stamp_unit, unit, '
+        'scale, offset, sign, time_offset',
     ),
     'unknown unit': (
         GOOD.replace('Pa', 'kg'),
-        "cylinder_a.pressure: unit 'kg' is not one of pressure: use one of Pa, hPa, kPa, MPa, mbar, bar, psi",
+        'line 3: cylinder_a.pressure: unit must be a unit of pressure: Pa, hPa, kPa, MPa, mbar, bar or psi',
     ),
     'unit of another quantity': (
         GOOD.replace('unit: m', 'unit: bar'),
-        "displacement: unit 'bar' is not one of length: use one of m, cm, mm, um, inch, mil",
+        'line 1: displacement: unit must be a unit of length: m, cm, mm, um, inch or mil',
     ),
-    'no unit': (GOOD.replace(', unit: m}', '}'), 'displacement: unit is missing'),
-    'no topic': (GOOD.replace('topic: piston_state, ', ''), 'displacement: topic is missing'),
-    'no reference': (GOOD.replace(', reference: absolute', ''), 'cylinder_a.pressure: reference is missing'),
+    'no unit': (GOOD.replace(', unit: m}', '}'), 'line 1: displacement: unit is missing'),
+    'no topic': (GOOD.replace('topic: piston_state, ', ''), 'line 1: displacement: topic is missing'),
+    'no reference': (GOOD.replace(', reference: absolute', ''), 'line 3: cylinder_a.pressure: reference is missing'),
     'unknown reference': (
         GOOD.replace('absolute', 'abs'),
-        "cylinder_a.pressure: reference must be gauge or absolute, not 'abs'",
+        'line 3: cylinder_a.pressure: reference must be gauge or absolute',
     ),
-    'sign': (GOOD.replace('unit: m', 'unit: m, sign: 2'), 'displacement: sign must be 1 or -1, not 2'),
-    'scale': (GOOD.replace('unit: m', 'unit: m, scale: big'), "displacement: scale must be a number, not 'big'"),
+    'sign': (GOOD.replace('unit: m', 'unit: m, sign: 2'), 'line 1: displacement: sign must be 1 or -1'),
+    'scale': (
+        GOOD.replace('unit: m', 'unit: m, scale: big'),
+        'line 1: displacement: scale must be a finite number, or a fraction of two',
+    ),
     'scale by zero': (
         GOOD.replace('unit: m', 'unit: m, scale: 1/0'),
-        "displacement: scale must be a number, not '1/0'",
+        'line 1: displacement: scale must be a finite number, or a fraction of two',
     ),
     'scale 0': (
         GOOD.replace('unit: m', 'unit: m, scale: 0/5'),
-        'displacement: scale must not be 0: it is what one raw unit is in `unit`',
+        'line 1: displacement: scale must not be 0: it is what one raw unit is in `unit`',
     ),
     'scale without end': (
         GOOD.replace('unit: m', 'unit: m, scale: .inf'),
-        'displacement: scale must be a number, not inf',
+        'line 1: displacement: scale must be a finite number, or a fraction of two',
     ),
     'a key twice': (
         GOOD.replace('unit: m', 'unit: m, unit: mm'),
-        "line 1: the key 'unit' stands in line 1 already: leave one out",
+        'line 1: the key stands in line 1 already: leave one out',
     ),
     'an entry twice': (
         f'{GOOD}displacement: {{topic: other, unit: mm}}\n',
-        "line 4: the key 'displacement' stands in line 1 already: leave one out",
+        'line 4: the key stands in line 1 already: leave one out',
     ),
-    'offset': (GOOD.replace('unit: m', 'unit: m, offset: .nan'), 'displacement: offset must be a number, not nan'),
+    'offset': (
+        GOOD.replace('unit: m', 'unit: m, offset: .nan'),
+        'line 1: displacement: offset must be a finite number, or a fraction of two',
+    ),
     'field path': (
         GOOD.replace('unit: m', "unit: m, field: 'a..b'"),
-        "displacement: field: 'a..b' is not a field path: write it like wrench.force.x or data[3]",
+        'line 1: displacement: field is not a field path: write it like wrench.force.x or data[3]',
     ),
-    'types': (f'{GOOD}types: nowhere', 'types: {folder}/nowhere is not a folder'),
+    'types': (
+        f'{GOOD}types: nowhere',
+        'line 4: types must be a folder that is there, seen from the folder of this file',
+    ),
     'column in a mapping for bags': (
         GOOD.replace('topic: piston_state', 'column: 1'),
-        'displacement: a column is one of a table: the mapping needs the entry `table`, with the time',
+        'line 1: displacement: a column is one of a table: the mapping needs the entry `table`, with the time',
     ),
     'topic in a mapping for tables': (
         f'{GOOD}table: {{time: {{column: 1, unit: s}}}}',
-        "displacement: unknown key 'topic': the keys are column, unit, scale, offset, sign, time_offset",
+        'line 1: displacement: unknown key: the keys are column, unit, scale, offset, sign, time_offset',
     ),
     'delimiter': (
         f'{GOOD}table: {{time: {{column: 1, unit: s}}, delimiter: or}}',
-        "table: delimiter must be one character or one of space, whitespace, tab, comma, semicolon, not 'or'",
+        'line 4: table: delimiter must be one character, space, whitespace, tab, comma or semicolon',
     ),
     'column': (
         f'{GOOD}table: {{time: {{column: 0, unit: s}}}}',
-        'table.time: column must be a name or a number from 1 on, not 0',
+        'line 4: table.time: column must be a name or a number from 1 on',
     ),
     'header rows': (
         f'{GOOD}table: {{time: {{column: 1, unit: s}}, header_rows: -1}}',
-        'table: header_rows must be a number of rows, not -1',
+        'line 4: table: header_rows must be a number of rows, from 0 to 1,000,000,000',
     ),
 }
 
@@ -190,9 +203,9 @@ def test_a_bad_mapping_is_told_by_file_entry_and_key(tmp_path, text, message):
 
 
 def test_a_mapping_that_is_not_there_or_not_yaml(tmp_path):
-    with pytest.raises(InputError, match=r'^cannot read .*/none.yaml: No such file or directory$'):
+    with pytest.raises(InputError, match=r'^.*/none.yaml: cannot be read: No such file or directory$'):
         read_mapping(tmp_path / 'none.yaml')
-    with pytest.raises(InputError, match=r'^.*/mapping.yaml is not YAML: while parsing [^\n]*$'):
+    with pytest.raises(InputError, match=r'^.*/mapping.yaml: is not YAML: line 1, column 7: while parsing [^\n]*$'):
         written(tmp_path, 'a: [1,')
 
 
@@ -200,7 +213,8 @@ NUMBERS = 'its numbers are t_us, channels[0].reading, analog[0]'
 BAD_FOR_THE_BAG = {
     'missing topic': (
         ('topic: /press/state', 'topic: /press/stat'),
-        'no topic /press/stat for the displacement: the topics are /press/state (acme_msgs/msg/Press)',
+        'has no topic of the name that the mapping gives for the displacement: '
+        'the topics are /press/state (acme_msgs/msg/Press)',
     ),
     'no field': (
         ("field: 'channels[1].reading', ", ''),
@@ -208,7 +222,7 @@ BAD_FOR_THE_BAG = {
     ),
     'unknown field': (
         ('channels[1].reading', 'channels[1].value'),
-        f'topic /press/state: acme_msgs/msg/Press has no field channels[1].value: {NUMBERS}',
+        f'topic /press/state: acme_msgs/msg/Press has no such field: {NUMBERS}',
     ),
     'a string': (
         ('channels[1].reading', 'state'),
@@ -216,7 +230,7 @@ BAD_FOR_THE_BAG = {
     ),
     'a message': (
         ('channels[1].reading', 'channels[1]'),
-        f'topic /press/state: field channels[1] of acme_msgs/msg/Press is a message: {NUMBERS}',
+        f'topic /press/state: field channels of acme_msgs/msg/Press is a message: {NUMBERS}',
     ),
     'an array': (
         ('channels[1].reading', 'analog'),
@@ -228,20 +242,19 @@ BAD_FOR_THE_BAG = {
     ),
     'beyond a fixed array': (
         ('channels[1].reading', 'analog[4]'),
-        'topic /press/state: field analog[4] of acme_msgs/msg/Press: the array has 4 entries, the first is analog[0]',
+        'topic /press/state: the array analog of acme_msgs/msg/Press has 4 entries, the first is analog[0]',
     ),
     'beyond every sequence': (
         ('channels[1].reading', 'channels[2].reading'),
-        'no message on topic /press/state has channels[2].reading',
+        'no message on topic /press/state has the field that the mapping gives',
     ),
     'by name without names': (
         ('channels[1].reading', 'channels[ram].reading'),
-        'topic /press/state: field channels[ram].reading of acme_msgs/msg/Press: the entries have no names, '
-        'give a number, channels[0]',
+        'topic /press/state: the entries of channels in acme_msgs/msg/Press have no names: give a number, channels[0]',
     ),
     'unknown stamp': (
         ('stamp: t_us', 'stamp: t_ms'),
-        f'topic /press/state: acme_msgs/msg/Press has no field t_ms: {NUMBERS}',
+        f'topic /press/state: acme_msgs/msg/Press has no such field: {NUMBERS}',
     ),
 }
 
@@ -276,7 +289,9 @@ def test_an_unknown_type_inside_another(press, tmp_path):
 def test_a_definition_that_is_none(press, tmp_path):
     package = write_press_types(tmp_path / 'messages') / 'acme_msgs' / 'msg'
     (package / 'Press.msg').write_text('float64 1st\n')
-    with pytest.raises(InputError, match=rf'^.*: {package}/Press.msg is not a message definition: [^\n]+$'):
+    with pytest.raises(
+        InputError, match=rf'^.*: {package}/Press.msg is not a message definition: line 1 cannot be parsed$'
+    ):
         read_recording(press / 'sqlite3', mapping=written(tmp_path, PRESS))
 
 

@@ -133,28 +133,35 @@ BAD = {
     'all skipped': (
         ROWS,
         BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  skip_rows: 9'),
-        'holds no samples after the 9 that are skipped',
+        'holds no samples after those that are skipped',
     ),
     'no such column': (
         ROWS,
         BY_NUMBER.replace('column: 3', 'column: 4'),
-        'has no column 4: the first row has 3; check the delimiter in the mapping',
+        'has no column of the number that the mapping gives for the cylinder_a pressure: the first row has 3; '
+        'check the delimiter in the mapping',
     ),
     'no such name': (
-        'a b c\n' + ROWS,
-        BY_NUMBER.replace('column: 3', 'column: d').replace('unit: ms}', 'unit: ms}\n  header_rows: 1'),
-        "has no column 'd': its columns are a, b, c; a column may be given by its number, too",
+        'time pressure_kPa note\n' + ROWS,
+        BY_NUMBER.replace('column: 3', 'column: Pressure').replace('unit: ms}', 'unit: ms}\n  header_rows: 1'),
+        'has no column of the name that the mapping gives for the cylinder_a pressure: of its 3 columns '
+        "'pressure_kPa' is most like it; a column may be given by its number, too",
     ),
     'a name without a header': (
         ROWS,
         BY_NUMBER.replace('column: 3', 'column: d'),
-        "has no column 'd': for columns by name set header_rows in the mapping",
+        'has no column of the name that the mapping gives for the cylinder_a pressure: '
+        'for columns by name set header_rows in the mapping',
     ),
-    'later than any number': ('1e308 1 1\n', BY_NUMBER, 'the times in column 1 are far too large: check their unit'),
+    'later than any number': (
+        '1e308 1 1\n',
+        BY_NUMBER,
+        'the times are far too large: check their column and their unit',
+    ),
     'far too late': (
         '1e10 1 1\n',
         BY_NUMBER.replace('unit: ms', 'unit: s'),
-        'the times in column 1 are far too large: check their unit',
+        'the times are far too large: check their column and their unit',
     ),
 }
 
@@ -235,16 +242,16 @@ def test_text_may_be_encoded_as_spreadsheets_do(tmp_path, encoding):
 def test_times_that_lack_digits_are_noted_and_one_time_alone_is_refused(tmp_path):
     rows = ''.join(f'{10 * (index // 5)} {index} 2\n' for index in range(50))
     assert read(tmp_path, rows).health[0].startswith('time: 40 of 50 rows have the time of the row before')
-    with pytest.raises(InputError, match='the time in column 1 never changes: is it the time, with all its digits'):
+    with pytest.raises(InputError, match='the time never changes: is its column the time, with all its digits'):
         read(tmp_path, '5 1 2\n' * 20)
 
 
-def test_of_many_columns_some_are_listed(tmp_path):
+def test_of_many_columns_one_is_shown(tmp_path):
     mapping = BY_NUMBER.replace('column: 3', 'column: d').replace('unit: ms}', 'unit: ms}\n  header_rows: 1')
-    with pytest.raises(InputError, match=r'c18, c19 and 99,980 more; a column may be given by its number') as caught:
+    with pytest.raises(InputError, match=r"of its 100,000 columns 'c\d+' is most like it") as caught:
         read(tmp_path, ' '.join(f'c{index}' for index in range(100_000)) + '\n' + '1 ' * 100_000 + '\n', mapping)
     assert len(str(caught.value)) < 500
-    with pytest.raises(InputError, match=r'its columns are t,x,p; check the delimiter in the mapping'):
+    with pytest.raises(InputError, match=r'its header has one name; check the delimiter in the mapping'):
         read(tmp_path, 't,x,p\n1,2,3\n', mapping.replace('column: 2', 'column: x'))
 
 
@@ -258,17 +265,12 @@ def test_a_table_that_is_not_there_or_not_text(tmp_path):
         read_recording(tmp_path / 'bag.mcap', mapping=mapping)
 
 
-def test_a_line_without_an_end_and_what_can_be_read_once_only(tmp_path):
+def test_a_line_without_an_end(tmp_path):
     (tmp_path / 'mapping.yaml').write_text(BY_NUMBER)
-    mapping = read_mapping(tmp_path / 'mapping.yaml')
     (tmp_path / 'run.csv').touch()
-    os.truncate(tmp_path / 'run.csv', 2**36)
+    os.truncate(tmp_path / 'run.csv', 2**25)
     with pytest.raises(InputError, match=r'run.csv: has a line of more than 16,777,216 characters: is it a table\?'):
-        read_recording(tmp_path / 'run.csv', mapping=mapping)
-    os.mkfifo(tmp_path / 'pipe')
-    for path in (tmp_path / 'pipe', '/dev/zero'):
-        with pytest.raises(InputError, match='is a pipe or a device, and recordings are read twice: give a file'):
-            read_recording(path, mapping=mapping)
+        read_recording(tmp_path / 'run.csv', mapping=read_mapping(tmp_path / 'mapping.yaml'))
 
 
 def test_a_table_without_a_mapping(tmp_path):

@@ -61,8 +61,8 @@ def test_it_is_known_by_its_file_name_and_takes_no_other_option(smooth: Path) ->
     ('rows', 'message'),
     [
         (['0,0,0,3e4,3e4'], 'two rows or more'),
-        (['0,0,0,3e4,3e4', '1,0,0,3e4'], 'each row of a schedule is to have 5 numbers'),
-        (['0,0,0,3e4,3e4', '1,0,0,3e4,here'], 'each row of a schedule is to have 5 numbers'),
+        (['0,0,0,3e4,3e4', '1,0,0,3e4'], 'each row must have 5 numbers'),
+        (['0,0,0,3e4,3e4', '1,0,0,3e4,here'], 'each row must have 5 numbers'),
         (['0,0,0,3e4,3e4', '1,nan,0,3e4,3e4'], 'finite numbers'),
         (['0,0,0,3e4,3e4', '1,0,0,3e4,3e4', '1,0,0,3e4,3e4'], 'times that increase'),
         (['1,0,0,3e4,3e4', '2,0,0,3e4,3e4'], 'from 0 on'),
@@ -88,10 +88,10 @@ def test_what_is_no_schedule_is_refused_in_a_line(
 
 
 def test_another_table_and_a_missing_file_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match='its first line is to be time_s,displacement_m'):
+    with pytest.raises(InputError, match='its first line must be time_s,displacement_m'):
         written_schedule(write(tmp_path / 'other.csv', '0,0', head='t,x'))
     with pytest.raises(InputError, match='No such file'):
         written_schedule(tmp_path / 'none.csv')
     (tmp_path / 'empty.csv').write_text('')
-    with pytest.raises(InputError, match='it is empty or no text'):
+    with pytest.raises(InputError, match='is no schedule: its first line must be'):
         written_schedule(tmp_path / 'empty.csv')

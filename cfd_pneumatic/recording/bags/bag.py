@@ -9,35 +9,34 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
-from warnings import catch_warnings, simplefilter
 
 from rosbags.interfaces import Connection
-from rosbags.rosbag2 import Reader as Ros2Reader
 
-from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.errors import DamageError, InputError
+from cfd_pneumatic.input_files import check_input, open_input
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, OneByOne, Span
-from cfd_pneumatic.recording.bags.compression import check_file, unpacked, unpacker
+from cfd_pneumatic.recording.bags.compression import unpack_file, unpacked, unpacker
 from cfd_pneumatic.recording.bags.layout import Serialization
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
+from cfd_pneumatic.recording.bags.metadata import Metadata, read_metadata
 from cfd_pneumatic.recording.bags.storages import (
     METADATA,
     ROS1_SUFFIX,
+    STORAGES,
     SUFFIXES,
     Storage,
     StorageFile,
     remedy_of,
     storage_of,
 )
-from cfd_pneumatic.recording.wording import counted, reason_of
-from cfd_pneumatic.yaml_files import check_unfolding
+from cfd_pneumatic.recording.wording import counted, listed, reason_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
 _MAX_LISTED = 5
-_LARGEST_METADATA = 2**20  # bytes; a thousand files take a fifth of that
-_ANCHOR = re.compile(rb'(?m)(?:^|[\s\[{,:])&\w')
 _ROS1_MAGIC = b'#ROSBAG V2.0\n'
 
 
@@ -173,8 +172,9 @@ class Bag:
             return self._open_folder()
         if self.path.suffix == ROS1_SUFFIX:
             return [self._open_ros1()]
-        if storage_of(self.path) is not None:
-            return self._open_file(self.path)
+        storage = storage_of(self.path)
+        if storage is not None:
+            return [self._open_file(self.path, storage)]
         raise InputError(
             'is not a bag: give the folder of a ROS 2 bag, a .mcap, .db3 or ROS 1 .bag file, '
             'or a table together with its mapping file, `--mapping FILE`; `csv_to_bag --help` shows one'
@@ -182,34 +182,57 @@ class Bag:
 
     def _open_folder(self) -> list[StorageFile]:
         files = sorted(file for file in self.path.iterdir() if file.suffix in SUFFIXES)
-        if (self.path / METADATA).exists():
-            try:
-                for packed in self.path.glob('*.zstd'):  # rosbags would unpack them whole
-                    check_file(packed)
-                if not any(_storage(file).flaw(file) for file in files):
-                    with catch_warnings():
-                        simplefilter('ignore')  # of anchors that are there twice
-                        _check_metadata(self.path / METADATA)
-                        storages = self._enter(Ros2Reader(self.path))
-                    for file in files:
-                        self._note_unmerged(file)
-                    return storages
-            except Exception as error:  # rosbags raises whatever damage makes it stumble over
-                if not files:
-                    raise InputError(f'cannot be read: {reason_of(error)}') from error
-                self.notes.append(f'{METADATA} was not used: {reason_of(error)}')
-        elif not files:
+        metadata = self._metadata(bool(files))
+        if metadata is not None:
+            self.remarks |= metadata.remarks
+            self._packed = metadata.compression == 'message'
+            if metadata.compression == 'file':
+                return self._open_packed(metadata)
+            return [self._open_file(file, STORAGES[metadata.storage]) for file in metadata.files]
+        if not files:
             raise InputError(self._no_bag_here())
-        elif len({re.sub(r'_\d+$', '', file.stem) for file in files}) > 1:
-            raise InputError(f'holds several bags without {METADATA}: give one of {", ".join(f.name for f in files)}')
-        storages = [storage for file in files for storage in self._open_file(file)]
+        if not self.notes and len({re.sub(r'_\d+$', '', file.stem) for file in files}) > 1:
+            names = listed([file.name for file in files])
+            raise InputError(f'holds several bags without {METADATA}: give one of {names}')
+        storages = [self._open_file(file, storage) for file in files if (storage := storage_of(file))]
         return sorted(storages, key=lambda storage: storage.start_time)
+
+    def _metadata(self, dispensable: bool) -> Metadata | None:
+        """Return the bag's metadata; None, and a note, where they can't be used and there are files to do without."""
+        path = self.path / METADATA
+        if not path.exists():
+            return None
+        try:
+            check_input(path)
+        except InputError as error:
+            raise InputError(f'{METADATA} {error}') from error
+        try:
+            return read_metadata(path)
+        except InputError as error:
+            if not dispensable:
+                raise InputError(f'{METADATA} cannot be used: {error}') from error
+            self.notes.append(f'{METADATA} was not used: {error}')
+            return None
+
+    def _open_packed(self, metadata: Metadata) -> list[StorageFile]:
+        """Open files that are compressed as a whole."""
+        storages = []
+        for file in metadata.files:
+            target = Path(self._stack.enter_context(TemporaryDirectory())) / file.stem
+            try:
+                unpack_file(file, target)
+            except InputError as error:
+                raise InputError(f'{file.name} {error}') from error
+            except Exception as error:  # whatever damage makes the decompressor stumble over
+                raise InputError(f'{file.name} cannot be unpacked: {reason_of(error)}') from error
+            storages.append(self._open_file(target, STORAGES[metadata.storage]))
+        return storages
 
     def _no_bag_here(self) -> str:
         inside = sorted(file.parent.name for file in self.path.glob(f'*/{METADATA}'))
         inside += sorted(file.name for file in self.path.glob(f'*{ROS1_SUFFIX}'))
         if inside:
-            return f'is a folder of bags: give one of {", ".join(inside)}'
+            return f'is a folder of bags: give one of {listed(inside)}'
         if any(self.path.glob('*.zstd')):
             return f'is compressed and has no {METADATA}: unpack its files with zstd -d'
         return f'holds no bag, neither {METADATA} nor .mcap or .db3 files'
@@ -219,9 +242,9 @@ class Bag:
 
         names = {function: name for name, function in decompressors.items()}
         try:
-            with self.path.open('rb') as file:
+            with open_input(self.path) as file:
                 if file.read(len(_ROS1_MAGIC)) not in (b'', _ROS1_MAGIC):  # rosbags would look for the end of this line
-                    raise InputError('it is no bag of ROS 1')
+                    raise InputError(f'is no bag of ROS 1; {remedy_of(self.path)}')
             reader = Reader(self.path)
             reader.open()
             self._stack.callback(reader.close)
@@ -237,51 +260,44 @@ class Bag:
                 for place, chunk in reader.chunks.items()
             }
             return OneByOne(reader, reader.start_time)
+        except InputError:
+            raise
         except Exception as error:  # rosbags raises whatever damage makes it stumble over
             raise InputError(f'cannot be read: {reason_of(error)}; {remedy_of(self.path)}') from error
 
-    def _open_file(self, file: Path) -> list[StorageFile]:
+    def _open_file(self, file: Path, storage: Storage) -> StorageFile:
         """Open one storage file, damaged or not."""
         self._note_unmerged(file)
         try:
-            damage = _storage(file).flaw(file)
-            if damage is None:
-                return self._enter(Ros2Reader(file))
-        except InputError:
-            raise
-        except PermissionError as error:
-            raise InputError(f'{file.name} cannot be read: {error.strerror}') from error
-        except Exception as error:  # rosbags raises whatever damage makes it stumble over
-            damage = f'is damaged ({reason_of(error)})'
-        storage = _storage(file).salvaged(file, self._stack)
-        count = sum(connection.msgcount for connection in storage.connections)
+            check_input(file)
+        except InputError as error:
+            raise InputError(str(error) if file == self.path else f'{file.name} {error}') from error
+        damage = storage.flaw(file)
+        if damage is None:
+            try:
+                opened = storage.opened(file, self._stack)
+                _check_names(opened.connections)
+            except InputError:
+                raise
+            except Exception as error:  # whatever damage makes it stumble over
+                damage = f'is damaged ({reason_of(error)})'
+            else:
+                if opened.strays > 0:
+                    strays = counted(opened.strays, 'message')
+                    self.notes.append(f'{file.name} is damaged: {strays} of no topic left out')
+                return opened
+        salvaged = storage.salvaged(file, self._stack)
+        count = sum(connection.msgcount for connection in salvaged.connections)
         if not count and file == self.path:
             raise InputError(f'{damage} and nothing can be salvaged; {remedy_of(file)}')
         self.notes.append(f'{file.name} {damage}: salvaged {counted(count, "message")}')
-        return [storage]
+        return salvaged
 
     def _note_unmerged(self, file: Path) -> None:
         """Note what a recorder that was killed had not moved into a database yet."""
         log = file.with_name(f'{file.name}-wal')
         if log.exists() and log.stat().st_size:
             self.notes.append(f'{log.name} is not read: open {file.name} once with sqlite3 to merge it')
-
-    def _enter(self, reader: Ros2Reader) -> list[StorageFile]:
-        reader.open()
-        self._stack.callback(reader.close)
-        custom = reader.storage.metadata.custom
-        if isinstance(custom, dict):
-            self.remarks |= {str(key): str(text) for key, text in custom.items()}
-        storages: list[StorageFile] = []
-        for file in getattr(reader.storage, 'storages', [reader.storage]):
-            _check_names(file.connections)
-            opened = _storage(Path(str(file.path))).opened(file)
-            stray = file.metadata.message_count - sum(connection.msgcount for connection in opened.connections)
-            if stray > 0:
-                self.notes.append(f'{file.path.name} is damaged: {counted(stray, "message")} of no topic left out')
-            storages.append(opened)
-        self._packed = reader.compression_mode == 'message'
-        return storages
 
     def _list_topics(self) -> dict[str, Topic]:
         topics: dict[str, Topic] = {}
@@ -311,23 +327,7 @@ def _check_names(connections: Iterable[Connection]) -> None:
     """Refuse topics that have no name or type, as they have none where a table of SQLite is damaged."""
     for connection in connections:
         if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
-            raise ValueError('a topic has no name or no type')
-
-
-def _check_metadata(file: Path) -> None:
-    """Refuse what would unfold in the hands of rosbags; the files that it speaks of are read without it."""
-    with file.open('rb') as stream:
-        content = stream.read(_LARGEST_METADATA + 1)
-    if len(content) > _LARGEST_METADATA:
-        raise InputError(f'has more than {_LARGEST_METADATA // 2**20} MiB')
-    if _ANCHOR.search(content):
-        check_unfolding(content.decode())
-
-
-def _storage(file: Path) -> Storage:
-    storage = storage_of(file)
-    assert storage is not None
-    return storage
+            raise DamageError('a topic has no name or no type')
 
 
 def _full_name(connection: Connection) -> str:

@@ -117,12 +117,15 @@ class OneByOne:
         Time of the first message [ns].
     left_out : list of Span
         Times of which messages were left out; it isn't known here.
+    strays : int
+        Messages that belong to no topic.
 
     """
 
     source: Messages
     start_time: int
     left_out: list[Span] = field(default_factory=list)
+    strays: int = 0
 
     @property
     def connections(self) -> list[Connection]:

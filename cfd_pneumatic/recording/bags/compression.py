@@ -4,12 +4,16 @@
 from __future__ import annotations
 
 import bz2
+import os
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
 import lz4.frame
 import zstandard
+
+from cfd_pneumatic.errors import DamageError
+from cfd_pneumatic.input_files import open_input
 
 _MOST = 64 * 2**20  # what anything may unpack to, [bytes]
 _RATIO = 32  # and more than that, in times of what is packed; numbers seldom shrink to a tenth
@@ -42,18 +46,18 @@ def unpacked(packed: bytes, compression: str, most: int | None = None) -> bytes:
 
     Raises
     ------
-    ValueError
+    DamageError
         If the compression is not known, or no size is given and it is more than can be meant.
 
     """
     if compression not in _UNPACKERS:
-        raise ValueError(f'is compressed with {compression}, which is not known')
+        raise DamageError('is compressed in a way that is not known')
     if most is not None:
         return _UNPACKERS[compression](packed, most)
     most = most_unpacked(len(packed))
     content = _UNPACKERS[compression](packed, most + 1)
     if len(content) > most:
-        raise ValueError(_TOO_MUCH)
+        raise DamageError(_TOO_MUCH)
     return content
 
 
@@ -62,20 +66,22 @@ def unpacker(compression: str) -> Callable[[bytes], bytes]:
     return partial(unpacked, compression=compression)
 
 
-def check_file(file: Path) -> None:
+def unpack_file(file: Path, target: Path) -> None:
     """
-    Unpack a file that is compressed with zstd, to no place.
+    Unpack a file that is compressed with zstd.
 
     Raises
     ------
-    ValueError
+    DamageError
         If it unpacks to more than can be meant.
 
     """
-    most, count = most_unpacked(file.stat().st_size), 0
-    with file.open('rb') as packed:
+    with open_input(file) as packed, target.open('wb') as unpacked_file:
+        left = most_unpacked(packed.seek(0, os.SEEK_END))
+        packed.seek(0)
         pieces = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
         while piece := pieces.read(_PIECE):
-            count += len(piece)
-            if count > most:
-                raise ValueError(_TOO_MUCH)
+            left -= len(piece)
+            if left < 0:
+                raise DamageError(_TOO_MUCH)
+            unpacked_file.write(piece)

@@ -3,120 +3,280 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from rosbags.interfaces import Connection, MessageDefinitionFormat, Nodetype
+from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat, Nodetype
 from rosbags.interfaces.typing import FieldDesc, Typesdict
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.base import make_typesdict
+from rosbags.typesys.idl import IDLParser
+from rosbags.typesys.msg import MSGParser
+from rosbags.typesys.peg import Failure
 from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.input_files import check_input, read_input
+from cfd_pneumatic.recording.bags.layout import PLACEHOLDER
 from cfd_pneumatic.recording.bags.messages import standard_types
-from cfd_pneumatic.recording.wording import reason_of
 
-FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinitionFormat.IDL}
+if TYPE_CHECKING:
+    from rosbags.typesys.peg import Result
+
+FORMATS = {
+    'ros2msg': MessageDefinitionFormat.MSG,
+    'ros2idl': MessageDefinitionFormat.IDL,
+    'omgidl': MessageDefinitionFormat.IDL,
+}
 """How message definitions are written, by what files call it."""
 
 MOST_FIELDS = 100_000
 """Of a message, with all that is inside it; lists of numbers count once."""
 
-_LARGEST = 1024 * 1024
+MOST_STEPS = 400_000
+"""Words and marks that are looked for in all definitions of a recording: some 25,000 lines, which take 2 s."""
+
+MOST_ENTRIES = 50_000
+"""Files and folders in the folder of the user's definitions, which are looked through in a second."""
+
+MOST_FILES = 2_000
+"""Definitions in that folder; all of ROS 2 and its stacks has as many."""
+
+LARGEST = 2**20
 """Bytes of a definition."""
+
+LARGEST_TOGETHER = 16 * LARGEST
+"""Bytes of all definitions in a folder."""
 
 _IDL_SEPARATOR = '=' * 80 + '\n'
 
 
-def read_types(folder: Path) -> Typestore:
+class Definitions:
     """
-    Return ROS 2's message types and those of a folder's .msg files.
+    The definitions that the messages of a recording have, each parsed once.
 
-    A file is PACKAGE/msg/NAME.msg or PACKAGE/NAME.msg, at any depth; the folder may itself be the package.
+    Parameters
+    ----------
+    folder : Path, optional
+        Folder with the user's definitions: PACKAGE/msg/NAME.msg or PACKAGE/NAME.msg, at any depth; the folder may
+        itself be the package.
 
     Raises
     ------
     InputError
-        If there are no such files or one can't be parsed.
+        If there are no such files, or more than can be meant.
 
     """
-    files = sorted(folder.resolve().rglob('*.msg'))
+
+    def __init__(self, folder: Path | None = None) -> None:
+        self._files = {} if folder is None else _files_by_type(folder)
+        self._parsed: dict[tuple[str, str], Typesdict] = {}
+        self._steps = MOST_STEPS
+
+    def of(self, connections: Sequence[Connection]) -> Typestore:
+        """
+        Return the definitions for a topic: those in the bag, else the user's and ROS 2's.
+
+        Raises
+        ------
+        InputError
+            If the topic's type, or one inside it, is defined nowhere, its connections define it in two ways, or a
+            definition can't be parsed.
+
+        """
+        distinct = {(connection.msgdef.format, connection.msgdef.data): connection for connection in connections}
+        types, *others = [self._of(connection) for connection in distinct.values()]
+        msgtype = connections[0].msgtype
+        if any(_needed(other, msgtype) != _needed(types, msgtype) for other in others):
+            raise InputError(
+                f'topic {connections[0].topic} has messages of two definitions of {msgtype}: '
+                'split the bag, or leave out what one of its publishers sent'
+            )
+        return types
+
+    def _of(self, connection: Connection) -> Typestore:
+        stored = connection.msgdef.format != MessageDefinitionFormat.NONE
+        types = self._in_the_bag(connection) if stored else self._given(connection.msgtype)
+        try:
+            needed = _needed(types, connection.msgtype)
+            missing = next((name for name, fields in needed.items() if fields is None), None)
+            if missing is not None:
+                inside = '' if missing == connection.msgtype else f' (inside {connection.msgtype})'
+                raise InputError(
+                    f'topic {connection.topic} has messages of type {missing}{inside}, which is unknown: '
+                    'in a mapping file give `types:`, the folder with its .msg files'
+                )
+            if _unfolded(types, connection.msgtype, {}) > MOST_FIELDS:
+                raise InputError(
+                    f'the definition of {connection.msgtype} holds more than {MOST_FIELDS:,} fields, or itself: '
+                    'leave the topic out'
+                )
+        except RecursionError as error:
+            raise InputError(f'the definition of {connection.msgtype} is nested too deeply') from error
+        return types
+
+    def _in_the_bag(self, connection: Connection) -> Typestore:
+        types = get_typestore(Stores.EMPTY)
+        try:
+            if len(connection.msgdef.data) > LARGEST:
+                raise InputError(f'has more than {LARGEST // 2**20} MiB')
+            for text in _parts(connection.msgdef):
+                _add(types, self._parse(text, connection.msgtype, connection.msgdef.format))
+        except InputError as error:
+            raise InputError(f'the definition of {connection.msgtype} in the bag {error}') from error
+        return types
+
+    def _given(self, msgtype: str) -> Typestore:
+        """Return the user's definitions of a type and of those inside it, among those of ROS 2."""
+        if msgtype not in self._files:
+            return standard_types()
+        types = get_typestore(Stores.LATEST)
+        waiting, done = [msgtype], set()
+        while waiting:
+            name = waiting.pop()
+            if name in done:
+                continue
+            done.add(name)
+            for rank, file in enumerate(self._files.get(name, ())):
+                try:
+                    text = read_input(file, LARGEST).decode()
+                    parsed = self._parse(text, name, MessageDefinitionFormat.MSG)
+                    if rank and _fields(parsed) != _fields({name: types.fielddefs[name]}):
+                        raise InputError(f'is another definition of {name} than {self._files[name][0]}: give one')
+                    _add(types, parsed)
+                except UnicodeDecodeError as error:
+                    raise InputError(f'{file} is not a message definition: it is not text in UTF-8') from error
+                except InputError as error:
+                    raise InputError(f'{file} {error}') from error
+            waiting += filter(None, map(_message_in, (desc for _, desc in types.fielddefs.get(name, ((), ()))[1])))
+        return types
+
+    def _parse(self, text: str, msgtype: str, kind: MessageDefinitionFormat) -> Typesdict:
+        """Return the types that a text defines."""
+        if (text, msgtype) not in self._parsed:
+            parser = _MsgParser(f'MSG: {msgtype}\n{text}') if kind == MessageDefinitionFormat.MSG else _IdlParser(text)
+            parser.steps = self._steps
+            try:
+                self._parsed[text, msgtype] = make_typesdict(parser.specification())
+            except InputError:
+                raise
+            except Exception as error:  # rosbags raises whatever a text makes it stumble over
+                line = parser.line_reached - (kind == MessageDefinitionFormat.MSG)
+                raise InputError(f'is not a message definition: line {line} cannot be parsed') from error
+            self._steps = parser.steps
+        return self._parsed[text, msgtype]
+
+
+class _Bounded:
+    """A parser of rosbags that gives up: there are short texts that it reads for hours."""
+
+    text: str
+    steps: int
+    """How many words and marks it may still look for."""
+
+    _farthest = 0
+
+    @property
+    def line_reached(self) -> int:
+        """The line that it came to, from 1 on."""
+        return self.text.count('\n', 0, self._farthest) + 1
+
+    def literal(self, pos: int, text: str) -> Result[str]:
+        self._count(pos)
+        return super().literal(pos, text)  # type: ignore[misc,no-any-return]
+
+    def regex(self, pos: int, pattern: str, flags: int = 0) -> Result[str]:
+        self._count(pos)
+        return super().regex(pos, pattern, flags)  # type: ignore[misc,no-any-return]
+
+    def _count(self, pos: int) -> None:
+        self.steps -= 1
+        self._farthest = max(self._farthest, pos)
+        if self.steps < 0:
+            raise InputError('takes too long to parse: leave out what is not needed')
+
+
+class _MsgParser(_Bounded, MSGParser):
+    pass
+
+
+class _IdlParser(_Bounded, IDLParser):
+    def _binop(self, pos: int, *_: object) -> Failure:
+        """Refuse constants that are computed, which ROS does not write: their numbers may have any length."""
+        return Failure(pos, '', set())
+
+
+def _files_by_type(folder: Path) -> dict[str, list[Path]]:
+    """Return the definitions in a folder, at any depth, by their types."""
+    files: dict[str, list[Path]] = {}
+    count = size = 0
+    for file in sorted(_definitions_below(folder)):
+        try:
+            check_input(file)
+            bytes_ = file.stat().st_size
+            if bytes_ > LARGEST:
+                raise InputError(f'has more than {LARGEST // 2**20} MiB')
+        except InputError as error:
+            raise InputError(f'{file} {error}') from error
+        count, size = count + 1, size + bytes_
+        if count > MOST_FILES or size > LARGEST_TOGETHER:
+            raise InputError(
+                f'{folder} holds more than {MOST_FILES:,} .msg files or {LARGEST_TOGETHER // 2**20} MiB of them: '
+                'let `types` name the folder of the package that is needed'
+            )
+        package = file.parent.parent if file.parent.name == 'msg' else file.parent
+        files.setdefault(f'{package.name}/msg/{file.stem}', []).append(file)
     if not files:
         raise InputError(
             f'{folder} holds no .msg files: `types` names the folder with the definitions of your messages'
         )
-    types = get_typestore(Stores.LATEST)
-    for file in files:
-        package = file.parent.parent if file.parent.name == 'msg' else file.parent
+    return files
+
+
+def _definitions_below(folder: Path) -> Iterator[Path]:
+    """Yield what a folder holds, at any depth, that is named as a definition; linked folders are not entered."""
+    waiting = [folder.resolve()]
+    seen = 0
+    while waiting:
         try:
-            types.register(get_types_from_msg(file.read_text(encoding='utf-8'), f'{package.name}/msg/{file.stem}'))
-        except Exception as error:  # rosbags raises whatever a text makes it stumble over
-            raise InputError(f'{file} is not a message definition: {reason_of(error)}') from error
-    return types
+            with os.scandir(waiting.pop()) as entries:
+                for entry in entries:
+                    seen += 1
+                    if seen > MOST_ENTRIES:
+                        raise InputError(
+                            f'{folder} holds more than {MOST_ENTRIES:,} files and folders: let `types` name the folder '
+                            'of the package that is needed'
+                        )
+                    if entry.is_dir(follow_symlinks=False):
+                        waiting.append(Path(entry.path))
+                    elif entry.name.endswith('.msg'):
+                        yield Path(entry.path)
+        except OSError:  # one may not look into it
+            continue
 
 
-def types_of(connections: Sequence[Connection], extra: Typestore | None) -> Typestore:
-    """
-    Return the definitions for a topic: those in the bag, else ROS 2's and the user's.
-
-    Raises
-    ------
-    InputError
-        If the topic's type, or one inside it, is defined nowhere, or its connections define it in two ways.
-
-    """
-    types, *others = [_types_of(connection, extra) for connection in connections]
-    msgtype = connections[0].msgtype
-    if any(_needed(other, msgtype) != _needed(types, msgtype) for other in others):
-        raise InputError(
-            f'topic {connections[0].topic} has messages of two definitions of {msgtype}: '
-            'split the bag, or leave out what one of its publishers sent'
-        )
-    return types
+def _parts(definition: MessageDefinition) -> list[str]:
+    """Return the texts of a definition; IDL has one for each type."""
+    text = definition.data
+    if definition.format == MessageDefinitionFormat.MSG or not text.startswith(f'{_IDL_SEPARATOR}IDL: '):
+        return [text]
+    return [part.partition('\n')[2] for part in text.split(_IDL_SEPARATOR)[1:]]
 
 
-def _types_of(connection: Connection, extra: Typestore | None) -> Typestore:
-    if connection.msgdef.format == MessageDefinitionFormat.NONE:
-        types = extra or standard_types()
-    else:
-        types = get_typestore(Stores.EMPTY)
-        try:
-            types.register(_parse(connection))
-        except Exception as error:  # rosbags raises whatever a text makes it stumble over
-            raise InputError(
-                f'the definition of {connection.msgtype} in the bag cannot be parsed: {reason_of(error)}'
-            ) from error
-    try:
-        needed = _needed(types, connection.msgtype)
-        missing = next((name for name, fields in needed.items() if fields is None), None)
-        if missing is not None:
-            inside = '' if missing == connection.msgtype else f' (inside {connection.msgtype})'
-            raise InputError(
-                f'topic {connection.topic} has messages of type {missing}{inside}, which is unknown: '
-                'in a mapping file give `types:`, the folder with its .msg files'
-            )
-        if _unfolded(types, connection.msgtype, {}) > MOST_FIELDS:
-            raise InputError(
-                f'the definition of {connection.msgtype} holds more than {MOST_FIELDS:,} fields, or itself: '
-                'leave the topic out'
-            )
-    except RecursionError as error:
-        raise InputError(f'the definition of {connection.msgtype} is nested too deeply') from error
-    return types
+def _add(types: Typestore, parsed: Typesdict) -> None:
+    """Add definitions to a store. Its own method would compile a class of each, which nobody needs to read messages."""
+    for name, (_, fields) in parsed.items():
+        if len({field for field, _ in fields}) < len(fields):
+            raise InputError(f'is not a message definition: {name} has two fields of one name')
+    types.fielddefs.update({name: ([], fields) for name, fields in _fields(parsed).items()})
 
 
-def _parse(connection: Connection) -> Typesdict:
-    text = connection.msgdef.data
-    if len(text) > _LARGEST:
-        raise InputError(f'the definition of {connection.msgtype} in the bag has more than {_LARGEST // 1024} KiB')
-    if connection.msgdef.format == MessageDefinitionFormat.MSG:
-        return get_types_from_msg(text, connection.msgtype)
-    if not text.startswith(f'{_IDL_SEPARATOR}IDL: '):
-        return get_types_from_idl(text)
-    types: Typesdict = {}
-    for part in text.split(_IDL_SEPARATOR)[1:]:
-        types.update(get_types_from_idl(part.partition('\n')[2]))
-    return types
+def _fields(parsed: Typesdict) -> dict[str, list[tuple[str, FieldDesc]]]:
+    """Return the fields of messages; one without any has a byte in its place."""
+    nothing: list[tuple[str, FieldDesc]] = [(PLACEHOLDER, (Nodetype.BASE, ('uint8', 0)))]
+    return {name: list(fields) or nothing for name, (_, fields) in parsed.items()}
 
 
 def _needed(types: Typestore, msgtype: str) -> dict[str, Any]:

@@ -68,6 +68,11 @@ class FieldPath:
         """Return the path as it is written."""
         return '.'.join(map(str, self.steps))
 
+    @property
+    def field(self) -> str:
+        """The names on the way, without entries."""
+        return '.'.join(step.name for step in self.steps)
+
 
 def parse_path(text: str) -> FieldPath:
     """
@@ -83,7 +88,7 @@ def parse_path(text: str) -> FieldPath:
     for part in re.split(r'\.(?![^\[]*\])', text):
         match = _STEP.fullmatch(part.strip())
         if match is None:
-            raise InputError(f'{text!r} is not a field path: write it like wrench.force.x or data[3]')
+            raise InputError('is not a field path: write it like wrench.force.x or data[3]')
         index = match['index']
         steps.append(Step(match['name'], int(index) if index is not None and _NUMBER.fullmatch(index) else index))
     return FieldPath(tuple(steps))
@@ -106,16 +111,17 @@ def check_number(types: Typestore, msgtype: str, path: FieldPath) -> None:
     Raises
     ------
     InputError
-        If it doesn't: the message lists the fields that there are.
+        If it doesn't: the message lists the fields that there are, and quotes no other.
 
     """
     kind, detail = _target(types, msgtype, path)
     if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-        raise InputError(f'field {path} of {msgtype} is an array: say which entry, as in {path}[0]')
+        raise InputError(f'field {path.field} of {msgtype} is an array: say which entry, as in {path.field}[0]')
     if kind == Nodetype.NAME:
-        raise InputError(f'field {path} of {msgtype} is a message: {list_numbers(types, msgtype)}')
+        raise InputError(f'field {path.field} of {msgtype} is a message: {list_numbers(types, msgtype)}')
     if detail[0] not in NUMBERS:
-        raise InputError(f'field {path} of {msgtype} is a {detail[0]}, not a number: {list_numbers(types, msgtype)}')
+        what = f'is a {detail[0]}, not a number'
+        raise InputError(f'field {path.field} of {msgtype} {what}: {list_numbers(types, msgtype)}')
 
 
 def list_numbers(types: Typestore, msgtype: str) -> str:
@@ -131,7 +137,7 @@ def _target(types: Typestore, msgtype: str, path: FieldPath) -> FieldDesc:
     for step in path.steps:
         fields = dict(types.fielddefs[target[1]][1]) if target[0] == Nodetype.NAME else {}
         if step.name not in fields:
-            raise InputError(f'{msgtype} has no field {path}: {list_numbers(types, msgtype)}')
+            raise InputError(f'{msgtype} has no such field: {list_numbers(types, msgtype)}')
         target = fields[step.name]
         if step.index is None:
             continue
@@ -139,9 +145,9 @@ def _target(types: Typestore, msgtype: str, path: FieldPath) -> FieldDesc:
             raise InputError(f'field {step.name} of {msgtype} is not an array: {list_numbers(types, msgtype)}')
         element, length = target[1]
         if target[0] == Nodetype.ARRAY and isinstance(step.index, int) and step.index >= length:
-            raise InputError(f'field {path} of {msgtype}: the array has {length} entries, the first is {step.name}[0]')
+            raise InputError(f'the array {step.name} of {msgtype} has {length} entries, the first is {step.name}[0]')
         if isinstance(step.index, str) and not _is_list_of_names(fields.get(NAMES)):
-            raise InputError(f'field {path} of {msgtype}: the entries have no names, give a number, {step.name}[0]')
+            raise InputError(f'the entries of {step.name} in {msgtype} have no names: give a number, {step.name}[0]')
         target = element
     return target
 

@@ -21,7 +21,7 @@ from rosbags.typesys.store import Typestore
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, gather
 from cfd_pneumatic.recording.bags.fields import NAMES, NUMBERS, FieldPath
 
-_PLACEHOLDER = 'structure_needs_at_least_one_member'
+PLACEHOLDER = 'structure_needs_at_least_one_member'
 """The byte that stands for an empty message in CDR."""
 
 
@@ -140,7 +140,7 @@ class Layout:
 
     def _walk_message(self, msgtype: str, prefix: str) -> None:
         for name, desc in self._types.fielddefs[msgtype][1]:
-            if name == _PLACEHOLDER and not self._aligned:
+            if name == PLACEHOLDER and not self._aligned:
                 continue
             self._walk_field(desc, f'{prefix}{name}')
 

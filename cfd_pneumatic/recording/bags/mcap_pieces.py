@@ -20,7 +20,10 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Chunk, ChunkIndex, Footer
+from mcap.summary import Summary
 
+from cfd_pneumatic.errors import DamageError
+from cfd_pneumatic.input_files import open_input
 from cfd_pneumatic.recording.bags.compression import most_unpacked, unpacked
 
 MAGIC = b'\x89MCAP0\r\n'
@@ -93,12 +96,12 @@ class Piece:
 
         Raises
         ------
-        ValueError, or whatever else damage makes a decompressor raise
+        DamageError, or whatever else damage makes a decompressor raise
             If they are not what was written, so far as a checksum or the size can tell.
 
         """
         if self.damaged:
-            raise ValueError('is damaged')
+            raise DamageError('is damaged')
         stream.seek(self.begin)
         if not self.chunk:
             return stream.read(self.end - self.begin)
@@ -106,9 +109,9 @@ class Piece:
         chunk = Chunk.read(ReadDataStream(stream))
         content = _unpacked(chunk)
         if len(content) != chunk.uncompressed_size:
-            raise ValueError('does not have the size that it should have')
+            raise DamageError('does not have the size that it should have')
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
-            raise ValueError('does not have the checksum that it should have')
+            raise DamageError('does not have the checksum that it should have')
         return content
 
 
@@ -116,23 +119,23 @@ def _unpacked(chunk: Chunk) -> bytes:
     """Return what a chunk holds, a byte more than it declares at most."""
     packed, size = chunk.data, chunk.uncompressed_size
     if size > most_unpacked(len(packed)):
-        raise ValueError('declares more than it can hold')
+        raise DamageError('declares more than it can hold')
     if chunk.compression == 'zstd' and zstandard.frame_content_size(packed) not in (-1, size):
-        raise ValueError('does not have the size that it should have')
+        raise DamageError('does not have the size that it should have')
     return unpacked(packed, chunk.compression, size + 1)
 
 
 def flaw(file: Path) -> str | None:
-    """Return what is wrong with the end of a file that begins as an mcap file does, None if nothing is."""
-    with file.open('rb') as stream:
+    """Return what is wrong with the beginning and the end of a file, None if nothing is."""
+    with open_input(file) as stream:
         return _flaw(stream)
 
 
 def _flaw(stream: IO[bytes]) -> str | None:
+    size = stream.seek(0, os.SEEK_END)
     stream.seek(0)
     if stream.read(len(MAGIC)) != MAGIC:
-        return None
-    size = stream.seek(0, os.SEEK_END)
+        return f'is damaged (it {"does not begin as an mcap file does" if size else "is empty"})'
     stream.seek(max(0, size - _FOOTER))
     end = stream.read()
     if not end.endswith(MAGIC):
@@ -141,6 +144,15 @@ def _flaw(stream: IO[bytes]) -> str | None:
     checked = footer.summary_start and footer.summary_crc
     if checked and _checksum(stream, footer.summary_start, size - len(MAGIC) - 4) != footer.summary_crc:
         return 'is damaged (the checksum of its summary is wrong)'
+    return None
+
+
+def summary_of(stream: IO[bytes]) -> Summary | None:
+    """Return the summary of a file, None where there is no sound one."""
+    with suppress(Exception):  # whatever damage makes its reader stumble over
+        if _flaw(stream) is None:
+            stream.seek(0)
+            return make_reader(stream).get_summary()
     return None
 
 
@@ -153,7 +165,7 @@ def walk(content: bytes) -> Iterator[tuple[int, int, int]]:
         begin = end
 
 
-def find_pieces(stream: IO[bytes]) -> list[Piece]:
+def find_pieces(stream: IO[bytes], summary: Summary | None) -> list[Piece]:
     """
     Return the pieces of a file, in its order.
 
@@ -162,13 +174,10 @@ def find_pieces(stream: IO[bytes]) -> list[Piece]:
     """
     size = stream.seek(0, os.SEEK_END)
     known: dict[int, ChunkIndex] = {}
-    with suppress(Exception):  # whatever damage makes the reader of the summary stumble over
-        if _flaw(stream) is None:
-            stream.seek(0)
-            summary = make_reader(stream).get_summary()
-            stream.seek(-_FOOTER, os.SEEK_END)
-            size = _footer(stream.read()).summary_start or size
-            known = {index.chunk_start_offset: index for index in summary.chunk_indexes} if summary else {}
+    if summary is not None:
+        stream.seek(-_FOOTER, os.SEEK_END)
+        size = _footer(stream.read()).summary_start or size
+        known = {index.chunk_start_offset: index for index in summary.chunk_indexes}
     walk = _Walk(stream, known)
     walk.along(size)
     return walk.pieces
@@ -207,7 +216,7 @@ class _Walk:
             self._indexed = self._chunk(begin, end, head)
             self._add(self._indexed)
         elif begin in self._known:
-            raise ValueError('is no chunk')
+            raise DamageError('is no chunk')
         elif opcode == Opcode.MESSAGE_INDEX:
             self._index(begin, end, head)
         elif opcode in _RESERVED:
@@ -225,7 +234,7 @@ class _Walk:
         before = HEAD.size + CHUNK.size + length
         (size,) = struct.unpack_from('<Q', head, before)
         if before + 8 + size != end - begin:
-            raise ValueError('has lengths that contradict each other')
+            raise DamageError('has lengths that contradict each other')
         if begin in self._known:
             start, stop = self._known[begin].message_start_time, self._known[begin].message_end_time
         return Piece(begin, end, start, stop, chunk=True, checked=crc != 0, index_end=end)
@@ -291,7 +300,7 @@ def _record(head: bytes, begin: int, barrier: int) -> tuple[int, int]:
     opcode, length = HEAD.unpack_from(head)
     end = begin + HEAD.size + length
     if not opcode or end > barrier:
-        raise ValueError('has a length that cannot be')
+        raise DamageError('has a length that cannot be')
     return opcode, end
 
 

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
@@ -14,12 +15,15 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
+from mcap.summary import Summary
 from numpy.typing import NDArray
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
+from cfd_pneumatic.errors import DamageError
+from cfd_pneumatic.input_files import open_input
 from cfd_pneumatic.recording.bags.blocks import NEVER, MessageBlock, Span, earliest_after, gather, join
 from cfd_pneumatic.recording.bags.definitions import FORMATS
-from cfd_pneumatic.recording.bags.mcap_pieces import ENTRY, HEAD, Piece, find_pieces, walk
+from cfd_pneumatic.recording.bags.mcap_pieces import ENTRY, HEAD, Piece, find_pieces, summary_of, walk
 
 _MESSAGE_HEAD = HEAD.size + 22
 """Bytes of a message's record before its payload: channel, sequence, times of reception and of publishing."""
@@ -36,24 +40,28 @@ class McapFile:
     ----------
     path : Path
         The file.
-    connections : list of Connection, optional
-        Its topics; by default those of which something can be read.
 
     Attributes
     ----------
+    connections : list of Connection
+        Its topics: as its summary tells, or else those of which something can be read.
     start_time : int
         Time of the first message [ns].
+    strays : int
+        Messages that belong to no topic.
     left_out : list of Span
         Times of which messages were left out while reading, because they are damaged.
 
     """
 
-    def __init__(self, path: Path, connections: list[Connection] | None = None) -> None:
+    def __init__(self, path: Path) -> None:
         self.left_out: list[Span] = []
         self._path = path
-        with path.open('rb') as stream:
-            self._pieces = find_pieces(stream)
-            self.connections = self._scan(stream) if connections is None else connections
+        with open_input(path) as stream:
+            summary = summary_of(stream)
+            self._pieces = find_pieces(stream, summary)
+            told = None if summary is None else self._told(summary)
+            self.connections, self.strays = self._scan(stream) if told is None else (told, 0)
         self.start_time = next((piece.start for piece in self._pieces if piece.start or piece.stop), 0)
 
     def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
@@ -66,7 +74,7 @@ class McapFile:
         for connection in connections:
             by_topic.setdefault(connection.topic, []).append(connection)
         topics = [_Topic(same, self._pieces) for same in by_topic.values()]
-        with self._path.open('rb') as stream:
+        with open_input(self._path) as stream:
             for piece in self._pieces:
                 within = [topic for topic in topics if topic.may_be_in(piece)]
                 if not within:
@@ -77,14 +85,27 @@ class McapFile:
                     self.left_out.append((piece.start, piece.stop))
                     block, channels = MessageBlock.of([], []), np.empty(0, np.int64)
                 for topic in within:
-                    its = np.logical_or.reduce([channels == channel for channel in topic.channels])
+                    its = np.isin(channels, topic.channels)
                     yield topic.connection, topic.take(block[np.flatnonzero(its)])
 
-    def _scan(self, stream: IO[bytes]) -> list[Connection]:
-        """Return the topics of which something can be read, with the number of messages."""
+    def _told(self, summary: Summary) -> list[Connection] | None:
+        """Return the topics that a summary tells of; None where it leaves something out, as it may."""
+        if summary.statistics is None:
+            return None
+        counts = summary.statistics.channel_message_counts
+        total = sum(counts.get(channel, 0) for channel in summary.channels)
+        if not total or total != summary.statistics.message_count:
+            return None
+        schemas = {channel.schema_id for channel in summary.channels.values()} - {0}
+        if not schemas <= summary.schemas.keys():
+            return None
+        return self._connections(summary.channels, summary.schemas, counts)
+
+    def _scan(self, stream: IO[bytes]) -> tuple[list[Connection], int]:
+        """Return the topics of which something can be read, and the number of messages of no topic."""
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
-        counts: dict[int, int] = {}
+        counts: Counter[int] = Counter()
         for piece in self._pieces:
             with suppress(Exception):  # as in reading
                 content = piece.content(stream)
@@ -97,20 +118,34 @@ class McapFile:
                         channel = Channel.read(record)
                         channels[channel.id] = channel
                 _, ids = _messages(content, _walked(content))
-                for number, count in zip(*np.unique(ids, return_counts=True)):
-                    counts[int(number)] = counts.get(int(number), 0) + int(count)
-        none = Schema(id=0, name='', encoding='', data=b'')
-        return [
-            self._connection(channel, schemas.get(channel.schema_id, none), counts[channel.id])
-            for channel in channels.values()
-            if channel.id in counts
-        ]
+                counts.update(ids.tolist())
+        found = {number: channel for number, channel in channels.items() if counts[number]}
+        connections = self._connections(found, schemas, counts)
+        return connections, counts.total() - sum(connection.msgcount for connection in connections)
 
-    def _connection(self, channel: Channel, schema: Schema, count: int) -> Connection:
-        kind = FORMATS.get(schema.encoding, MessageDefinitionFormat.NONE)
-        definition = MessageDefinition(kind, schema.data.decode(errors='replace'))
-        extension = ConnectionExtRosbag2(channel.message_encoding, [])
-        return Connection(channel.id, channel.topic, schema.name, definition, '', count, extension, self)
+    def _connections(
+        self, channels: Mapping[int, Channel], schemas: Mapping[int, Schema], counts: Mapping[int, int]
+    ) -> list[Connection]:
+        """Return channels as rosbags has them, with the number of messages of each."""
+        definitions = {
+            schema.id: MessageDefinition(
+                FORMATS.get(schema.encoding, MessageDefinitionFormat.NONE), schema.data.decode(errors='replace')
+            )
+            for schema in schemas.values()
+        }
+        return [
+            Connection(
+                channel.id,
+                channel.topic,
+                schemas[channel.schema_id].name if channel.schema_id in schemas else '',
+                definitions.get(channel.schema_id, MessageDefinition(MessageDefinitionFormat.NONE, '')),
+                '',
+                counts.get(channel.id, 0),
+                ConnectionExtRosbag2(channel.message_encoding, []),
+                self,
+            )
+            for channel in channels.values()
+        ]
 
 
 class _Topic:
@@ -118,7 +153,8 @@ class _Topic:
 
     def __init__(self, connections: Sequence[Connection], pieces: Sequence[Piece]) -> None:
         self.connection = connections[0]
-        self.channels = [connection.id for connection in connections]
+        self.channels = np.array([connection.id for connection in connections])
+        self._channels = frozenset(self.channels.tolist())
         begins = [
             piece.start if piece.places or piece.stop else NEVER  # a chunk without messages is of time 0
             for piece in pieces
@@ -129,7 +165,7 @@ class _Topic:
 
     def may_be_in(self, piece: Piece) -> bool:
         """Return whether a piece holds messages of the topic, so far as it is known."""
-        return not piece.places or any(channel in piece.places for channel in self.channels)
+        return not piece.places or not self._channels.isdisjoint(piece.places)
 
     def take(self, block: MessageBlock) -> MessageBlock:
         """Take the messages of the next piece, and return all that came before those of later pieces."""
@@ -165,14 +201,14 @@ def _indexed(content: bytes, index: bytes, piece: Piece) -> tuple[MessageBlock, 
     order = np.argsort(together['offset'], kind='stable')
     records = together['offset'][order].astype(np.int64)
     if records.size and not 0 <= records[0] <= records[-1] <= len(content) - _MESSAGE_HEAD:
-        raise ValueError('the index of a chunk does not lead to its messages')
+        raise DamageError('the index of a chunk does not lead to its messages')
     block, channels = _messages(content, records)
     right = gather(content, 'u1', records) == Opcode.MESSAGE
     right &= block.times == together['time'][order].astype(np.int64)
     right &= channels == np.repeat(list(entries), [len(some) for some in entries.values()])[order]
     behind, following = np.append(0, block.starts + block.sizes), np.append(records, len(content))
     if not right.all() or (behind > following).any():
-        raise ValueError('the index of a chunk does not lead to its messages')
+        raise DamageError('the index of a chunk does not lead to its messages')
     between = np.flatnonzero(behind < following)
     if any(len(_walked(content[behind[gap] : following[gap]])) for gap in between):
         return _messages(content, _walked(content))  # there are more messages than the index tells of
@@ -194,7 +230,7 @@ def _messages(content: bytes, records: NDArray[np.int64]) -> tuple[MessageBlock,
     """Return the messages that begin at some places, and their channels."""
     sizes = gather(content, '<u8', records + 1).astype(np.int64) + (HEAD.size - _MESSAGE_HEAD)
     if (sizes < 0).any():
-        raise ValueError('a message is shorter than can be')
+        raise DamageError('a message is shorter than can be')
     times = gather(content, '<u8', records + _TIME).astype(np.int64)
     channels = gather(content, '<u2', records + _CHANNEL).astype(np.int64)
     return MessageBlock(times, content, records + _MESSAGE_HEAD, sizes), channels

@@ -7,20 +7,17 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 from rosbags.interfaces import Connection
 
-from cfd_pneumatic.recording.bags.blocks import MessageBlock, OneByOne, Span
+from cfd_pneumatic.recording.bags.blocks import MessageBlock, Span
 from cfd_pneumatic.recording.bags.mcap_pieces import flaw as mcap_flaw
 from cfd_pneumatic.recording.bags.mcap_reading import McapFile
 from cfd_pneumatic.recording.bags.mcap_writing import McapWriter
-from cfd_pneumatic.recording.bags.sqlite_salvage import SalvagedSqlite
-from cfd_pneumatic.recording.bags.sqlite_salvage import flaw as sqlite_flaw
+from cfd_pneumatic.recording.bags.sqlite_reading import flaw as sqlite_flaw
+from cfd_pneumatic.recording.bags.sqlite_reading import open_sqlite, salvage_sqlite
 from cfd_pneumatic.recording.bags.sqlite_writing import SqliteWriter
-
-_SCHEMALESS = '__schemaless__'
-"""What rosbags calls the type of a channel whose schema it does not find."""
 
 StorageName = Literal['mcap', 'sqlite3']
 StorageWriter = McapWriter | SqliteWriter
@@ -41,6 +38,10 @@ class StorageFile(Protocol):
     def left_out(self) -> list[Span]:
         """Times of which messages were left out while reading, because they are damaged."""
 
+    @property
+    def strays(self) -> int:
+        """Messages that belong to no topic."""
+
     def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
         """Yield the messages of some topics."""
 
@@ -57,11 +58,11 @@ class Storage:
     remedy : str
         What may mend a damaged one.
     flaw : callable
-        Returns what is wrong with a file, None if nothing is; rosbags may notice only while reading.
+        Returns what is wrong with a file, None if nothing is that can be seen without reading all of it.
     opened : callable
-        Returns the quickest way to read a file that rosbags has opened.
+        Opens a file, or raises whatever damage makes it stumble over; what has to be closed goes onto a stack.
     salvaged : callable
-        Returns what can still be read of a damaged file; what has to be closed goes onto a stack.
+        Returns what can still be read of a damaged file, likewise.
     writer : type
         Writes one.
 
@@ -70,37 +71,21 @@ class Storage:
     suffix: str
     remedy: str
     flaw: Callable[[Path], str | None]
-    opened: Callable[[Any], StorageFile]
+    opened: Callable[[Path, ExitStack], StorageFile]
     salvaged: Callable[[Path, ExitStack], StorageFile]
     writer: type[McapWriter] | type[SqliteWriter]
 
 
-def _salvaged_sqlite(path: Path, stack: ExitStack) -> StorageFile:
-    salvaged = SalvagedSqlite(path)
-    stack.callback(salvaged.close)
-    return OneByOne(salvaged, salvaged.start_time)
-
-
-def _opened_mcap(file: Any) -> McapFile:
-    """Return a file whose summary may leave out statistics, channels or schemas, which are looked for then."""
-    count = sum(connection.msgcount for connection in file.connections)
-    named = any(connection.msgtype != _SCHEMALESS for connection in file.connections)
-    told = named and 0 < count == file.metadata.message_count
-    return McapFile(Path(str(file.path)), file.connections if told else None)
-
-
 STORAGES: Mapping[StorageName, Storage] = {
     'mcap': Storage(
-        '.mcap', 'mcap recover may mend it', mcap_flaw, _opened_mcap, lambda path, _: McapFile(path), McapWriter
+        '.mcap',
+        'mcap recover may mend it',
+        mcap_flaw,
+        lambda path, _: McapFile(path),
+        lambda path, _: McapFile(path),
+        McapWriter,
     ),
-    'sqlite3': Storage(
-        '.db3',
-        'sqlite3 .recover may mend it',
-        sqlite_flaw,
-        lambda file: OneByOne(file, file.metadata.start_time),
-        _salvaged_sqlite,
-        SqliteWriter,
-    ),
+    'sqlite3': Storage('.db3', 'sqlite3 .recover may mend it', sqlite_flaw, open_sqlite, salvage_sqlite, SqliteWriter),
 }
 """By the names that rosbag2 gives them."""
 

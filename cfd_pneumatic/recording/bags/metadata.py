@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`metadata.yaml` of a bag: which files it consists of, and how they are compressed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Literal, get_args
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.recording.bags.storages import StorageName
+from cfd_pneumatic.yaml_files import read_yaml
+
+_LARGEST = 2**20  # bytes; a thousand files take a fifth of that
+_ROOT = 'rosbag2_bagfile_information'
+
+Compression = Literal['none', 'file', 'message']
+
+
+@dataclass(frozen=True)
+class Metadata:
+    """
+    What is used of a bag's metadata; the files themselves say the rest.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        The files, all in the folder of the metadata.
+    storage : StorageName
+        Their format.
+    compression : Compression
+        Whether files as a whole, or messages one by one, are compressed with zstd.
+    remarks : dict
+        Texts by their keys; `BagWriter.remark` writes them.
+
+    """
+
+    files: tuple[Path, ...]
+    storage: StorageName
+    compression: Compression
+    remarks: Mapping[str, str]
+
+
+def read_metadata(path: Path) -> Metadata:
+    """
+    Return the metadata of a bag.
+
+    Raises
+    ------
+    InputError
+        If they can't be read, or are none that this program knows.
+
+    """
+    try:
+        content = read_yaml(path, _LARGEST, texts=True)
+    except InputError as error:
+        raise InputError(str(error).removeprefix(f'{path}: ')) from error
+    try:
+        told = content[_ROOT]
+        names = [PurePath(name).name for name in told['relative_file_paths']]
+        storage, compression = told['storage_identifier'], (told.get('compression_mode') or 'none').lower()
+        packing = told.get('compression_format')
+        custom = told.get('custom_data')
+        remarks = {str(key): str(text) for key, text in custom.items()} if isinstance(custom, dict) else {}
+    except (AttributeError, LookupError, TypeError, ValueError) as error:
+        raise InputError(f'it lacks {_ROOT} with relative_file_paths and storage_identifier') from error
+    for key, value, known in (
+        ('storage_identifier', storage, get_args(StorageName)),
+        ('compression_mode', compression, get_args(Compression)),
+        ('compression_format', packing, ('zstd',) if compression != 'none' else (packing,)),
+    ):
+        if value not in known:
+            raise InputError(f'its {key} is none of {", ".join(known)}')
+    files = tuple(path.parent / name for name in dict.fromkeys(names))
+    missing = sum(not file.exists() for file in files)
+    if missing or not files:
+        raise InputError(f'{missing} of the {len(files)} files that it names are not there')
+    return Metadata(files, storage, compression, remarks)  # type: ignore[arg-type]  # one of those known

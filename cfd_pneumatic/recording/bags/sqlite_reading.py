@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reading a sqlite3 file, or what is left of one that was cut off or damaged."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sqlite3
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack, closing, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.input_files import open_input
+from cfd_pneumatic.recording.bags.blocks import NEVER, OneByOne
+from cfd_pneumatic.recording.bags.definitions import FORMATS
+
+_SQLITE_MAGIC = b'SQLite format 3\0'
+_SQLITE_HEADER = 32
+_STORED = "typeof(timestamp) = 'integer' AND typeof(data) = 'blob'"
+_NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, '')
+
+
+def flaw(file: Path) -> str | None:
+    """
+    Return what is wrong with a file, None if nothing is.
+
+    Raises
+    ------
+    InputError
+        If it computes what a bag stores.
+
+    """
+    with open_input(file) as stream:
+        header = stream.read(_SQLITE_HEADER)
+        size = stream.seek(0, os.SEEK_END)
+    if not header.startswith(_SQLITE_MAGIC):
+        return 'is damaged (it does not begin as a database does)'
+    with closing(_opened(file)) as database, suppress(sqlite3.Error):
+        _refuse_computed(database)
+    pages = int.from_bytes(header[28:32], 'big')
+    return 'is cut off' if size < pages * _page_size(header) else None
+
+
+def open_sqlite(path: Path, stack: ExitStack) -> OneByOne:
+    """
+    Return the messages of a whole file in the order of their times; a stack closes it.
+
+    Raises
+    ------
+    sqlite3.Error
+        If it is damaged.
+
+    """
+    return _file(stack.enter_context(closing(_opened(path))), salvage=False)
+
+
+def salvage_sqlite(path: Path, stack: ExitStack) -> OneByOne:
+    """Return the messages of a file that can still be read, in the order of writing; a stack closes it."""
+    copy = Path(stack.enter_context(TemporaryDirectory())) / 'whole_pages.db3'
+    _copy_whole_pages(path, copy)
+    database = stack.enter_context(closing(sqlite3.connect(copy)))
+    database.execute('PRAGMA writable_schema = ON')  # or SQLite refuses a file shorter than it should be
+    with suppress(sqlite3.Error):
+        _refuse_computed(database)
+    return _file(database, salvage=True)
+
+
+def _opened(file: Path) -> sqlite3.Connection:
+    """Open a database for reading; what lies beside it, as a recorder that was killed leaves it, is not opened."""
+    return sqlite3.connect(f'{file.absolute().as_uri()}?mode=ro&immutable=1', uri=True)
+
+
+def _refuse_computed(database: sqlite3.Connection) -> None:
+    """Refuse views, virtual tables and generated columns for a bag's tables: they have no end, or are of any size."""
+    computed = database.execute(
+        'SELECT tables.name FROM sqlite_master AS tables, pragma_table_xinfo(tables.name) AS columns '
+        "WHERE tables.name IN ('messages', 'topics', 'schema', 'metadata', 'message_definitions') "
+        "AND (tables.type != 'table' OR tables.rootpage = 0 OR columns.hidden)"
+    ).fetchone()
+    if computed:
+        raise InputError(f'is no bag: its {computed[0]} are not stored, but computed')
+
+
+def _file(database: sqlite3.Connection, *, salvage: bool) -> OneByOne:
+    """Return a database as a file of a bag."""
+    messages = _Messages(database, salvage)
+    return OneByOne(messages, messages.start_time, strays=messages.strays)
+
+
+class _Messages:
+    """The messages of a database, whole or to be salvaged, and the topics, with the number of messages of each."""
+
+    def __init__(self, database: sqlite3.Connection, salvage: bool) -> None:
+        self._database = database
+        self._salvage = salvage
+        self.start_time, counts = self._count()
+        topics = list(self._rows('SELECT id, name, type, serialization_format FROM topics'))
+        definitions = self._definitions()
+        self.connections = [
+            Connection(
+                id=number,
+                topic=name,
+                msgtype=msgtype,
+                msgdef=definitions.get(msgtype, _NO_DEFINITION),
+                digest='',
+                msgcount=counts.pop(number, 0),
+                ext=ConnectionExtRosbag2(encoding, []),
+                owner=self,
+            )
+            for number, name, msgtype, encoding in topics
+            if not salvage or (isinstance(name, str) and isinstance(msgtype, str))
+        ]
+        self.strays = sum(counts.values())
+
+    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        """Yield the messages of some topics: topic, time of reception [ns], payload."""
+        wanted = {connection.id: connection for connection in connections}
+        if self._salvage:
+            query = f'SELECT topic_id, timestamp, data FROM messages NOT INDEXED WHERE {_STORED}'
+        else:
+            ids = ', '.join(str(int(number)) for number in wanted)
+            query = (
+                'SELECT topic_id, timestamp, data FROM messages '
+                f'WHERE {_STORED} AND topic_id IN ({ids}) ORDER BY timestamp'
+            )
+        for number, time, payload in self._rows(query):
+            if number in wanted:
+                yield wanted[number], time, payload
+
+    def _count(self) -> tuple[int, dict[int, int]]:
+        """Return the time of the first message [ns], and how many there are of each topic."""
+        counts: dict[int, int] = {}
+        if not self._salvage:
+            start = NEVER
+            query = 'SELECT topic_id, COUNT(*), MIN(timestamp) FROM messages GROUP BY topic_id'
+            for number, count, time in self._rows(query):
+                counts[number] = count
+                start = min(start, time) if isinstance(time, int) else start
+            return start, counts
+        start = 0
+        for number, time in self._rows(f'SELECT topic_id, timestamp FROM messages NOT INDEXED WHERE {_STORED}'):
+            start = start or time
+            counts[number] = counts.get(number, 0) + 1
+        return start, counts
+
+    def _definitions(self) -> dict[str, MessageDefinition]:
+        """Return the definitions of messages by their types; ROS 2 Humble and its predecessors store none."""
+        query = "SELECT name FROM sqlite_master WHERE name = 'message_definitions'"
+        if not list(self._rows(query)):
+            return {}
+        return {
+            name: MessageDefinition(FORMATS.get(encoding, MessageDefinitionFormat.NONE), text)
+            for name, encoding, text in self._rows(
+                'SELECT topic_type, encoding, encoded_message_definition FROM message_definitions '
+                "WHERE typeof(encoded_message_definition) = 'text' ORDER BY id DESC"  # the first of several stays
+            )
+        }
+
+    def _rows(self, query: str) -> Iterator[tuple]:  # type: ignore[type-arg]
+        try:
+            yield from self._database.execute(query)
+        except sqlite3.Error:  # here the damage begins
+            if not self._salvage:
+                raise
+
+
+def _page_size(header: bytes) -> int:
+    size = int.from_bytes(header[16:18], 'big')
+    return 65_536 if size == 1 else size
+
+
+def _copy_whole_pages(file: Path, copy: Path) -> None:
+    """Copy a database without the page in which it was cut off: the half of a row would be read as numbers."""
+    with open_input(file) as stream:
+        header = stream.read(_SQLITE_HEADER)
+        size = _page_size(header)
+        if not size or not header.startswith(_SQLITE_MAGIC):  # there is nothing that SQLite would read
+            return
+        stream.seek(0)
+        with copy.open('wb') as target:
+            shutil.copyfileobj(stream, target)
+    os.truncate(copy, os.path.getsize(copy) // size * size)
