@@ -130,7 +130,7 @@ def test_parameters_and_the_report_of_another_run_are_refused(tmp_path, other):
     if other:
         write_text(tmp_path / 'report.json', f'{{"run": "{other}"}}')
     if other == 'b':
-        with pytest.raises(InputError, match='is of run a of identify_bag, and '):
+        with pytest.raises(InputError, match='are of different runs of identify_bag: identify again'):
             Device.load(tmp_path / 'parameters.yaml')
     else:
         Device.load(tmp_path / 'parameters.yaml')

@@ -69,11 +69,11 @@ class Descriptor:
         """
         if isinstance(self.default, bool):
             if not isinstance(value, bool):
-                raise InputError(f'{self.name} is {value!r}: give true or false')
+                raise InputError(f'{self.name}: give true or false')
             return value
         if isinstance(self.default, float):
             if not _is_number(value):
-                raise InputError(f'{self.name} is {value!r}: give a number')
+                raise InputError(f'{self.name}: give a number')
             number = float(value)  # type: ignore[arg-type]
             if not self.lower <= number <= self.upper:
                 raise InputError(
@@ -83,10 +83,10 @@ class Descriptor:
         entries = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
         if self.lists_names:
             if not all(isinstance(one, str) for one in entries):
-                raise InputError(f'{self.name} is {value!r}: give a list of names')
+                raise InputError(f'{self.name}: give a list of names')
             return tuple(entries)
         if not entries or not all(map(_is_number, entries)):
-            raise InputError(f'{self.name} is {value!r}: give a list of numbers')
+            raise InputError(f'{self.name}: give a list of numbers')
         return tuple(map(float, entries))
 
     @property

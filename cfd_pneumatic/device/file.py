@@ -13,7 +13,8 @@ from typing import Any
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.yaml_files import read_yaml
+from cfd_pneumatic.input_files import open_input, read_input
+from cfd_pneumatic.yaml_files import YamlMapping, read_yaml
 
 REPORT_FILE = 'report.json'
 """What `identify_bag` writes beside it."""
@@ -21,6 +22,7 @@ REPORT_FILE = 'report.json'
 _INDENT = '  '
 _RUN = '# identify_bag, run '
 _LONGEST_LINE = 200
+_LONGEST_NAME = 100  # characters of a name that may be a misspelt one
 _LARGEST_REPORT = 2**26  # bytes; with hundreds of recordings it has a tenth of that
 _OWNERS = (*CYLINDERS, CONTACT_FORCE)
 
@@ -36,12 +38,16 @@ def read(path: Path) -> dict[str, Any]:
 
     """
     check_run(path, path.with_name(REPORT_FILE))
-    given = dict(_flat(_ros_parameters(read_yaml(path))))
-    for name in given:
-        if name not in DESCRIPTORS and name.partition('.')[0] in _OWNERS:
-            near = get_close_matches(name, DESCRIPTORS, n=1)
-            raise InputError(f'{path}: {name} is no parameter of a device' + (f': is {near[0]} meant?' if near else ''))
-    return {name: value for name, value in given.items() if name in DESCRIPTORS}
+    given = {}
+    flat = (one for parameters in _ros_parameters(read_yaml(path)) for one in _flat(parameters))
+    for name, value, line in flat:
+        if name in DESCRIPTORS:
+            given[name] = value
+        elif name.partition('.')[0] in _OWNERS:
+            near = get_close_matches(name[:_LONGEST_NAME], DESCRIPTORS, n=1)
+            meant = f': did you mean {near[0]}?' if near else ''
+            raise InputError(f'{path}: line {line}: no parameter of a device has this name{meant}')
+    return given
 
 
 def run_line(run: str) -> str:
@@ -51,8 +57,8 @@ def run_line(run: str) -> str:
 
 def run_of(path: Path) -> str | None:
     """Return the run that a file comes from; None where it names none."""
-    with suppress(OSError, UnicodeDecodeError), path.open(encoding='utf-8') as stream:
-        line = stream.readline(_LONGEST_LINE).strip()
+    with suppress(InputError, UnicodeDecodeError), open_input(path) as stream:
+        line = stream.readline(_LONGEST_LINE).decode().strip()
         if line.startswith(_RUN):
             return line.removeprefix(_RUN)
     return None
@@ -70,7 +76,7 @@ def check_run(path: Path, report: Path) -> None:
     """
     own, reported = run_of(path), _run_of_report(report)
     if own and reported and own != reported:
-        raise InputError(f'{path} is of run {own} of identify_bag, and {report} of run {reported}: identify again')
+        raise InputError(f'{path} and {report} are of different runs of identify_bag: identify again')
 
 
 def report_in(path: Path) -> Any:
@@ -79,24 +85,21 @@ def report_in(path: Path) -> Any:
 
     Raises
     ------
-    OSError
-        If it can't be read.
-    ValueError
-        If it is none.
+    InputError
+        If it can't be read, is too large, or is no JSON.
 
     """
-    with path.open('rb') as file:
-        content = file.read(_LARGEST_REPORT)
+    content = read_input(path, _LARGEST_REPORT)
     try:
         return json.loads(content)
-    except RecursionError as error:
-        raise ValueError('is nested too deeply') from error
+    except (ValueError, RecursionError) as error:
+        raise InputError('is no report of identify_bag: it is not JSON') from error
 
 
 def _run_of_report(report: Path) -> str | None:
     try:
         content = report_in(report)
-    except (OSError, ValueError):
+    except InputError:
         return None  # who needs a report says what is wrong with it
     run = content.get('run') if isinstance(content, dict) else None
     return run if isinstance(run, str) else None
@@ -143,19 +146,20 @@ def _float(value: float) -> str:
     return (digits if '.' in digits else f'{digits}.0') + exponent + power
 
 
-def _ros_parameters(document: Any) -> dict[str, Any]:
-    """Return what stands below `ros__parameters`, whatever the node is called."""
-    found: dict[str, Any] = {}
-    if isinstance(document, dict):
+def _ros_parameters(document: Any) -> Iterator[YamlMapping]:
+    """Yield what stands below each `ros__parameters`, whatever the node is called."""
+    if isinstance(document, YamlMapping):
         for name, below in document.items():
-            found |= below if name == 'ros__parameters' and isinstance(below, dict) else _ros_parameters(below)
-    return found
+            if name == 'ros__parameters' and isinstance(below, YamlMapping):
+                yield below
+            else:
+                yield from _ros_parameters(below)
 
 
-def _flat(values: Mapping[str, Any], above: str = '') -> Iterator[tuple[str, Any]]:
-    """Yield the dotted names and the values of a tree."""
+def _flat(values: YamlMapping, above: str = '') -> Iterator[tuple[str, Any, int]]:
+    """Yield the dotted names, the values and the lines of a tree."""
     for name, value in values.items():
-        if isinstance(value, dict):
+        if isinstance(value, YamlMapping):
             yield from _flat(value, f'{above}{name}.')
         else:
-            yield f'{above}{name}', value
+            yield f'{above}{name}', value, values.lines[name]

@@ -78,8 +78,8 @@ def read_report(path: Path) -> tuple[Sensing, float]:
         farthest = max((float(end) for one in report['recordings'] for end in one['travel_m']), key=abs)
         if not np.isfinite([noise, *rates, farthest]).all():
             raise ValueError('is not finite')
-    except OSError as error:
-        raise InputError(f'cannot read {path}: {error.strerror}; give the report.json of identify_bag') from error
+    except InputError as error:
+        raise InputError(f'{path} {error}: give the report.json of identify_bag') from error
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise InputError(f'{path} is no report of identify_bag: give its report.json') from error
     # the floor is that of the residual: what the displacement's noise adds to it is in there

@@ -68,7 +68,7 @@ def find_bags(given: Sequence[Path], leave_out: Path, *, tables: bool = False) -
     """
     found: dict[Path, tuple[Path, str]] = {}
     for root in given:
-        for path in _below(root, leave_out.resolve(), TABLE_SUFFIXES if tables else BAG_SUFFIXES):
+        for path in _below(root, TABLE_SUFFIXES if tables else BAG_SUFFIXES, _identity(leave_out)):
             found.setdefault(path.resolve(), (path, _device(path, root)))
     if not found:
         what = f'tables ({", ".join(TABLE_SUFFIXES)})' if tables else 'bags'
@@ -77,28 +77,44 @@ def find_bags(given: Sequence[Path], leave_out: Path, *, tables: bool = False) -
     return [PlantBag(path, device, folder) for (path, device), folder in zip(found.values(), folders)]
 
 
-def _below(
-    path: Path, leave_out: Path, suffixes: tuple[str, ...], above: frozenset[Path] = frozenset()
-) -> Iterator[Path]:
-    """Yield the bag that a path is, or those below it; a folder that can't be read is yielded too, and will fail."""
-    resolved = path.resolve()
-    if not path.is_dir() or _is_bag(path):
-        yield path
-        return
-    if resolved == leave_out or resolved in above:  # a link may lead back up
-        return
+def _below(path: Path, suffixes: tuple[str, ...], seen: set[tuple[int, int]]) -> Iterator[Path]:
+    """
+    Yield the bag that a path is, or those below it; a folder that can't be read is yielded too, and will fail.
+
+    No folder is searched twice: links may lead back up, and by so many ways to one folder that there is no end.
+    """
+    waiting = [path]
+    while waiting:
+        path = waiting.pop()
+        if not path.is_dir() or _is_bag(path):
+            yield path
+            continue
+        identity = _identity(path)
+        if identity <= seen:
+            continue
+        seen |= identity
+        try:
+            inside = sorted(path.iterdir(), reverse=True)
+        except OSError:
+            yield path
+            continue
+        waiting += [entry for entry in inside if _is_meant(entry, suffixes)]
+
+
+def _identity(folder: Path) -> set[tuple[int, int]]:
+    """Return by what a folder is known, whatever way leads to it; nothing where it is not there."""
     try:
-        inside = sorted(path.iterdir())
+        state = folder.stat()
     except OSError:
-        yield path
-        return
-    for entry in inside:
-        if entry.name.startswith('.') or (is_compare_file(entry) and (entry.parent / REPORT_FILE).is_file()):
-            continue  # hidden, or a bag that came of an identification
-        if entry.is_dir():
-            yield from _below(entry, leave_out, suffixes, above | {resolved})
-        elif entry.name.endswith(suffixes):
-            yield entry
+        return set()
+    return {(state.st_dev, state.st_ino)}
+
+
+def _is_meant(entry: Path, suffixes: tuple[str, ...]) -> bool:
+    """Return whether something is to be searched or a bag: it isn't hidden, and did not come of an identification."""
+    if entry.name.startswith('.') or (is_compare_file(entry) and (entry.parent / REPORT_FILE).is_file()):
+        return False
+    return entry.name.endswith(suffixes) or entry.is_dir()
 
 
 def _is_bag(folder: Path) -> bool:
@@ -108,9 +124,10 @@ def _is_bag(folder: Path) -> bool:
     except OSError:
         return False
     storages = {name for name in names if name.endswith(SUFFIXES)}
+    if METADATA in names or not storages:
+        return METADATA in names
     stem = folder.resolve().name
-    split = ({f'{stem}_{number}{suffix}' for number in range(len(storages))} for suffix in SUFFIXES)
-    return METADATA in names or (bool(storages) and storages in split)
+    return storages in ({f'{stem}_{number}{suffix}' for number in range(len(storages))} for suffix in SUFFIXES)
 
 
 def _device(path: Path, root: Path) -> str:

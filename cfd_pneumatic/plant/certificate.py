@@ -9,10 +9,13 @@ from pathlib import Path
 from distributed.security import Security
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.input_files import read_input
 
 CERTIFICATE, KEY = 'dask.pem', 'dask.key'
 DAYS = 365
 """So long Dask makes them valid."""
+
+_LARGEST = 2**16  # bytes
 
 
 def make_certificate(folder: Path) -> None:
@@ -47,8 +50,10 @@ def security_of(folder: Path) -> Security:
     """
     certificate, key = str(folder / CERTIFICATE), str(folder / KEY)
     for file in (certificate, key):
-        if not os.access(file, os.R_OK):
-            raise InputError(f'cannot read {file}: dask_certificate {folder} makes it')
+        try:
+            read_input(Path(file), _LARGEST)
+        except InputError as error:
+            raise InputError(f'{file} {error}: dask_certificate {folder} makes it') from error
     return Security(  # type: ignore[no-untyped-call]
         require_encryption=True, tls_ca_file=certificate, tls_client_cert=certificate, tls_client_key=key
     )

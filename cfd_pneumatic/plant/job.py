@@ -14,6 +14,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import made_aside, write_text
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.identification.wording import LAW_VARIABLES
+from cfd_pneumatic.input_files import read_input
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
@@ -23,6 +24,8 @@ from cfd_pneumatic.reporting import PAGE_FILE, REPORT_FILE, write_report
 
 ROW_FILE = 'row.json'
 """Beside a bag's report: its rows of the table, and what they follow from."""
+
+_LARGEST_ROWS = 2**24  # bytes; three rows, with what was amiss with a recording, have a thousandth of that
 
 _FIRST_DATE = 631_152_000_000_000_000
 """The year 1990 [ns]: a clock that says less counts from something else than 1970."""
@@ -57,9 +60,10 @@ class Job:
 def earlier_rows(job: Job) -> list[Row] | None:
     """Return the rows of a job that was done before and would come out the same, or None."""
     try:
-        earlier = json.loads((job.folder / ROW_FILE).read_text(encoding='utf-8'))
+        # an interruption or a person may have left anything there
+        earlier = json.loads(read_input(job.folder / ROW_FILE, _LARGEST_ROWS))
         return list(earlier['rows']) if earlier['fingerprint'] == job.fingerprint else None
-    except (OSError, ValueError, KeyError, TypeError):  # whatever an interruption or a person left there
+    except (InputError, ValueError, LookupError, TypeError, RecursionError):
         return None
 
 

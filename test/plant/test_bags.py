@@ -71,6 +71,17 @@ def test_each_once(tmp_path):
     assert found(tmp_path, '', 'cell', 'cell/a.mcap') == {'cell/a.mcap': 'cell'}
 
 
+def test_a_folder_to_which_very_many_ways_lead_is_searched_once(tmp_path):
+    """Each of forty folders has two links to the next: a million million ways."""
+    touch(tmp_path, 'deep/40/a.mcap')
+    for level in range(40):
+        (tmp_path / 'deep' / f'{level}').mkdir()
+        for name in ('one', 'other'):
+            (tmp_path / 'deep' / f'{level}' / name).symlink_to(tmp_path / 'deep' / f'{level + 1}')
+    (bag,) = find_bags([tmp_path / 'deep' / '0'], RESULTS)
+    assert bag.path.name == 'a.mcap'
+
+
 def test_results_are_no_bags(tmp_path):
     touch(tmp_path, 'cell/a.mcap', 'results/cell/a/compare.mcap', '.hidden/b.mcap')
     touch(tmp_path, 'cell/earlier/report.json', 'cell/earlier/compare.mcap', 'cell/compare.mcap')
