@@ -281,7 +281,7 @@ def test_an_unknown_type_inside_another(press, tmp_path):
     with pytest.raises(InputError) as caught:
         read_recording(press / 'sqlite3', mapping=written(tmp_path, PRESS))
     assert str(caught.value) == (
-        f'{press}/sqlite3: topic /press/state has messages of type acme_msgs/msg/Channel (inside acme_msgs/msg/Press), '
+        f'{press}/sqlite3: topic /press/state has messages that hold another type (inside acme_msgs/msg/Press), '
         'which is unknown: in a mapping file give `types:`, the folder with its .msg files'
     )
 

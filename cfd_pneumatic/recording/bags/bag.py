@@ -17,7 +17,7 @@ from rosbags.interfaces import Connection
 from cfd_pneumatic.errors import DamageError, InputError
 from cfd_pneumatic.input_files import check_input, open_input
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, OneByOne, Span
-from cfd_pneumatic.recording.bags.compression import unpack_file, unpacked, unpacker
+from cfd_pneumatic.recording.bags.compression import most_unpacked, unpack_file, unpacked, unpacker
 from cfd_pneumatic.recording.bags.layout import Serialization
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.bags.metadata import Metadata, read_metadata
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 _MAX_LISTED = 5
+_SMALLEST = 16  # bytes of a message, with what says when and on which topic it came
 _ROS1_MAGIC = b'#ROSBAG V2.0\n'
 
 
@@ -50,7 +51,7 @@ class Topic:
     name, msgtype : str
         Its name and message type.
     count : int
-        Number of messages.
+        Number of messages, so far as its files say; no more than they have room for.
     connections : tuple of Connection
         Its connections, for the definition of its messages.
 
@@ -96,6 +97,7 @@ class Bag:
         self.serialization = Serialization.ROS1 if path.suffix == ROS1_SUFFIX else Serialization.CDR
         self._stack = ExitStack()
         self._packed = False  # whether messages are compressed one by one
+        self._size = 0  # of its files, [bytes]
         try:
             self._storages = self._open()
             self.topics = self._list_topics()
@@ -245,6 +247,7 @@ class Bag:
             with open_input(self.path) as file:
                 if file.read(len(_ROS1_MAGIC)) not in (b'', _ROS1_MAGIC):  # rosbags would look for the end of this line
                     raise InputError(f'is no bag of ROS 1; {remedy_of(self.path)}')
+            self._size = self.path.stat().st_size
             reader = Reader(self.path)
             reader.open()
             self._stack.callback(reader.close)
@@ -272,6 +275,7 @@ class Bag:
             check_input(file)
         except InputError as error:
             raise InputError(str(error) if file == self.path else f'{file.name} {error}') from error
+        self._size += file.stat().st_size
         damage = storage.flaw(file)
         if damage is None:
             try:
@@ -300,18 +304,21 @@ class Bag:
             self.notes.append(f'{log.name} is not read: open {file.name} once with sqlite3 to merge it')
 
     def _list_topics(self) -> dict[str, Topic]:
-        topics: dict[str, Topic] = {}
+        named: dict[str, list[Connection]] = {}
         for storage in self._storages:
             for connection in storage.connections:
-                name = _full_name(connection)
-                seen = topics.get(name)
-                if seen is not None and seen.msgtype != connection.msgtype:
+                same = named.setdefault(_full_name(connection), [])
+                if same and same[0].msgtype != connection.msgtype:
                     raise InputError(
-                        f'topic {name} has messages of {seen.msgtype} and of {connection.msgtype}: split the bag'
+                        f'topic {_full_name(connection)} has messages of {same[0].msgtype} and of '
+                        f'{connection.msgtype}: split the bag'
                     )
-                count = connection.msgcount + (seen.count if seen else 0)
-                connections = (*seen.connections, connection) if seen else (connection,)
-                topics[name] = Topic(name, connection.msgtype, count, connections)
+                same.append(connection)
+        most = most_unpacked(self._size) // _SMALLEST
+        topics = {
+            name: Topic(name, same[0].msgtype, min(most, sum(one.msgcount for one in same)), tuple(same))
+            for name, same in named.items()
+        }
         if not any(topic.count for topic in topics.values()):
             notes = f' ({"; ".join(self.notes)})' if self.notes else ''
             raise InputError(f'holds no messages{notes}: was anything published while it was recorded?')

@@ -103,9 +103,11 @@ class Definitions:
             needed = _needed(types, connection.msgtype)
             missing = next((name for name, fields in needed.items() if fields is None), None)
             if missing is not None:
-                inside = '' if missing == connection.msgtype else f' (inside {connection.msgtype})'
+                which = f'of type {connection.msgtype}'
+                if missing != connection.msgtype:  # what the user's definitions name is not quoted
+                    which = f'that hold {missing if stored else "another type"} (inside {connection.msgtype})'
                 raise InputError(
-                    f'topic {connection.topic} has messages of type {missing}{inside}, which is unknown: '
+                    f'topic {connection.topic} has messages {which}, which is unknown: '
                     'in a mapping file give `types:`, the folder with its .msg files'
                 )
             if _unfolded(types, connection.msgtype, {}) > MOST_FIELDS:
