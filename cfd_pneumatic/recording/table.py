@@ -18,7 +18,7 @@ from typing import TextIO
 
 import numpy as np
 
-from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.errors import InputError, quoted
 from cfd_pneumatic.input_files import open_input
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.sources import Samples, SignalSource
@@ -30,7 +30,7 @@ _MAX_TIME = 2**62
 _LONGEST_LINE = 2**24
 """Characters of a line beyond which a file is no table."""
 
-_LONGEST_SHOWN = 40
+_LONGEST_NAME = 40  # characters that are compared
 """Characters of the one field that a message shows."""
 
 _MOST_NAMES = 1_000
@@ -206,7 +206,7 @@ def _explained(layout: TableFormat, columns: Sequence[int], rows: Iterator[tuple
                 except ValueError as failed:
                     text = fields[column].strip()
                     fix = str(failed) if isinstance(failed, _DateError) else _fix_of(text, line, layout)
-                    return f'line {line}, column {column + 1} holds {text[:_LONGEST_SHOWN]!r}; {fix}'
+                    return f'line {line}, column {column + 1} holds {quoted(text)}; {fix}'
     return _CHECK
 
 
@@ -340,6 +340,6 @@ def _advice(column: str, names: Sequence[str]) -> str:
         return 'for columns by name set header_rows in the mapping'
     if len(names) == 1:
         return 'its header has one name; check the delimiter in the mapping'
-    shown = [name[:_LONGEST_SHOWN] for name in names[:_MOST_NAMES]]
-    (nearest,) = get_close_matches(column[:_LONGEST_SHOWN], shown, n=1, cutoff=0.0)
-    return f'of its {len(names):,} columns {nearest!r} is most like it; a column may be given by its number, too'
+    shown = [name[:_LONGEST_NAME] for name in names[:_MOST_NAMES]]
+    (nearest,) = get_close_matches(column[:_LONGEST_NAME], shown, n=1, cutoff=0.0)
+    return f'of its {len(names):,} columns {quoted(nearest)} is the nearest; a column may be given by its number, too'

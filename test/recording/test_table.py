@@ -145,7 +145,7 @@ BAD = {
         'time pressure_kPa note\n' + ROWS,
         BY_NUMBER.replace('column: 3', 'column: Pressure').replace('unit: ms}', 'unit: ms}\n  header_rows: 1'),
         'has no column of the name that the mapping gives for the cylinder_a pressure: of its 3 columns '
-        "'pressure_kPa' is most like it; a column may be given by its number, too",
+        '“pressure_kPa” is the nearest; a column may be given by its number, too',
     ),
     'a name without a header': (
         ROWS,
@@ -177,10 +177,10 @@ def test_a_table_that_cannot_be_read(tmp_path, rows, mapping, message):
 @pytest.mark.parametrize(
     ('row', 'line'),
     [
-        ('30;1.0;high', "line 5, column 3 holds 'high'; check delimiter"),
-        ('30;1.0;', "line 5, column 3 holds ''; write nan"),
-        ('30;1.0;1,5', "line 5, column 3 holds '1,5'; if that is a decimal comma, `table` needs `decimal: comma`"),
-        ('2024-05-01 12:00:00;1.0;2', "column 1 holds '2024-05-01 12:00:00'; if it is the time, `unit: date` reads it"),
+        ('30;1.0;high', 'line 5, column 3 holds “high”; check delimiter'),
+        ('30;1.0;', 'line 5, column 3 holds “”; write nan'),
+        ('30;1.0;1,5', 'line 5, column 3 holds “1,5”; if that is a decimal comma, `table` needs `decimal: comma`'),
+        ('2024-05-01 12:00:00;1.0;2', 'column 1 holds “2024-05-01 12:00:00”; if it is the time, `unit: date` reads it'),
     ],
 )
 def test_a_row_that_is_not_numbers(tmp_path, row, line):
@@ -248,7 +248,7 @@ def test_times_that_lack_digits_are_noted_and_one_time_alone_is_refused(tmp_path
 
 def test_of_many_columns_one_is_shown(tmp_path):
     mapping = BY_NUMBER.replace('column: 3', 'column: d').replace('unit: ms}', 'unit: ms}\n  header_rows: 1')
-    with pytest.raises(InputError, match=r"of its 100,000 columns 'c\d+' is most like it") as caught:
+    with pytest.raises(InputError, match=r'of its 100,000 columns “c\d+” is the nearest') as caught:
         read(tmp_path, ' '.join(f'c{index}' for index in range(100_000)) + '\n' + '1 ' * 100_000 + '\n', mapping)
     assert len(str(caught.value)) < 500
     with pytest.raises(InputError, match=r'its header has one name; check the delimiter in the mapping'):
@@ -311,13 +311,13 @@ def test_times_of_the_day_go_on_past_midnight(tmp_path):
 
 def test_points_beside_decimal_commas_group_digits_and_are_refused(tmp_path):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: semicolon\n  decimal: comma')
-    with pytest.raises(InputError, match=r"line 1, column 3 holds '101\.325'"):
+    with pytest.raises(InputError, match=r'line 1, column 3 holds “101\.325”'):
         read(tmp_path, '0,0;1,5;101.325\n1,0;1,5;101.325\n', mapping)
 
 
 def test_a_row_of_units_below_the_names_is_told(tmp_path):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: comma\n  header_rows: 1')
-    with pytest.raises(InputError, match=r"line 2, column 1 holds 'ms'; if names or units .* needs `header_rows: 2`"):
+    with pytest.raises(InputError, match=r'line 2, column 1 holds “ms”; if names or units .* needs `header_rows: 2`'):
         read(tmp_path, 't,x,p\nms,mm,bar\n0,1,2\n1,2,3\n', mapping)
 
 
