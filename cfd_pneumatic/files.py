@@ -2,8 +2,9 @@
 """
 Writing results so that a reader finds the old one or the new one, never half of either, whatever ends the program.
 
-What is new is made aside, written through to the disk, and then takes its place in one step. What a run that was killed
-left aside is taken away by the next one at the same path.
+What is new is made aside, written through to the disk, and then takes its place in one step. The files of a folder that
+cannot be exchanged, as of a mount point, are made inside of it and take their places one by one. What a run that was
+killed left aside is taken away by the next one at the same path.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from cfd_pneumatic.errors import InputError
@@ -24,7 +25,7 @@ from cfd_pneumatic.errors import InputError
 _AT_FDCWD = -100
 _EXCHANGE = 2  # of renameat2: both paths stay there, with each other's content
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_UNSUPPORTED = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP, errno.EPERM)
+_BLOCK = 4096  # bytes that are written to find out whether the disk has room
 
 
 def write_text(path: Path, text: str) -> None:
@@ -54,9 +55,20 @@ def write_bytes(path: Path, content: bytes) -> None:
         aside.write_bytes(content)
 
 
+IsEarlier = Callable[[Path], bool]
+"""Returns whether what is in a folder is an earlier result, which may be replaced and removed."""
+
+
+Order = Callable[[str], int]
+"""Returns the rank of a file, by its name, among files that take their places one by one."""
+
+
 class Aside:
     """
-    A folder beside a path, in which the path's successor is made.
+    A folder in which the successor of a file or folder is made.
+
+    It is beside the path, or inside of a folder that cannot be exchanged for a new one: a mount point, a folder below
+    a parent that may not be written, or one of another owner, group or mode than a new one.
 
     Parameters
     ----------
@@ -69,6 +81,8 @@ class Aside:
     ----------
     path : Path
         The place that it will take.
+    parent : Path
+        Folder that the aside is in: the path's parent, or the path itself.
     made : Path
         What is to take the path's place; not there yet.
 
@@ -82,37 +96,69 @@ class Aside:
     """
 
     def __init__(self, path: Path, *, alone: bool = False) -> None:
-        self.path = path
-        self._folder, self._lock = _locked_folder(path)
-        self.made = self._folder / path.name
-        if take_away_left(path.parent, (path.name,), self._folder.name) and alone:
+        self.path = path.resolve() if path.is_dir() else path  # a link to a folder stays one
+        name = _name_of(self.path)
+        self.parent = _parent_of_aside(self.path, name)
+        self._folder, self._lock = _locked_folder(self.parent, name)
+        self.made = self._folder / name
+        others = [take_away_left(folder, (name,), self._folder.name) for folder in (self.path.parent, self.path)]
+        if any(others) and alone:
             self.close()
             raise InputError(f'{path} is being written by another run: wait for it, or choose another name')
 
-    def take_place(self) -> None:
-        """Let what was made take its place: where the system can, there is no moment without the one or the other."""
-        write_through(self.made)
-        if not (self.path.is_dir() and _exchanged(self.made, self.path)):
-            if self.path.is_dir():
-                os.replace(self.path, self._folder / 'earlier')
-            try:
-                os.replace(self.made, self.path)
-            except OSError:
-                if (self._folder / 'earlier').exists():
-                    os.replace(self._folder / 'earlier', self.path)
-                raise
-        _fsync(self.path.parent)
+    def take_place(
+        self, is_earlier: IsEarlier = lambda _: False, order: Order = lambda _: 0, *, write_through: bool = True
+    ) -> None:
+        """
+        Let what was made take its place.
+
+        A folder is exchanged in one step if it holds nothing but earlier results and the file system can exchange it.
+        Otherwise the files take their places one by one, and earlier results that were not made anew are removed.
+
+        Parameters
+        ----------
+        is_earlier
+            What in the folder is an earlier result; by default nothing.
+        order
+            In which order they take their places one by one; by default by their names.
+        write_through
+            Whether the disk has to hold everything before.
+
+        """
+        if write_through:
+            _write_through(self.made)
+        if not (self.made.is_dir() and self.path.is_dir()):
+            os.replace(self.made, self.path)
+            _fsync(self.path.parent)
+            return
+        inside = content(self.path)
+        if all(map(is_earlier, inside)) and not self.path.samefile('.') and _exchanged(self.made, self.path):
+            _fsync(self.path.parent)
+            return
+        names = sorted(os.listdir(self.made), key=lambda name: (order(name), name))
+        for name in names:
+            os.replace(self.made / name, self.path / name)
+        for path in inside:
+            if path.name not in names and is_earlier(path):
+                path.unlink()
+        _fsync(self.path)
 
     def close(self) -> None:
         """Take away what is left, what was there before in it."""
-        shutil.rmtree(self._folder, ignore_errors=True)
-        os.close(self._lock)
+        _remove_aside(self._folder, self._lock)
 
 
 @contextmanager
-def made_aside(path: Path) -> Iterator[Path]:
+def made_aside(path: Path, is_earlier: IsEarlier = lambda _: False, order: Order = lambda _: 0) -> Iterator[Path]:
     """
     Yield where the successor of a file or folder is made; it takes its place at the end, but not after an error.
+
+    Parameters
+    ----------
+    path
+        Of a file or folder, which may be there already.
+    is_earlier, order
+        As `Aside.take_place` takes them.
 
     Raises
     ------
@@ -124,9 +170,15 @@ def made_aside(path: Path) -> Iterator[Path]:
         aside = Aside(path)
         try:
             yield aside.made
-            aside.take_place()
+            aside.take_place(is_earlier, order)
         finally:
             aside.close()
+
+
+def content(folder: Path) -> list[Path]:
+    """Return what a folder holds, without the asides of runs that write it or were killed."""
+    name = _name_of(folder.resolve())
+    return [entry for entry in folder.iterdir() if _successor(entry.name) != name]
 
 
 @contextmanager
@@ -152,7 +204,7 @@ def alone_in(folder: Path) -> Iterator[None]:
         If somebody else does.
 
     """
-    lock = os.open(folder, os.O_RDONLY)
+    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         if not _locked(lock):
             raise InputError(f'{folder} is being written by another run: wait for it, or choose another folder')
@@ -177,24 +229,40 @@ def make_folder(folder: Path) -> None:
             pass
 
 
-def check_folder(folder: Path) -> None:
+def check_folder(folder: Path, *, alone: bool = False) -> None:
     """
     Find out whether an output folder can be made and written, before the work is done, and leave none behind.
+
+    It does in an aside what writing the results will do: it makes the folders that are missing, and writes a block to
+    the disk.
+
+    Parameters
+    ----------
+    folder
+        Where results are to be written; need not be there.
+    alone
+        Whether nobody else may be making the same folder.
 
     Raises
     ------
     InputError
-        If it can't.
+        If it can't, or another run writes results into it.
 
     """
     with reported(folder):
-        missing = [one for one in (folder, *folder.parents) if not one.exists()]
-    try:
-        make_folder(folder)
-    finally:
-        for one in missing:
-            with suppress(OSError):
-                one.rmdir()
+        path = folder if os.path.lexists(folder) else Path(os.path.realpath(folder))
+        missing = [one for one in (path, *path.parents) if not os.path.lexists(one)]
+        with nullcontext() if missing else alone_in(folder):
+            top = missing[-1] if missing else path
+            aside = Aside(top, alone=alone)
+            try:
+                made = aside.made / path.relative_to(top)
+                made.mkdir(parents=True)
+                Aside(made).close()  # there is room for its name
+                (made / 'block').write_bytes(bytes(_BLOCK))
+                _write_through(made)
+            finally:
+                aside.close()
 
 
 def take_away_left(folder: Path, names: Collection[str], own: str = '') -> bool:
@@ -242,10 +310,49 @@ def _successor(aside: str) -> str | None:
     return aside[1:].rpartition('~')[0] if aside.startswith('.') else None
 
 
-def _locked_folder(path: Path) -> tuple[Path, int]:
-    """Return a new folder beside a path, and its lock, which tells others that it is in use."""
+def _name_of(path: Path) -> str:
+    """Return the name by which asides of a path are known; the root has none of its own."""
+    return path.name or 'root'
+
+
+def _parent_of_aside(path: Path, name: str) -> Path:
+    """Return in which folder an aside of a path is made: beside it, or in a folder that cannot be exchanged."""
+    return path if path.is_dir() and not _is_exchangeable(path, name) else path.parent
+
+
+def _is_exchangeable(path: Path, name: str) -> bool:
+    """Return whether a folder that is made beside one can be moved there, and is the same to everybody."""
+    try:
+        aside, lock = _locked_folder(path.parent, name)
+    except OSError:  # the parent may not be written
+        return False
+    probe, moved = aside / name, path / aside.name
+    try:
+        probe.mkdir()
+        alike = _rights(probe) == _rights(path)
+        os.rename(probe, moved)  # a mount refuses it, even one of the same file system
+        moved.rmdir()
+    except OSError:
+        return False
+    finally:
+        _remove_aside(aside, lock)
+    return alike
+
+
+def _rights(folder: Path) -> tuple[int, ...]:
+    found = folder.stat()
+    return found.st_dev, found.st_uid, found.st_gid, found.st_mode
+
+
+def _remove_aside(folder: Path, lock: int) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    os.close(lock)
+
+
+def _locked_folder(parent: Path, name: str) -> tuple[Path, int]:
+    """Return a new folder for the successor of what has a name, and its lock, which tells others that it is in use."""
     while True:
-        folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=f'.{path.name}~'))
+        folder = Path(tempfile.mkdtemp(dir=parent, prefix=f'.{name}~'))
         with suppress(FileNotFoundError):  # somebody took it for one that was left
             lock = os.open(folder, os.O_RDONLY)
             if _locked(lock) and folder.exists():
@@ -265,16 +372,12 @@ def _locked(descriptor: int) -> bool:
 
 
 def _exchanged(one: Path, other: Path) -> bool:
-    """Exchange what is at two paths; return whether the file system can."""
+    """Exchange what is at two paths; return whether the file system could."""
     rename = getattr(ctypes.CDLL(None, use_errno=True), 'renameat2', None)
     if rename is None:
         return False
-    if rename(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), ctypes.c_uint(_EXCHANGE)) == 0:
-        return True
-    number = ctypes.get_errno()
-    if number in _UNSUPPORTED:
-        return False
-    raise OSError(number, os.strerror(number), str(other))
+    failed: int = rename(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), ctypes.c_uint(_EXCHANGE))
+    return failed == 0
 
 
 def checksum(path: Path) -> str:
@@ -286,16 +389,19 @@ def checksum(path: Path) -> str:
     return found.hexdigest()
 
 
-def write_through(path: Path) -> None:
+def _write_through(path: Path) -> None:
     """Have the disk hold a file, or a folder with all that is in it."""
     if path.is_dir():
         for inside in path.iterdir():
-            write_through(inside)
+            _write_through(inside)
     _fsync(path)
 
 
 def _fsync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        descriptor = os.open(path, os.O_RDONLY)
+    except PermissionError:  # a folder may be written, but not read
+        return
     try:
         os.fsync(descriptor)
     except OSError as error:

@@ -123,6 +123,16 @@ def _identified_beside(folder: Path) -> None:
     (folder / 'out' / 'mine.txt').write_text('mine', encoding='utf-8')
 
 
+def _identified_in_place(folder: Path) -> None:
+    _identified_before(folder)
+    _keep_in_place(folder / 'out')
+
+
+def _keep_in_place(folder: Path) -> None:
+    """Give a folder a mode that a new one would not have: it is not exchanged, as a mount point can't be."""
+    folder.chmod(0o700)
+
+
 def _with_what_is_mine(folder: Path) -> str:
     if (folder / 'out' / 'mine.txt').read_text(encoding='utf-8') != 'mine':
         raise AssertionError('what was mine is gone')
@@ -159,6 +169,11 @@ def _table_over_a_bag(folder: Path) -> None:
     _table(folder)
 
 
+def _table_in_place_of_a_bag(folder: Path) -> None:
+    _table_over_a_bag(folder)
+    _keep_in_place(folder / 'made')
+
+
 def _plant(folder: Path) -> None:
     (folder / 'plant').mkdir()
     _make_bag(folder / 'plant', 'one')
@@ -186,6 +201,12 @@ SCENARIOS = (
     ),
     Scenario('identify_bag where something else is', _IDENTIFY, _identified_beside, _with_what_is_mine),
     Scenario(
+        'identify_bag in a folder that cannot be exchanged',
+        _IDENTIFY,
+        _identified_in_place,
+        lambda folder: _set_of_results(folder / 'out'),
+    ),
+    Scenario(
         'identify_bag --each',
         (module('identify_bag'), 'plant', '--each', '--close-loop', '--jobs', '1', '--output', 'out'),
         _plant,
@@ -193,9 +214,15 @@ SCENARIOS = (
     ),
     Scenario('csv_to_bag', _CSV_TO_BAG, _table, lambda folder: _state_of_bag(folder / 'made')),
     Scenario(
-        'csv_to_bag --force over a bag',
-        (*_CSV_TO_BAG, '--force'),
+        'csv_to_bag --overwrite over a bag',
+        (*_CSV_TO_BAG, '--overwrite'),
         _table_over_a_bag,
+        lambda folder: _state_of_bag(folder / 'made'),
+    ),
+    Scenario(
+        'csv_to_bag --overwrite in a folder that cannot be exchanged',
+        (*_CSV_TO_BAG, '--overwrite'),
+        _table_in_place_of_a_bag,
         lambda folder: _state_of_bag(folder / 'made'),
     ),
     Scenario(
@@ -293,11 +320,10 @@ def _judge(scenario: Scenario, folder: Path, before: str, outcome: Outcome, what
     outcome.states[state] = outcome.states.get(state, 0) + 1
     if state not in (before, 'new', 'refused'):
         outcome.faults.append(f'{what}: {state} of {before}')
-    arguments = [one for one in scenario.arguments if one != '--force']
-    force = ['--force'] if 'csv_to_bag' in arguments[0] else []
-    if 'record_rig' in arguments[0]:
-        shutil.rmtree(folder / 'bag', ignore_errors=True)
-    done = subprocess.run([*INTERPRETER, *arguments, *force], cwd=folder, capture_output=True, text=True, check=False)
+    arguments = list(scenario.arguments)
+    if arguments[0] in (module('csv_to_bag'), module('record_rig')) and state != 'none':
+        arguments.append('--overwrite')  # an earlier bag stays otherwise
+    done = subprocess.run([*INTERPRETER, *arguments], cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode or scenario.state(folder) != 'new':
         outcome.faults.append(f'{what}, then again: {done.stderr.strip()[-200:]}')
     left = sorted(path.name for path in folder.rglob('.*~*'))

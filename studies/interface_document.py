@@ -120,7 +120,7 @@ def _command(name: str, parser: argparse.ArgumentParser) -> Iterator[str]:
     rows = []
     formatter = parser._get_formatter()
     for action in parser._actions:
-        if not isinstance(action, argparse._HelpAction):
+        if not isinstance(action, argparse._HelpAction) and action.help is not argparse.SUPPRESS:
             given = [*action.option_strings[-1:], formatter._format_args(action, action.dest.upper())]
             said = formatter._expand_help(action)
             rows.append([code(' '.join(given).strip()), 'required' if action.required else '', ' '.join(said.split())])

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -18,7 +19,7 @@ from cfd_pneumatic import files
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.file import run_line
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import alone_in, made_aside, write_text
+from cfd_pneumatic.files import alone_in, check_folder, made_aside, write_text
 from cfd_pneumatic.recording import BagWriter
 from studies.crashes import SCENARIOS, calls_of, tried
 
@@ -51,7 +52,7 @@ def holder(tmp_path):
 def test_a_folder_takes_the_place_of_another_whole(tmp_path):
     (tmp_path / 'made').mkdir()
     (tmp_path / 'made' / 'old').touch()
-    with made_aside(tmp_path / 'made') as made:
+    with made_aside(tmp_path / 'made', is_any) as made:
         made.mkdir()
         (made / 'new').touch()
         assert names(tmp_path / 'made') == ['old']
@@ -59,18 +60,93 @@ def test_a_folder_takes_the_place_of_another_whole(tmp_path):
     assert names(tmp_path) == ['made']
 
 
-@pytest.mark.parametrize('can_exchange', [True, False])
-def test_there_is_never_nothing_where_folders_can_be_exchanged(tmp_path, monkeypatch, can_exchange):
-    if not can_exchange:
-        monkeypatch.setattr(files, '_exchanged', lambda *_: False)
+def is_any(_):
+    return True
+
+
+def place_three_files(folder):
+    """Let the files `a`, `b` and `old` take their places, `a` last, and return which were moved one by one."""
+    (folder / 'old').write_text('old')
+    moves, replace = [], os.replace
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, 'replace', lambda one, other: (moves.append(one.name), replace(one, other)))
+        with made_aside(folder, is_any, ['old', 'b', 'a'].index) as made:
+            made.mkdir()
+            for name in ('a', 'b', 'old'):
+                (made / name).write_text('new')
+    assert [(folder / name).read_text() for name in ('a', 'b', 'old')] == ['new'] * 3
+    return moves
+
+
+def test_a_folder_is_exchanged_in_one_step(tmp_path):
     (tmp_path / 'made').mkdir()
-    moves = []
-    replace = os.replace
-    monkeypatch.setattr(os, 'replace', lambda one, other: (moves.append(one), replace(one, other)))
-    with made_aside(tmp_path / 'made') as made:
-        made.mkdir()
-    assert len(moves) == (0 if can_exchange else 2)
+    before = (tmp_path / 'made').stat().st_ino
+    assert place_three_files(tmp_path / 'made') == []
+    assert (tmp_path / 'made').stat().st_ino != before
     assert names(tmp_path) == ['made']
+
+
+@pytest.mark.parametrize('why', ['no exchange', 'another mode', 'something else in it', 'the working folder'])
+def test_files_take_their_places_one_by_one_in_a_folder_that_is_not_exchanged(tmp_path, monkeypatch, why):
+    folder = tmp_path / 'made'
+    folder.mkdir()
+    if why == 'no exchange':
+        monkeypatch.setattr(files, '_exchanged', lambda *_: False)
+    elif why == 'another mode':
+        folder.chmod(0o711)
+    elif why == 'something else in it':
+        (folder / 'mine').mkdir()
+        monkeypatch.setattr(sys.modules[__name__], 'is_any', Path.is_file)
+    else:
+        monkeypatch.chdir(folder)
+    before = folder.stat()
+    assert place_three_files(folder) == ['old', 'b', 'a']
+    assert (folder.stat().st_ino, folder.stat().st_mode) == (before.st_ino, before.st_mode)
+    assert set(names(folder)) - {'mine'} == {'a', 'b', 'old'}
+    assert names(tmp_path) == ['made']
+
+
+@pytest.mark.parametrize('way', ['out', 'new/out', 'new/../new/deep/out', '.', 'there', 'link', 'there/../out'])
+def test_a_folder_that_can_be_written_is_left_as_it_was(tmp_path, monkeypatch, way):
+    (tmp_path / 'there').mkdir()
+    (tmp_path / 'link').symlink_to('there')
+    monkeypatch.chdir(tmp_path)
+    check_folder(Path(way))
+    assert sorted(path.name for path in tmp_path.rglob('*')) == ['link', 'there']
+
+
+@pytest.mark.parametrize(
+    ('way', 'message'),
+    [
+        ('file', 'Not a directory'),
+        ('file/out', 'Not a directory'),
+        ('pipe', 'Not a directory'),
+        ('nowhere', 'No such file'),
+        ('loop', 'Too many levels of symbolic links'),
+        ('loop/out', 'Too many levels of symbolic links'),
+        ('o' * 256, 'File name too long'),
+        ('o' * 250, 'File name too long'),  # there is no room for the name of an aside
+        (f'new/{"o" * 256}', 'File name too long'),
+        ('/dev/null', 'Not a directory'),
+    ],
+)
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path, monkeypatch, way, message):
+    (tmp_path / 'file').touch()
+    os.mkfifo(tmp_path / 'pipe')
+    (tmp_path / 'nowhere').symlink_to('gone')
+    (tmp_path / 'loop').symlink_to('loop')
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=f'^cannot write {re.escape(way)}: {message}'):
+        check_folder(Path(way))
+    assert names(tmp_path) == ['file', 'loop', 'nowhere', 'pipe']
+
+
+def test_a_file_does_not_take_the_place_of_a_folder(tmp_path):
+    (tmp_path / 'made').mkdir()
+    (tmp_path / 'made' / 'mine').touch()
+    with pytest.raises(InputError, match='cannot write'):
+        write_text(tmp_path / 'made', 'text')
+    assert names(tmp_path / 'made') == ['mine']
 
 
 def test_after_an_error_what_was_there_stays(tmp_path):

@@ -123,7 +123,7 @@ class Result:
         """What `report.json` holds, see docs/interface.md."""
         return report_data(self.identification, self._live)
 
-    def save(self, folder: Path | str, *, full: bool = False) -> list[Path]:
+    def save(self, folder: Path | str, *, full: bool = False, overwrite: bool = False) -> list[Path]:
         """
         Write `report.json` and `parameters.yaml`, and where the loop was closed `report.html` and `compare.mcap`.
 
@@ -133,14 +133,16 @@ class Result:
             Where to; made if need be.
         full
             Whether `compare.mcap` holds every sample, however many there are.
+        overwrite
+            Whether files of these names are replaced that this program did not write.
 
         Raises
         ------
         InputError
-            If the folder can't be written.
+            If the folder can't be written, or a file in it is not to be replaced.
 
         """
-        return write_report(self.identification, Path(folder), full=full).files
+        return write_report(self.identification, Path(folder), full=full, overwrite=overwrite).files
 
     def plot(self, recording: int = 0) -> list[Axes]:
         """

@@ -12,7 +12,7 @@ from pathlib import Path
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import read_mapping, read_recording, write_recording
+from cfd_pneumatic.recording import check_bag, read_mapping, read_recording, write_recording
 from cfd_pneumatic.recording.bags.storages import STORAGES
 from cfd_pneumatic.recording.inspection import described, doubts
 
@@ -30,6 +30,7 @@ def convert(arguments: Sequence[str] | None = None) -> None:
 
     """
     options = make_parser().parse_args(arguments)
+    check_bag(options.output, overwrite=options.overwrite)
     mapping = read_mapping(options.mapping)
     if mapping.table is None:
         raise InputError(f'{options.mapping} maps the topics of a bag: for a table it needs the entry `table`')
@@ -45,7 +46,7 @@ def convert(arguments: Sequence[str] | None = None) -> None:
         namespace=options.namespace,
         storage=options.storage,
         ambient_pressure=options.ambient_pressure,
-        overwrite=options.force,
+        overwrite=options.overwrite,
     )
     print(f'{options.output} written')
 
@@ -71,7 +72,7 @@ def make_parser() -> argparse.ArgumentParser:
         metavar='PA',
         help='absolute pressure that gauge pressures are counted from [Pa] (default: %(default)s)',
     )
-    parser.add_argument('--force', action='store_true', help='replace a bag that is there')
+    program.add_overwriting_of_bags(parser)
     return parser
 
 

@@ -17,12 +17,13 @@ NAME = 'dask_certificate'
 
 def make(arguments: Sequence[str] | None = None) -> None:
     """Write the certificate, and say how it is used."""
-    folder = make_parser().parse_args(arguments).folder
+    options = make_parser().parse_args(arguments)
+    folder = options.folder
     try:
         from cfd_pneumatic.plant.certificate import CERTIFICATE, DAYS, KEY, make_certificate
     except ModuleNotFoundError as error:
         raise InputError(f"it needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
-    make_certificate(folder)
+    make_certificate(folder, overwrite=options.overwrite)
     files = f'--tls-ca-file {folder / CERTIFICATE} --tls-cert {folder / CERTIFICATE} --tls-key {folder / KEY}'
     print(f'{folder}: valid for {DAYS} days. Copy it to every computer of the cluster, then:')
     print(f'  dask scheduler --protocol tls {files}')
@@ -38,6 +39,7 @@ def make_parser() -> argparse.ArgumentParser:
         'the extra plant.',
     )
     parser.add_argument('folder', type=Path, help='folder for the certificate and its key; who has them is let in')
+    parser.add_argument('--overwrite', action='store_true', help='replace a certificate that is there')
     return parser
 
 

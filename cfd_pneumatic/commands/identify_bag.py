@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cfd_pneumatic.commands.program import parser_of, run
+from cfd_pneumatic.commands.program import add_overwriting, parser_of, run
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 
@@ -150,6 +150,7 @@ def make_parser() -> argparse.ArgumentParser:
         default='bar',
         help='how to show progress (default: %(default)s)',
     )
+    add_overwriting(parser)
     return parser
 
 
@@ -194,7 +195,9 @@ def _identify(args: Sequence[str] | None) -> None:
 
 def _check_draft(arguments: argparse.Namespace) -> None:
     """Refuse a draft of an effect that could not come about, before there is any work in it."""
+    from cfd_pneumatic.files import check_folder
     from cfd_pneumatic.model.effects import EFFECTS
+    from cfd_pneumatic.result_files import check_replaceable, never
 
     draft = arguments.draft_effect
     if draft is None:
@@ -203,17 +206,21 @@ def _check_draft(arguments: argparse.Namespace) -> None:
         raise InputError('--draft-effect is of what closing the loop draws: give --close-loop, and not --each')
     if draft.suffix != '.py' or not draft.stem.isidentifier() or draft.stem in EFFECTS:
         raise InputError(f'--draft-effect {draft}: name it as an effect that there is not yet, as scored_bore.py')
+    check_replaceable(draft, never, overwrite=arguments.overwrite)  # a draft is there to be edited
+    check_folder(draft.parent)
 
 
 def _identify_together(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
     """Identify all bags as one."""
-    from cfd_pneumatic.files import check_folder, write_text
+    from cfd_pneumatic.files import make_folder, write_text
     from cfd_pneumatic.identification import identify
     from cfd_pneumatic.recording import read_recording
     from cfd_pneumatic.reporting import draft_effect, next_plan, print_report, write_report
+    from cfd_pneumatic.reporting.folder import FILES, file_names
     from cfd_pneumatic.terminal import terminal
 
-    check_folder(arguments.output)
+    names = file_names(len(arguments.bags), closed=options.close_loop)
+    FILES.check(arguments.output, names, overwrite=arguments.overwrite)
     with _progress(arguments.progress) as report:
         recordings = [
             read_recording(
@@ -227,7 +234,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
     with _progress(arguments.progress) as report:
         identification = identify(recordings, options, lambda what, share: report(what, 0.2 + 0.7 * share))
         report('writing the report', 0.9)
-        written = write_report(identification, arguments.output, full=arguments.full)
+        written = write_report(identification, arguments.output, full=arguments.full, overwrite=arguments.overwrite)
         report('done', 1.0)
     if arguments.progress != 'lines':
         print_report(identification, terminal(), written.live)
@@ -238,6 +245,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         if command is not None:
             print(f'To plan an experiment that tells more: {command}')
     if arguments.draft_effect is not None:
+        make_folder(arguments.draft_effect.parent)
         write_text(arguments.draft_effect, draft_effect(identification, arguments.draft_effect.stem))
 
 
@@ -263,7 +271,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         from cfd_pneumatic import plant  # with Dask and PyArrow, which not everybody has
     except ModuleNotFoundError as error:
         raise InputError(f"--each needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
-    from cfd_pneumatic.files import alone_in, make_folder
+    from cfd_pneumatic.files import alone_in, check_folder, make_folder
 
     if arguments.jobs is not None and arguments.scheduler is not None:
         raise InputError('--jobs and --scheduler: a cluster has as many workers as it has; leave out --jobs')
@@ -271,6 +279,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
     if jobs < 1:
         raise InputError(f'--jobs {jobs}: give a number from 1 on')
     bags = plant.find_bags(arguments.bags, arguments.output, tables=mapping is not None and mapping.table is not None)
+    check_folder(arguments.output)
     make_folder(arguments.output)
     if arguments.scheduler is None:
         cluster = plant.local_cluster(min(jobs, len(bags)))
@@ -285,7 +294,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
     settings = plant.Settings(options, mapping, arguments.namespace)
     try:
         with alone_in(arguments.output), _progress(arguments.progress, remaining=True) as report:
-            found = plant.survey(bags, settings, arguments.output, cluster, report)
+            found = plant.survey(bags, settings, arguments.output, cluster, report, overwrite=arguments.overwrite)
     except KeyboardInterrupt:
         print('identify_bag: interrupted: give the same command again to go on', file=sys.stderr)
         raise

@@ -28,10 +28,12 @@ def tell(arguments: Sequence[str] | None = None) -> None:
     from cfd_pneumatic.errors import InputError
     from cfd_pneumatic.identification.decay import decay_of
     from cfd_pneumatic.recording import read_recording
-    from cfd_pneumatic.reporting.leaks import print_decay, write_decays
+    from cfd_pneumatic.reporting.leaks import FILES, print_decay, write_decays
     from cfd_pneumatic.terminal import terminal
 
     options = make_parser().parse_args(arguments)
+    if options.output is not None:
+        FILES.check(options.output, overwrite=options.overwrite)
     ambient = options.ambient_pressure
     recording = read_recording(
         options.recording, mapping=options.mapping, namespace=options.namespace, ambient_pressure=ambient
@@ -50,7 +52,8 @@ def tell(arguments: Sequence[str] | None = None) -> None:
     for name, decay in decays.items():
         print_decay(name, decay, console)
     if options.output is not None:
-        print(f'written: {", ".join(map(str, write_decays(decays, options.output)))}')
+        files = write_decays(decays, options.output, overwrite=options.overwrite)
+        print(f'written: {", ".join(map(str, files))}')
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -83,6 +86,7 @@ def make_parser() -> argparse.ArgumentParser:
         metavar='PA',
         help='what gauge pressures are above, absolute [Pa] (default: %(default)s)',
     )
+    program.add_overwriting(parser)
     return parser
 
 

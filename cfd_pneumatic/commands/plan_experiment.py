@@ -30,9 +30,8 @@ def propose(arguments: Sequence[str] | None = None) -> None:
     """
     from cfd_pneumatic.device import Device
     from cfd_pneumatic.device.file import check_run
-    from cfd_pneumatic.files import check_folder
     from cfd_pneumatic.planning import Limits, Sensing, plan, read_report, usual_pressures
-    from cfd_pneumatic.planning.report import print_plan, write_plan
+    from cfd_pneumatic.planning.report import FILES, print_plan, write_plan
     from cfd_pneumatic.terminal import terminal
 
     options = make_parser().parse_args(arguments)
@@ -44,9 +43,9 @@ def propose(arguments: Sequence[str] | None = None) -> None:
     pressures = usual_pressures(device) if options.pressures is None else tuple(options.pressures)
     options.stroke = stroke if options.stroke is None else options.stroke
     limits = Limits(pressures, **{name: getattr(options, name) for name in _LIMITS})
-    check_folder(options.output)
+    FILES.check(options.output, overwrite=options.overwrite)
     found = plan(device, limits, sensing, options.wanted)
-    files = write_plan(found, options.output)
+    files = write_plan(found, options.output, overwrite=options.overwrite)
     console = terminal()
     for name in device.assumed:
         console.print(f'{name} is not in {options.parameters}: planned with Table 1', style='yellow')
@@ -141,6 +140,7 @@ def make_parser() -> argparse.ArgumentParser:
     ):
         help_text = f'{text} (default: {getattr(sensing, name):g}{otherwise})'
         sensors.add_argument(f'--{name.replace("_", "-")}', type=float, metavar=metavar, help=help_text)
+    program.add_overwriting(parser)
     return parser
 
 

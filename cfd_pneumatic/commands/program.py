@@ -30,10 +30,26 @@ class _Formatter(argparse.HelpFormatter):
 def parser_of(name: str, description: str) -> argparse.ArgumentParser:
     """Return a program's parser, without arguments yet, whose help ends with the program's example."""
     parser = argparse.ArgumentParser(
-        prog=name, description=description, epilog=example_of(name), formatter_class=_Formatter
+        prog=name,
+        description=description,
+        epilog=example_of(name),
+        formatter_class=_Formatter,
+        allow_abbrev=False,  # an option that is added later must not change what a script means
     )
     parser.add_argument('--version', action='version', version=f'{name} {__version__}')
     return parser
+
+
+def add_overwriting(parser: argparse.ArgumentParser) -> None:
+    """Add the option by which files are replaced that are not results of ours."""
+    text = 'replace files that this program did not write, too (default: only results of earlier runs)'
+    parser.add_argument('--overwrite', action='store_true', help=text)
+
+
+def add_overwriting_of_bags(parser: argparse.ArgumentParser) -> None:
+    """Add the option by which a bag is replaced, and its former name."""
+    parser.add_argument('--overwrite', action='store_true', help='replace a bag that is there')
+    parser.add_argument('--force', dest='overwrite', action='store_true', help=argparse.SUPPRESS)
 
 
 def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: Sequence[str] | None = None) -> int:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import recording_of, write_recording
+from cfd_pneumatic.recording import check_bag, recording_of, write_recording
 from cfd_pneumatic.recording.bags.storages import STORAGES
 from cfd_pneumatic.rig import DEVICES, SCHEDULES, device_named, record, schedule_named
 
@@ -38,6 +38,7 @@ def record_bag(arguments: Sequence[str] | None = None) -> None:
     options = make_parser().parse_args(arguments)
     if options.seed < 0:
         raise InputError(f'--seed {options.seed}: give a number from 0 on')
+    check_bag(options.output, overwrite=options.overwrite)
     chosen = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
     if options.schedule == 'surface_following':
         chosen['seed'] = options.seed
@@ -45,7 +46,7 @@ def record_bag(arguments: Sequence[str] | None = None) -> None:
     device = device_named(options.device, options.faults)
     recording = recording_of(record(schedule, device, seed=options.seed), schedule.name, EPOCH)
     write_recording(
-        options.output, recording, namespace=options.namespace, storage=options.storage, overwrite=options.force
+        options.output, recording, namespace=options.namespace, storage=options.storage, overwrite=options.overwrite
     )
     print(f'{options.output}: {schedule.name}, {schedule.samples:,} samples in {schedule.duration:g} s')
 
@@ -90,7 +91,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='picks noise and surface (default: 0)')
     parser.add_argument('--storage', choices=STORAGES, default='mcap', help='format of the bag (default: %(default)s)')
     parser.add_argument('--namespace', default='/cfd/device', help='namespace of the topics (default: %(default)s)')
-    parser.add_argument('--force', action='store_true', help='replace a bag that is there')
+    program.add_overwriting_of_bags(parser)
     return parser
 
 

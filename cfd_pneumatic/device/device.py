@@ -16,6 +16,7 @@ from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model import NAMES, TABLE_1, Cylinder, DeviceModel, ForceGeometry, OperatingPoints
 from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.result_files import check_replaceable
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,21 +79,29 @@ class Device:
         except InputError as error:
             raise InputError(f'{path}: {error}') from error
 
-    def save(self, path: Path | str) -> None:
+    def save(self, path: Path | str, *, overwrite: bool = False) -> None:
         """
         Write the ROS parameter file with which `sim_node` and `monitor_node` run.
+
+        Parameters
+        ----------
+        path
+            Of the file. An earlier one that `save` or `identify_bag` wrote is replaced.
+        overwrite
+            Whether any other file is replaced, too.
 
         Raises
         ------
         InputError
-            If it can't be written.
+            If it can't be written, or a file is there that is not to be replaced.
 
         """
-        write_text(Path(path), self.text)
+        check_replaceable(Path(path), file.is_parameter_file, overwrite=overwrite)
+        write_text(Path(path), file.saved_text(self.text))
 
     @property
     def text(self) -> str:
-        """What `save` writes."""
+        """The parameters as the file has them."""
         return file.text_of(self.given, self.notes)
 
     def value(self, name: str) -> Value:

@@ -14,6 +14,7 @@ from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.input_files import open_input, read_input
+from cfd_pneumatic.result_files import marked
 from cfd_pneumatic.yaml_files import YamlMapping, read_yaml
 
 REPORT_FILE = 'report.json'
@@ -21,10 +22,14 @@ REPORT_FILE = 'report.json'
 
 _INDENT = '  '
 _RUN = '# identify_bag, run '
+_SAVED = '# cfd_pneumatic, parameters of a device'
 _LONGEST_LINE = 200
 _LONGEST_NAME = 100  # characters of a name that may be a misspelt one
 _LARGEST_REPORT = 2**26  # bytes; with hundreds of recordings it has a tenth of that
 _OWNERS = (*CYLINDERS, CONTACT_FORCE)
+
+is_parameter_file = marked(rf'\A({_RUN}|{_SAVED})')
+"""Recognises a file by its first line, which `identify_bag` and `Device.save` write."""
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -53,6 +58,11 @@ def read(path: Path) -> dict[str, Any]:
 def run_line(run: str) -> str:
     """Return the line that names the run of `identify_bag` which a file and its report come from."""
     return f'{_RUN}{run}'
+
+
+def saved_text(text: str) -> str:
+    """Return what is written of a device's text: below the line by which the file is recognised."""
+    return f'{_SAVED}\n{text}'
 
 
 def run_of(path: Path) -> str | None:

@@ -119,19 +119,26 @@ class Plan:
     parameters: tuple[ParameterPrediction, ...]
     effects: tuple[EffectPrediction, ...]
 
-    def save(self, folder: Path | str) -> list[Path]:
+    def save(self, folder: Path | str, *, overwrite: bool = False) -> list[Path]:
         """
         Write `schedule.csv`, `plan.json` and `schedule.svg` into a folder, made if need be.
+
+        Parameters
+        ----------
+        folder
+            Where to. An earlier plan is replaced.
+        overwrite
+            Whether files of these names are replaced that this program did not write.
 
         Raises
         ------
         InputError
-            If the folder can't be written.
+            If the folder can't be written, or a file in it is not to be replaced.
 
         """
         from cfd_pneumatic.planning.report import write_plan  # which knows what a plan is
 
-        return write_plan(self, Path(folder))
+        return write_plan(self, Path(folder), overwrite=overwrite)
 
     def __str__(self) -> str:
         """Return what is to be done and what it will tell, as tables."""

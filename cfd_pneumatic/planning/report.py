@@ -13,10 +13,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from cfd_pneumatic.convention import CYLINDERS
-from cfd_pneumatic.files import make_folder, write_text
+from cfd_pneumatic.convention import CYLINDERS, SCHEDULE_COLUMNS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.planning.plan import EffectPrediction, ParameterPrediction, Plan
+from cfd_pneumatic.result_files import ResultFiles, marked
 from cfd_pneumatic.svg import Curve, Panel, chart
 from cfd_pneumatic.terminal import table
 
@@ -28,24 +28,48 @@ PICTURE_FILE = 'schedule.svg'
 _COLOURS = {'blue': '#0a5fc2', 'orange': '#c2500f'}
 
 
-def write_plan(plan: Plan, folder: Path) -> list[Path]:
+_is_plan = marked(r'\A\{\s*"schema": \d+,\s*"duration_s": ')
+_begins_at_rest = marked(rf'\A{",".join(SCHEDULE_COLUMNS)}\n0\.0,0\.0,0\.0,')
+
+
+def _is_schedule(path: Path) -> bool:
+    """Return whether a table is a plan's: people write such tables, too, but not beside a plan."""
+    return _begins_at_rest(path) and _is_plan(path.with_name(PLAN_FILE))
+
+
+_PICTURED = 'the schedule, '
+
+FILES = ResultFiles(
+    {PICTURE_FILE: marked(f'\\A<svg [^>]*aria-label="{_PICTURED}'), PLAN_FILE: _is_plan, SCHEDULE_FILE: _is_schedule}
+)
+"""How the files of a plan are recognised."""
+
+
+def write_plan(plan: Plan, folder: Path, *, overwrite: bool = False) -> list[Path]:
     """
     Write the schedule, the plan as JSON and the picture into a folder, made if need be.
+
+    Parameters
+    ----------
+    plan, folder
+        What, and where to.
+    overwrite
+        Whether files of these names are replaced that this program did not write.
 
     Raises
     ------
     InputError
-        If the folder can't be written.
+        If the folder can't be written, or a file in it is not to be replaced.
 
     """
-    make_folder(folder)
     contents = {
         PICTURE_FILE: picture(plan),
         PLAN_FILE: json.dumps(plan_data(plan), indent=2, allow_nan=False) + '\n',
         SCHEDULE_FILE: plan.proposal.table(),
     }
-    for name, content in contents.items():
-        write_text(folder / name, content)
+    with FILES.made_for(folder, overwrite=overwrite) as made:
+        for name, content in contents.items():
+            (made / name).write_text(content, encoding='utf-8')
     return [folder / name for name in contents]
 
 
@@ -151,5 +175,5 @@ def picture(plan: Plan) -> str:
     marks = [float(proposal.times[at]) for _, at in proposal.segments[:count]]
     what = f'one round of {plan.rounds}' if plan.rounds > 1 else 'all of it'
     return chart(
-        panels, 1000, (float(times[0]), float(times[-1])), f'time [s], {what}', f'the schedule, {what}', marks=marks
+        panels, 1000, (float(times[0]), float(times[-1])), f'time [s], {what}', f'{_PICTURED}{what}', marks=marks
     )

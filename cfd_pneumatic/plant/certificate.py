@@ -10,6 +10,7 @@ from distributed.security import Security
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.input_files import read_input
+from cfd_pneumatic.result_files import ResultFiles, never
 
 CERTIFICATE, KEY = 'dask.pem', 'dask.key'
 DAYS = 365
@@ -18,24 +19,34 @@ DAYS = 365
 _LARGEST = 2**16  # bytes
 
 
-def make_certificate(folder: Path) -> None:
+FILES = ResultFiles({KEY: never, CERTIFICATE: never})
+"""An earlier certificate is not replaced unasked: a cluster may use it."""
+
+
+def make_certificate(folder: Path, *, overwrite: bool = False) -> None:
     """
     Write a certificate and its key, which the owner alone may read.
+
+    Parameters
+    ----------
+    folder
+        Where to; made if need be.
+    overwrite
+        Whether an earlier certificate is replaced.
 
     Raises
     ------
     InputError
-        If there is one already.
+        If there is one already, or the folder can't be written.
 
     """
-    if any((folder / name).exists() for name in (CERTIFICATE, KEY)):
-        raise InputError(f'{folder} holds a certificate already: give another folder, or take it away')
+    FILES.check(folder, overwrite=overwrite)
     made = Security.temporary()  # type: ignore[no-untyped-call]
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, content in ((CERTIFICATE, made.tls_client_cert), (KEY, made.tls_client_key)):
-        file = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(file, 'w', encoding='ascii') as stream:
-            stream.write(content)
+    with FILES.made_for(folder, overwrite=overwrite) as aside:
+        for name, content in ((CERTIFICATE, made.tls_client_cert), (KEY, made.tls_client_key)):
+            file = os.open(aside / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(file, 'w', encoding='ascii') as stream:
+                stream.write(content)
 
 
 def security_of(folder: Path) -> Security:

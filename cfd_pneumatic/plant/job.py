@@ -11,7 +11,7 @@ from threading import Lock
 from typing import Any
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import made_aside, write_text
+from cfd_pneumatic.files import check_folder, write_text
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.identification.wording import LAW_VARIABLES
 from cfd_pneumatic.input_files import read_input
@@ -21,11 +21,16 @@ from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
 from cfd_pneumatic.plant.table import FAILED, FITTED, Row, column_of
 from cfd_pneumatic.recording import read_recording
 from cfd_pneumatic.reporting import PAGE_FILE, REPORT_FILE, write_report
+from cfd_pneumatic.reporting.folder import FILES as REPORT_FILES
+from cfd_pneumatic.reporting.folder import file_names
+from cfd_pneumatic.result_files import ResultFiles, marked
 
 ROW_FILE = 'row.json'
 """Beside a bag's report: its rows of the table, and what they follow from."""
 
 _LARGEST_ROWS = 2**24  # bytes; three rows, with what was amiss with a recording, have a thousandth of that
+FILES = ResultFiles(REPORT_FILES.recognitions | {ROW_FILE: marked(r'\A\{\s*"fingerprint": "[0-9a-f]+",\s*"rows": ')})
+"""How the files in a bag's folder are recognised."""
 
 _FIRST_DATE = 631_152_000_000_000_000
 """The year 1990 [ns]: a clock that says less counts from something else than 1970."""
@@ -48,6 +53,8 @@ class Job:
         How to read and identify it.
     fingerprint
         What the results follow from.
+    overwrite
+        Whether files in the folder are replaced that this program did not write.
 
     """
 
@@ -55,6 +62,7 @@ class Job:
     folder: Path
     settings: Settings
     fingerprint: str
+    overwrite: bool = False
 
 
 def earlier_rows(job: Job) -> list[Row] | None:
@@ -67,6 +75,20 @@ def earlier_rows(job: Job) -> list[Row] | None:
         return None
 
 
+def check_files(job: Job) -> None:
+    """
+    Refuse a job that would replace files which this program did not write.
+
+    Raises
+    ------
+    InputError
+        If there is one in its folder.
+
+    """
+    names = [*file_names(1, closed=job.settings.options.close_loop), ROW_FILE]
+    FILES.check_files(job.folder, names, overwrite=job.overwrite)
+
+
 def do(job: Job) -> list[Row]:
     """
     Do a job: read the bag, identify it, write its folder of results, and return its rows of the table.
@@ -76,14 +98,15 @@ def do(job: Job) -> list[Row]:
     Raises
     ------
     InputError
-        If this is not the bag, or not the program, that was meant.
+        If this is not the bag, or not the program, that was meant, or the folder can't be written.
 
     """
     if fingerprint(job.bag, job.settings) != job.fingerprint:
         raise InputError('it changed meanwhile, or this worker sees another one or has another version of the program')
+    check_folder(job.folder)
+    check_files(job)
     job.folder.parent.mkdir(parents=True, exist_ok=True)
-    with _alone, made_aside(job.folder) as folder:
-        folder.mkdir()
+    with _alone, FILES.made_aside(job.folder, overwrite=job.overwrite) as folder:
         rows = _identified(job, folder)
         text = json.dumps({'fingerprint': job.fingerprint, 'rows': rows}, indent=1, allow_nan=False)
         write_text(folder / ROW_FILE, f'{text}\n')

@@ -19,11 +19,16 @@ from cfd_pneumatic.plant.cluster import results
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
 from cfd_pneumatic.plant.history import devices
 from cfd_pneumatic.plant.index_page import index_page
-from cfd_pneumatic.plant.job import Job, do, earlier_rows, failure
-from cfd_pneumatic.plant.table import FAILED, Row, write_table
+from cfd_pneumatic.plant.job import Job, check_files, do, earlier_rows, failure
+from cfd_pneumatic.plant.table import CSV_FILE, FAILED, PARQUET_FILE, Row, is_csv_table, is_parquet_table, write_table
 from cfd_pneumatic.recording.wording import counted
+from cfd_pneumatic.reporting.template import is_page
+from cfd_pneumatic.result_files import ResultFiles
 
 INDEX_FILE = 'index.html'
+
+FILES = ResultFiles({CSV_FILE: is_csv_table, PARQUET_FILE: is_parquet_table, INDEX_FILE: is_page})
+"""How the files in a plant's folder are recognised."""
 
 _NAMED = 10  # devices in a summary
 
@@ -72,6 +77,8 @@ def survey(
     folder: Path,
     cluster: AbstractContextManager[Client],
     progress: Progress,
+    *,
+    overwrite: bool = False,
 ) -> Survey:
     """
     Identify each bag that was not done before, and write the table and the index of all.
@@ -88,14 +95,16 @@ def survey(
         Where the work is done; not entered where there is none to do.
     progress
         Told of each bag that is done.
+    overwrite
+        Whether files are replaced that this program did not write.
 
     Raises
     ------
     InputError
-        If the folder can't be written, or the cluster is not there, or lost.
+        If the folder can't be written, a file is not to be replaced, or the cluster is not there, or lost.
 
     """
-    jobs = {_job(bag, settings, folder): bag for bag in bags}
+    jobs = {_job(bag, settings, folder, overwrite): bag for bag in bags}
     _clear(jobs)
     rows: list[Row] = []
     todo = []
@@ -105,6 +114,7 @@ def survey(
             todo.append(job)
         else:
             rows += _placed(earlier, bag)
+    _check_files(folder, todo, overwrite)
     tally = _Tally(len(todo), progress)
     if todo:
         progress('starting the workers', 0.0)
@@ -121,9 +131,9 @@ def survey(
     return Survey(tuple(rows), len(jobs) - len(todo), (*files, folder / INDEX_FILE))
 
 
-def _job(bag: PlantBag, settings: Settings, folder: Path) -> Job:
+def _job(bag: PlantBag, settings: Settings, folder: Path, overwrite: bool) -> Job:
     path = bag.path.absolute()
-    return Job(path, folder.absolute() / bag.folder, settings, fingerprint(path, settings))
+    return Job(path, folder.absolute() / bag.folder, settings, fingerprint(path, settings), overwrite)
 
 
 def _clear(jobs: Iterable[Job]) -> None:
@@ -131,8 +141,16 @@ def _clear(jobs: Iterable[Job]) -> None:
     names = defaultdict(set)
     for job in jobs:
         names[job.folder.parent].add(job.folder.name)
+        names[job.folder].add(job.folder.name)
     for folder, those in names.items():
         take_away_left(folder, those)
+
+
+def _check_files(folder: Path, jobs: Iterable[Job], overwrite: bool) -> None:
+    """Refuse to replace files that this program did not write, before there is any work."""
+    FILES.check_files(folder, overwrite=overwrite)
+    for job in jobs:
+        check_files(job)
 
 
 class _Tally:

@@ -22,6 +22,7 @@ from pyarrow import parquet
 
 from cfd_pneumatic.files import write_bytes, write_text
 from cfd_pneumatic.model import SPECS
+from cfd_pneumatic.result_files import marked
 
 CSV_FILE = 'results.csv'
 PARQUET_FILE = 'results.parquet'
@@ -110,6 +111,21 @@ COLUMNS = (
     Column('report', 'text', 'the full report, from the folder of this table'),
 )
 """All columns, in their order."""
+
+
+_FIRST = ('device', 'time', 'bag', 'part', 'verdict')
+"""Columns that a table of any version begins with."""
+
+is_csv_table = marked(rf'\A{",".join(_FIRST)},')
+"""Recognises a table in its form as CSV."""
+
+
+def is_parquet_table(path: Path) -> bool:
+    """Recognise a table in its form as Parquet."""
+    try:
+        return tuple(parquet.read_schema(path).names[: len(_FIRST)]) == _FIRST
+    except (OSError, pyarrow.ArrowException):
+        return False
 
 
 def write_table(rows: Sequence[Row], folder: Path) -> list[Path]:

@@ -7,7 +7,7 @@ Recordings: bags and tables to arrays in SI units, and back.
 or a table of another make keeps the signals. `BagWriter` writes a bag block by block.
 """
 
-from cfd_pneumatic.recording.bags.writing import BagWriter
+from cfd_pneumatic.recording.bags.writing import BagWriter, check_bag
 from cfd_pneumatic.recording.mapping import ChannelMapping, read_mapping
 from cfd_pneumatic.recording.reading import read_recording
 from cfd_pneumatic.recording.sampled import recording_of, sampled
@@ -20,6 +20,7 @@ __all__ = [
     'CylinderSignals',
     'Recording',
     'Signal',
+    'check_bag',
     'read_mapping',
     'read_recording',
     'recording_of',

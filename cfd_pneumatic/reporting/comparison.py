@@ -32,6 +32,7 @@ from cfd_pneumatic.recording.bags.form import Form
 from cfd_pneumatic.recording.bags.writing import Stream
 from cfd_pneumatic.recording.writing import stamps_of, streams_of
 from cfd_pneumatic.reporting.thinning import thinned
+from cfd_pneumatic.result_files import marked
 
 MEASURED = '/measured'
 SIMULATED = ('/simulated_before', '/simulated_after')
@@ -39,6 +40,9 @@ RESIDUAL = ('/residual_before', '/residual_after')
 
 MOST = 2_000_000
 """Messages that a file holds, unless everything is asked for."""
+
+is_comparison = marked(rf'(?s)\A\x89MCAP.{{,64}}cfd_pneumatic.*{SIMULATED[0]}/')
+"""Recognises such a file: an mcap of ours announces all of its topics before the first message."""
 
 _REMARK = 'minima and maxima of {} samples each; identify_bag --full writes every sample'
 

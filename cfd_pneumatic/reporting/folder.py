@@ -5,25 +5,38 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from cfd_pneumatic.device.file import run_line
+from cfd_pneumatic.device.file import is_parameter_file, run_line
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.device.live_error import live_errors
-from cfd_pneumatic.files import Aside, alone_in, checksum, make_folder, reported, write_through
+from cfd_pneumatic.files import checksum
 from cfd_pneumatic.identification import Identification, PartError
-from cfd_pneumatic.reporting.comparison import write_comparison
+from cfd_pneumatic.reporting.comparison import is_comparison, write_comparison
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.reporting.names import COMPARE_FILE, PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.reporting.page import report_page
+from cfd_pneumatic.reporting.template import is_page
+from cfd_pneumatic.result_files import ResultFiles, marked
 
+_COMPARE_FILES = COMPARE_FILE.replace('.', r'(_\d+)?\.')
 _RUN_LENGTH = 16
 _BESIDE = 1_000_000  # samples, of more than which the page is made first: both at once take memory
+
+
+FILES = ResultFiles(
+    {
+        PARAMETER_FILE: is_parameter_file,
+        PAGE_FILE: is_page,
+        _COMPARE_FILES: is_comparison,
+        REPORT_FILE: marked(r'\A\{\s*"schema": \d+,\s*"recordings": '),
+    }
+)
+"""How the results of an identification are recognised. The report is the last to take its place."""
 
 
 class Written(NamedTuple):
@@ -34,7 +47,15 @@ class Written(NamedTuple):
     live: Mapping[str, PartError]
 
 
-def write_report(identification: Identification, folder: Path, *, full: bool = False) -> Written:
+def file_names(recordings: int, *, closed: bool) -> list[str]:
+    """Return the names of the files that are written about some recordings, whether or not the loop is closed."""
+    names = [PARAMETER_FILE, REPORT_FILE]
+    return [*names, PAGE_FILE, *_compare_files(recordings)] if closed else names
+
+
+def write_report(
+    identification: Identification, folder: Path, *, full: bool = False, overwrite: bool = False
+) -> Written:
     """
     Write the results into a folder, made if need be; earlier files stay until the new ones are whole.
 
@@ -48,27 +69,17 @@ def write_report(identification: Identification, folder: Path, *, full: bool = F
         What, and where to.
     full
         Whether `compare.mcap` holds every sample, however many there are.
+    overwrite
+        Whether files of these names are replaced that this program did not write.
 
     Raises
     ------
     InputError
-        If the folder can't be written, or somebody else writes results into it.
+        If the folder can't be written, another run writes into it, or a file in it is not to be replaced.
 
     """
-    make_folder(folder)
-    with alone_in(folder), reported(folder):
-        place = folder.resolve()  # a link stays one
-        shared = place == Path.cwd() or not all(is_result(path) for path in folder.iterdir())
-        aside = Aside(place / 'results' if shared else place)
-        try:
-            aside.made.mkdir()
-            written = _written(identification, aside.made, full)
-            if shared:  # what is somebody's own stays where it is
-                _move(written.files, folder)
-            else:
-                aside.take_place()
-        finally:
-            aside.close()
+    with FILES.made_for(folder, overwrite=overwrite) as made:
+        written = _written(identification, made, full)
     return written._replace(files=[folder / path.name for path in written.files])
 
 
@@ -97,32 +108,16 @@ def _written(identification: Identification, folder: Path, full: bool) -> Writte
     return Written([report, *files], all(complete), live)
 
 
-def _move(files: Sequence[Path], folder: Path) -> None:
-    """Move results into a folder that holds something else, too, the report last; take away earlier ones."""
-    report, *others = files
-    write_through(report.parent)
-    for path in folder.iterdir():
-        if path.is_file() and is_result(path) and path.name not in {one.name for one in files}:
-            path.unlink()
-    for path in (*others, report):
-        os.replace(path, folder / path.name)
-
-
-def is_result(path: Path) -> bool:
-    """Return whether a file has a name of ours."""
-    return path.name in (REPORT_FILE, PARAMETER_FILE, PAGE_FILE) or is_compare_file(path)
-
-
 def compare_files(identification: Identification, folder: Path) -> list[Path]:
     """Return the bag of each recording: `compare.mcap`, or `compare_1.mcap` and so on where there are several."""
-    count = len(identification.recordings)
-    base = Path(COMPARE_FILE)
-    if count == 1:
-        return [folder / base]
-    return [folder / f'{base.stem}_{rank}{base.suffix}' for rank in range(1, count + 1)]
+    return [folder / name for name in _compare_files(len(identification.recordings))]
+
+
+def _compare_files(recordings: int) -> list[str]:
+    numbers = [''] if recordings == 1 else [f'_{rank}' for rank in range(1, recordings + 1)]
+    return [COMPARE_FILE.replace('.', f'{number}.') for number in numbers]
 
 
 def is_compare_file(path: Path) -> bool:
     """Return whether a file has the name of such a bag."""
-    base = Path(COMPARE_FILE)
-    return re.fullmatch(rf'{base.stem}(_\d+)?', path.stem) is not None and path.suffix == base.suffix
+    return re.fullmatch(_COMPARE_FILES, path.name) is not None

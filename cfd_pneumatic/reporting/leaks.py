@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from cfd_pneumatic.files import make_folder, write_text
 from cfd_pneumatic.identification.decay import LAWS, Decay, Leak, rate_of
+from cfd_pneumatic.result_files import ResultFiles, marked
 from cfd_pneumatic.svg import Curve, Panel, chart
 from cfd_pneumatic.terminal import table
 
@@ -30,20 +30,38 @@ _MINUTE = 60.0  # [s]
 _LONG = 120.0  # minutes, from which on hours are said
 
 
-def write_decays(decays: Mapping[str, Decay], folder: Path) -> list[Path]:
+_PICTURED = 'pressure decay'
+
+FILES = ResultFiles(
+    {
+        PICTURE_FILE: marked(f'\\A<svg [^>]*aria-label="{_PICTURED}"'),
+        LEAK_FILE: marked(r'\A\{\s*"schema": \d+,\s*"cylinders": '),
+    }
+)
+"""How the files of a leak test are recognised."""
+
+
+def write_decays(decays: Mapping[str, Decay], folder: Path, *, overwrite: bool = False) -> list[Path]:
     """
     Write what decays tell as JSON, and a picture, into a folder, made if need be.
+
+    Parameters
+    ----------
+    decays, folder
+        What, and where to.
+    overwrite
+        Whether files of these names are replaced that this program did not write.
 
     Raises
     ------
     InputError
-        If the folder can't be written.
+        If the folder can't be written, or a file in it is not to be replaced.
 
     """
-    make_folder(folder)
     content = {'schema': SCHEMA, 'cylinders': {name: _data(decay) for name, decay in decays.items()}}
-    write_text(folder / LEAK_FILE, json.dumps(content, indent=1) + '\n')
-    write_text(folder / PICTURE_FILE, _picture(decays))
+    with FILES.made_for(folder, overwrite=overwrite) as made:
+        (made / LEAK_FILE).write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
+        (made / PICTURE_FILE).write_text(_picture(decays), encoding='utf-8')
     return [folder / LEAK_FILE, folder / PICTURE_FILE]
 
 
@@ -162,4 +180,4 @@ def _picture(decays: Mapping[str, Decay]) -> str:
             ),
         ]
     end = max(float(decay.times[-1]) for decay in decays.values())
-    return chart(panels, _WIDTH, (0.0, end), 'time [s]', 'pressure decay', whole=True)
+    return chart(panels, _WIDTH, (0.0, end), 'time [s]', _PICTURED, whole=True)

@@ -10,9 +10,13 @@ from typing import Any
 from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
 
 from cfd_pneumatic.identification import wording
+from cfd_pneumatic.result_files import marked
 
 TEMPLATES = Path(__file__).parent / 'templates'
 _COMPILED = Path(__file__).parent / '__pycache__'
+
+is_page = marked('<meta name="generator" content="cfd_pneumatic ')
+"""Recognises a page that a template made."""
 
 
 def rendered(template: str, *folders: Path, **values: Any) -> str:

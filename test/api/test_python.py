@@ -41,6 +41,35 @@ def test_what_a_notebook_shows_is_short_and_plain(rig):
     assert '\x1b' not in result._repr_html_()  # no colours of a terminal
 
 
+def test_only_what_this_package_wrote_is_replaced_unasked(rig, tmp_path):
+    result = cfd.identify(cfd.read_recording(rig))
+    limits = cfd.Limits(stroke=3e-3, speed=0.1, acceleration=2.0, pressures=(35e3, 70e3), duration=3.0)
+    plan = cfd.plan(result.device, limits, wanted=['k_x'])
+    for save, path, name in (
+        (result.save, tmp_path / 'found', 'report.json'),
+        (plan.save, tmp_path / 'next', 'schedule.csv'),
+        (result.device.save, tmp_path / 'parameters.yaml', ''),
+    ):
+        save(path)
+        save(path)
+        (path / name).write_text('mine')
+        with pytest.raises(cfd.InputError, match=f'{path / name} exists and may be yours: .*overwrite=True'):
+            save(path)
+        assert (path / name).read_text() == 'mine'
+        save(path, overwrite=True)
+        assert (path / name).read_text() != 'mine'
+    result.device.save(tmp_path / 'found' / 'parameters.yaml')  # which identify_bag writes, too
+
+
+def test_a_device_is_not_saved_over_a_folder(rig, tmp_path):
+    device = cfd.identify(cfd.read_recording(rig)).device
+    (tmp_path / 'cell').mkdir()
+    (tmp_path / 'cell' / 'notes').touch()
+    with pytest.raises(cfd.InputError, match='cell is a folder and is not replaced'):
+        device.save(tmp_path / 'cell', overwrite=True)
+    assert (tmp_path / 'cell' / 'notes').exists()
+
+
 def test_a_path_is_not_a_recording(rig):
     for given in ('cell_7', rig, [rig]):
         with pytest.raises(cfd.InputError, match=r'cell_7.*: read it first, with read_recording'):
@@ -78,7 +107,7 @@ def walked(recording: cfd.Recording, folder: Path, core: str = 'auto') -> cfd.Re
     assert cfd.Device.load(folder / 'parameters.yaml') == device
     run, _, rest = (folder / 'cell_7' / 'parameters.yaml').read_text().partition('\n')
     assert run.startswith('# identify_bag, run ')
-    assert (folder / 'parameters.yaml').read_text() == rest
+    assert (folder / 'parameters.yaml').read_text().partition('\n')[2] == rest
     return result
 
 

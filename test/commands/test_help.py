@@ -31,6 +31,17 @@ def test_help_says_units_and_defaults_and_ends_with_the_example(name, capsys, mo
 
 
 @pytest.mark.parametrize('name', COMMANDS)
+def test_options_are_written_out(name, capsys):
+    parser = importlib.import_module(f'cfd_pneumatic.commands.{name}').make_parser()
+    arguments = [one.dest for one in parser._actions if not one.option_strings]
+    for option in parser._option_string_actions:
+        if option.startswith('--') and option[:-1] not in parser._option_string_actions:
+            with pytest.raises(SystemExit, match=r'^2$'):
+                parser.parse_args([*arguments, option[:-1], '1'])
+    assert '--versio' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('name', COMMANDS)
 def test_it_says_its_version(name, capsys):
     with pytest.raises(SystemExit, match=r'^0$'):
         importlib.import_module(f'cfd_pneumatic.commands.{name}').main(['--version'])

@@ -31,13 +31,17 @@ def bag(tmp_path_factory):
     return path
 
 
+EARLIER = {'report.json': '{"schema": 1, "recordings": []}', 'parameters.yaml': '# identify_bag, run earlier\n'}
+"""What files of an earlier run begin with."""
+
+
 @pytest.fixture
 def output(tmp_path):
     """Return a folder with earlier results, which must outlive a failure."""
     folder = tmp_path / 'out'
     folder.mkdir()
-    for name in ('report.json', 'parameters.yaml'):
-        (folder / name).write_text('earlier')
+    for name, content in EARLIER.items():
+        (folder / name).write_text(content)
     return folder
 
 
@@ -48,8 +52,7 @@ def refusal(capsys, output, *arguments):
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert lines[0].startswith('identify_bag: error: ')
-    assert {path.name for path in output.iterdir()} == {'report.json', 'parameters.yaml'}
-    assert all((output / name).read_text() == 'earlier' for name in ('report.json', 'parameters.yaml'))
+    assert {path.name: path.read_text() for path in output.iterdir()} == EARLIER
     return lines[0]
 
 

@@ -158,10 +158,10 @@ def test_a_bad_parameter_file_is_one_line(tmp_path, capsys, text, message):
         (['--report', str(TABLE_1)], 'is no report of identify_bag'),
     ],
 )
-def test_bad_limits_are_one_line_and_earlier_plans_stay(tmp_path, capsys, arguments, message):
-    (tmp_path / 'schedule.csv').write_text('earlier')
-    assert message in refusal(capsys, TABLE_1, '--output', tmp_path, *arguments)
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {'schedule.csv': 'earlier'}
+def test_bad_limits_are_one_line_and_earlier_plans_stay(planned, capsys, arguments, message):
+    earlier = {path.name: path.read_bytes() for path in planned.iterdir()}
+    assert message in refusal(capsys, TABLE_1, '--output', planned, *arguments)
+    assert {path.name: path.read_bytes() for path in planned.iterdir()} == earlier
 
 
 @pytest.mark.parametrize(

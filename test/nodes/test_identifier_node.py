@@ -118,11 +118,11 @@ def node(graph: Graph, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ide
 def earlier_results(folder: Path) -> Iterator[Path]:
     """Put results into a folder that have to outlive what happens."""
     folder.mkdir(parents=True)
-    names = ('report.json', 'parameters.yaml')
-    for name in names:
-        (folder / name).write_text('earlier')
+    contents = {'report.json': '{"schema": 1, "recordings": []}', 'parameters.yaml': '# identify_bag, run earlier\n'}
+    for name, content in contents.items():
+        (folder / name).write_text(content)
     yield folder
-    assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(names, 'earlier')
+    assert {path.name: path.read_text() for path in folder.iterdir()} == contents
 
 
 def test_a_bag_is_identified_and_set_on_the_simulator(

@@ -80,8 +80,19 @@ def test_only_the_owner_may_read_the_key_and_none_is_overwritten(certificate, ca
     assert stat.S_IMODE((certificate / 'dask.key').stat().st_mode) == 0o600
     before = (certificate / 'dask.key').read_bytes()
     assert dask_certificate([str(certificate)]) == 2
-    assert 'holds a certificate already' in capsys.readouterr().err
+    assert f'{certificate}/dask.key exists and may be yours' in capsys.readouterr().err
     assert (certificate / 'dask.key').read_bytes() == before
+
+
+def test_a_certificate_is_replaced_beside_what_is_somebody_s_own(tmp_path):
+    (tmp_path / 'notes').write_text('mine')
+    keys = set()
+    for overwrite in ([], ['--overwrite']):
+        assert dask_certificate([str(tmp_path), *overwrite]) == 0
+        keys.add((tmp_path / 'dask.key').read_bytes())
+        assert stat.S_IMODE((tmp_path / 'dask.key').stat().st_mode) == 0o600
+    assert len(keys) == 2
+    assert {path.name for path in tmp_path.iterdir()} == {'dask.key', 'dask.pem', 'notes'}
 
 
 def test_who_has_the_certificate_is_let_in_and_nobody_else(scheduler, certificate, tmp_path, monkeypatch):

@@ -112,11 +112,26 @@ def test_new_results_replace_earlier_ones_and_what_a_dead_worker_left(bag, tmp_p
     folder = tmp_path / 'out' / 'shift'
     (folder.parent / '.shift~dead').mkdir(parents=True)
     (folder.parent / '.shift.2~alive').mkdir()
-    folder.mkdir()
-    (folder / 'compare.mcap').write_text('earlier')
+    do(job_on(bag, folder, Settings(Options(close_loop=True))))
+    assert (folder / 'compare.mcap').exists()
     do(job_on(bag, folder))
     assert sorted(path.name for path in folder.parent.iterdir()) == ['.shift.2~alive', 'shift']
     assert sorted(path.name for path in folder.iterdir()) == ['parameters.yaml', 'report.json', ROW_FILE]
+
+
+def test_what_is_somebody_s_own_in_a_bag_s_folder_stays(bag, tmp_path):
+    job = job_on(bag, tmp_path / 'out')
+    do(job)
+    (job.folder / 'notes').write_text('mine')
+    do(job)
+    assert sorted(path.name for path in job.folder.iterdir()) == ['notes', 'parameters.yaml', 'report.json', ROW_FILE]
+    (job.folder / 'report.json').write_text('mine')
+    with pytest.raises(InputError, match=r'report\.json exists and may be yours'):
+        do(job)
+    assert (job.folder / 'report.json').read_text() == 'mine'
+    do(replace(job, overwrite=True))
+    assert (job.folder / 'notes').read_text() == 'mine'
+    assert earlier_rows(job) is not None
 
 
 def test_another_bag_than_was_meant_is_refused_and_earlier_results_stay(bag, tmp_path):

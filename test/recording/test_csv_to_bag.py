@@ -105,7 +105,7 @@ def test_bad_input_ends_with_one_line_and_earlier_output_stays(folder):
     (folder / 'out' / 'metadata.yaml').write_text('of an earlier run')
     with (folder / 'run.csv').open('a') as rows:
         rows.write('500 x 1 1 1\n')
-    done = in_a_process(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'out', '--force')
+    done = in_a_process(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'out', '--overwrite')
     assert (done.returncode, done.stdout) == (2, '')
     assert done.stderr.startswith('csv_to_bag: error: run.csv: cannot be read as a table of numbers: ')
     assert done.stderr.count('\n') == 1
@@ -200,13 +200,17 @@ def test_a_bag_that_is_there_is_kept_or_replaced(csv_to_bag, folder):
     assert csv_to_bag(*arguments).returncode == 0
     done = csv_to_bag(*arguments)
     assert done.returncode == 2
-    assert done.stderr == 'csv_to_bag: error: bag exists already: choose another name or let it be overwritten\n'
-    assert csv_to_bag(*arguments, '--force', '--namespace', '/other').returncode == 0
-    assert len(read_recording(folder / 'bag', namespace='/other').displacement) == 50
+    assert done.stderr == (
+        'csv_to_bag: error: bag exists already: choose another name, or replace it with --overwrite '
+        '(in Python: overwrite=True)\n'
+    )
+    for option in ('--overwrite', '--force'):  # its former name
+        assert csv_to_bag(*arguments, option, '--namespace', f'/{option[2:]}').returncode == 0
+        assert len(read_recording(folder / 'bag', namespace=f'/{option[2:]}').displacement) == 50
 
 
 def test_a_bag_that_holds_something_else_is_not_replaced(csv_to_bag, folder):
-    arguments = ('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag', '--force')
+    arguments = ('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag', '--overwrite')
     assert csv_to_bag(*arguments).returncode == 0
     os.replace(folder / 'run.csv', folder / 'bag' / 'run.csv')
     done = csv_to_bag('bag/run.csv', *arguments[1:])

@@ -219,7 +219,7 @@ def test_times_may_be_dates_or_of_the_day(tmp_path, times, epoch):
 def test_a_time_that_is_no_date_is_refused(tmp_path, time):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: date}\n  delimiter: semicolon')
     with pytest.raises(
-        InputError, match=f'line 1, column 1 holds {time!r}; times are to be such as 2024-05-01 12:00:00'
+        InputError, match=f'line 1, column 1 holds “{time}”; times are to be such as 2024-05-01 12:00:00'
     ):
         read(tmp_path, f'{time};1;2\n', mapping)
 

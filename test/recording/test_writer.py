@@ -65,11 +65,58 @@ def test_an_earlier_bag_stays_unless_it_is_to_be_overwritten(tmp_path):
     write_recording(tmp_path / 'bag', first)
     with pytest.raises(InputError) as caught:
         write_recording(tmp_path / 'bag', second)
-    assert str(caught.value) == f'{tmp_path}/bag exists already: choose another name or let it be overwritten'
+    assert str(caught.value) == (
+        f'{tmp_path}/bag exists already: choose another name, or replace it with --overwrite '
+        '(in Python: overwrite=True)'
+    )
     assert_same(read_recording(tmp_path / 'bag'), first, setpoint_error=1e-9)
     write_recording(tmp_path / 'bag', second, overwrite=True)
     assert_same(read_recording(tmp_path / 'bag'), second, setpoint_error=1e-9)
     assert os.listdir(tmp_path) == ['bag']
+
+
+@pytest.mark.parametrize('mode', [0o755, 0o700])
+def test_an_empty_folder_is_filled_and_keeps_its_mode(tmp_path, mode):
+    """A folder of another mode than a new one is not exchanged, as a mount point can't be."""
+    (tmp_path / 'bag').mkdir()
+    (tmp_path / 'bag').chmod(mode)
+    for storage, samples in (('mcap', 10), ('sqlite3', 20), ('mcap', 30)):
+        write_recording(tmp_path / 'bag', recording(samples), storage=storage, overwrite=samples > 10)
+        assert len(read_recording(tmp_path / 'bag').displacement) == samples
+        assert len(os.listdir(tmp_path / 'bag')) == 2
+        assert (tmp_path / 'bag').stat().st_mode & 0o777 == mode
+    assert os.listdir(tmp_path) == ['bag']
+
+
+def test_what_somebody_puts_into_a_bag_meanwhile_stays(tmp_path):
+    write_recording(tmp_path / 'bag', recording(10))
+    with BagWriter(tmp_path / 'bag', overwrite=True) as bag:
+        fill(bag)
+        (tmp_path / 'bag' / 'notes').write_text('mine')
+    assert len(read_recording(tmp_path / 'bag').displacement) == 3
+    assert (tmp_path / 'bag' / 'notes').read_text() == 'mine'
+
+
+def test_a_bag_in_a_folder_that_was_filled_meanwhile_is_in_a_folder_of_its_own(tmp_path):
+    (tmp_path / 'bag').mkdir(mode=0o700)
+    with BagWriter(tmp_path / 'bag') as bag:
+        fill(bag)
+        (tmp_path / 'bag' / 'notes').write_text('mine')
+    assert bag.path == tmp_path / 'bag' / 'bag_2'
+    assert len(read_recording(bag.path).displacement) == 3
+    assert sorted(os.listdir(tmp_path / 'bag')) == ['bag_2', 'notes']
+
+
+@pytest.mark.parametrize('mode', [0o755, 0o700])
+def test_what_was_written_before_a_disk_was_full_is_left_in_an_empty_folder(tmp_path, mode):
+    (tmp_path / 'bag').mkdir()
+    (tmp_path / 'bag').chmod(mode)
+    bag = BagWriter(tmp_path / 'bag')
+    fill(bag)
+    bag.flush()
+    bag.leave()
+    assert os.listdir(tmp_path / 'bag') == ['bag.mcap']
+    assert len(read_recording(tmp_path / 'bag' / 'bag.mcap').displacement) == 3
 
 
 def test_an_earlier_bag_stays_when_its_successor_fails(tmp_path):
@@ -81,6 +128,7 @@ def test_an_earlier_bag_stays_when_its_successor_fails(tmp_path):
 
 def test_what_is_not_a_bag_is_not_overwritten(tmp_path):
     (tmp_path / 'notes').mkdir()
+    (tmp_path / 'notes' / 'monday').touch()
     (tmp_path / 'file').touch()
     for name in ('notes', 'file'):
         with pytest.raises(InputError) as caught:

@@ -101,4 +101,5 @@ def test_a_bag_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(arguments) == 0
     assert main(arguments) == 2
     assert 'exists already' in capsys.readouterr().err
-    assert main([*arguments, '--force']) == 0
+    for option in ('--overwrite', '--force'):  # its former name
+        assert main([*arguments, option]) == 0

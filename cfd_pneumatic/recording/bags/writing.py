@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from itertools import chain, count
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
 
@@ -19,11 +18,12 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import Aside, reported
+from cfd_pneumatic.files import Aside, check_folder, content, reported
 from cfd_pneumatic.recording.bags.blocks import MessageBlock, join
 from cfd_pneumatic.recording.bags.form import Form
 from cfd_pneumatic.recording.bags.messages import types_with
 from cfd_pneumatic.recording.bags.storages import METADATA, STORAGES, SUFFIXES, StorageName, StorageWriter
+from cfd_pneumatic.result_files import ADVICE
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -44,7 +44,7 @@ class BagWriter:
     Parameters
     ----------
     path : Path or str
-        Folder of the bag.
+        Folder of the bag; an empty one is filled.
     storage : str
         `mcap` or `sqlite3`.
     overwrite : bool
@@ -53,7 +53,7 @@ class BagWriter:
     Raises
     ------
     InputError
-        If there is something at the path already or its parent can't be written.
+        If there is something at the path already or nothing can be written there.
 
     """
 
@@ -63,7 +63,7 @@ class BagWriter:
         self._waiting: list[tuple[Connection, MessageBlock]] = []
         self._size = 0  # of what is waiting [bytes]
         self._overwrite = overwrite
-        self._check_free()
+        _check_free(self.path, overwrite=overwrite)
         with self._reported():
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._aside = Aside(self.path, alone=True)
@@ -135,17 +135,17 @@ class BagWriter:
         with self._reported():
             self._writer.close()
             if not self._overwrite:
-                self.path = self._aside.path = _free(self.path)
-            self._aside.take_place()
+                self._find_free_place()
+            self._aside.take_place(_is_of_bag, _metadata_last)
         self._aside.close()
 
     def leave(self) -> None:
         """Let what was written take a place as it is, where the bag can't be completed; it reads as one cut off."""
         with suppress(Exception):
             self._writer.abort()
-        self.path = _free(self.path)
         with self._reported():
-            os.replace(self._aside.made, self.path)
+            self._find_free_place()
+            self._aside.take_place(write_through=False)
         self._aside.close()
 
     def abort(self) -> None:
@@ -169,20 +169,12 @@ class BagWriter:
             self.abort()
             raise
 
-    def _check_free(self) -> None:
-        if self.path.parent.exists() and not self.path.parent.is_dir():
-            raise InputError(f'cannot write {self.path}: {self.path.parent} is not a folder')
-        if self.path.is_symlink():
-            raise InputError(f'{self.path} is a symbolic link and is not written through: give what it leads to')
-        if not self.path.exists():
-            return
-        if not self._overwrite:
-            raise InputError(f'{self.path} exists already: choose another name or let it be overwritten')
-        if not (self.path / METADATA).is_file():
-            raise InputError(f'{self.path} is not a bag and is not overwritten: choose another name')
-        for one in self.path.iterdir():
-            if one.name != METADATA and not any(suffix in one.name for suffix in SUFFIXES):
-                raise InputError(f'{self.path} holds {one.name} beside a bag, and is not overwritten: move one of them')
+    def _find_free_place(self) -> None:
+        """Choose a path with a number behind it if somebody put something into the bag's place."""
+        path, parent = self._aside.path, self._aside.parent
+        if path.exists() and not _is_empty(path):
+            numbered = (parent / f'{path.name}_{number}' for number in count(2))
+            self.path = self._aside.path = next(one for one in numbered if not one.exists())
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
@@ -199,10 +191,52 @@ class BagWriter:
             raise InputError(f'cannot write {self.path}: {error}; {advice}') from error
 
 
-def _free(path: Path) -> Path:
-    """Return a path, with a number behind it where something is there."""
-    numbered = (path.with_name(f'{path.name}_{number}') for number in count(2))
-    return next(one for one in chain([path], numbered) if not one.exists())
+def check_bag(path: Path, *, overwrite: bool) -> None:
+    """
+    Find out whether a bag can be written, before the work is done, and leave nothing behind.
+
+    Parameters
+    ----------
+    path, overwrite
+        As `BagWriter` takes them.
+
+    Raises
+    ------
+    InputError
+        If there is something at the path already or nothing can be written there.
+
+    """
+    _check_free(path, overwrite=overwrite)
+    check_folder(path, alone=True)
+
+
+def _check_free(path: Path, *, overwrite: bool) -> None:
+    if path.parent.exists() and not path.parent.is_dir():
+        raise InputError(f'cannot write {path}: {path.parent} is not a folder')
+    if path.is_symlink():
+        raise InputError(f'{path} is a symbolic link and is not written through: give what it leads to')
+    with reported(path):
+        if not path.exists() or _is_empty(path):
+            return
+        if not overwrite:
+            raise InputError(f'{path} exists already: choose another name, or {ADVICE}')
+        if not (path / METADATA).is_file():
+            raise InputError(f'{path} is not a bag and is not overwritten: choose another name')
+        for one in content(path):
+            if not _is_of_bag(one):
+                raise InputError(f'{path} holds {one.name} beside a bag, and is not overwritten: move one of them')
+
+
+def _is_empty(path: Path) -> bool:
+    return path.is_dir() and not content(path)
+
+
+def _is_of_bag(path: Path) -> bool:
+    return path.is_file() and (path.name == METADATA or any(suffix in path.name for suffix in SUFFIXES))
+
+
+def _metadata_last(name: str) -> int:
+    return int(name == METADATA)
 
 
 @dataclass(frozen=True)

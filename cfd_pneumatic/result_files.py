@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Results of earlier runs may be replaced; files that this program did not write are kept.
+
+Each writer states by which mark in the file its results are recognised. A checksum would not do: a run that was killed
+while its files took their places has to be repeatable.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.files import alone_in, check_folder, made_aside, make_folder, reported
+
+_HEAD = 2**16  # bytes in which a mark is looked for
+
+ADVICE = 'replace it with --overwrite (in Python: overwrite=True)'
+"""What to do about a file that is to be replaced in any case."""
+
+Recognition = Callable[[Path], bool]
+"""Returns whether this program wrote a file."""
+
+
+def marked(pattern: str) -> Recognition:
+    """Return a recognition by a regular expression that the first 64 KiB of a file match somewhere."""
+    return partial(_has_mark, re.compile(pattern.encode()))
+
+
+def _has_mark(mark: re.Pattern[bytes], path: Path) -> bool:
+    try:
+        with path.open('rb') as stream:
+            return mark.search(stream.read(_HEAD)) is not None
+    except OSError:
+        return False
+
+
+def never(_: Path) -> bool:
+    """Recognise no file: what is written is meant to be edited, or to be kept."""
+    return False
+
+
+class ResultFiles:
+    """
+    The files that a program writes into a folder.
+
+    Parameters
+    ----------
+    recognitions
+        By regular expressions for the names of the files, in the order in which the files take their places one by one
+        if the folder cannot be exchanged.
+
+    """
+
+    def __init__(self, recognitions: Mapping[str, Recognition]) -> None:
+        self.recognitions = dict(recognitions)
+
+    def is_earlier(self, path: Path) -> bool:
+        """Return whether a file is a result of an earlier run."""
+        patterns = self._patterns_of(path.name)
+        return bool(patterns) and _is_file(path) and self.recognitions[patterns[0]](path)
+
+    def check(self, folder: Path, names: Collection[str] | None = None, *, overwrite: bool) -> None:
+        """
+        Find out before the work whether results can be written into a folder.
+
+        Parameters
+        ----------
+        folder
+            Where to; need not be there.
+        names
+            Of the files that may be written; by default all.
+        overwrite
+            Whether files of these names are replaced that this program did not write.
+
+        Raises
+        ------
+        InputError
+            If the folder can't be written, or holds a file of one of the names that this program did not write.
+
+        """
+        check_folder(folder)
+        self.check_files(folder, names, overwrite=overwrite)
+
+    def check_files(self, folder: Path, names: Collection[str] | None = None, *, overwrite: bool) -> None:
+        """Do as `check`, but find out nothing about the folder."""
+        for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+            if self._patterns_of(path.name) and (names is None or path.name in names):
+                check_replaceable(path, self.is_earlier, overwrite=overwrite)
+
+    @contextmanager
+    def made_for(self, folder: Path, *, overwrite: bool) -> Iterator[Path]:
+        """
+        Make the folder, be the only one who writes into it, and do as `made_aside`.
+
+        Raises
+        ------
+        InputError
+            As `made_aside`, or if another run writes into the folder.
+
+        """
+        make_folder(folder)
+        with alone_in(folder), self.made_aside(folder, overwrite=overwrite) as made:
+            yield made
+
+    @contextmanager
+    def made_aside(self, folder: Path, *, overwrite: bool) -> Iterator[Path]:
+        """
+        Yield a new folder for the results; they take their places in a folder at the end, but not after an error.
+
+        Earlier results that were not made anew are removed; everything else in the folder stays.
+
+        Raises
+        ------
+        InputError
+            If the folder can't be written, or a file in it is not to be replaced.
+
+        """
+        with made_aside(folder, self.is_earlier, self._rank) as made:
+            made.mkdir()
+            yield made
+            self.check_files(folder, os.listdir(made), overwrite=overwrite)
+
+    def _rank(self, name: str) -> int:
+        return list(self.recognitions).index(self._patterns_of(name)[0])
+
+    def _patterns_of(self, name: str) -> list[str]:
+        """Return the pattern that a name matches, if any."""
+        return [one for one in self.recognitions if re.fullmatch(one, name)]
+
+
+def check_replaceable(path: Path, is_ours: Recognition, *, overwrite: bool) -> None:
+    """
+    Refuse to replace a file that this program did not write.
+
+    Parameters
+    ----------
+    path
+        Of a file to be written; nothing may be there.
+    is_ours
+        Recognises files that this program wrote. Links are nobody's but the user's.
+    overwrite
+        Whether a file may be replaced in any case.
+
+    Raises
+    ------
+    InputError
+        If it is not to be replaced, or can't be.
+
+    """
+    if not os.path.lexists(path):
+        return
+    with reported(path):
+        if path.is_dir() and not path.is_symlink():
+            raise InputError(f'{path} is a folder and is not replaced: move it, or choose another folder')
+        if os.path.ismount(path) or not _may_be_removed(path):
+            raise InputError(f"{path} is a mount point or another user's and cannot be replaced: choose another folder")
+        if not overwrite and not (_is_file(path) and is_ours(path)):
+            raise InputError(f'{path} exists and may be yours: move it, choose another folder, or {ADVICE}')
+
+
+def _is_file(path: Path) -> bool:
+    """Return whether a path is that of a regular file, and no link."""
+    return stat.S_ISREG(path.lstat().st_mode)
+
+
+def _may_be_removed(path: Path) -> bool:
+    """Return whether a file may be removed; from a sticky folder only the owner of either may remove it."""
+    folder, found = path.parent.stat(), path.lstat()
+    if not folder.st_mode & stat.S_ISVTX or os.geteuid() == folder.st_uid:
+        return True
+    try:
+        os.utime(path, ns=(found.st_atime_ns, found.st_mtime_ns), follow_symlinks=False)  # only the owner may
+    except OSError:
+        return False
+    return True
