@@ -9,6 +9,7 @@ setup(
     name=PACKAGE,
     version='0.2.0',
     description='Simulates a pneumatic constant-force device in ROS 2 and identifies it from recordings.',
+    author='cfd_pneumatic maintainers',
     maintainer='cfd_pneumatic maintainers',
     maintainer_email='maintainers@cfd-pneumatic.example',
     license='Apache-2.0',
@@ -60,7 +61,6 @@ setup(
             'cyclonedds',  # a participant that is no node of ROS 2
             'hypothesis',
             'ipykernel',
-            'mpmath',
             'nbclient',
             'pytest',
             'pytest-timeout',

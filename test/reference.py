@@ -7,7 +7,9 @@ The displacement is a function of time, as a piston has it, not a list of sample
 
 from __future__ import annotations
 
-import mpmath
+from decimal import Decimal, localcontext
+from math import factorial
+
 import numpy as np
 
 AMBIENT = 101_325.0
@@ -90,21 +92,38 @@ def pressure_between_samples(gains, times, displacement, setpoint, steps=10):
     return np.array(out)
 
 
+def hyperbolic(square, time):
+    """
+    Return cosh(root time) and sinh(root time) / root of a root whose square is given; a negative one oscillates.
+
+    Series of a part of the time, which the formulas for the double argument then lengthen.
+    """
+    doublings = 20
+    time /= 2**doublings
+    x = square * time**2
+    cosine = sum(x**n / factorial(2 * n) for n in range(8))
+    sine = time * sum(x**n / factorial(2 * n + 1) for n in range(8))
+    for _ in range(doublings):
+        cosine, sine = 2 * cosine**2 - 1, 2 * sine * cosine
+    return cosine, sine
+
+
 def pressure_to_thirty_digits(gains, times, displacement, setpoint):
     """
     Return the outlet pressure [Pa]: displacement straight between samples, entry i of the set-point on step i.
 
     The exact solution of each branch in multiple precision; where p_f crosses the set-point is found by bisection.
     """
-    with mpmath.workdps(30):
-        k_x, k_sv, k_v, tau, *levels = (mpmath.mpf(float(one)) for one in (*gains, *setpoint))
-        u = w = mpmath.mpf(0)  # deviations from the set-point
+    with localcontext() as context:
+        context.prec = 60  # half of which doubling and cancellation may cost
+        k_x, k_sv, k_v, tau, *levels = (Decimal(float(one)) for one in (*gains, *setpoint))
+        u = w = Decimal(0)  # deviations from the set-point
         out = [levels[0]]
 
         def after(gain, forcing, time):
-            mu, root = -0.5 / tau, mpmath.sqrt(mpmath.mpc(0.25 / tau**2 - gain / tau))
-            decay = mpmath.exp(mu * time)
-            cosine, sine = (decay * mpmath.cosh(root * time)).real, (decay * mpmath.sinh(root * time) / root).real
+            mu = -1 / (2 * tau)
+            decay = (mu * time).exp()
+            cosine, sine = (decay * part for part in hyperbolic(mu**2 - gain / tau, time))
             rest = forcing / gain
             return (
                 rest + (cosine - mu * sine) * (u - rest) - gain * sine * (w - rest),
@@ -113,8 +132,8 @@ def pressure_to_thirty_digits(gains, times, displacement, setpoint):
 
         for i in range(1, len(times)):
             u, w = u + levels[i - 1] - levels[i], w + levels[i - 1] - levels[i]
-            left = mpmath.mpf(float(times[i])) - mpmath.mpf(float(times[i - 1]))
-            forcing = -k_x * (mpmath.mpf(float(displacement[i])) - mpmath.mpf(float(displacement[i - 1]))) / left
+            left = Decimal(float(times[i])) - Decimal(float(times[i - 1]))
+            forcing = -k_x * (Decimal(float(displacement[i])) - Decimal(float(displacement[i - 1]))) / left
             while left > 0:
                 side = w or u - w or forcing
                 gain = k_sv if side < 0 else k_v
@@ -125,7 +144,7 @@ def pressure_to_thirty_digits(gains, times, displacement, setpoint):
                     middle = (first + last) / 2
                     first, last = (first, middle) if side * after(gain, forcing, middle)[1] < 0 else (middle, last)
                 u, w = after(gain, forcing, last)
-                w = w if beyond is None else mpmath.mpf(0)
+                w = w if beyond is None else Decimal(0)
                 left -= last
             out.append(levels[i] + u)
         return np.array([float(one) for one in out])

@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 import ast
+import csv
 import importlib
 import os
 import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping
+from datetime import date
 from pathlib import Path
 
 import pytest
@@ -24,7 +27,7 @@ ROOT = Path(__file__).parents[1]
 
 KEYS = {
     'jinja2': ('Jinja2', 'python3-jinja2'),
-    'lz4': ('lz4', 'python3-rosbags-pip'),
+    'lz4': ('lz4', 'mcap-ros2-support'),
     'matplotlib': ('matplotlib', 'python3-matplotlib'),
     'mcap': ('mcap', 'mcap-ros2-support'),
     'numba': ('numba', 'python3-numba'),
@@ -34,7 +37,7 @@ KEYS = {
     'rosbags': ('rosbags', 'python3-rosbags-pip'),
     'scipy': ('scipy', 'python3-scipy'),
     'yaml': ('PyYAML', 'python3-yaml'),
-    'zstandard': ('zstandard', 'python3-rosbags-pip'),
+    'zstandard': ('zstandard', 'mcap-ros2-support'),
 }
 """For each module that is not ROS's: its name on PyPI, and the rosdep key that brings it."""
 
@@ -93,8 +96,8 @@ def test_versions_agree():
 
 
 def test_descriptions_agree():
-    for argument, tag in [('description', 'description'), ('license', 'license'), ('maintainer', 'maintainer')]:
-        assert SETUP[argument] == xml_text(tag)
+    for argument in ('description', 'license', 'maintainer', 'author'):
+        assert SETUP[argument] == xml_text(argument)
     assert SETUP['maintainer_email'] == XML.find('maintainer').get('email')
 
 
@@ -106,6 +109,89 @@ def test_colcon_takes_package_xml_for_a_ros_package():
     package.validate(warnings=warnings)
     assert warnings == []
     assert (package.package_format, package.get_build_type()) == (3, 'ament_python')
+
+
+ROSDEP_KEYS = Path(__file__).with_name('rosdep_keys.csv')
+"""
+Where rosdep finds each key of package.xml: `ros` (a package of the distribution), `apt`, `pip` or `none`.
+
+A cell is `apt` if the key's rule in github.com/ros/rosdistro names an apt package and packages.ubuntu.com lists it for
+the distribution's Ubuntu: 22.04 (Humble), 24.04 (Jazzy), 26.04 (Lyrical). `looked_up` is the date of both.
+"""
+
+DISTRIBUTIONS = ('humble', 'jazzy', 'lyrical')
+
+
+def rosdep_table() -> list[dict[str, str]]:
+    with ROSDEP_KEYS.open(encoding='utf-8', newline='') as file:
+        return list(csv.DictReader(file))
+
+
+def is_date(text: str) -> bool:
+    try:
+        date.fromisoformat(text)
+    except ValueError:
+        return False
+    return True
+
+
+def rosdep_faults(keys: Iterable[str], table: Iterable[Mapping[str, str]]) -> list[str]:
+    """Return what the table lacks of these keys, or has wrong."""
+    rows = {row['key']: row for row in table}
+    return [
+        *(f'{key}: look it up for {ROSDEP_KEYS.name}' for key in sorted(set(keys) - set(rows))),
+        *(f'{key}: package.xml does not have it' for key in sorted(set(rows) - set(keys))),
+        *(f'{key}: no date of the look-up' for key, row in rows.items() if not is_date(row['looked_up'])),
+        *(
+            f'{key}: {row[distribution]!r} for {distribution}'
+            for key, row in rows.items()
+            for distribution in DISTRIBUTIONS
+            if row[distribution] not in {'ros', 'apt', 'pip', 'none'}
+        ),
+    ]
+
+
+def test_every_rosdep_key_was_looked_up():
+    keys = {element.text for element in XML if element.tag.endswith('depend')}
+    assert rosdep_faults(keys, rosdep_table()) == []
+
+
+def test_a_rosdep_key_that_nobody_looked_up_is_found():
+    row = {'humble': 'apt', 'jazzy': 'apt', 'lyrical': 'apt', 'looked_up': '2026-08-22'}
+    table = [
+        row | {'key': 'a'},
+        row | {'key': 'b', 'looked_up': ''},
+        row | {'key': 'c', 'jazzy': ''},
+        row | {'key': 'd'},
+    ]
+    assert rosdep_faults({'a', 'b', 'c', 'e'}, table) == [
+        'e: look it up for rosdep_keys.csv',
+        'd: package.xml does not have it',
+        'b: no date of the look-up',
+        "c: '' for jazzy",
+    ]
+
+
+@pytest.mark.parametrize('distribution', DISTRIBUTIONS)
+def test_rosdep_installs_what_package_xml_wants_of_a_distribution(distribution):
+    """As rosdep does, by the conditions in package.xml."""
+    reader = pytest.importorskip('catkin_pkg.package', reason='catkin_pkg, which reads conditions, is not here')
+    package = reader.parse_package(str(ROOT / 'package.xml'))
+    package.evaluate_conditions({'ROS_DISTRO': distribution})
+    wanted = {one.name for one in (*package.build_depends, *package.test_depends) if one.evaluated_condition}
+    found = {row['key'] for row in rosdep_table() if row[distribution] != 'none'}
+    assert wanted == found
+
+
+def test_the_readme_installs_with_pip_what_apt_does_not_have():
+    text = (ROOT / 'README.md').read_text(encoding='utf-8')
+    (skipped,) = re.findall(r"--skip-keys '([^']+)'", text)
+    assert set(skipped.split()) == {row['key'] for row in rosdep_table() if row['jazzy'] == 'pip'}
+    (installed,) = re.findall(r"^    pip install ('.*<.*')$", text, re.MULTILINE)
+    wanted = re.findall("'([^']+)'", installed)
+    assert set(wanted) <= set(SETUP['install_requires'])
+    brought = {KEYS[re.match(r'[a-z]+', one)[0]][1] for one in wanted}
+    assert brought == {row['key'] for row in rosdep_table() if row['jazzy'] in {'pip', 'none'}}
 
 
 def test_what_is_imported_is_required_and_nothing_else():

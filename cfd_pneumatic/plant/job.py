@@ -29,6 +29,7 @@ ROW_FILE = 'row.json'
 """Beside a bag's report: its rows of the table, and what they follow from."""
 
 _LARGEST_ROWS = 2**24  # bytes; three rows, with what was amiss with a recording, have a thousandth of that
+
 FILES = ResultFiles(REPORT_FILES.recognitions | {ROW_FILE: marked(r'\A\{\s*"fingerprint": "[0-9a-f]+",\s*"rows": ')})
 """How the files in a bag's folder are recognised."""
 
