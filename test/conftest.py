@@ -23,6 +23,7 @@ sys.path.append(str(Path(__file__).parents[1]))  # studies/; last, so that an in
 
 import pytest
 from hypothesis import HealthCheck, settings
+from patience import allowed
 
 from cfd_pneumatic.examples import EXAMPLES
 from studies.chromium import PROGRAM, Chromium
@@ -105,6 +106,14 @@ def pytest_collection_finish():
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000)
+
+
+@pytest.hookimpl(hookwrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Let the time limit of a test grow with the load of the machine."""
+    if item.config.pluginmanager.hasplugin('timeout') and item.config.getoption('timeout') is None:
+        item.add_marker(pytest.mark.timeout(allowed(float(item.config.getini('timeout')))))
+    yield
 
 
 @pytest.fixture(scope='module')

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from patience import LONG_PATIENCE, allowed
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / 'docs' / 'adding_an_effect.md').read_text(encoding='utf-8')
@@ -39,7 +40,7 @@ def run(folder, *arguments):
         env=os.environ | {'PYTHONPATH': paths},
         capture_output=True,
         text=True,
-        timeout=600.0,
+        timeout=allowed(LONG_PATIENCE),
     )
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
     return done.stdout

@@ -11,6 +11,7 @@ import threading
 import time
 
 import pytest
+from patience import allowed
 
 from cfd_pneumatic.parallel import LIMIT, each, threads
 
@@ -32,7 +33,7 @@ def test_as_many_as_there_are_cores_where_it_says_nothing(monkeypatch, limit):
 @pytest.mark.parametrize('limit', ['1', '3'])
 def test_results_come_in_the_order_of_the_items(monkeypatch, limit):
     monkeypatch.setenv(LIMIT, limit)
-    meeting = threading.Barrier(int(limit), timeout=30.0)
+    meeting = threading.Barrier(int(limit), timeout=allowed(30.0))
 
     def work(item):
         meeting.wait()  # all of them work at once
@@ -46,18 +47,18 @@ def test_results_come_in_the_order_of_the_items(monkeypatch, limit):
 
 def test_who_has_no_work_left_helps_others(monkeypatch):
     monkeypatch.setenv(LIMIT, '2')
-    both_at_work, begun, meeting = threading.Barrier(2, timeout=30.0), threading.Event(), threading.Barrier(2)
+    both_at_work, begun, meeting = threading.Barrier(2, timeout=allowed(30.0)), threading.Event(), threading.Barrier(2)
 
     def inner(item):
         begun.set()
-        meeting.wait(30.0)  # two work at once
+        meeting.wait(allowed(30.0))  # two work at once
         return item
 
     def outer(item):
         both_at_work.wait()  # no core is idle when the inner work is shared out
         if item == 0:
             return each(inner, range(2))
-        assert begun.wait(30.0)
+        assert begun.wait(allowed(30.0))
         return item
 
     assert each(outer, range(2)) == [[0, 1], 1]

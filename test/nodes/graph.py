@@ -23,6 +23,7 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
+from patience import allowed, wait_until
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.client import Client
@@ -47,6 +48,7 @@ from cfd_pneumatic.convention import (
     setpoint_applied_topic,
     setpoint_topic,
 )
+from cfd_pneumatic.nodes.health import LOST
 from cfd_pneumatic.nodes.messages import nanoseconds, stamp_message
 
 try:
@@ -54,7 +56,6 @@ try:
 except ImportError:
     Executor = SingleThreadedExecutor
 
-PATIENCE = 180.0  # on a busy machine the model takes a third of it to be compiled
 QUEUE = QoSProfile(depth=10_000)
 MILLISECOND = 1_000_000
 
@@ -196,7 +197,7 @@ class Process:
 
     def wait(self) -> int:
         """Return the exit code."""
-        return self._process.wait(PATIENCE)
+        return self._process.wait(allowed())
 
     def stop(self, number: int = signal.SIGINT) -> None:
         """End it as a user does, cleanly."""
@@ -246,7 +247,7 @@ def refusals(module: str, command_lines: Iterable[Sequence[str]]) -> list[str]:
     """Return what a node says to each of these command lines: one line, with exit code 2."""
     command_lines = list(command_lines)
     start = [sys.executable, '-c', REFUSED, module, json.dumps(command_lines)]
-    said = subprocess.run(start, stderr=subprocess.PIPE, text=True, check=True, timeout=PATIENCE).stderr
+    said = subprocess.run(start, stderr=subprocess.PIPE, text=True, check=True, timeout=allowed()).stderr
     lines = [line for line in said.splitlines() if not line.startswith('[INFO]')]
     assert lines[1::2] == ['exit code 2'] * len(command_lines), said
     assert all(line.startswith(f'{module}: error: ') for line in lines[::2]), said
@@ -302,16 +303,16 @@ class Graph:
         self, condition: Callable[[], Any], *, doing: Callable[[], None] | None = None, every: float = 0.1
     ) -> Any:
         """Return what the condition gives as soon as it is true; meanwhile do something again and again [s]."""
-        limit = time.monotonic() + PATIENCE
         again = 0.0
-        while not (result := condition()):
-            now = time.monotonic()
-            assert now < limit, f'this did not become true in {PATIENCE} s'
-            if doing is not None and now >= again:
+
+        def meanwhile() -> None:
+            nonlocal again
+            if doing is not None and time.monotonic() >= again:
                 doing()
-                again = now + every
+                again = time.monotonic() + allowed(every)  # or it would hear less and less of what answers
             self.executor.spin_once(timeout_sec=0.05)
-        return result
+
+        return wait_until(condition, meanwhile=meanwhile)
 
     def listen(self, message_type: type, topic: str, qos: QoSProfile = QUEUE) -> list[Any]:
         """Return a list that messages are appended to."""
@@ -426,7 +427,7 @@ class SimClient:
                 (CONTACT_FORCE, WrenchStamped),
             )
         }
-        self.stamp = 1_000_000_000_000
+        self.stamp, self.position = 1_000_000_000_000, 0.0
         self.sent = 0
 
     def meet(self) -> SimClient:
@@ -447,7 +448,7 @@ class SimClient:
         return self
 
     def send(self, stamp: int, position: float, joint: str = 'piston') -> None:
-        self.stamp = stamp
+        self.stamp, self.position = stamp, position
         message = JointState(name=[joint], position=[position])
         message.header.stamp = stamp_message(stamp)
         self.piston_out.publish(message)
@@ -460,9 +461,26 @@ class SimClient:
         self.force_out.publish(Float64(data=float(value)))
 
     def sample(self, stamp: int, position: float) -> dict[str, Any]:
-        """Send a sample; return what it is answered with, by topic."""
-        self.send(stamp, position)
-        return self.graph.until(lambda: self.answer(stamp))
+        """Send a sample, again if it may be lost, for the node ignores a repeated stamp; return its answer by topic."""
+        return self.graph.until(lambda: self.answer(stamp), doing=lambda: self.send(stamp, position), every=5.0)
+
+    def account_for_all(self, lost: int) -> list[int]:
+        """
+        Wait until each sample since the restart is answered or counted as lost; return the stamps that are answered.
+
+        `lost` is how many were counted before. More samples, with the same position, show whether the last one is lost.
+        """
+        topics = [*self.heard]
+
+        def all_accounted_for() -> bool:
+            self.send(self.stamp + MILLISECOND, self.position)
+            answers = self.sent - (self.count(LOST) - lost)
+            return all(len(self.heard[topic]) == answers for topic in topics)
+
+        self.graph.until(all_accounted_for)
+        answered, *others = ([stamp for stamp, _ in self.series(topic)] for topic in topics)
+        assert others == [answered] * len(others)
+        return answered
 
     def answer(self, stamp: int) -> dict[str, Any] | None:
         """Return the answer to a stamp once it is whole, newest first where there are several."""

@@ -7,7 +7,6 @@ import json
 import math
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from graph import PATIENCE, Graph, ros_arguments, unique_namespace
+from graph import Graph, ros_arguments, unique_namespace
+from patience import LONG_PATIENCE, allowed, wait_until
 from sensor_msgs.msg import FluidPressure, JointState
 
 from cfd_pneumatic.convention import CYLINDERS, PISTON_STATE, pressure_topic, setpoint_applied_topic, setpoint_topic
@@ -56,8 +56,6 @@ MOST = 1.3
 """Live residual over noise, where nothing is missing: a little above 1, for a stamp strays by 50 us, in which the
 pressure rises by 300 Pa when the set-point steps."""
 
-LONGEST_FIT = 600.0  # on a busy machine [s]
-
 
 @contextmanager
 def device(namespace: str) -> Iterator[None]:
@@ -75,7 +73,7 @@ def device(namespace: str) -> Iterator[None]:
     try:
         yield
         process.terminate()
-        assert process.wait(PATIENCE) == 0
+        assert process.wait(allowed()) == 0
     finally:
         process.kill()
         process.wait()
@@ -142,13 +140,19 @@ def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found
     def identified(report: str) -> DiagnosticStatus:
         """Return the status that says that the parameters are set and names the report."""
         assert graph.trigger(f'{identifier}/identify').success
-        limit = time.monotonic() + LONGEST_FIT
-        while True:
+        status = DiagnosticStatus()
+
+        def report_it() -> None:
+            nonlocal status
             status = graph.next_diagnostics(identifier, lambda _: True)
             assert status.level == DiagnosticStatus.OK, status.message
-            if status.message.startswith(f'parameters set on {sim}.') and status.message.endswith(str(output / report)):
-                return status
-            assert time.monotonic() < limit, status.message
+
+        def is_done() -> bool:
+            words = status.message
+            return words.startswith(f'parameters set on {sim}.') and words.endswith(str(output / report))
+
+        wait_until(is_done, seconds=LONG_PATIENCE, meanwhile=report_it, found=lambda: status.message)
+        return status
 
     residual = Residual(graph, real, simulator)
     with (

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from graph import Graph
+from patience import allowed
 from sensor_msgs.msg import FluidPressure
 
 from cfd_pneumatic.convention import CYLINDERS, MODEL_INPUTS, MONITOR_INPUTS, SIM_INPUTS, pressure_topic, residual_topic
@@ -72,7 +73,7 @@ def launched(workspace: Path, name: str, *arguments: str) -> Iterator[subprocess
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGINT)
         try:
-            process.communicate(timeout=30)
+            process.communicate(timeout=allowed())
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             raise
@@ -159,6 +160,6 @@ def test_the_identifier_waits_for_bags_where_none_are_given(graph, workspace):
 @pytest.mark.parametrize('argument', ['cell', 'device'])
 def test_a_relative_namespace_is_refused(workspace, argument):
     with launched(workspace, 'sim', f'{argument}:=cell_7') as process:
-        said = process.communicate(timeout=30)[0]
+        said = process.communicate(timeout=allowed())[0]
     assert f'{argument}:=cell_7 is to begin with a slash: {argument}:=/cell_7' in said
     assert process.returncode != 0

@@ -10,7 +10,8 @@ import subprocess
 
 import pytest
 import rclpy
-from graph import PATIENCE, Graph
+from graph import Graph
+from patience import allowed
 
 from cfd_pneumatic import __version__
 from cfd_pneumatic.examples import EXAMPLES
@@ -72,7 +73,7 @@ def test_the_examples_come_up_together_and_end(graph: Graph, examples) -> None:
         graph.next_diagnostics('/cfd/monitor/monitor_node', lambda status: 'learning' in status.message)
         for process in running.values():
             process.send_signal(signal.SIGINT)
-        assert {name: process.wait(PATIENCE) for name, process in running.items()} == dict.fromkeys(NODES, 0)
+        assert {name: process.wait(allowed()) for name, process in running.items()} == dict.fromkeys(NODES, 0)
     finally:
         for process in running.values():
             process.kill()

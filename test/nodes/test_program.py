@@ -16,13 +16,13 @@ from pathlib import Path
 
 import pytest
 from graph import Graph, ros_arguments, unique_namespace
+from patience import allowed
 from sensor_msgs.msg import JointState
 
 from cfd_pneumatic.convention import PISTON_STATE
 
 BIN = Path(sys.executable).parent
 NODES = ('sim_node', 'monitor_node', 'identifier_node', 'rig_node', 'recorder_node')
-PATIENCE = 60.0  # of the one who waits for a program to come to a certain point [s]
 
 PROGRAM = """
 import os, signal, sys, time
@@ -60,7 +60,7 @@ import cfd_pneumatic.nodes.program as program
 
 def make():
     print('busy', flush=True)
-    ctypes.CDLL(None).sleep(30)
+    ctypes.CDLL(None).sleep(300)
 
 sys.exit(program.run('busy', make, []))
 """
@@ -103,9 +103,9 @@ def test_a_signal_ends_it_in_the_middle_of_machine_code() -> None:
             node.stdout.readline()
             began = time.monotonic()
             node.send_signal(number)
-            _, said = node.communicate(timeout=PATIENCE)
+            _, said = node.communicate(timeout=allowed())
             assert (node.returncode, said) == (0, '')
-            assert time.monotonic() - began < 15.0, 'it slept on'
+            assert time.monotonic() - began < allowed(15.0), 'it slept on'
 
 
 @pytest.mark.parametrize('turn', [0, 1])
@@ -124,7 +124,7 @@ def test_a_signal_at_any_moment_of_the_start_ends_it_silently(graph: Graph, tmp_
             start = [BIN / module, *ros_arguments(topic.rpartition('/')[0], needed)]
             one = subprocess.Popen(start, stderr=subprocess.PIPE, text=True, start_new_session=True)
             processes.append(stack.enter_context(one))
-        starting, late = dict(enumerate(processes)), time.monotonic() + 3.0
+        starting, late = dict(enumerate(processes)), time.monotonic() + allowed(3.0)
         while starting:
             for out in outs:
                 out.publish(JointState(name=['piston'], position=[0.0]))
@@ -135,10 +135,10 @@ def test_a_signal_at_any_moment_of_the_start_ends_it_silently(graph: Graph, tmp_
                     kind = signal.SIGINT, signal.SIGTERM
                     os.killpg(one.pid, kind[(number + turn) % 2])  # as a terminal does
                     del starting[number]
-            assert time.monotonic() < late + PATIENCE, 'a signal is not heeded'
+            assert time.monotonic() < late + allowed(), 'a signal is not heeded'
             time.sleep(0.002)
         for module, one in zip(NODES, processes):
-            _, said = one.communicate(timeout=PATIENCE)
+            _, said = one.communicate(timeout=allowed())
             usual = ('[INFO]', 'zero stamp', 'never seen')
             assert one.returncode == 0, module
             assert [line for line in said.splitlines() if not any(word in line for word in usual)] == [], module

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import WrenchStamped
-from graph import PATIENCE
+from patience import allowed, wait_until
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -85,11 +85,14 @@ class Listener:
         return lambda value: out.publish(Float64(data=value))
 
     def until(self, condition: Callable[[], bool]) -> None:
-        limit = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < limit, {topic: len(messages) for topic, messages in self.heard.items()}
+        def meanwhile() -> None:
             time.sleep(2e-3)
             self._take()
+
+        def found() -> dict[str, int]:
+            return {topic: len(messages) for topic, messages in self.heard.items()}
+
+        wait_until(condition, meanwhile=meanwhile, found=found)
 
     def positions(self) -> np.ndarray:
         return np.array([message.position[0] for message in self.heard[PISTON_STATE]])
@@ -123,7 +126,7 @@ def rig(namespace: str = NAMESPACE, **parameters: object) -> Iterator[subprocess
     finally:
         process.send_signal(signal.SIGINT)
         try:
-            process.communicate(timeout=PATIENCE)
+            process.communicate(timeout=allowed())
         except subprocess.TimeoutExpired:
             process.kill()  # leaves shared memory behind
             process.communicate()
@@ -132,7 +135,7 @@ def rig(namespace: str = NAMESPACE, **parameters: object) -> Iterator[subprocess
 def end(process: subprocess.Popen) -> None:
     """Interrupt it as a user does."""
     process.send_signal(signal.SIGINT)
-    assert process.wait(PATIENCE) == 0
+    assert process.wait(allowed()) == 0
 
 
 @pytest.fixture(scope='module')
@@ -211,7 +214,7 @@ def test_without_a_schedule_it_does_as_it_is_told(listener: Listener) -> None:
         command(1.0)
         listener.until(lambda: abs(listener.heard[PISTON_STATE][-1].position[0] - 6.35e-3) < 1e-5)
         process.send_signal(signal.SIGTERM)
-        assert process.wait(PATIENCE) == 0
+        assert process.wait(allowed()) == 0
         assert 'ignored: piston_command nan' in process.stderr.read()
     assert set(listener.pressures(setpoint_applied_topic('cylinder_a'))) == {
         AMBIENT_PRESSURE + 5 * PSI, AMBIENT_PRESSURE + 8 * PSI}  # fmt: skip
@@ -253,7 +256,7 @@ def test_a_repeated_schedule_has_no_seam(listener: Listener, rigs: dict[str, sub
 
 def test_what_cannot_be_played_ends_with_one_line(rigs: dict[str, subprocess.Popen]) -> None:
     process = rigs['/unknown']
-    _, errors = process.communicate(timeout=PATIENCE)
+    _, errors = process.communicate(timeout=allowed())
     assert process.returncode == 2
     (line,) = errors.strip().splitlines()
     assert line == (

@@ -20,8 +20,9 @@ import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
-from graph import MILLISECOND, PATIENCE, QUEUE, Graph, Process, SimClient, refusals, ros_arguments, unique_namespace
+from graph import MILLISECOND, QUEUE, Graph, Process, SimClient, refusals, ros_arguments, unique_namespace
 from measured import MAPPING, ROOT, needs_measured_data
+from patience import allowed
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 from rclpy.context import Context
 from rclpy.node import Node
@@ -156,38 +157,42 @@ def test_every_sample_is_answered_with_its_stamp_and_the_model_s_pressures_to_th
 
 
 def test_a_set_point_sent_just_before_a_sample_acts_on_it(sim: SimClient) -> None:
-    live = model()
+    live, lost = model(), sim.count(LOST)
     targets = [SET + 500.0 * (-1) ** index * index for index in range(60)]
     sim.sample(START, 0.0)
     live.sample(START, 0.0, (REST, REST))
-    stamps = [START + (index + 1) * 2 * MILLISECOND for index in range(len(targets))]
-    for stamp, target in zip(stamps, targets):
+    applied = {START: REST}
+    for index, target in enumerate(targets):
         sim.setpoint(0, target)
-        sim.send(stamp, 0.0)
-    sim.graph.until(lambda: sim.answer(stamps[-1]))
-    applied = dict(sim.series(APPLIED_A))
+        sim.send(START + (index + 1) * 2 * MILLISECOND, 0.0)
+        applied[sim.stamp] = target + AMBIENT_PRESSURE
+    answered = sim.account_for_all(lost)
+    heard = dict(sim.series(APPLIED_A))
     pressures = dict(sim.series(PRESSURE_A))
-    for stamp, target in zip(stamps, targets):
-        assert applied[stamp] == target + AMBIENT_PRESSURE
-        assert pressures[stamp] == expected(live, stamp, 0.0, (target + AMBIENT_PRESSURE, REST))[0]
+    for stamp in answered[1:]:
+        target = applied.get(stamp, targets[-1] + AMBIENT_PRESSURE)
+        assert heard[stamp] == target
+        assert pressures[stamp] == expected(live, stamp, 0.0, (target, REST))[0]
 
 
-def test_every_one_of_a_thousand_samples_at_1_khz_is_answered_with_the_set_points_before_it(sim: SimClient) -> None:
-    stamps = [START + index * MILLISECOND for index in range(1000)]
-    applied, setpoint = [], SET
+def test_each_of_a_thousand_samples_at_1_khz_is_answered_with_the_set_points_before_it_or_counted_as_lost(
+    sim: SimClient,
+) -> None:
+    """A busy machine may lose some: `piston_state` is best effort."""
+    lost = sim.count(LOST)
+    applied, setpoint = {}, SET
     begin = time.monotonic()
-    for index, stamp in enumerate(stamps):
+    for index in range(1000):
         time.sleep(max(0.0, begin + index * 1e-3 - time.monotonic()))
         if index % 100 == 50:
             setpoint = SET + index
             sim.setpoint(0, setpoint)
-        sim.send(stamp, 1e-6 * (index % 1000))
-        applied.append((stamp, setpoint + AMBIENT_PRESSURE))
-    sim.graph.until(lambda: all(len(messages) >= len(stamps) for messages in sim.heard.values()))
-    sim.graph.until(lambda: sim.answer(stamps[-1]))
-    assert sim.series(APPLIED_A) == applied
-    for topic in (PRESSURE_A, PRESSURE_B, CONTACT_FORCE):
-        assert [stamp for stamp, _ in sim.series(topic)] == stamps
+        sim.send(START + index * MILLISECOND, 1e-6 * index)
+        applied[sim.stamp] = setpoint + AMBIENT_PRESSURE
+    answered = sim.account_for_all(lost)
+    assert len(answered) > sim.sent / 10, 'of what waits too long it takes one in ten'
+    assert sim.series(APPLIED_A) == [(stamp, applied.get(stamp, setpoint + AMBIENT_PRESSURE)) for stamp in answered]
+    assert answered == sorted(set(answered))
 
 
 def test_a_force_is_a_pair_about_the_bias_and_the_last_writer_wins(sim: SimClient) -> None:
@@ -347,7 +352,7 @@ def test_resets_are_warned_of(graph: Graph) -> None:
         applied = sim.heard[APPLIED_A]
         before, now = len(applied), time.time()
         graph.until(lambda: len(applied) > before + 3, doing=lambda: sim.send(0, 0.0))
-        assert applied[-1].header.stamp.sec == pytest.approx(now, abs=PATIENCE)
+        assert applied[-1].header.stamp.sec == pytest.approx(now, abs=allowed())
         assert process.stderr.count('zero stamp') == 1
         assert sim.count('zero stamps') >= 4
 

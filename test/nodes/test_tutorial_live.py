@@ -7,67 +7,24 @@ Only the monitor is told not to take as long.
 
 from __future__ import annotations
 
-import os
 import shlex
-import signal
-import subprocess
-import time
 from collections.abc import Iterator
-from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 import yaml
 from geometry_msgs.msg import WrenchStamped
-from graph import PATIENCE, Graph
+from graph import Graph
+from patience import LONG_PATIENCE, wait_until
+from terminals import Terminals, open_terminals
 
-from studies.tutorial import blocks
-
-LONGEST = 600.0
-"""On a busy machine, to which a diagnosis leaves its turn [s]."""
-
-
-class Terminals(NamedTuple):
-    """What `health.py` says, as it grows, and the programs that run, by how they were started."""
-
-    talk: Path
-    running: dict[str, subprocess.Popen]
-
-    def end(self, word: str = '') -> None:
-        """Interrupt the programs with a word in their lines."""
-        ended = {program: process for program, process in self.running.items() if word in program}
-        for process in ended.values():
-            process.send_signal(signal.SIGINT)
-        failed = [program for program, process in ended.items() if process.wait(PATIENCE)]
-        # rclpy may be interrupted in the middle of taking a message, which our programs bear
-        assert [program for program in failed if 'health.py' not in program] == []
-        for program in ended:
-            del self.running[program]
+from studies.tutorial import PAGE, blocks
 
 
 @pytest.fixture
 def terminals(tutorial) -> Iterator[Terminals]:
     """Start each program in a terminal of its own."""
-    talk = tutorial.folder / 'health.log'
-    with talk.open('w') as stdout:
-        running = {
-            block.text: subprocess.Popen(
-                ['sh', '-c', f'exec {block.text}'],
-                cwd=tutorial.folder,
-                env=os.environ | tutorial.environment,
-                stdout=stdout,
-            )
-            for block in blocks()
-            if block.language == 'bash'
-        }
-        terminals = Terminals(talk, running)
-        try:
-            yield terminals
-            terminals.end()
-        finally:
-            for process in running.values():
-                process.kill()
-                process.wait()
+    with open_terminals(PAGE, tutorial.folder, tutorial.environment) as terminals:
+        yield terminals
 
 
 @pytest.mark.slow
@@ -78,10 +35,12 @@ def test_the_twin_runs_and_a_leak_is_named(graph: Graph, terminals: Terminals) -
     assert graph.set_atomically('/cfd/monitor/monitor_node', block=0.05, learning=3.0, diagnosis_window=10.0).successful
 
     def says(words: str) -> None:
-        limit = time.monotonic() + LONGEST
-        while not any(words in line for line in terminals.talk.read_text().splitlines()):
-            assert time.monotonic() < limit, terminals.talk.read_text()
-            graph.executor.spin_once(timeout_sec=0.1)
+        wait_until(
+            lambda: any(words in line for line in terminals.printed.read_text().splitlines()),
+            seconds=LONG_PATIENCE,
+            meanwhile=lambda: graph.executor.spin_once(timeout_sec=0.1),
+            found=terminals.printed.read_text,
+        )
 
     says('cylinder_a, OK: agrees with its model')
     says('cylinder_b, OK: agrees with its model')

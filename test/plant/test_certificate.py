@@ -10,11 +10,11 @@ import stat
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
 from distributed.utils import LoopRunner
+from patience import allowed, wait_until
 
 from cfd_pneumatic.commands.dask_certificate import main as dask_certificate
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
@@ -22,8 +22,6 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.plant import existing_cluster, is_open
 from cfd_pneumatic.recording import recording_of, write_recording
 from cfd_pneumatic.rig import out_and_back, record
-
-PATIENCE = 180  # [s]
 
 
 @pytest.fixture(scope='module')
@@ -69,11 +67,7 @@ def scheduler(certificate, tmp_path_factory):
 
 def said_address(log: Path) -> str:
     """Return the address that a scheduler says once it is ready."""
-    limit = time.monotonic() + PATIENCE
-    while not (found := re.search(r'Scheduler at:\s+(tls://\S+)', log.read_text())):
-        assert time.monotonic() < limit, log.read_text()
-        time.sleep(0.1)
-    return found[1]
+    return wait_until(lambda: re.search(r'Scheduler at:\s+(tls://\S+)', log.read_text()), found=log.read_text)[1]
 
 
 def test_only_the_owner_may_read_the_key_and_none_is_overwritten(certificate, capsys):
@@ -98,8 +92,8 @@ def test_a_certificate_is_replaced_beside_what_is_somebody_s_own(tmp_path):
 def test_who_has_the_certificate_is_let_in_and_nobody_else(scheduler, certificate, tmp_path, monkeypatch):
     assert scheduler.startswith('tls://')
     with existing_cluster(scheduler, certificate) as client:
-        client.wait_for_workers(1, timeout=PATIENCE)
-        assert client.submit(os.getpid).result(PATIENCE) != os.getpid()
+        client.wait_for_workers(1, timeout=allowed())
+        assert client.submit(os.getpid).result(allowed()) != os.getpid()
     assert dask_certificate([str(tmp_path / 'another')]) == 0
     monkeypatch.setattr('cfd_pneumatic.plant.cluster._PATIENCE', '2s')
     for address in (scheduler, scheduler.replace('tls://', 'tcp://')):
@@ -118,7 +112,7 @@ def test_nothing_is_left_of_a_client_that_could_not_begin(scheduler, certificate
     with LoopRunner._lock:
         collector = threading.Thread(target=gc.collect, daemon=True)
         collector.start()
-        collector.join(20.0)
+        collector.join(allowed(20.0))
         assert not collector.is_alive()
 
 

@@ -10,13 +10,13 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from generated import BAGS, FIRST, SHIFT, SHIFTS, start, step, still, tables, wait_for, write_plant, write_shift
+from patience import LONG_PATIENCE, allowed, wait_until
 from pyarrow import parquet
 
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
@@ -24,12 +24,11 @@ from cfd_pneumatic.files import alone_in
 from cfd_pneumatic.plant.table import iso_time
 
 DASK = [sys.executable, '-m', 'dask']
-_PATIENCE = 600.0  # for a whole plant on a busy machine [s]
 
 
 def finish(process):
     """Return what a program printed; it must have ended well, with nothing to complain of."""
-    printed, complaints = process.communicate(timeout=_PATIENCE)
+    printed, complaints = process.communicate(timeout=allowed(LONG_PATIENCE))
     assert (process.returncode, complaints) == (0, '')
     return printed
 
@@ -124,18 +123,19 @@ def dask(folder: Path, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGTERM)
-        process.wait(_PATIENCE)
+        process.wait(allowed(LONG_PATIENCE))
 
 
 def address_of(folder: Path) -> str:
     """Return the address of the scheduler once it is there."""
-    limit = time.monotonic() + _PATIENCE
-    while time.monotonic() < limit:
+
+    def address() -> str | None:
         try:
             return json.loads((folder / 'scheduler.json').read_text())['address']
         except (OSError, ValueError):
-            time.sleep(0.05)
-    raise TimeoutError((folder / 'log').read_text())
+            return None
+
+    return wait_until(address, found=(folder / 'log').read_text)
 
 
 def begun(small, output, *arguments):
@@ -150,7 +150,7 @@ def test_interrupted_and_killed_it_goes_on_where_it_stopped(small, small_results
     run = begun(small, tmp_path, '--jobs', 1)
     wait_for(run, 3)
     os.killpg(run.pid, signal.SIGINT)  # as Ctrl-C does: the workers hear it, too
-    _, complaints = run.communicate(timeout=_PATIENCE)
+    _, complaints = run.communicate(timeout=allowed(LONG_PATIENCE))
     assert run.returncode == 130
     assert complaints == 'identify_bag: interrupted: give the same command again to go on\n'
     interrupted = done()
@@ -185,7 +185,7 @@ def test_a_cluster_is_waited_for_may_lose_a_worker_and_ends_a_run_where_it_is_lo
             run = begun(small, lost, *there)
             wait_for(run, 3)
             os.killpg(scheduler.pid, signal.SIGKILL)
-            _, complaint = run.communicate(timeout=_PATIENCE)
+            _, complaint = run.communicate(timeout=allowed(LONG_PATIENCE))
     assert run.returncode == 2
     assert complaint.startswith('identify_bag: error: the Dask scheduler was lost')
     assert complaint.count('\n') == 1

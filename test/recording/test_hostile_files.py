@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
+from patience import allowed
 from recording_cases import EPOCH, SECOND, messages, plain_messages, recording, setpoint, write_bag
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
@@ -234,7 +235,7 @@ def test_a_chunk_unpacks_to_no_more_than_it_declares_and_can_hold(tmp_path):
         for declared in (100, 2**30, 2**40, 2**63):
             paths.append(lying(tmp_path / f'{compression}_{declared}.mcap', packed, compression, declared))
     command = [sys.executable, '-c', MEASURE, *map(str, paths)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=240, check=True, cwd=tmp_path)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=allowed(240), check=True, cwd=tmp_path)
     lines = [line.split() for line in done.stdout.splitlines() if line.startswith('measured ')]
     assert [path for _, _, _, path in lines] == list(map(str, paths))
     assert done.stderr.count('\n') == len(paths)
@@ -334,7 +335,7 @@ def test_a_file_whose_name_is_no_text_is_identified_or_refused_in_a_line(tmp_pat
     done = subprocess.run(
         [sys.executable, '-m', 'cfd_pneumatic.commands.identify_bag', path, '--output', tmp_path / 'out'],
         capture_output=True,
-        timeout=60,
+        timeout=allowed(),
         check=False,
     )
     assert done.returncode in (0, 2)
