@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import fcntl
 import gc
+import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,9 +17,14 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
-from numba import config, njit
+from numba import njit
+from numba.core import config
 from numba.core.event import Event, Listener, install_listener
-from numba.core.runtime.nrt import rtsys
+
+from cfd_pneumatic.compile_cache import CompileCache
+
+config._config_fname = os.devnull  # Numba's settings file in the working folder, which may name a cache with any code
+config.reload_config()
 
 _LOCK_FILE = 'compiling.lock'
 _AGAIN = 1.0  # after which it is said again: who listens may have come late [s]
@@ -34,25 +40,12 @@ def compiler(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     options['no_cfunc_wrapper'] = True  # nothing passes functions to functions
 
     def compiled(function: Callable[..., Any]) -> Any:
-        try:
-            dispatcher = njit(cache=True, **options)(function)
-            dispatcher._cache.load_overload = _looked_up(dispatcher._cache)
-        except RuntimeError:  # neither the installation nor the user's cache can be written
-            dispatcher = njit(**options)(function)
-        dispatcher.compile = _alone(_vectorizing(dispatcher.compile), dispatcher.stats.cache_path)
+        dispatcher = njit(**options)(function)
+        dispatcher._cache = cache = CompileCache(function)
+        dispatcher.compile = _alone(_vectorizing(dispatcher.compile), cache)
         return dispatcher
 
     return compiled
-
-
-def _looked_up(cache: Any) -> Callable[[Any, Any], Any]:
-    """Look for kept machine code as Numba does, without all that only compiling needs: an eighth of a second."""
-
-    def load(signature: Any, context: Any) -> Any:
-        rtsys.initialize(context)
-        return cache._load_overload(signature, context)
-
-    return load
 
 
 def _vectorizing(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -72,17 +65,17 @@ def _vectorizing(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return compile_vectorizing
 
 
-def _alone(compile_: Callable[[Any], Any], folder: str | None) -> Callable[[Any], Any]:
-    """Let a compiler run in one process at a time; it looks first whether the folder keeps what it is asked for."""
+def _alone(compile_: Callable[[Any], Any], cache: CompileCache) -> Callable[[Any], Any]:
+    """Let a compiler run in one process at a time; it looks first whether the cache keeps what it is asked for."""
 
     def compile_alone(signature: Any) -> Any:
         global _depth
         with _own:
             _depth += 1
             try:
-                if _depth > 1 or folder is None:
+                if _depth > 1 or cache.cache_path is None:
                     return compile_(signature)
-                with _locked(Path(folder)), _uncollected():
+                with _locked(Path(cache.cache_path)), _uncollected():
                     return compile_(signature)
             finally:
                 _depth -= 1

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import os
+import resource
 import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -37,11 +39,19 @@ def module(tmp_path: Path) -> Path:
 
 def told(module: Path, environment: Mapping[str, str] | None = None) -> list[str]:
     """Return what a process that runs the module is told of."""
+    return told_and_warned(module, environment)[0]
+
+
+def told_and_warned(
+    module: Path, environment: Mapping[str, str] | None = None, **options: Any
+) -> tuple[list[str], list[str]]:
+    """Return what a process that runs the module is told of, and what it warns of."""
     own = {name: value for name, value in os.environ.items() if not name.startswith('NUMBA')}
     own['PYTHONPATH'] = os.pathsep.join(filter(None, sys.path))
-    run = subprocess.run([sys.executable, module], env=own | dict(environment or {}), capture_output=True, text=True)
+    environment = own | dict(environment or {})
+    run = subprocess.run([sys.executable, module], env=environment, capture_output=True, text=True, **options)
     assert run.returncode == 0, run.stderr
-    return run.stdout.splitlines()
+    return run.stdout.splitlines(), run.stderr.splitlines()
 
 
 def protect(module: Path) -> None:
@@ -75,6 +85,101 @@ def test_where_nothing_can_be_written_every_run_compiles(module: Path) -> None:
     protect(module)
     nowhere = {'XDG_CACHE_HOME': str(module / 'below a file'), 'NUMBA_CACHE_DIR': str(module / 'too')}
     assert [told(module, nowhere) for _ in range(2)] == [['None']] * 2
+
+
+def test_damaged_code_is_compiled_anew_with_one_warning(module: Path) -> None:
+    (folder,) = told(module)
+    first, second = Path(folder).glob('*.nbc')
+    first.write_bytes(b'')
+    second.write_bytes(second.read_bytes()[:5000])
+    compiled, warnings = told_and_warned(module)
+    assert compiled == [folder]
+    assert [f'The cache {folder} is damaged' in line for line in warnings] == [True]
+    assert told_and_warned(module) == ([], [])
+
+
+def test_code_of_another_function_and_what_a_killed_program_left_are_not_used(module: Path) -> None:
+    (folder,) = told(module)
+    first, second = Path(folder).glob('*.nbc')
+    second.write_bytes(first.read_bytes())
+    first.with_name(f'{first.name}.0123.tmp').write_bytes(b'half')
+    assert told_and_warned(module) == ([folder], [])
+    assert told_and_warned(module) == ([], [])
+
+
+def test_on_a_full_disk_code_stays_in_memory_with_one_warning(module: Path) -> None:
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+    cache = module.parent / '__pycache__'
+    for _ in range(2):
+        compiled, warnings = told_and_warned(module, preexec_fn=limit)
+        assert compiled == [str(cache)]
+        assert [line.startswith(f'Machine code cannot be kept: {cache}: File too large') for line in warnings] == [True]
+    assert [file.name for file in cache.iterdir()] == ['compiling.lock']
+    assert told(module) == [str(cache)]
+    assert told(module) == []
+
+
+LOST = """
+import os, shutil
+from numba.extending import overload
+from cfd_pneumatic.compiling import compiler
+
+def slow(number):
+    return number
+
+@overload(slow)
+def _(number):  # while it is compiled
+    folder = os.path.join(os.path.dirname(__file__), '__pycache__')
+    shutil.rmtree(folder)
+    open(folder, 'w').close()
+    return lambda number: 2 * number
+
+@compiler()
+def outer(number):
+    return slow(number)
+
+assert outer(3) == 6
+"""
+
+
+def test_a_folder_that_is_lost_while_code_is_compiled_costs_one_warning(module: Path) -> None:
+    module.write_text(LOST)
+    _, warnings = told_and_warned(module)
+    assert [line.startswith('Machine code cannot be kept') for line in warnings] == [True]
+
+
+def test_where_nothing_can_be_written_there_is_one_warning(module: Path) -> None:
+    protect(module)
+    _, warnings = told_and_warned(module, {'XDG_CACHE_HOME': str(module / 'below a file')})
+    assert [line.startswith('Machine code cannot be kept: no folder can be written') for line in warnings] == [True]
+
+
+def test_a_cache_to_which_others_can_write_is_not_used_with_one_warning(module: Path, tmp_path: Path) -> None:
+    cache = tmp_path / 'cache'
+    (folder,) = told(module, {'NUMBA_CACHE_DIR': str(cache)})
+    assert Path(folder).parent == cache
+    cache.chmod(0o777)
+    compiled, warnings = told_and_warned(module, {'NUMBA_CACHE_DIR': str(cache)})
+    assert compiled == [str(module.parent / '__pycache__')]
+    assert [line.startswith(f'The cache {folder} is not used') for line in warnings] == [True]
+
+
+def test_a_cache_beside_the_code_is_left_for_the_user_s_if_others_can_write_to_it(module: Path, tmp_path: Path) -> None:
+    (folder,) = told(module)
+    Path(folder).chmod(0o777)
+    cache = {'XDG_CACHE_HOME': str(tmp_path / 'cache')}
+    compiled, warnings = told_and_warned(module, cache)
+    assert tmp_path / 'cache' in Path(compiled[0]).parents
+    assert [line.startswith(f'The cache {folder} is not used') for line in warnings] == [True]
+    compiled, warnings = told_and_warned(module, cache)
+    assert (compiled, len(warnings)) == ([], 1)
+
+
+def test_settings_of_numba_s_in_the_working_folder_name_no_cache(module: Path, tmp_path: Path) -> None:
+    (tmp_path / '.numba_config.yaml').write_text(f'cache_dir: {tmp_path / "hostile"}\ndisable_jit: 1\n')
+    assert told_and_warned(module, cwd=tmp_path) == ([str(module.parent / '__pycache__')], [])
 
 
 LONG = """
