@@ -49,6 +49,7 @@ def _begin(module: str) -> int:
     if reason := _obstacle():
         print(f'{name}: error: {reason}', file=sys.stderr)
         return BAD_INPUT
+    _leave_relative_entries()
     is_node = module.startswith(_NODES)
     signal.signal(signal.SIGINT, lambda *_: os._exit(0 if is_node else INTERRUPTED))
     if is_node:
@@ -90,6 +91,27 @@ def _obstacle() -> str:
     if os.environ.get('NUMBA_DISABLE_JIT', '0') != '0':
         return 'NUMBA_DISABLE_JIT is set, and the model runs compiled only: unset it'
     return ''
+
+
+def absolute_python_path() -> str:
+    """
+    Return the entries of PYTHONPATH that are absolute, as those of ROS 2 are.
+
+    Others name another folder wherever a program is started. An empty one, as in `PYTHONPATH=:/opt/ros`, is the working
+    folder, in which a file named `numpy.py` would be run.
+    """
+    return os.pathsep.join(filter(os.path.isabs, os.environ.get('PYTHONPATH', '').split(os.pathsep)))
+
+
+def _leave_relative_entries() -> None:
+    """Import nothing more from folders that only relative entries of PYTHONPATH name; nor do later children."""
+    given, absolute = os.environ.get('PYTHONPATH', ''), absolute_python_path()
+    if given == absolute:
+        return
+    relative = {os.path.abspath(entry) for entry in given.split(os.pathsep) if not os.path.isabs(entry)}
+    kept = {*absolute.split(os.pathsep), str(Path(__file__).parents[1])}
+    sys.path[:] = [folder for folder in sys.path if folder not in relative - kept]
+    os.environ['PYTHONPATH'] = absolute
 
 
 def _imported(module: str) -> ModuleType:

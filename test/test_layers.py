@@ -125,6 +125,11 @@ def test_yaml_comes_in_by_one_door():
     assert users == {'yaml_files.py'}
 
 
+def test_processes_are_started_by_one_door():
+    starting = re.compile(r'sys\.executable|\bPopen\(|subprocess\.run|os\.(exec|spawn|popen|system|fork)')
+    assert {path.name for path in MODULES if starting.search(path.read_text(encoding='utf-8'))} == {'children.py'}
+
+
 @pytest.mark.parametrize('path', in_layer('model'), ids=lambda path: path.name)
 def test_the_model_is_numpy_and_numba_without_input_or_output(path):
     assert outside(path) & INPUT_OUTPUT == set()

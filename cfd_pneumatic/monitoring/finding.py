@@ -69,11 +69,14 @@ class Finding:
         By `cylinder_a`, `cylinder_b`, `contact_force`.
     failure
         Why there is nothing, or None.
+    ended_early
+        Whether the failure is of the process and not of the recording: the diagnosis is worth repeating.
 
     """
 
     found: Mapping[str, Diagnosis]
     failure: str | None = None
+    ended_early: bool = False
 
 
 def diagnose(recording: Recording, options: Options) -> Finding:

@@ -188,6 +188,7 @@ class Watch:
         self._breaks = 0
         self._pending: _Asked | None = None
         self._reference: Finding | None = None
+        self._reference_tried = 0  # stamp up to which the last try looked [ns]
 
     def _make_lines(self) -> dict[str, _Line]:
         settings = self.settings
@@ -375,6 +376,7 @@ class Watch:
         self._window.clear()
         self._setpoints = None
         self._piston_sensor.restart()
+        self._reference_tried = 0
         self.alarms.clear()
         self._breaks += 1
         for line in self._lines.values():
@@ -444,7 +446,7 @@ class Watch:
         due = [alarm.since for alarm in self.alarms.values() if self._is_due(alarm)]
         if due:
             self._close_loop(min(due), reference=False)
-        elif self._reference is None and not self.alarms:
+        elif self._reference is None and not self.alarms and self._is_long_enough(self._reference_tried, self.stamp):
             self._close_loop(0, reference=True)
 
     def _is_due(self, alarm: Alarm) -> bool:
@@ -469,7 +471,8 @@ class Watch:
         asked, self._pending = self._pending, None
         finding = asked.answer.result()
         if asked.reference:
-            self._reference = finding
+            self._reference = None if finding.ended_early else finding
+            self._reference_tried = asked.end
         elif asked.breaks == self._breaks:
             before = {} if self._reference is None else self._reference.found
             for name, alarm in self.alarms.items():

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import signal
 import subprocess
 import sys
@@ -31,6 +30,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
+from cfd_pneumatic.children import start_python
 from cfd_pneumatic.commands.identify_bag import PROGRESS_KEY
 from cfd_pneumatic.device import DESCRIPTORS, NO_NAMES, Device, Value
 from cfd_pneumatic.errors import InputError, without_quotations
@@ -68,14 +68,15 @@ class FitProcess:
         self.share = 0.0
         self._errors: deque[str] = deque(maxlen=_KEPT_LINES)
         self._kill_at = math.inf
-        # a group of its own: an interrupt at the terminal reaches the node, which then ends the fit
-        self._process = subprocess.Popen(
-            [sys.executable, '-m', 'cfd_pneumatic.commands.identify_bag', '--progress=lines', *arguments],
+        # an interrupt at the terminal reaches the node, which then ends the fit
+        self._process = start_python(
+            'from cfd_pneumatic.start import identify_bag; sys.exit(identify_bag())',
+            '--progress=lines',
+            *arguments,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env=os.environ | {'PYTHONUNBUFFERED': '1'},
-            start_new_session=True,
+            env={'PYTHONUNBUFFERED': '1'},
         )
         readers = (self._read_progress, self._read_errors)
         self._readers = [threading.Thread(target=read, daemon=True) for read in readers]

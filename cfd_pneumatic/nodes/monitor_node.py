@@ -28,6 +28,7 @@ from cfd_pneumatic.nodes.samples import force_reader, pressure_reader
 
 _LOOK_PERIOD = 0.1  # how often diagnoses and silence are looked after [s]
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
+_REPEAT = 60.0  # between two log messages about the process for diagnoses [s]
 _DAY = 86_400.0  # [s]
 _LARGEST = 1e12  # no pressure is [Pa], no force [N]; beyond, the charts would leave floating point's range
 _SHOWN = {
@@ -199,6 +200,20 @@ class MonitorNode(ModelNode):
                 values[f'tolerance of the mean [{unit}]'] = f'{channel.baseline.mean.tolerance:.4g}'
                 values['largest sum over its threshold [-]'] = f'{channel.nearness:.3f}'
             self._say(name, self._verdict_on(name), values)
+
+        self._worker.look_after()
+        self._say('diagnosis', self._verdict_on_worker(), {'process started again': str(self._worker.restarts)})
+
+    def _verdict_on_worker(self) -> tuple[bytes, str]:
+        """Return level and words on the process for diagnoses."""
+        fault = self._worker.fault
+        if fault is None:
+            return DiagnosticStatus.OK, 'ready'
+        if self._worker.is_running:
+            self.get_logger().warning(fault, throttle_duration_sec=_REPEAT)
+            return DiagnosticStatus.WARN, fault
+        self.get_logger().error(f'alarms are not diagnosed: {fault}', throttle_duration_sec=_REPEAT)
+        return DiagnosticStatus.ERROR, f'alarms are not diagnosed: {fault}'
 
     def _verdict_on_feed(self) -> tuple[bytes, str]:
         """Return level and words on the topics."""

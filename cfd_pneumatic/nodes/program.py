@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import signal
@@ -86,6 +87,7 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     ending = _Ending()
     try:
         _start(args)
+        logging.getLogger('cfd_pneumatic').addHandler(_RosLog(name))
         node = _made(make_node)
         warn_of_undeclared(node)
         ending.made.set()
@@ -102,6 +104,17 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
         rclpy.try_shutdown()
         ending.over()
     return 0
+
+
+class _RosLog(logging.Handler):
+    """Has ROS log what the package warns of, such as a compile cache that is not used."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(logging.WARNING)
+        self._logger = get_logger(name)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._logger.warning(record.getMessage())
 
 
 def _made(make_node: Callable[[], Node]) -> Node:

@@ -10,11 +10,14 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import dask
 from distributed import Client, Future, KilledWorker, LocalCluster
 
+from cfd_pneumatic.children import guard_multiprocessing
+from cfd_pneumatic.code_files import WARNED_FOLDER
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.plant.certificate import security_of
 
@@ -22,9 +25,6 @@ Work = TypeVar('Work')
 Result = TypeVar('Result')
 
 _ONE_THREAD = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'), 1)
-
-_LEAN = {'distributed.nanny.pre-spawn-environ': _ONE_THREAD, 'distributed.worker.profile.enabled': False}
-"""Settings of Dask; by default it has memory given back after each array, which takes a fifth of a worker's time."""
 
 _LASTING = {'distributed.deploy.lost-worker-timeout': '1h'}
 """So long a worker may take to begin anew; by default it is given up after 15 s, which a busy machine needs."""
@@ -39,17 +39,30 @@ _LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
 def local_cluster(workers: int) -> Iterator[Client]:
     """Yield a client of a cluster of our own: processes with one thread each, replaced where they die."""
     _silence()
-    # A terminal sends interrupts to the workers, too, which would complain of them.
-    with dask.config.set(_LEAN), _without_interrupts():
-        cluster = LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address='127.0.0.1:0',  # any free port: another cluster on this computer may have the usual one
-            silence_logs=logging.CRITICAL,
-        )
-    with dask.config.set(_LASTING), cluster, Client(cluster) as client:
-        yield client
+    guard_multiprocessing()
+    with TemporaryDirectory(prefix='cfd_pneumatic-', ignore_cleanup_errors=True) as scratch:
+        # A terminal sends interrupts to the workers, too, which would complain of them.
+        with dask.config.set(_settings(scratch)), _without_interrupts():
+            cluster = LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address='127.0.0.1:0',  # any free port: another cluster here may have the usual one
+                silence_logs=logging.CRITICAL,
+            )
+        with dask.config.set(_LASTING), cluster, Client(cluster) as client:
+            yield client
+
+
+def _settings(scratch: str) -> dict[str, object]:
+    """Return settings of Dask for workers that use a scratch folder."""
+    return {
+        # by default memory is given back after each array, which takes a fifth of a worker's time
+        'distributed.nanny.pre-spawn-environ': {**_ONE_THREAD, WARNED_FOLDER: scratch},
+        'distributed.worker.profile.enabled': False,
+        # workers import what is in this folder; the default is one that another user may have made
+        'temporary-directory': scratch,
+    }
 
 
 def _silence() -> None:

@@ -168,6 +168,16 @@ def test_where_the_loop_knows_nothing_the_words_say_so() -> None:
     )
 
 
+def test_the_healthy_device_is_diagnosed_again_later_if_the_process_was_ended() -> None:
+    ends = iter([True, False, False])
+    patrol = Patrol(lambda recording: Finding({}, ended_early=next(ends))).go_on(LEARNED)
+    assert len(patrol.asked) == 1
+    patrol.go_on(10.0)
+    assert len(patrol.asked) == 2
+    patrol.go_on(10.0)
+    assert len(patrol.asked) == 2
+
+
 def test_a_displacement_that_rests_and_one_that_is_stuck_are_told_apart_also_after_rests() -> None:
     patrol = Patrol()
     held: list[Sample] = []

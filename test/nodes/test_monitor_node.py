@@ -245,6 +245,31 @@ def monitors(graph: Graph) -> Iterator[dict[str, Monitor]]:
             one.process.reap()
 
 
+def test_a_killed_process_for_diagnoses_is_started_again_and_is_an_error_if_it_is_killed_once_more(
+    graph: Graph, monitors: dict[str, Monitor]
+) -> None:
+    process, monitor, _, _ = monitors['lossless']
+
+    def status(words: str) -> DiagnosticStatus:
+        return graph.next_diagnostics(monitor, lambda one: one.name.endswith('diagnosis') and words in one.message)
+
+    def killed() -> DiagnosticStatus:
+        for pid in children(process.pid):
+            os.kill(pid, signal.SIGKILL)
+        return status('was ended by signal 9 (Killed)')
+
+    assert status('ready').level == DiagnosticStatus.OK
+    again = killed()
+    assert (again.level, again.values[0].value) == (DiagnosticStatus.WARN, '1')
+    failed = killed()
+    while failed.level == DiagnosticStatus.WARN:  # it was sent before
+        failed = status('')
+    assert failed.level == DiagnosticStatus.ERROR
+    assert failed.message.startswith('alarms are not diagnosed: the diagnosis process ')
+    assert '[WARN]' in process.stderr
+    assert '[ERROR]' in process.stderr
+
+
 @pytest.mark.slow
 def test_faults_of_the_feed_are_named_and_the_watch_goes_on(graph: Graph, monitors: dict[str, Monitor]) -> None:
     process, monitor, _, driver = monitors['lossless']
@@ -312,6 +337,9 @@ def test_what_has_gone_wrong_since_the_last_report_is_a_warning(graph: Graph, mo
 def test_the_process_for_diagnoses_ends_with_a_node_that_is_killed(graph: Graph, monitors: dict[str, Monitor]) -> None:
     process = monitors['lossy'].process
     graph.until(lambda: 'ready for piston_state' in process.stderr)
+    for pid in children(process.pid):
+        os.kill(pid, signal.SIGKILL)
+    graph.next_diagnostics(monitors['lossy'].name, lambda one: 'was started again' in one.message)
     workers = children(process.pid)
     assert workers
     assert 'Traceback' not in process.stderr, process.stderr

@@ -6,6 +6,8 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import dask
@@ -70,6 +72,37 @@ def test_an_error_is_the_result_of_its_job_alone(client):
 
 def test_a_worker_uses_one_thread(client):
     assert dict(results(client, limit, [1])) == {1: '1'}
+
+
+IN_A_FOLDER = """
+import os, sys
+from cfd_pneumatic.plant import local_cluster
+from cfd_pneumatic.plant.cluster import results
+
+if __name__ == '__main__':
+    with local_cluster(1) as client:
+        print(dict(results(client, str, [1])))
+        print(*{path for paths in client.run(eval, 'sys.path', {'sys': sys}).values() for path in paths}, sep='\\n')
+"""
+
+
+def test_workers_import_nothing_from_the_working_folder_or_from_one_that_others_may_have_made(tmp_path):
+    program = tmp_path / 'program.py'
+    program.write_text(IN_A_FOLDER)
+    working, shared = tmp_path / 'working', tmp_path / 'shared'
+    for folder in (working, shared / 'dask-scratch-space'):
+        folder.mkdir(parents=True)
+        for name in {*sys.stdlib_module_names, 'numpy', 'dask', 'distributed', 'tornado', 'sitecustomize'}:
+            (folder / f'{name}.py').write_text(f'open({str(tmp_path / "seen")!r}, "a").write("{name} ")\n')
+    environment = os.environ | {'TMPDIR': str(shared), 'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
+    run = subprocess.run(
+        [sys.executable, program], cwd=working, env=environment, capture_output=True, text=True, check=True
+    )
+    result, *paths = run.stdout.splitlines()
+    assert result == "{1: '1'}"
+    assert not {str(working), str(shared / 'dask-scratch-space')} & set(paths)
+    assert not (tmp_path / 'seen').exists()
+    assert os.listdir(shared) == ['dask-scratch-space'], 'nothing is left'
 
 
 def test_workers_leave_interrupts_to_the_program(client, tmp_path):
