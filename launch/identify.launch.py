@@ -16,7 +16,7 @@ def generate_launch_description():
         name: ParameterValue(LaunchConfiguration(name), value_type=str)
         for name in ('output_folder', 'output_dir', 'mapping', 'apply_to')
     }
-    switches = {name: LaunchConfiguration(name) for name in ('close_loop', 'per_setpoint')}
+    switches = {name: LaunchConfiguration(name) for name in ('close_loop', 'per_setpoint', 'overwrite')}
     return LaunchDescription(
         [
             *common_arguments(),
@@ -48,6 +48,9 @@ def generate_launch_description():
                 'close_loop', description='true: name the physical effects that the model lacks, and add them', **switch
             ),
             DeclareLaunchArgument('per_setpoint', description='true: fit a table of operating points', **switch),
+            DeclareLaunchArgument(
+                'overwrite', description='true: replace files in output_dir that identify_bag did not write', **switch
+            ),
             DeclareLaunchArgument(
                 'apply_to',
                 default_value=[CELL, '/sim/sim_node'],

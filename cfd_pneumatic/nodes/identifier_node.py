@@ -54,6 +54,7 @@ _SERVICE_WAIT = 5.0  # how long a target of `apply_to` may take to appear or ans
 _KEPT_LINES, _LONGEST_LINE = 20, 4_000  # of what a fit writes on standard error
 _TRANSFER = {GetParameters: 'get_parameters', SetParametersAtomically: 'set_parameters_atomically'}
 """The services of the target of `apply_to`, and their names."""
+_SWITCHES = ('per_setpoint', 'close_loop', 'overwrite')  # parameters that are options of `identify_bag`, too
 _BUSY = 'refused: an identification is running; ~/cancel ends it'
 CANCELLED = 'cancelled: earlier outputs are untouched'
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -207,6 +208,9 @@ class IdentifierNode(BoundedNode):
                 read_only=True,
             ),
         )
+        declare(
+            'overwrite', False, switch('replace files in output_dir that this program did not write', read_only=True)
+        )
         declare('bags', [''], texts('paths of the bags to identify jointly, below input_folders'))
         declare(
             'output_dir',
@@ -291,7 +295,7 @@ class IdentifierNode(BoundedNode):
         given = ('mapping', 'namespace', 'area', 'geometric_factor')
         arguments += [f'--{name.replace("_", "-")}={self._value(name)}' for name in given if self._value(name)]
         arguments += [f'--tolerance={one}' for one in self._value('tolerance').split(',') if one]
-        arguments += [f'--{name.replace("_", "-")}' for name in ('per_setpoint', 'close_loop') if self._value(name)]
+        arguments += [f'--{name.replace("_", "-")}' for name in _SWITCHES if self._value(name)]
         return Job([*arguments, '--', *bags], Path(output), target)
 
     def _check_paths(self, bags: Sequence[str], mapping: str, output: str) -> None:

@@ -296,6 +296,22 @@ def test_a_node_started_in_the_home_folder_says_what_it_needs(graph: Graph) -> N
         assert "parameter 'input_folders' is not given" in graph.trigger(f'{name}/identifier_node/identify').message
 
 
+def test_a_file_of_somebody_else_is_replaced_if_the_node_was_started_to_do_so(
+    graph: Graph, node: Identifier, bag: Path, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    page = tmp_path / 'parameters.yaml'
+    page.write_text('mine')
+    node.set(bags=[str(bag)], output_dir=str(tmp_path))
+    node.identify()
+    assert 'parameters.yaml' in node.status('identify_bag: error: ').message
+    assert page.read_text() == 'mine'
+    with identifier(graph, tmp_path_factory.getbasetemp(), overwrite=True) as other:
+        other.set(bags=[str(bag)], output_dir=str(tmp_path))
+        other.identify()
+        other.status('done.')
+    assert page.read_text() != 'mine'
+
+
 def test_cancel_ends_the_fit_at_once_and_leaves_earlier_outputs(
     graph: Graph, node: Identifier, bag: Path, tmp_path: Path
 ) -> None:
