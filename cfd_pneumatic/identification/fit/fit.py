@@ -89,6 +89,11 @@ def fit(channel: Channel, experiments: Sequence[Experiment], initial: Model | No
 
     """
     alike = Likelihood.alike(channel, experiments)
+    if not alike.samples:
+        raise InputError(
+            f'no sample of the {channel.quantity.name} is left to fit: the first moments of a recording that begins '
+            'while the piston moves are not used; begin at rest, or record longer'
+        )
     starts = channel.starts(experiments) if initial is None else [initial]
     start = starts[0]
     if len(starts) > 1 or alike.excerpt(_EXCERPT) is not alike:
