@@ -14,6 +14,7 @@ import errno
 import fcntl
 import hashlib
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterator
@@ -25,6 +26,9 @@ from cfd_pneumatic.errors import InputError
 _AT_FDCWD = -100
 _EXCHANGE = 2  # of renameat2: both paths stay there, with each other's content
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_ASIDE = re.compile(r'\.(.+)~[a-z0-9_]{8}', re.DOTALL)
+"""Names of folders aside, as `tempfile` completes them: nobody's own folder shall be taken for one."""
+
 _BLOCK = 4096  # bytes that are written to find out whether the disk has room
 
 
@@ -287,7 +291,7 @@ def take_away_left(folder: Path, names: Collection[str], own: str = '') -> bool:
         if left.name == own or _successor(left.name) not in names:
             continue
         with suppress(OSError):
-            lock = os.open(left, os.O_RDONLY | os.O_NOFOLLOW)
+            lock = os.open(left, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
                 if _locked(lock):
                     shutil.rmtree(left)
@@ -306,8 +310,9 @@ def _entries(folder: Path) -> list[Path]:
 
 
 def _successor(aside: str) -> str | None:
-    """Return the name of what is made in a folder aside, by its name."""
-    return aside[1:].rpartition('~')[0] if aside.startswith('.') else None
+    """Return the name of what is made in a folder aside, by its name; None if no folder aside is called so."""
+    found = _ASIDE.fullmatch(aside)
+    return None if found is None else found[1]
 
 
 def _name_of(path: Path) -> str:

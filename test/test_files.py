@@ -180,10 +180,20 @@ def test_what_somebody_is_making_stays(tmp_path, holder):
 
 
 def test_names_with_wildcards_take_away_their_own_only(tmp_path):
-    (tmp_path / '.ab~left').mkdir()
+    (tmp_path / '.ab~left0000').mkdir()
     write_text(tmp_path / '[a-z]b', 'x')
     write_text(tmp_path / '*', 'x')
-    assert '.ab~left' in names(tmp_path)
+    assert '.ab~left0000' in names(tmp_path)
+
+
+@pytest.mark.parametrize('name', ['.made~', '.made~old', '.made~2026-11-28', '.other~12345678'])
+def test_a_folder_that_is_called_otherwise_is_not_taken_for_one_that_was_left(tmp_path, name):
+    (tmp_path / name).mkdir()
+    (tmp_path / name / 'mine').touch()
+    os.mkfifo(tmp_path / '.made~12345678')
+    write_text(tmp_path / 'made', 'new')
+    assert set(names(tmp_path)) == {name, '.made~12345678', 'made'}
+    assert names(tmp_path / name) == ['mine']
 
 
 def test_two_runs_into_one_folder_are_one_too_many(tmp_path):

@@ -85,7 +85,7 @@ def test_bags_that_fail_are_rows_the_others_finish_and_what_is_mended_is_done_ag
     write_shift(torn, step(0), 0)
     old = {path: path.stat().st_ino for path in output.rglob('shift_*/row.json')}
     assert len(old) == 2
-    (output / 'cell_1' / '.shift_1~left' / 'shift_1').mkdir(parents=True)  # by a worker that died when it was done
+    (output / 'cell_1' / '.shift_1~left0000' / 'shift_1').mkdir(parents=True)  # by a worker that died when it was done
     (output / 'cell_1' / '.mine~').touch()
     said, found = rows()
     assert said.startswith('8 bags of 4 devices, 4 failed; ')

@@ -110,12 +110,12 @@ def test_whatever_lies_in_the_place_of_a_row_it_is_done_again(bag, tmp_path, lef
 
 def test_new_results_replace_earlier_ones_and_what_a_dead_worker_left(bag, tmp_path):
     folder = tmp_path / 'out' / 'shift'
-    (folder.parent / '.shift~dead').mkdir(parents=True)
-    (folder.parent / '.shift.2~alive').mkdir()
+    (folder.parent / '.shift~dead0000').mkdir(parents=True)
+    (folder.parent / '.shift.2~alive000').mkdir()
     do(job_on(bag, folder, Settings(Options(close_loop=True))))
     assert (folder / 'compare.mcap').exists()
     do(job_on(bag, folder))
-    assert sorted(path.name for path in folder.parent.iterdir()) == ['.shift.2~alive', 'shift']
+    assert sorted(path.name for path in folder.parent.iterdir()) == ['.shift.2~alive000', 'shift']
     assert sorted(path.name for path in folder.iterdir()) == ['parameters.yaml', 'report.json', ROW_FILE]
 
 
