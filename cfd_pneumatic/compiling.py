@@ -100,7 +100,7 @@ def _locked(folder: Path) -> Iterator[None]:
     """Keep other processes from compiling into a folder; where it can't be locked each is on its own."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = (folder / _LOCK_FILE).open('w')
+        file = open(folder / _LOCK_FILE, 'wb', opener=_open_lock)  # noqa: SIM115  # closed below
     except OSError:
         yield
         return
@@ -108,6 +108,11 @@ def _locked(folder: Path) -> Iterator[None]:
         with suppress(OSError):  # of a file system without locks
             _lock(file.fileno())
         yield
+
+
+def _open_lock(path: str, _: int) -> int:
+    """Open a file that is locked and not written; a link or a named pipe in its place is not followed or waited for."""
+    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644)
 
 
 def _lock(file: int) -> None:

@@ -34,6 +34,9 @@ PREVIEW = 'preview/'
 AMBIENT_PRESSURE = 101_325.0
 """Default ambient pressure, absolute [Pa]."""
 
+AMBIENT_PRESSURES = (1e4, 2e5)
+"""The lowest and the highest ambient pressure that is believed, absolute [Pa]."""
+
 SUPPLY_PRESSURE = 517_106.8
 """Default supply pressure, gauge: 75 psi, as the paper has it [Pa]. A set-point above it is refused."""
 

@@ -88,6 +88,8 @@ def _obstacle() -> str:
         os.getcwd()
     except FileNotFoundError:
         return 'the folder in which it was started is gone: change to another'
+    if os.path.lexists('.numba_config.yaml'):
+        return 'the folder in which it was started holds .numba_config.yaml, which Numba would obey: change to another'
     if os.environ.get('NUMBA_DISABLE_JIT', '0') != '0':
         return 'NUMBA_DISABLE_JIT is set, and the model runs compiled only: unset it'
     return ''

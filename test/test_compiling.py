@@ -37,9 +37,9 @@ def module(tmp_path: Path) -> Path:
     return file
 
 
-def told(module: Path, environment: Mapping[str, str] | None = None) -> list[str]:
+def told(module: Path, environment: Mapping[str, str] | None = None, **options: Any) -> list[str]:
     """Return what a process that runs the module is told of."""
-    return told_and_warned(module, environment)[0]
+    return told_and_warned(module, environment, **options)[0]
 
 
 def told_and_warned(
@@ -175,6 +175,20 @@ def test_a_cache_beside_the_code_is_left_for_the_user_s_if_others_can_write_to_i
     assert [line.startswith(f'The cache {folder} is not used') for line in warnings] == [True]
     compiled, warnings = told_and_warned(module, cache)
     assert (compiled, len(warnings)) == ([], 1)
+
+
+@pytest.mark.parametrize('place', ['link', 'pipe'])
+def test_the_lock_of_the_compiler_neither_empties_a_file_nor_waits_for_a_writer(
+    module: Path, tmp_path: Path, place: str
+) -> None:
+    (folder,) = told(module)
+    precious, lock = tmp_path / 'precious', Path(folder) / 'compiling.lock'
+    precious.write_text('precious')
+    for file in Path(folder).iterdir():
+        file.unlink()
+    lock.symlink_to(precious) if place == 'link' else os.mkfifo(lock)
+    assert told(module, timeout=100.0) == [folder]
+    assert precious.read_text() == 'precious'
 
 
 def test_settings_of_numba_s_in_the_working_folder_name_no_cache(module: Path, tmp_path: Path) -> None:

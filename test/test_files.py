@@ -224,9 +224,10 @@ def test_parameters_and_the_report_of_another_run_are_refused(tmp_path, other):
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which('strace') is None, reason='strace is not to be had here')
-def test_killed_anywhere_or_without_room_a_program_leaves_the_old_or_the_new(tmp_path):
+@pytest.mark.parametrize('where', ['over a bag', 'in a folder that cannot be exchanged'])
+def test_killed_anywhere_or_without_room_a_program_leaves_the_old_or_the_new(tmp_path, where):
     """`make crash` tries all."""
-    (scenario,) = (one for one in SCENARIOS if one.name == 'csv_to_bag --force over a bag')
+    (scenario,) = (one for one in SCENARIOS if one.name == f'csv_to_bag --overwrite {where}')
     scenario.prepare(tmp_path)
     calls = random.Random(17).sample(calls_of(scenario, tmp_path), 3)
     outcome = tried(scenario, calls, sizes=[1000])

@@ -264,7 +264,12 @@ def test_where_nothing_can_run_is_one_line(tmp_path, name):
     command = [sys.executable, '-c', f'import sys; from cfd_pneumatic.start import {name}; sys.exit({name}())']
     gone = ['sh', '-c', 'mkdir gone && cd gone && rmdir ../gone && exec "$@"', 'sh', *command]
     environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
-    for given, more, word in ((gone, {}, 'is gone'), (command, {'NUMBA_DISABLE_JIT': '1'}, 'NUMBA_DISABLE_JIT is set')):
+    trap = ['sh', '-c', 'echo "S: [x" > .numba_config.yaml && exec "$@"', 'sh', *command]
+    for given, more, word in (
+        (gone, {}, 'is gone'),
+        (command, {'NUMBA_DISABLE_JIT': '1'}, 'NUMBA_DISABLE_JIT is set'),
+        (trap, {}, 'holds .numba_config.yaml'),
+    ):
         ran = subprocess.run(given, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment | more)
         assert (ran.returncode, ran.stderr.count('\n')) == (2, 1)
         assert word in ran.stderr

@@ -67,7 +67,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--namespace', default='/cfd/device', help='namespace of the topics (default: %(default)s)')
     parser.add_argument(
         '--ambient-pressure',
-        type=float,
+        type=program.ambient_pressure,
         default=AMBIENT_PRESSURE,
         metavar='PA',
         help='absolute pressure that gauge pressures are counted from [Pa] (default: %(default)s)',

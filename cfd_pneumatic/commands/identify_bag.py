@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -13,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cfd_pneumatic.commands.program import add_overwriting, parser_of, run
+from cfd_pneumatic.commands.program import add_overwriting, ambient_pressure, number, parser_of, run
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 
 PROGRESS_KEY = 'progress'
 """With `--progress lines` each line on standard output is JSON: {"progress": share, "what": text}."""
+
+_MOST_JOBS = 256
+"""Processes on one computer, each of which takes some 200 MB."""
 
 _LONG = 3600.0
 """Over which the time left is estimated [s]: a bag may take minutes."""
@@ -103,21 +107,21 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         '--ambient-pressure',
-        type=float,
+        type=ambient_pressure,
         default=AMBIENT_PRESSURE,
         metavar='PA',
         help='absolute ambient pressure [Pa] (default: %(default)s)',
     )
     parser.add_argument(
         '--area',
-        type=float,
+        type=number,
         metavar='M2',
         help='area of either piston [m^2]: it is held where a measured force at one set-point does not tell it '
         '(default: what makes that force)',
     )
     parser.add_argument(
         '--geometric-factor',
-        type=float,
+        type=number,
         metavar='RATIO',
         help='contact force over piston force [-], from the linkage (default: it counts as a part of the area)',
     )
@@ -155,13 +159,15 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def _fractions(text: str) -> tuple[float, float, float]:
+    from cfd_pneumatic.identification.data.split import SMALLEST_FRACTION
+
     try:
-        train, validation, test = (float(part) for part in text.split('/'))
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f'{text!r} is not three numbers such as 60/20/20') from error
+        train, validation, test = map(number, text.split('/'))
+    except (ValueError, argparse.ArgumentTypeError) as error:
+        raise argparse.ArgumentTypeError('give three numbers such as 60/20/20') from error
     total = train + validation + test
-    if min(train, validation, test) <= 0.0:
-        raise argparse.ArgumentTypeError(f'{text!r}: each part must be more than nothing')
+    if not SMALLEST_FRACTION * total <= min(train, validation, test) or not 0.0 < total < math.inf:
+        raise argparse.ArgumentTypeError(f'each part must be {100 * SMALLEST_FRACTION:g} % of the whole or more')
     return train / total, validation / total, test / total
 
 
@@ -276,8 +282,8 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
     if arguments.jobs is not None and arguments.scheduler is not None:
         raise InputError('--jobs and --scheduler: a cluster has as many workers as it has; leave out --jobs')
     jobs = len(os.sched_getaffinity(0)) if arguments.jobs is None else arguments.jobs
-    if jobs < 1:
-        raise InputError(f'--jobs {jobs}: give a number from 1 on')
+    if not 1 <= jobs <= _MOST_JOBS:
+        raise InputError(f'--jobs {jobs}: give a number from 1 to {_MOST_JOBS}')
     bags = plant.find_bags(arguments.bags, arguments.output, tables=mapping is not None and mapping.table is not None)
     check_folder(arguments.output)
     make_folder(arguments.output)

@@ -74,14 +74,22 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--namespace', help='namespace of the device where the bag holds several, e.g. /cfd/device')
     parser.add_argument('--output', type=Path, metavar='DIR', help='folder for leak.json and leak.svg')
     parser.add_argument(
-        '--begin', type=float, default=0.0, metavar='S', help='time at which the valve is shut [s] (default: 0)'
+        '--begin',
+        type=program.number,
+        default=0.0,
+        metavar='S',
+        help='time at which the valve is shut [s] (default: 0)',
     )
     parser.add_argument(
-        '--end', type=float, default=float('inf'), metavar='S', help='time at which it opens [s] (default: never)'
+        '--end',
+        type=program.number,
+        default=float('inf'),
+        metavar='S',
+        help='time at which it opens [s] (default: never)',
     )
     parser.add_argument(
         '--ambient-pressure',
-        type=float,
+        type=program.ambient_pressure,
         default=AMBIENT_PRESSURE,
         metavar='PA',
         help='what gauge pressures are above, absolute [Pa] (default: %(default)s)',

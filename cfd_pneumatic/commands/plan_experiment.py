@@ -95,30 +95,38 @@ def make_parser() -> argparse.ArgumentParser:
     cell = parser.add_argument_group('limits of the cell')
     cell.add_argument(
         '--stroke',
-        type=float,
+        type=program.number,
         metavar='M',
         help='the piston stays between 0 and this [m]; may be negative '
         f'(default: {limits.stroke:g}, or as far as it went in the report)',
     )
     cell.add_argument(
-        '--speed', type=float, default=limits.speed, metavar='M/S', help='largest speed [m/s] (default: %(default)s)'
+        '--speed',
+        type=program.number,
+        default=limits.speed,
+        metavar='M/S',
+        help='largest speed [m/s] (default: %(default)s)',
     )
     cell.add_argument(
         '--acceleration',
-        type=float,
+        type=program.number,
         default=limits.acceleration,
         metavar='M/S2',
         help='largest acceleration [m/s^2] (default: %(default)s)',
     )
     cell.add_argument(
         '--pressures',
-        type=float,
+        type=program.number,
         nargs=2,
         metavar=('LOW', 'HIGH'),
         help='range of the set-points, gauge [Pa] (default: that in the parameter file; from a single one 5 psi up)',
     )
     cell.add_argument(
-        '--duration', type=float, default=limits.duration, metavar='S', help='longest [s] (default: %(default)s)'
+        '--duration',
+        type=program.number,
+        default=limits.duration,
+        metavar='S',
+        help='longest [s] (default: %(default)s)',
     )
     sensors = parser.add_argument_group('sensors')
     sensors.add_argument(
@@ -139,7 +147,7 @@ def make_parser() -> argparse.ArgumentParser:
         ('sample_rate', 'HZ', 'samples in a second [Hz]', ", or the report's"),
     ):
         help_text = f'{text} (default: {getattr(sensing, name):g}{otherwise})'
-        sensors.add_argument(f'--{name.replace("_", "-")}', type=float, metavar=metavar, help=help_text)
+        sensors.add_argument(f'--{name.replace("_", "-")}', type=program.number, metavar=metavar, help=help_text)
     program.add_overwriting(parser)
     return parser
 

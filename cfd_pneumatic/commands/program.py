@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import argparse
 import io
+import math
 import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from typing import NoReturn
 
 from cfd_pneumatic import __version__
+from cfd_pneumatic.convention import AMBIENT_PRESSURES
 from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.examples import example_of
 from cfd_pneumatic.start import BAD_INPUT, INTERRUPTED
@@ -18,6 +21,7 @@ from cfd_pneumatic.start import BAD_INPUT, INTERRUPTED
 BROKEN_PIPE = 141
 
 _LONGEST_LINE = 2_000
+_LONGEST_SHOWN = 40  # characters of an argument
 
 
 class _Formatter(argparse.HelpFormatter):
@@ -27,9 +31,16 @@ class _Formatter(argparse.HelpFormatter):
         return text if text.startswith('example:') else super()._fill_text(text, width, indent)
 
 
+class _Parser(argparse.ArgumentParser):
+    """Reports a wrong argument as all other bad input is reported: in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f'{message}; see {self.prog} --help')
+
+
 def parser_of(name: str, description: str) -> argparse.ArgumentParser:
     """Return a program's parser, without arguments yet, whose help ends with the program's example."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog=name,
         description=description,
         epilog=example_of(name),
@@ -38,6 +49,26 @@ def parser_of(name: str, description: str) -> argparse.ArgumentParser:
     )
     parser.add_argument('--version', action='version', version=f'{name} {__version__}')
     return parser
+
+
+def number(text: str) -> float:
+    """Return the finite number that an option is given."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f'{text[:_LONGEST_SHOWN]!r} is not a finite number')
+    return value
+
+
+def ambient_pressure(text: str) -> float:
+    """Return the absolute pressure of the surroundings that an option is given [Pa]."""
+    value = number(text)
+    lowest, highest = AMBIENT_PRESSURES
+    if not lowest <= value <= highest:
+        raise argparse.ArgumentTypeError(f'{value:g} Pa is outside {lowest:g} to {highest:g} Pa')
+    return value
 
 
 def add_overwriting(parser: argparse.ArgumentParser) -> None:

@@ -74,7 +74,7 @@ def make_parser() -> argparse.ArgumentParser:
         ('duration', 'S', 'length [s]'),
     ):
         help_text = f'{text} (default: {_defaults(option)})'
-        parser.add_argument(f'--{option.replace("_", "-")}', type=float, metavar=metavar, help=help_text)
+        parser.add_argument(f'--{option.replace("_", "-")}', type=program.number, metavar=metavar, help=help_text)
     parser.add_argument(
         '--device',
         choices=DEVICES,

@@ -105,8 +105,7 @@ def _device() -> Iterator[Descriptor]:
         convention.AMBIENT_PRESSURE,
         'absolute pressure that gauge set-points are counted from',
         'Pa',
-        1e4,
-        2e5,
+        *convention.AMBIENT_PRESSURES,
     )
     yield Descriptor(
         'supply_pressure', convention.SUPPLY_PRESSURE, 'gauge; a set-point above it is ignored', 'Pa', 1e4, 2e6

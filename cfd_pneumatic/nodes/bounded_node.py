@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -17,6 +18,12 @@ from cfd_pneumatic.nodes.parameters import wrong_type
 _SERVICE_QOS = QoSProfile(depth=10)
 """rclpy queues 1,000 requests for parameters, and the middleware keeps the memory of the largest ones."""
 
+_Callback = Callable[[Any, Any], Any]
+
+_ASKED_FOR = ('parameters', 'names', 'prefixes')
+"""Fields of the requests to rclpy's services for parameters."""
+
+_MOST_NAMES = 500  # of parameters in a request, twice those of a device
 _LONGEST_NAME = 256  # characters of a parameter's name
 _LARGEST_REQUEST = 32 * 1024
 """Size of the parameters that are set at once [bytes], four times those of a device; each change is published, too."""
@@ -29,9 +36,10 @@ class BoundedNode(Node):
     Topics are bounded by `listen_to`.
     """
 
-    def create_service(self, *args: Any, **kwargs: Any) -> Service:
-        """Offer a service as every node does, with a short queue."""
-        return super().create_service(*args, **{**kwargs, 'qos_profile': _SERVICE_QOS})
+    def create_service(self, srv_type: type, srv_name: str, callback: _Callback, **kwargs: Any) -> Service:
+        """Offer a service as every node does, with a short queue; requests about too many parameters are refused."""
+        options = {**kwargs, 'qos_profile': _SERVICE_QOS}
+        return super().create_service(srv_type, srv_name, partial(_answer, callback), **options)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters as every node does; refuse those without a name, too large, or of another type."""
@@ -39,6 +47,20 @@ class BoundedNode(Node):
         if refusal is not None:
             return SetParametersResult(successful=False, reason=refusal)
         return super().set_parameters_atomically(parameter_list)
+
+
+def _answer(callback: _Callback, request: Any, response: Any) -> Any:
+    """Answer a request, unless it asks for parameters again and again: rclpy goes through them one by one."""
+    asked = next((getattr(request, field) for field in _ASKED_FOR if hasattr(request, field)), ())
+    names = [getattr(one, 'name', one) for one in asked[: _MOST_NAMES + 1]]
+    if len(set(names)) == len(asked):
+        return callback(request, response)
+    refused = SetParametersResult(reason=f'a request must name each parameter once, and at most {_MOST_NAMES}')
+    if hasattr(response, 'results'):
+        response.results = [refused] * len(asked)
+    elif hasattr(response, 'result'):
+        response.result = refused
+    return response
 
 
 def _unfit(parameters: Sequence[Parameter]) -> str | None:

@@ -16,7 +16,7 @@ from cfd_pneumatic.errors import InputError, printable
 INPUTS, OUTPUT = 'input_folders', 'output_folder'
 """Parameters that name the folders."""
 
-_MOST_ENTRIES = 10_000  # of a folder that is read
+_MOST_ENTRIES = 1_000  # of a folder that is read
 _LONGEST_SHOWN = 200  # characters of a path in a message
 
 
@@ -87,10 +87,12 @@ class Folders:
         Raises
         ------
         InputError
-            If the folder lies outside of the output folder, or is hidden.
+            If the folder is hidden or not below the output folder: beside the output folder nothing is written.
 
         """
-        self._checked(path, OUTPUT)
+        shown = self._checked(path, OUTPUT)
+        if Path(path).resolve() in self._folders[OUTPUT]:
+            raise InputError(f'{shown} is {OUTPUT} itself: name a folder below it')
 
     def _checked(self, path: str, parameter: str) -> str:
         """Return a path as messages show it, after a check that it is below the folders of a parameter."""

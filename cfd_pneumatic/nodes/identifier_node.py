@@ -51,6 +51,7 @@ _POLL = 0.01  # [s]
 _PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
 _ASK_AGAIN = 1.0  # a request to set or get parameters is repeated after this time [s]
 _SERVICE_WAIT = 5.0  # how long a target of `apply_to` may take to appear or answer [s]
+_MOST_BAGS = 100  # each is looked at before the fit starts, and no request is answered meanwhile
 _KEPT_LINES, _LONGEST_LINE = 20, 4_000  # of what a fit writes on standard error
 _TRANSFER = {GetParameters: 'get_parameters', SetParametersAtomically: 'set_parameters_atomically'}
 """The services of the target of `apply_to`, and their names."""
@@ -274,6 +275,8 @@ class IdentifierNode(BoundedNode):
         output, target = self._value('output_dir'), self._value('apply_to')
         if not bags:
             raise InputError("parameter 'bags' is empty: name at least one bag")
+        if len(bags) > _MOST_BAGS:
+            raise InputError(f"parameter 'bags' names {len(bags)} bags: name at most {_MOST_BAGS}")
         if not output:
             raise InputError("parameter 'output_dir' is empty: name the folder for the results")
         self._check_paths(bags, self._value('mapping'), output)
@@ -300,7 +303,7 @@ class IdentifierNode(BoundedNode):
 
     def _check_paths(self, bags: Sequence[str], mapping: str, output: str) -> None:
         """Check that what is read and written is where the node was started to read and write."""
-        for path in (*bags, *([mapping] if mapping else [])):
+        for path in dict.fromkeys([*bags, *([mapping] if mapping else [])]):
             self._folders.check_readable(path)
         types = read_mapping(mapping).types if mapping else None
         if types is not None:

@@ -28,6 +28,7 @@ from cfd_pneumatic.recording.bags.storages import STORAGES
 _LOOK_PERIOD = 0.1  # how often topics that were not there yet are looked for [s]
 _DEPTH = 10_000  # messages of one topic that may wait while others are written, or the node waits for a core
 _BUDGET = 32 * 2**20  # of the messages of a topic that wait [bytes]; images are larger than samples
+_LEAST = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)  # every publisher offers as much
 _MOST_SHOWN, _LONGEST_SHOWN = 5, 100  # types in a message, and characters of each
 
 
@@ -100,8 +101,13 @@ class RecorderNode(BoundedNode):
 
     def _look_for(self, topic: str, expected: str | None) -> None:
         offered: dict[str, list[QoSProfile]] = {}
-        for publisher in self.get_publishers_info_by_topic(topic):
-            offered.setdefault(publisher.topic_type, []).append(publisher.qos_profile)
+        try:
+            for publisher in self.get_publishers_info_by_topic(topic):
+                offered.setdefault(publisher.topic_type, []).append(publisher.qos_profile)
+        except UnicodeDecodeError:  # of a stranger's names; what is offered besides stays unknown
+            if expected is not None and self.count_publishers(topic):
+                offered[expected] = [_LEAST]
+            self._warnings.warn(f'{topic} has a publisher whose name is not a text: give the type to record')
         known = [name for name in offered if is_message_type(name)]
         wanted = self._recorded.get(topic) or expected or (known[0] if len(known) == 1 else None)
         others = sorted(offered.keys() - {wanted})

@@ -69,7 +69,7 @@ def standstill(name: str, pressure: Signal, displacement: Signal, least: float) 
     if np.percentile(several, 90.0) < _EVEN * np.median(several):
         return  # a logger that asks faster than the sensor answers
     steps = np.abs(np.diff(held))
-    finest, strokes = np.min(steps), max(1, int((times[-1] - times[0]) / _STROKE))
+    finest, strokes = np.min(steps), max(1, min(len(values) // 2, int((times[-1] - times[0]) / _STROKE)))
     spans = [float(np.ptp(one)) for one in np.array_split(values, strokes) if np.any(one != one[:1])] or [0.0]
     if finest > _FINE * np.median(spans):
         return

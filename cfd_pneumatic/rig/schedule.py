@@ -29,6 +29,8 @@ SAMPLING_PERIOD = 2e-3
 LONGEST = 1200.0
 """Longest schedule [s]: playing it at once takes 0.8 GB."""
 
+_HIGHEST = 1.0  # of a surface; no piston travels as far [m]
+
 LONGEST_KNOT = 2e-4
 """Longest time between knots of a motion [s]: a stop within a millisecond takes some."""
 
@@ -247,6 +249,8 @@ def surface_following(
         Time between samples [s].
 
     """
+    if not abs(amplitude) <= _HIGHEST:
+        raise InputError(f'amplitude {amplitude:g} m is out of reach: give {_HIGHEST:g} m at most')
     if not 2.0 <= duration <= LONGEST:
         raise InputError(f'duration {duration:g} s: a surface takes 2 to {LONGEST:g} s')
     rng = np.random.default_rng(seed)

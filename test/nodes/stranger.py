@@ -30,6 +30,7 @@ class Stranger:
         number = int(os.environ['ROS_DOMAIN_ID'])
         self._domain = Domain(number, LOOPBACK)
         self._participant = DomainParticipant(number)
+        self._writers: list[Any] = []
 
     def sender(self, topic: str, type_name: str) -> Callable[[str], None]:
         """Return what sends a text on a topic of ROS 2, as a message of a type that DDS calls by a name."""
@@ -47,4 +48,39 @@ class Stranger:
         kind.__idl__.idl_transformed_typename = type_name
         reliable = Qos(Policy.Reliability.Reliable(duration(seconds=1)))
         writer = DataWriter(self._participant, Topic(self._participant, f'rt{topic}', kind, qos=reliable))
+        self._writers.append(writer)
         return lambda text: writer.write(kind(text))
+
+    def take_name(self, name: bytes) -> None:
+        """Say that a node of ROS 2 with a name of any bytes owns all senders."""
+        from cyclonedds.idl import IdlStruct
+        from cyclonedds.idl.types import array, sequence, uint8
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.qos import Policy, Qos
+        from cyclonedds.topic import Topic
+        from cyclonedds.util import duration
+
+        @dataclass
+        class Owner(IdlStruct, typename='owner'):
+            namespace: sequence[uint8]
+            name: sequence[uint8]
+            readers: sequence[array[uint8, 16]]
+            writers: sequence[array[uint8, 16]]
+
+        @dataclass
+        class Owners(IdlStruct, typename='owners'):
+            participant: array[uint8, 16]
+            nodes: sequence[Owner]
+
+        kind: Any = Owners
+        kind.__idl__.idl_transformed_typename = 'rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_'
+        latched = Qos(
+            Policy.Reliability.Reliable(duration(seconds=1)),
+            Policy.Durability.TransientLocal,
+            Policy.History.KeepLast(1),
+        )
+        topic = Topic(self._participant, 'ros_discovery_info', kind, qos=latched)
+        self._announcer = DataWriter(self._participant, topic, qos=latched)
+        writers = [list(writer.guid.bytes) for writer in self._writers]
+        node = Owner(list(b'/\0'), [*name, 0], [], writers)
+        self._announcer.write(kind(list(self._participant.guid.bytes), [node]))

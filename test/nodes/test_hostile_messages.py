@@ -20,7 +20,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from graph import MILLISECOND, Graph, Process, SimClient, ros_arguments, unique_namespace
 from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import ListParameters, SetParameters
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
@@ -343,6 +343,19 @@ def test_large_requests_leave_the_memory_alone(graph: Graph) -> None:
         assert (refusal.successful, 'must have 1 to 256 characters' in refusal.reason) == (False, True)
         assert 'must have at most 32,768' in graph.set(node, hardware_id='x' * 100_000).reason
         graph.until(lambda: own_memory(process.pid) < before + 100.0)
+
+
+def test_a_request_names_each_parameter_once(graph: Graph, nodes: dict[str, str]) -> None:
+    """A monitor that learned anew 10,000 times would answer nothing for minutes."""
+    node = f'{nodes["monitor_node"]}/monitor_node'
+    value = ParameterValue(type=3, double_value=1e-3)
+    for names in (['area'] * 10_000, [f'nobody_{index}' for index in range(10_000)]):
+        request = SetParameters.Request(parameters=[Parameter(name=name, value=value) for name in names])
+        results = graph.call(SetParameters, f'{node}/set_parameters', request).results
+        assert len(results) == len(names)
+        assert not any(result.successful for result in results)
+        assert 'each parameter once' in results[0].reason
+        assert graph.call(GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values == []
 
 
 def test_a_queue_shortened_for_large_messages_gets_its_depth_back(

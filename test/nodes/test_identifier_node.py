@@ -251,6 +251,15 @@ def test_a_stranger_reads_no_file_of_the_node_s_user(
     (allowed / 'link').symlink_to(elsewhere / 'key')
     (allowed / 'linked' / 'bag.mcap').symlink_to(elsewhere / 'key')
     (elsewhere / 'msg').mkdir()
+    shutil.copy(next(bag.glob('*.mcap')), elsewhere / 'bag.mcap')
+    hiding = allowed / 'hiding'
+    hiding.mkdir()
+    (hiding / '.bag.mcap').symlink_to(elsewhere / 'bag.mcap')
+    metadata = (bag / 'metadata.yaml').read_text()
+    (hiding / 'metadata.yaml').write_text(metadata.replace(next(bag.glob('*.mcap')).name, '.bag.mcap'))
+    (allowed / 'full').mkdir()
+    for number in range(1001):
+        (allowed / 'full' / str(number)).touch()
     os.mkfifo(allowed / 'pipe')
     columns = 'cylinder_a: {pressure: {column: 1, unit: Pa, reference: absolute}}'
     topics = 'cylinder_a: {pressure: {topic: a, unit: Pa, reference: absolute}}'
@@ -262,8 +271,10 @@ def test_a_stranger_reads_no_file_of_the_node_s_user(
         *({'mapping': str(allowed / name)} for name in ('key', 'types', 'pipe', '../elsewhere/key', 'missing')),
         *({'bags': [str(path)]} for path in (elsewhere / 'key', allowed / 'linked', allowed / 'pipe', allowed / 'key')),
         *({'bags': [path]} for path in ('/', '/proc/self/environ', '/dev/zero', 'x' * 5000, 'null\0character')),
+        *({'bags': [str(allowed / name)]} for name in ('hiding', 'full')),
+        {'bags': [f'{own}/{"./" * number}' for number in range(101)]},
         {'bags': [str(allowed / 'table.csv')], 'mapping': str(allowed / 'columns')},
-        *({'output_dir': str(path)} for path in (elsewhere / 'out', allowed / '.hidden' / 'out', '/', '~')),
+        *({'output_dir': str(path)} for path in (elsewhere / 'out', allowed / '.hidden' / 'out', allowed, '/', '~')),
     ]
     folders = {'input_folders': f'[{allowed}]', 'output_folder': allowed}
     before = sorted(elsewhere.rglob('*')), sorted((allowed / '.hidden').iterdir())

@@ -180,6 +180,22 @@ def test_a_type_that_a_stranger_names_imports_nothing_and_the_expected_type_is_r
     assert [one.data for one in messages[given]] == ['expected']
 
 
+def test_a_stranger_whose_name_is_no_text_keeps_nothing_from_being_recorded(graph: Graph, tmp_path: Path) -> None:
+    bag, topic = tmp_path / 'bag', f'{unique_namespace()}/{PISTON_STATE}'
+    stranger = Stranger()
+    stranger.sender(topic, 'std_msgs::msg::dds_::Float64_')
+    stranger.take_name(b'\xff\xfenode\x80')
+    with graph.run('recorder_node', recorder(bag, topic)) as process:
+        out = graph.publisher(JointState, topic)
+        graph.until(out.get_subscription_count)
+        out.publish(JointState(name=['piston'], position=[0.5]))
+        assert out.wait_for_all_acked()
+        graph.get('/recorder_node', 'output')  # behind the message
+        process.stop()
+        assert 'name is not a text' in process.stderr
+    assert [one.position[0] for one in read_bag(bag)[topic]] == [0.5]
+
+
 def test_what_is_lost_is_said(graph: Graph, tmp_path: Path) -> None:
     namespace, bag = unique_namespace(), tmp_path / 'bag'
     out = graph.publisher(Float64, f'{namespace}/fast')

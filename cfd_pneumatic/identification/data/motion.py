@@ -41,6 +41,7 @@ _WINDOW = 65_536  # samples that are smoothed together
 _MARGIN = 4_096  # samples on either side of them, more than a smoother remembers
 _PIECE = 65_536  # samples
 _LARGEST = 1e3  # [m]
+_SLOWEST = 100.0  # between samples: whatever moves has settled long before the next one [s]
 _COARSELY = 64  # samples, between which a piston travels farther than its sensor's noise
 
 
@@ -318,6 +319,12 @@ def observed_motion(recording: Recording) -> tuple[Motion, Array]:
         raise InputError(
             f'{recording.name}: {signal.times.size} displacement samples are too few to identify anything: '
             f'record at least {FEWEST_SAMPLES}'
+        )
+    period = float(np.median(np.diff(signal.times)))
+    if period > _SLOWEST:
+        raise InputError(
+            f'{recording.name}: a sample every {period:.3g} s tells nothing of a pressure, which settles in seconds: '
+            'record at least two a second'
         )
     check_range(f'{recording.name}: the displacement', signal.values, _LARGEST, 'm')
     if recording.rests:

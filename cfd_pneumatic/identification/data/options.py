@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, AREAS, FACTORS
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, AMBIENT_PRESSURES, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.data.split import FRACTIONS
+from cfd_pneumatic.identification.data.split import FRACTIONS, SMALLEST_FRACTION
 from cfd_pneumatic.identification.data.tolerance import Tolerance
 
 AUTO, LINEAR, PHYSICAL = CORES = ('auto', 'linear', 'physical')
@@ -57,13 +57,18 @@ class Options:
     def __post_init__(self) -> None:
         """Refuse what no device has."""
         area, factor = self.area, self.geometric_factor
-        if not 1e4 <= self.ambient_pressure <= 2e5:
-            raise InputError(f'ambient_pressure {self.ambient_pressure:g} Pa is outside 1e4 to 2e5 Pa')
+        lowest, highest = AMBIENT_PRESSURES
+        if not lowest <= self.ambient_pressure <= highest:
+            raise InputError(f'ambient_pressure {self.ambient_pressure:g} Pa is outside {lowest:g} to {highest:g} Pa')
         if area is not None and not AREAS[0] <= area <= AREAS[1]:
             raise InputError(f'area {area:g} m^2 is outside {AREAS[0]:g} to {AREAS[1]:g} m^2')
         if factor is not None and not (FACTORS[0] <= factor <= FACTORS[1] and factor != 0.0):
             raise InputError(f'geometric_factor {factor:g} is 0 or outside {FACTORS[0]:g} to {FACTORS[1]:g}')
         if self.core not in CORES:
             raise InputError(f'core {self.core!r} is none: use one of {", ".join(CORES)}')
-        if len(self.fractions) != 3 or min(self.fractions) <= 0.0:
-            raise InputError(f'fractions {self.fractions}: give three shares above 0, as (0.6, 0.2, 0.2)')
+        if len(self.fractions) != 3 or not all(SMALLEST_FRACTION <= one < 1.0 for one in self.fractions):
+            raise InputError(
+                f'fractions {self.fractions}: give three shares of {SMALLEST_FRACTION:g} or more, as (0.6, 0.2, 0.2)'
+            )
+        if abs(sum(self.fractions) - 1.0) > 1e-6:
+            raise InputError(f'fractions {self.fractions}: their sum must be 1')

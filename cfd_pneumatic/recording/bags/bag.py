@@ -183,7 +183,8 @@ class Bag:
         )
 
     def _open_folder(self) -> list[StorageFile]:
-        files = sorted(file for file in self.path.iterdir() if file.suffix in SUFFIXES)
+        visible = (file for file in self.path.iterdir() if not file.name.startswith('.'))
+        files = sorted(file for file in visible if file.suffix in SUFFIXES)
         metadata = self._metadata(bool(files))
         if metadata is not None:
             self.remarks |= metadata.remarks

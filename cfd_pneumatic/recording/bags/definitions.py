@@ -238,7 +238,7 @@ def _files_by_type(folder: Path) -> dict[str, list[Path]]:
 
 
 def _definitions_below(folder: Path) -> Iterator[Path]:
-    """Yield what a folder holds, at any depth, that is named as a definition; linked folders are not entered."""
+    """Yield what a folder holds, at any depth, that is named as a definition, but nothing hidden or linked."""
     waiting = [folder.resolve()]
     seen = 0
     while waiting:
@@ -251,6 +251,8 @@ def _definitions_below(folder: Path) -> Iterator[Path]:
                             f'{folder} holds more than {MOST_ENTRIES:,} files and folders: let `types` name the folder '
                             'of the package that is needed'
                         )
+                    if entry.name.startswith('.'):
+                        continue
                     if entry.is_dir(follow_symlinks=False):
                         waiting.append(Path(entry.path))
                     elif entry.name.endswith('.msg'):

@@ -72,7 +72,7 @@ def read_metadata(path: Path) -> Metadata:
     ):
         if value not in known:
             raise InputError(f'its {key} is none of {", ".join(known)}')
-    files = tuple(path.parent / name for name in dict.fromkeys(names))
+    files = tuple(path.parent / name for name in dict.fromkeys(names) if not name.startswith('.'))
     missing = sum(not file.exists() for file in files)
     if missing or not files:
         raise InputError(f'{missing} of the {len(files)} files that it names are not there')
