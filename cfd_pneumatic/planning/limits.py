@@ -59,6 +59,10 @@ class Limits:
             raise InputError(f'duration {self.duration:g} s: give up to 3600 s')
 
 
+_LARGEST_NOISE = {'pressure_noise': ('Pa', 1e5), 'displacement_noise': ('m', 1e-2), 'force_noise': ('N', 1e4)}
+"""Unit and largest value of the noise that a sensor has."""
+
+
 @dataclass(frozen=True)
 class Sensing:
     """
@@ -89,11 +93,11 @@ class Sensing:
 
     def __post_init__(self) -> None:
         """Refuse what no sensor has."""
-        for name, unit in (('pressure_noise', 'Pa'), ('force_noise', 'N')):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise InputError(f'{name.replace("_", " ")} {getattr(self, name):g} {unit}: give more than zero')
-        if not 0.0 <= self.displacement_noise < math.inf:
-            raise InputError(f'displacement noise {self.displacement_noise:g} m: give zero or more')
+        for name, (unit, largest) in _LARGEST_NOISE.items():
+            noise = getattr(self, name)
+            if not 0.0 <= noise <= largest or (noise == 0.0 and name != 'displacement_noise'):
+                least = 'zero' if name == 'displacement_noise' else 'more than zero'
+                raise InputError(f'{name.replace("_", " ")} {noise:g} {unit}: give {least} to {largest:g} {unit}')
         if not 20.0 <= self.sample_rate <= 5000.0:
             raise InputError(f'sample rate {self.sample_rate:g} Hz: give 20 to 5000 Hz')
 

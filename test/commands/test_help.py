@@ -8,6 +8,7 @@ import importlib
 import pytest
 
 from cfd_pneumatic import __version__
+from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.examples import EXAMPLES
 from cfd_pneumatic.start import HELP
 from studies.tutorial import run
@@ -31,14 +32,13 @@ def test_help_says_units_and_defaults_and_ends_with_the_example(name, capsys, mo
 
 
 @pytest.mark.parametrize('name', COMMANDS)
-def test_options_are_written_out(name, capsys):
+def test_options_are_written_out(name):
     parser = importlib.import_module(f'cfd_pneumatic.commands.{name}').make_parser()
     arguments = [one.dest for one in parser._actions if not one.option_strings]
     for option in parser._option_string_actions:
         if option.startswith('--') and option[:-1] not in parser._option_string_actions:
-            with pytest.raises(SystemExit, match=r'^2$'):
+            with pytest.raises(InputError, match=r'unrecognized arguments|are required'):
                 parser.parse_args([*arguments, option[:-1], '1'])
-    assert '--versio' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('name', COMMANDS)

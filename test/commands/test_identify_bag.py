@@ -304,12 +304,16 @@ def test_a_cut_off_mcap_is_salvaged_and_said_so(tmp_path, capsys):
     assert 'cut off' in capsys.readouterr().out
 
 
-@pytest.mark.parametrize('text', ['60/40', 'a/b/c', '60/20/0'])
-def test_a_split_that_is_none(bag, tmp_path, capsys, text):
-    with pytest.raises(SystemExit) as ended:
-        main([str(bag), '--output', str(tmp_path), '--split', text])
-    assert ended.value.code == 2
-    assert repr(text) in capsys.readouterr().err
+@pytest.mark.parametrize('text', ['60/40', 'a/b/c', '60/20/0', 'nan/nan/nan', 'inf/1/1', '1e308/1e308/1', '-0/1/1'])
+def test_a_split_that_is_none(bag, capsys, output, text):
+    assert 'argument --split: ' in refusal(capsys, output, bag, '--split', text)
+
+
+@pytest.mark.parametrize(
+    'arguments', [['--area', 'nan'], ['--jobs', 'many'], ['--nothing'], ['--tolerance', '1e400Pa']]
+)
+def test_an_option_that_is_wrong_is_one_line(bag, capsys, output, arguments):
+    assert arguments[0].strip('-') in refusal(capsys, output, bag, *arguments)
 
 
 def test_a_mapping_with_an_unknown_unit(bag, capsys, output, tmp_path):

@@ -116,7 +116,15 @@ def test_limits_that_leave_nothing_are_refused(changes, message):
 
 
 @pytest.mark.parametrize(
-    'changes', [{'pressure_noise': 0.0}, {'displacement_noise': -1.0}, {'sample_rate': float('nan')}]
+    'changes',
+    [
+        {'pressure_noise': 0.0},
+        {'pressure_noise': 1e308},
+        {'force_noise': float('nan')},
+        {'displacement_noise': -1.0},
+        {'displacement_noise': 1.0},
+        {'sample_rate': float('nan')},
+    ],
 )
 def test_sensors_that_nobody_has_are_refused(changes):
     with pytest.raises(InputError, match='give'):
