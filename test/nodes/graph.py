@@ -58,6 +58,7 @@ except ImportError:
 
 QUEUE = QoSProfile(depth=10_000)
 MILLISECOND = 1_000_000
+_RETRY = 5.0  # after which a sample without an answer is sent again [s]
 
 OFTEN = {
     module: f'import cfd_pneumatic.nodes.{module} as module; module._DIAGNOSTICS_PERIOD = 0.1'
@@ -462,7 +463,14 @@ class SimClient:
 
     def sample(self, stamp: int, position: float) -> dict[str, Any]:
         """Send a sample, again if it may be lost, for the node ignores a repeated stamp; return its answer by topic."""
-        return self.graph.until(lambda: self.answer(stamp), doing=lambda: self.send(stamp, position), every=5.0)
+        self.send(stamp, position)
+        sent = time.monotonic()
+
+        def send_again() -> None:
+            if time.monotonic() - sent > _RETRY:
+                self.send(stamp, position)
+
+        return self.graph.until(lambda: self.answer(stamp), doing=send_again, every=_RETRY)
 
     def account_for_all(self, lost: int) -> list[int]:
         """
