@@ -76,7 +76,8 @@ class RecorderNode(BoundedNode):
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters as every node does, but keep the clock by which the bag's messages are stamped."""
-        if any(parameter.name == 'use_sim_time' for parameter in parameter_list):
+        clock = self.get_parameter('use_sim_time').value
+        if any(one.name == 'use_sim_time' and one.value != clock for one in parameter_list):
             return SetParametersResult(successful=False, reason='use_sim_time cannot change while a bag is recorded')
         return super().set_parameters_atomically(parameter_list)
 

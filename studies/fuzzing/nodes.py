@@ -248,7 +248,7 @@ class Parameters(_WithNode):
 
     def valid(self, rng: Random) -> Input:
         """Return a request for values that the node began with."""
-        names = rng.choices(self._free, k=rng.choice((1, 1, 2, 4)))
+        names = rng.sample(self._free, min(rng.choice((1, 1, 2, 4)), len(self._free)))  # each once
         return _requested(Parameter(name=name, value=self._own[name]) for name in names)
 
     def changed(self, parent: Input, rng: Random) -> Input:
