@@ -69,12 +69,14 @@ class Folders:
         """
         shown = self._checked(path, INPUTS)
         with _system_errors_of(shown):
-            place = Path(path)
+            place = Path(path).resolve()
             if not place.exists():
                 raise InputError(f'{shown} does not exist: give a path below {INPUTS}')
-            parts = [place, *_visible_parts(place)]
-            if len(parts) > _MOST_ENTRIES:
+            found = _parts(place)
+            if len(found) > _MOST_ENTRIES:
                 raise InputError(f'{shown} holds more than {_MOST_ENTRIES:,} files: give the folder of one bag')
+            base = place if place.is_dir() else place.parent
+            parts = [place, *(part for part in found if not _is_hidden(part.relative_to(base)))]  # readers skip these
             if not all(part.is_file() or part.is_dir() for part in parts):
                 raise InputError(f'{shown} is or holds a pipe, a device or a broken link: give files and folders only')
             if not all(self._is_below(part.resolve(), INPUTS) for part in parts):
@@ -136,11 +138,10 @@ def _holds_home(folder: Path) -> bool:
     return any(Path(home).resolve().is_relative_to(folder) for home in homes)
 
 
-def _visible_parts(place: Path) -> list[Path]:
+def _parts(place: Path) -> list[Path]:
     """Return what is in a folder, at any depth; of a file those beside it that begin alike, as a database's journal."""
     found = place.rglob('*') if place.is_dir() else place.parent.glob(f'{escape(place.name)}-*')
-    parts = list(islice(found, _MOST_ENTRIES))
-    return [part for part in parts if not _is_hidden(part.relative_to(place.parent))]
+    return list(islice(found, _MOST_ENTRIES + 1))
 
 
 def _is_hidden(path: Path) -> bool:

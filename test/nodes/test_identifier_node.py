@@ -257,6 +257,7 @@ def test_a_stranger_reads_no_file_of_the_node_s_user(
     (hiding / '.bag.mcap').symlink_to(elsewhere / 'bag.mcap')
     metadata = (bag / 'metadata.yaml').read_text()
     (hiding / 'metadata.yaml').write_text(metadata.replace(next(bag.glob('*.mcap')).name, '.bag.mcap'))
+    (allowed / 'linked' / 'inner').mkdir()
     (allowed / 'full').mkdir()
     for number in range(1001):
         (allowed / 'full' / str(number)).touch()
@@ -271,7 +272,7 @@ def test_a_stranger_reads_no_file_of_the_node_s_user(
         *({'mapping': str(allowed / name)} for name in ('key', 'types', 'pipe', '../elsewhere/key', 'missing')),
         *({'bags': [str(path)]} for path in (elsewhere / 'key', allowed / 'linked', allowed / 'pipe', allowed / 'key')),
         *({'bags': [path]} for path in ('/', '/proc/self/environ', '/dev/zero', 'x' * 5000, 'null\0character')),
-        *({'bags': [str(allowed / name)]} for name in ('hiding', 'full')),
+        *({'bags': [f'{allowed}/{name}']} for name in ('hiding', 'full', 'linked/inner/..', 'linked/../linked')),
         {'bags': [f'{own}/{"./" * number}' for number in range(101)]},
         {'bags': [str(allowed / 'table.csv')], 'mapping': str(allowed / 'columns')},
         *({'output_dir': str(path)} for path in (elsewhere / 'out', allowed / '.hidden' / 'out', allowed, '/', '~')),
