@@ -4,8 +4,8 @@ Inputs that are changed at random, each given to what reads it: `make fuzz`.
 
 Each kind has a process of its own. An input is valid, or a valid one with changes; one that gets somewhere new becomes
 a parent of further ones. A fault is an unexpected exception, a warning, more than ten seconds or a gigabyte, a valid
-input that is refused, a number that is none, and a message that rosbags reads and we do not, with nothing said. The
-inputs that led to the first fault at each place are left in `build/fuzz`.
+input that is refused, a number that is none, a file that is quoted, and a message that rosbags reads and we do not, and
+nothing is said. The inputs that led to the first fault at each place are left in `build/fuzz`.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ def kinds() -> dict[str, Kind]:
 
     found = bags.kinds() + texts.kinds()
     try:
-        from studies.fuzzing import nodes
+        from studies.fuzzing import nodes, strangers
     except ImportError as error:
         print(f'what nodes are sent is left out: ROS 2 is not to be had here ({error})', file=sys.stderr)
     else:
-        found += nodes.kinds()
+        found += nodes.kinds() + strangers.kinds()
     return {kind.name: kind for kind in found}
 
 

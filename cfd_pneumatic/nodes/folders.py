@@ -69,9 +69,10 @@ class Folders:
         """
         shown = self._checked(path, INPUTS)
         with _system_errors_of(shown):
-            place = Path(path).resolve()
-            if not place.exists():
-                raise InputError(f'{shown} does not exist: give a path below {INPUTS}')
+            try:
+                place = Path(path).resolve(strict=True)
+            except FileNotFoundError:
+                raise InputError(f'{shown} does not exist: give a path below {INPUTS}') from None
             found = _parts(place)
             if len(found) > _MOST_ENTRIES:
                 raise InputError(f'{shown} holds more than {_MOST_ENTRIES:,} files: give the folder of one bag')

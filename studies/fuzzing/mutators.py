@@ -42,7 +42,11 @@ JSON_NUMBERS = (
 )
 """The same in JSON, mostly."""
 
+SECRET = b'Zq7Xk9wVb2LmR4tY'
+"""A word that no message may quote."""
+
 TEXTS = (
+    *(SECRET, SECRET),
     *(b'', b'x', b'x' * 3000, b'y', b'on', b'null', b'{}', b'[]', b'[x, y]', b'{a: b}', b'&a [*a]', b'*nobody'),
     *(b'!!python/name:os.system', b'!!binary aaa', b'\xff\xfe', b'\xef\xbb\xbf', b'\x00', b'\x1b[31m', b'\xe2\x80\xa8'),
     *(b'=1+1', b'../../etc', b'"', b"'", b'%s', b': ', b'- ', b'#', b'|', b'>', b'<<: *a', b'\n', b'\t', b'\r'),
