@@ -98,7 +98,7 @@ def pytest_collection_modifyitems(items):
     folder = Path(__file__).parent
     place = {folder / name: number for number, name in enumerate(LONG if 'PYTEST_XDIST_WORKER' in os.environ else ())}
     place[folder / 'commands' / 'test_help.py'] = len(LONG) + 1  # or all would wait for what is typed
-    items.sort(key=lambda item: place.get(item.path, len(LONG)))
+    items.sort(key=lambda item: place.get(Path(item.fspath), len(LONG)))
 
 
 def pytest_collection_finish():
