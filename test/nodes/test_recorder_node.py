@@ -188,12 +188,12 @@ def test_a_stranger_whose_name_is_no_text_keeps_nothing_from_being_recorded(grap
     with graph.run('recorder_node', recorder(bag, topic)) as process:
         out = graph.publisher(JointState, topic)
         graph.until(out.get_subscription_count)
-        out.publish(JointState(name=['piston'], position=[0.5]))
-        assert out.wait_for_all_acked()
-        graph.get('/recorder_node', 'output')  # behind the message
+        for _ in range(100):  # what is offered is unknown, so nothing is sent again to one who does not hear us yet
+            out.publish(JointState(name=['piston'], position=[0.5]))
+            time.sleep(0.02)
         process.stop()
         assert 'name is not a text' in process.stderr
-    assert [one.position[0] for one in read_bag(bag)[topic]] == [0.5]
+    assert {one.position[0] for one in read_bag(bag)[topic]} == {0.5}
 
 
 def test_what_is_lost_is_said(graph: Graph, tmp_path: Path) -> None:
