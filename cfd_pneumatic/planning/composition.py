@@ -19,7 +19,10 @@ PRECISION = 0.01
 """Standard error that is wanted of a parameter, as a share of its value."""
 
 ROUNDS = 5
-"""How often everything is done, so that each part of a 60/20/20 split holds all of it."""
+"""How often everything is done at least, so that each part of a 60/20/20 split holds all of it."""
+
+LONGEST_ROUND = 24.0
+"""Of what is composed [s]: it holds what is worth doing, and is done more often in a longer schedule."""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.model.baseline import slowest
 from cfd_pneumatic.model.effects import CORES, EFFECTS
-from cfd_pneumatic.planning.composition import ROUNDS, Menu, compose
+from cfd_pneumatic.planning.composition import LONGEST_ROUND, ROUNDS, Menu, compose
 from cfd_pneumatic.planning.device import at_home, home_gains, home_setpoints
 from cfd_pneumatic.planning.evidence import Evidence, of_samples
 from cfd_pneumatic.planning.family import Segment, Turn, family
@@ -27,6 +28,9 @@ from cfd_pneumatic.terminal import printed
 
 WANTED = (*NAMES, *EFFECTS)
 """What may be wanted: parameters and effects."""
+
+MOST_SAMPLES = 400_000
+"""Of a schedule: their sensitivities take 1.3 GB, and a minute."""
 
 _ANY = 1e3  # times what shows at the typical strength: then a thousandth of that does, too
 _SETTLED = 6.0  # time constants
@@ -154,18 +158,23 @@ def plan(device: Device, limits: Limits, sensing: Sensing = Sensing(), wanted: C
     Raises
     ------
     InputError
-        If something is wanted that there is not, or nothing fits within the limits.
+        If something is wanted that there is not, or nothing or too much fits within the limits.
 
     """
     for name in wanted:
         if name not in WANTED:
             raise InputError(f'{name} is neither a parameter nor an effect: wanted may be {", ".join(WANTED)}')
+    if limits.duration > MOST_SAMPLES * sensing.period:
+        raise InputError(
+            f'duration {limits.duration:g} s at a sample rate of {sensing.sample_rate:g} Hz is more than '
+            f'{MOST_SAMPLES:,} samples: give a shorter duration, or plan with a lower sample rate'
+        )
     device = at_home(device, limits.pressures)
     drawing = Drawing(limits, sensing, home_setpoints(device), settling(device))
     offered = _offered(device, limits)
     menu = Menu.of(offered, drawing, all_signatures(drawing.draw(offered), device, sensing))
     samples = int(limits.duration / sensing.period + 1e-9) - drawing.opening
-    for rounds in (ROUNDS, 1):
+    for rounds in (max(ROUNDS, math.ceil(limits.duration / LONGEST_ROUND)), 1):
         segments = compose(menu, samples // rounds, rounds, wanted)
         if segments:
             proposal = drawing.draw(segments * rounds)

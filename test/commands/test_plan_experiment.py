@@ -154,6 +154,7 @@ def test_a_bad_parameter_file_is_one_line(tmp_path, capsys, text, message):
         (['--pressures', '6e4', '3e4'], 'give the lower first'),
         (['--wanted', 'leek'], 'leek is neither a parameter nor an effect'),
         (['--sample-rate', '1'], 'sample rate 1 Hz'),
+        (['--duration', '3600', '--sample-rate', '5000'], 'more than 400,000 samples: give a shorter duration, or'),
         (['--report', 'none.json'], 'none.json cannot be read: No such file or directory'),
         (['--report', str(TABLE_1)], 'is no report of identify_bag'),
     ],

@@ -215,6 +215,12 @@ def test_a_short_time_is_one_round():
     assert plan(device(), replace(LIMITS, duration=1.5), SENSING, NAMES).rounds == 1
 
 
+def test_a_long_time_is_many_rounds():
+    planned = plan(device(), replace(LIMITS, duration=150.0), replace(SENSING, sample_rate=40.0), NAMES)
+    assert planned.rounds == 7  # of at most 24 s
+    assert 120.0 < planned.proposal.times[-1] <= 150.0
+
+
 def test_what_there_is_not_cannot_be_wanted():
     with pytest.raises(InputError, match='leek is neither a parameter nor an effect: wanted may be k_x'):
         plan(device(), LIMITS, SENSING, ['leek'])
