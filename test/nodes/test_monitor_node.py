@@ -43,6 +43,7 @@ from cfd_pneumatic.convention import (
 )
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.identification import identify
+from cfd_pneumatic.nodes.health import LOST
 from cfd_pneumatic.nodes.messages import stamp_message
 from cfd_pneumatic.nodes.monitor_node import MonitorNode
 from cfd_pneumatic.recording import recording_of
@@ -137,7 +138,7 @@ def stamp_of(message: bytes) -> int:
 
 
 @pytest.mark.slow
-def test_a_leak_that_appears_is_named_while_no_sample_is_lost(graph: Graph, identified: Path) -> None:
+def test_a_leak_that_appears_is_named_and_samples_that_are_lost_are_counted(graph: Graph, identified: Path) -> None:
     real, own = unique_namespace(), unique_namespace()
     monitor = f'{own}/monitor_node'
     pistons = listen(graph, JointState, f'{real}/{PISTON_STATE}')
@@ -172,6 +173,8 @@ def test_a_leak_that_appears_is_named_while_no_sample_is_lost(graph: Graph, iden
         rig.send_signal(signal.SIGSTOP)
         silent = status('feed', 'piston_state has been silent for ')
         assert silent.level == DiagnosticStatus.ERROR
+        lost = sum(int(value.value) for value in silent.values if value.key == LOST)  # on a busy machine
+        sent = len(pistons)
         rig.send_signal(signal.SIGCONT)
         status('feed', 'following piston_state')
         workers = children(process.pid)
@@ -181,7 +184,7 @@ def test_a_leak_that_appears_is_named_while_no_sample_is_lost(graph: Graph, iden
     for heard in (predicted, *residuals.values(), forces):
         answered = {stamp_of(message) for message in heard}
         first = stamps.index(min(answered))
-        assert [stamp for stamp in stamps[first : first + len(answered)] if stamp not in answered] == []
+        assert sum(stamp not in answered for stamp in stamps[first:sent]) <= lost
         assert len(answered) > 3000
     healthy = [deserialize_message(one, FluidPressure).fluid_pressure for one in residuals['cylinder_b'][1000:]]
     assert np.std(healthy) == pytest.approx(Sensors().pressure_noise, rel=0.2)
