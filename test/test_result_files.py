@@ -45,7 +45,7 @@ def arguments(bag, results):
     device = str(results / 'parameters.yaml')
     return {
         identify_bag: [str(bag), '--close-loop', '--progress', 'none'],
-        plan_experiment: [device, '--duration', '3', '--wanted', 'k_x'],
+        plan_experiment: [device, '--duration', '3', '--wanted', 'k_x', '--sample-rate', '50'],
         leak_test: [str(bag)],
     }
 
