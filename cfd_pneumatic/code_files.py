@@ -22,6 +22,8 @@ from pathlib import Path
 from cfd_pneumatic.errors import printable
 
 _CHECKSUM = 4  # length of a CRC-32 [bytes]
+_LARGEST = 2**26  # of a file [bytes]; the model's have a thousandth of that
+_ACCESS_LIST = 'system.posix_acl_access'
 _MODE = 0o755  # of new folders; the user's umask may take away more
 
 WARNED_FOLDER = 'CFD_PNEUMATIC_WARNED_FOLDER'
@@ -99,16 +101,25 @@ def _stranger(path: Path, state: os.stat_result, may_be_written: bool = False) -
         return f'every user can write to {path}'
     if state.st_mode & stat.S_IWGRP and not _is_private(state.st_gid):
         return f'other users of its group can write to {path}'
+    if state.st_mode & stat.S_IWGRP and _has_access_list(path):  # then the bit speaks for whoever is in it
+        return f'an access control list may let others write to {path}'
     return ''
 
 
+def _has_access_list(path: Path) -> bool:
+    try:
+        return _ACCESS_LIST in os.listxattr(path)
+    except OSError:  # a file system without
+        return False
+
+
 def _is_private(group: int) -> bool:
-    """Return whether a group is root's, or has the user's own name and no other member."""
+    """Return whether a group is root's, or has the user's own name, and has no other member."""
     try:
         found, user = grp.getgrgid(group), pwd.getpwuid(os.geteuid()).pw_name
     except KeyError:
         return group == 0
-    return group == 0 or (found.gr_name == user and set(found.gr_mem) <= {user})
+    return (group == 0 or found.gr_name == user) and set(found.gr_mem) <= {user, 'root'}
 
 
 def make_folder(folder: Path) -> None:
@@ -123,6 +134,7 @@ def read(path: Path) -> bytes | None:
     try:
         state = path.lstat()
         reason = _stranger(path, state) if stat.S_ISREG(state.st_mode) else f'{path} is not a file'
+        reason = reason or (f'{path} is too large' if state.st_size > _LARGEST else '')
         content = b'' if reason else path.read_bytes()
     except FileNotFoundError:
         return None

@@ -111,8 +111,15 @@ def _locked(folder: Path) -> Iterator[None]:
 
 
 def _open_lock(path: str, _: int) -> int:
-    """Open a file that is locked and not written; a link or a named pipe in its place is not followed or waited for."""
-    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644)
+    """
+    Open a file that is locked and not written; a link or a named pipe in its place is not followed or waited for.
+
+    Nobody else may open it: who can read a file can lock it.
+    """
+    file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+    with suppress(OSError):  # of another owner
+        os.fchmod(file, 0o600)  # earlier versions made it for all to read
+    return file
 
 
 def _lock(file: int) -> None:

@@ -29,6 +29,9 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _ASIDE = re.compile(r'\.(.+)~[a-z0-9_]{8}', re.DOTALL)
 """Names of folders aside, as `tempfile` completes them: nobody's own folder shall be taken for one."""
 
+_OCTAL = re.compile(r'\\([0-7]{3})')
+"""How the kernel writes spaces in the paths of mount points."""
+
 _BLOCK = 4096  # bytes that are written to find out whether the disk has room
 
 
@@ -383,6 +386,16 @@ def _exchanged(one: Path, other: Path) -> bool:
         return False
     failed: int = rename(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), ctypes.c_uint(_EXCHANGE))
     return failed == 0
+
+
+def is_mount_point(path: Path) -> bool:
+    """Return whether something is mounted at a path, perhaps a file or folder of the same file system."""
+    if os.path.ismount(path):
+        return True
+    place = os.path.join(os.path.realpath(path.parent), path.name)
+    with suppress(OSError), open('/proc/self/mountinfo', encoding='utf-8', errors='surrogateescape') as mounts:
+        return any(_OCTAL.sub(lambda one: chr(int(one[1], 8)), line.split()[4]) == place for line in mounts)
+    return False
 
 
 def checksum(path: Path) -> str:

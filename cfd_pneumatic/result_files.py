@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import alone_in, check_folder, made_aside, make_folder, reported
+from cfd_pneumatic.files import alone_in, check_folder, is_mount_point, made_aside, make_folder, reported
 
 _HEAD = 2**16  # bytes in which a mark is looked for
 
@@ -159,7 +159,7 @@ def check_replaceable(path: Path, is_ours: Recognition, *, overwrite: bool) -> N
     with reported(path):
         if path.is_dir() and not path.is_symlink():
             raise InputError(f'{path} is a folder and is not replaced: move it, or choose another folder')
-        if os.path.ismount(path) or not _may_be_removed(path):
+        if is_mount_point(path) or not _may_be_removed(path):
             raise InputError(f"{path} is a mount point or another user's and cannot be replaced: choose another folder")
         if not overwrite and not (_is_file(path) and is_ours(path)):
             raise InputError(f'{path} exists and may be yours: move it, choose another folder, or {ADVICE}')

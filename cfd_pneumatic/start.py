@@ -13,9 +13,11 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Collection
+from collections.abc import Iterable
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
+from itertools import takewhile
 from pathlib import Path
 from types import ModuleType
 from typing import NoReturn
@@ -29,14 +31,17 @@ _NODES = 'cfd_pneumatic.nodes.'
 _MUCH = 50_000  # objects made, after which a command looks for garbage: its late imports alone make five times as many
 
 
-def told(program: str, arguments: Collection[str]) -> bool:
+def told(program: str, arguments: Iterable[str]) -> bool:
     """Print a program's help or version where its arguments ask for one, and return whether they did."""
-    if '-h' in arguments or '--help' in arguments:
-        sys.stdout.write((HELP / f'{program}.txt').read_text(encoding='utf-8'))
-    elif '--version' in arguments:
-        print(f'{program} {__version__}')
+    options = set(takewhile(lambda one: one != '--', arguments))  # behind it a file may have any name
+    if options & {'-h', '--help'}:
+        text = (HELP / f'{program}.txt').read_text(encoding='utf-8')
+    elif '--version' in options:
+        text = f'{program} {__version__}\n'
     else:
         return False
+    with suppress(OSError):  # whoever asked has gone, or the disk is full
+        os.write(1, text.encode())
     return True
 
 

@@ -22,8 +22,12 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification import Options
     from cfd_pneumatic.recording import ChannelMapping, Recording
 
-PROGRESS_KEY = 'progress'
-"""With `--progress lines` each line on standard output is JSON: {"progress": share, "what": text}."""
+PROGRESS_KEY, CHECKSUM_KEY = 'progress', 'report_sha256'
+"""
+With `--progress lines` each line on standard output is JSON: {"progress": share, "what": text}.
+
+The last one of an identification has the SHA-256 of its `report.json`, too.
+"""
 
 _MOST_JOBS = 256
 """Processes on one computer, each of which takes some 200 MB."""
@@ -223,6 +227,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
     from cfd_pneumatic.recording import read_recording
     from cfd_pneumatic.reporting import draft_effect, next_plan, print_report, write_report
     from cfd_pneumatic.reporting.folder import FILES, file_names
+    from cfd_pneumatic.result_files import check_replaceable, never
     from cfd_pneumatic.terminal import terminal
 
     names = file_names(len(arguments.bags), closed=options.close_loop)
@@ -242,7 +247,9 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         report('writing the report', 0.9)
         written = write_report(identification, arguments.output, full=arguments.full, overwrite=arguments.overwrite)
         report('done', 1.0)
-    if arguments.progress != 'lines':
+    if arguments.progress == 'lines':
+        print(json.dumps({PROGRESS_KEY: 1.0, 'what': 'done', CHECKSUM_KEY: written.checksum}))
+    else:
         print_report(identification, terminal(), written.live)
         print(f'written: {", ".join(map(str, written.files))}')
         if not written.complete:
@@ -252,6 +259,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
             print(f'To plan an experiment that tells more: {command}')
     if arguments.draft_effect is not None:
         make_folder(arguments.draft_effect.parent)
+        check_replaceable(arguments.draft_effect, never, overwrite=arguments.overwrite)  # it may have come meanwhile
         write_text(arguments.draft_effect, draft_effect(identification, arguments.draft_effect.stem))
 
 

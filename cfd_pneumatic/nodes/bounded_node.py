@@ -53,12 +53,12 @@ def _answer(callback: _Callback, request: Any, response: Any) -> Any:
     """Answer a request, unless it asks for parameters again and again: rclpy goes through them one by one."""
     asked = next((getattr(request, field) for field in _ASKED_FOR if hasattr(request, field)), ())
     names = [getattr(one, 'name', one) for one in asked[: _MOST_NAMES + 1]]
-    if len(set(names)) == len(asked):
+    if len(asked) <= _MOST_NAMES and len(set(names)) == len(asked):
         return callback(request, response)
     refused = SetParametersResult(reason=f'a request must name each parameter once, and at most {_MOST_NAMES}')
     if hasattr(response, 'results'):
         response.results = [refused] * len(asked)
-    elif hasattr(response, 'result'):
+    elif isinstance(getattr(response, 'result', None), SetParametersResult):
         response.result = refused
     return response
 

@@ -4,134 +4,42 @@
 from __future__ import annotations
 
 import json
-import math
-import signal
-import subprocess
 import sys
-import threading
-import time
-from collections import deque
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.task import Future
 from rclpy.validate_topic_name import validate_topic_name
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
-from cfd_pneumatic.children import start_python
-from cfd_pneumatic.commands.identify_bag import PROGRESS_KEY
 from cfd_pneumatic.device import DESCRIPTORS, NO_NAMES, Device, Value
-from cfd_pneumatic.errors import InputError, without_quotations
+from cfd_pneumatic.errors import InputError, printable, without_quotations
 from cfd_pneumatic.identification.data.options import AUTO, CORES
 from cfd_pneumatic.identification.wording import sentence, title
 from cfd_pneumatic.nodes.bounded_node import BoundedNode
+from cfd_pneumatic.nodes.fit_process import CANCELLED, FitProcess
 from cfd_pneumatic.nodes.folders import INPUTS, OUTPUT, Folders
 from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS
+from cfd_pneumatic.nodes.parameter_transfer import SERVICES, ParameterTransfer
 from cfd_pneumatic.nodes.parameters import number, switch, text, texts, value_of
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.recording import read_mapping
 from cfd_pneumatic.reporting import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
-from cfd_pneumatic.start import BAD_INPUT
 
 _PERIOD = 0.1  # how often the fit's process is looked after [s]
-_POLL = 0.01  # [s]
-_PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
-_ASK_AGAIN = 1.0  # a request to set or get parameters is repeated after this time [s]
-_SERVICE_WAIT = 5.0  # how long a target of `apply_to` may take to appear or answer [s]
 _MOST_BAGS = 100  # each is looked at before the fit starts, and no request is answered meanwhile
-_KEPT_LINES, _LONGEST_LINE = 20, 4_000  # of what a fit writes on standard error
-_TRANSFER = {GetParameters: 'get_parameters', SetParametersAtomically: 'set_parameters_atomically'}
-"""The services of the target of `apply_to`, and their names."""
 _SWITCHES = ('per_setpoint', 'close_loop', 'overwrite')  # parameters that are options of `identify_bag`, too
 _BUSY = 'refused: an identification is running; ~/cancel ends it'
-CANCELLED = 'cancelled: earlier outputs are untouched'
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
-class FitProcess:
-    """`identify_bag` in a process of its own, so that a long fit delays no callback and can be ended at once."""
-
-    def __init__(self, arguments: Sequence[str]) -> None:
-        """Start it."""
-        self.what = 'starting'
-        self.share = 0.0
-        self._errors: deque[str] = deque(maxlen=_KEPT_LINES)
-        self._kill_at = math.inf
-        # an interrupt at the terminal reaches the node, which then ends the fit
-        self._process = start_python(
-            'from cfd_pneumatic.start import identify_bag; sys.exit(identify_bag())',
-            '--progress=lines',
-            *arguments,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={'PYTHONUNBUFFERED': '1'},
-        )
-        readers = (self._read_progress, self._read_errors)
-        self._readers = [threading.Thread(target=read, daemon=True) for read in readers]
-        for reader in self._readers:
-            reader.start()
-
-    def _read_progress(self) -> None:
-        assert self._process.stdout is not None
-        for line in self._process.stdout:
-            progress = json.loads(line)
-            self.share, self.what = progress[PROGRESS_KEY], progress['what']
-
-    def _read_errors(self) -> None:
-        assert self._process.stderr is not None
-        self._errors.extend(line.rstrip()[:_LONGEST_LINE] for line in self._process.stderr)
-
-    def ended(self) -> bool:
-        """Tell whether it has ended; one that does not heed its cancellation in time is ended by force."""
-        if time.monotonic() > self._kill_at:
-            self._process.kill()
-            self._process.wait()
-        return self._process.poll() is not None
-
-    def failure(self) -> str | None:
-        """
-        Return why the ended fit failed; None if it succeeded.
-
-        Everybody in the graph reads the reason, so it quotes no file.
-        """
-        for reader in self._readers:
-            reader.join()
-        if self._process.returncode == 0:
-            return None
-        if self._kill_at < math.inf:
-            return CANCELLED
-        if self._process.returncode == BAD_INPUT and self._errors:
-            return without_quotations(self._errors[-1])
-        return (
-            f'identify_bag ended unexpectedly with code {self._process.returncode}: '
-            'run identify_bag on the same bags in a terminal to see why'
-        )
-
-    def cancel(self) -> None:
-        """Ask it to end; outputs are written whole or not at all."""
-        if self._kill_at == math.inf:
-            self._kill_at = time.monotonic() + _PATIENCE
-            self._process.send_signal(signal.SIGINT)
-
-    def end(self) -> None:
-        """Cancel it and wait until it has ended."""
-        self.cancel()
-        while not self.ended():
-            time.sleep(_POLL)
 
 
 @dataclass(frozen=True)
@@ -283,7 +191,7 @@ class IdentifierNode(BoundedNode):
         if target:
             try:
                 validate_topic_name(target)
-                for service in _TRANSFER.values():
+                for service in SERVICES.values():
                     self.resolve_service_name(f'{target.rstrip("/")}/{service}')
             except (InvalidTopicNameException, RuntimeError) as error:
                 raise InputError(
@@ -359,23 +267,8 @@ class IdentifierNode(BoundedNode):
     def _look_after(self) -> None:
         """Follow the fit, then the setting of parameters, one step at a time."""
         if self._fit is not None and self._job is not None:
-            if not self._fit.ended():
-                return
-            failure = self._fit.failure()
-            self._fit = None
-            if failure is not None:
-                self._finish(DiagnosticStatus.WARN if failure == CANCELLED else DiagnosticStatus.ERROR, failure)
-                return
-            text = (self._job.folder / REPORT_FILE).read_text(encoding='utf-8')
-            self._report = json.loads(text)
-            self._result_out.publish(String(data=text))
-            if not self._job.target:
-                self._finish(DiagnosticStatus.OK, self._found('done'))
-                return
-            file = self._job.folder / PARAMETER_FILE
-            wanted = _with_other_effects_off(Device.load(file), self._report)
-            self._transfer = ParameterTransfer(self, self._job.target, wanted, f': start it with {file}')
-            self._tell(DiagnosticStatus.OK, f'setting the parameters on {self._job.target}')
+            if self._fit.ended():
+                self._take_results(self._fit, self._job)
         elif self._transfer is not None:
             outcome = self._transfer.proceed()
             if outcome is not None:
@@ -384,6 +277,28 @@ class IdentifierNode(BoundedNode):
                 self._transfer = None
                 level, message = outcome
                 self._finish(level, self._found(message) if self._job is not None else message)
+
+    def _take_results(self, fit: FitProcess, job: Job) -> None:
+        """Publish what a fit that has ended found, and set the parameters on another node where that is asked for."""
+        self._fit = None
+        failure = fit.failure()
+        if failure is not None:
+            self._finish(DiagnosticStatus.WARN if failure == CANCELLED else DiagnosticStatus.ERROR, failure)
+            return
+        try:
+            text, device = fit.results(job.folder)
+        except InputError as error:
+            self._finish(DiagnosticStatus.ERROR, without_quotations(str(error)))
+            return
+        self._report = json.loads(text)
+        self._result_out.publish(String(data=text))
+        if not job.target:
+            self._finish(DiagnosticStatus.OK, self._found('done'))
+            return
+        wanted = _with_other_effects_off(device, self._report)
+        remedy = f': start it with {job.folder / PARAMETER_FILE}'
+        self._transfer = ParameterTransfer(self, job.target, wanted, remedy)
+        self._tell(DiagnosticStatus.OK, f'setting the parameters on {job.target}')
 
     def _verdicts(self) -> dict[str, dict[str, Any]]:
         """Return what the report says on each cylinder, and on the force, where the loop was closed."""
@@ -405,6 +320,7 @@ class IdentifierNode(BoundedNode):
         self._tell(level, message)
 
     def _tell(self, level: bytes, message: str) -> None:
+        message = printable(message)  # a path may hold anything, a line of the log among it
         self._status = (level, message)
         if level == DiagnosticStatus.OK:
             self.get_logger().info(message)
@@ -430,87 +346,6 @@ class IdentifierNode(BoundedNode):
         if self._fit is not None:
             self._fit.end()
         super().destroy_node()
-
-
-class ParameterTransfer:
-    """
-    Setting parameters on another node, all at once or not at all.
-
-    A target that has a cylinder more or less than is wanted keeps it, which is said: nodes take that at their start
-    alone, as they do initial set-points.
-
-    Attributes
-    ----------
-    earlier
-        What the target had before, once it was set.
-
-    """
-
-    def __init__(self, node: Node, target: str, wanted: Mapping[str, Value], remedy: str = '') -> None:
-        """Begin with parameters by their names, and a remedy where cylinders differ; `proceed` goes on."""
-        self.target = target.rstrip('/')
-        self.earlier: dict[str, Value] = {}
-        self._node = node
-        self._remedy = remedy
-        self._values = {name: value for name, value in wanted.items() if not DESCRIPTORS[name].at_start}
-        self._present = {
-            f'{cylinder}.enabled': wanted.get(f'{cylinder}.enabled', True) for cylinder in convention.CYLINDERS
-        }
-        self._clients = {
-            service.Request: node.create_client(service, f'{self.target}/{name}') for service, name in _TRANSFER.items()
-        }
-        self._deadline = time.monotonic() + _SERVICE_WAIT
-        self._dialogue = self._talk()
-        self._request = next(self._dialogue)
-        self._reply: Future | None = None
-        self._asked = 0.0
-
-    def proceed(self) -> tuple[bytes, str] | None:
-        """Go on as far as possible; return level and message when it has ended."""
-        if self._reply is None:
-            if all(client.service_is_ready() for client in self._clients.values()):
-                self._ask()
-        elif self._reply.done():
-            try:
-                self._request = self._dialogue.send(self._reply.result())
-            except StopIteration as ended:
-                outcome: tuple[bytes, str] = ended.value
-                return outcome
-            self._ask()
-        elif time.monotonic() - self._asked > _ASK_AGAIN:
-            self._ask()  # a reply is lost if it leaves before its sender has discovered this client
-        if time.monotonic() > self._deadline:
-            return DiagnosticStatus.ERROR, f'{self.target} (parameter apply_to) is not there: check its name'
-        return None
-
-    def _ask(self) -> None:
-        self._asked = time.monotonic()
-        self._reply = self._clients[type(self._request)].call_async(self._request)
-
-    def _talk(self) -> Generator[Any, Any, tuple[bytes, str]]:
-        """Yield requests, get their replies, and return level and message."""
-        names = [*self._values, *self._present]
-        held = (yield GetParameters.Request(names=names)).values
-        earlier = {name: parameter_value_to_python(value) for name, value in zip(names, held)}
-        if len(earlier) < len(names) or None in earlier.values():
-            return DiagnosticStatus.ERROR, f'{self.target} (parameter apply_to) is no sim_node'
-        present = {name: earlier.pop(name) for name in self._present}
-        differ = [f'{name} is {str(on).lower()} there' for name, on in present.items() if on != self._present[name]]
-        values = {name: list(one) if isinstance(one, tuple) else one for name, one in self._values.items()}
-        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-        result = (yield SetParametersAtomically.Request(parameters=parameters)).result
-        if not result.successful:
-            return DiagnosticStatus.ERROR, f'{self.target} refused the parameters: {result.reason}'
-        self.earlier = {**earlier, **present}
-        done = f'parameters set on {self.target}'
-        if differ:
-            return DiagnosticStatus.WARN, f'{done}, but {" and ".join(differ)}{self._remedy}'
-        return DiagnosticStatus.OK, done
-
-    def close(self) -> None:
-        """Give the clients back."""
-        for client in self._clients.values():
-            self._node.destroy_client(client)
 
 
 def _with_other_effects_off(device: Device, report: Mapping[str, Any]) -> dict[str, Value]:

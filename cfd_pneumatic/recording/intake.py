@@ -125,7 +125,8 @@ class Intake:
         if not self._count:
             if not self._missing:
                 raise InputError(f'topic {channel.source}, the {channel.name}, has no messages')
-            there = f'; the names are {listed(self._names, _MOST_NAMES)}' if self._names else ''
+            names = listed(self._names, _MOST_NAMES).replace('“', '?').replace('”', '?')
+            there = f'; the names are “{names}”' if self._names else ''
             raise InputError(f'no message on topic {channel.source} has {self._wanted}{there}')
         notes = []
         if self._missing:

@@ -40,11 +40,18 @@ FILES = ResultFiles(
 
 
 class Written(NamedTuple):
-    """Files that were written, whether those with samples hold every one, and the errors of a live simulation."""
+    """What was written."""
 
     files: list[Path]
+
     complete: bool
+    """Whether files with samples hold every one."""
+
     live: Mapping[str, PartError]
+    """Errors of a live simulation, by channel."""
+
+    checksum: str
+    """Of the report."""
 
 
 def file_names(recordings: int, *, closed: bool) -> list[str]:
@@ -105,7 +112,7 @@ def _written(identification: Identification, folder: Path, full: bool) -> Writte
         files += [page, *compared]
     data |= {'run': run, 'files': {path.name: checksum(path) for path in files}}
     report.write_text(json.dumps(data, indent=2, allow_nan=False) + '\n', encoding='utf-8')
-    return Written([report, *files], all(complete), live)
+    return Written([report, *files], all(complete), live, checksum(report))
 
 
 def compare_files(identification: Identification, folder: Path) -> list[Path]:

@@ -249,8 +249,8 @@ def surface_following(
         Time between samples [s].
 
     """
-    if not abs(amplitude) <= _HIGHEST:
-        raise InputError(f'amplitude {amplitude:g} m is out of reach: give {_HIGHEST:g} m at most')
+    if not 0.0 < abs(amplitude) <= _HIGHEST:
+        raise InputError(f'amplitude {amplitude:g} m is out of reach: give more than 0 m and {_HIGHEST:g} m at most')
     if not 2.0 <= duration <= LONGEST:
         raise InputError(f'duration {duration:g} s: a surface takes 2 to {LONGEST:g} s')
     rng = np.random.default_rng(seed)

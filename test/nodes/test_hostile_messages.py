@@ -20,7 +20,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from graph import MILLISECOND, Graph, Process, SimClient, ros_arguments, unique_namespace
 from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    GetParameterTypes,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
@@ -365,6 +372,30 @@ def test_a_request_names_each_parameter_once(graph: Graph, nodes: dict[str, str]
         assert not any(result.successful for result in results)
         assert 'each parameter once' in results[0].reason
         assert graph.call(GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values == []
+
+
+REQUESTS = {
+    ListParameters: ('list_parameters', 'prefixes'),
+    DescribeParameters: ('describe_parameters', 'names'),
+    GetParameters: ('get_parameters', 'names'),
+    GetParameterTypes: ('get_parameter_types', 'names'),
+    SetParameters: ('set_parameters', 'parameters'),
+    SetParametersAtomically: ('set_parameters_atomically', 'parameters'),
+}
+
+
+@pytest.mark.parametrize('module', MODULES)
+def test_no_request_about_parameters_ends_a_node(graph: Graph, nodes: dict[str, str], module: str) -> None:
+    """Those with a name twice were answered with the answer to another service, which ended the node."""
+    node = f'{nodes[module]}/{module}'
+    for names in (['a', 'a'], [f'a{index}' for index in range(501)], [''], ['x' * 10_000], ['a.', '.a', '/'], []):
+        for service, (name, field) in REQUESTS.items():
+            asked = [Parameter(name=one) for one in names] if field == 'parameters' else names
+            answer = graph.call(service, f'{node}/{name}', service.Request(**{field: asked}))
+            if len(names) in (2, 501):
+                told = answer.result.names if service is ListParameters else getattr(answer, 'values', [])
+                assert list(told) == []
+    assert graph.get(node, 'use_sim_time') == [True]
 
 
 def test_a_queue_shortened_for_large_messages_gets_its_depth_back(

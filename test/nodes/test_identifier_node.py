@@ -31,7 +31,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 SETPOINT = 10 * PSI
 GAINS = (5e6, 15.0, 30.0, 0.01)
 """So slow that the pressure does not overshoot: the piston only ever moves out, and nothing excites K_v."""
-IMPATIENT = 'import cfd_pneumatic.nodes.identifier_node as node; node._SERVICE_WAIT = 1.0'
+IMPATIENT = 'import cfd_pneumatic.nodes.parameter_transfer as transfer; transfer._SERVICE_WAIT = 1.0'
 """Waits for a second for a target that is not there, and not for five."""
 UNSET = {'bags': [''], 'output_dir': '', 'apply_to': '', 'split': '60/20/20', 'area': 0.0, 'geometric_factor': 0.0}
 
@@ -322,6 +322,66 @@ def test_a_file_of_somebody_else_is_replaced_if_the_node_was_started_to_do_so(
         other.identify()
         other.status('done.')
     assert page.read_text() != 'mine'
+
+
+ODD_NAMES = ('-h', '--help', '--version', '--', 'a b', 'x\n[FATAL] [1.0] [safety_node]: EMERGENCY STOP')
+
+
+def test_a_path_may_look_like_an_option_or_like_a_line_of_the_log(
+    graph: Graph, node: Identifier, bag: Path, tmp_path: Path
+) -> None:
+    """`-h` as a bag had the fit print its help, and the node fail over the report that was not there."""
+    start = f'import os; os.chdir({str(tmp_path)!r})'
+    with identifier(graph, tmp_path, start) as other:
+        for name in ODD_NAMES:
+            shutil.copytree(bag, tmp_path / name)
+            for bags, output in (([name], 'out'), ([str(bag)], f'outputs/{name}')):
+                if bags == [str(bag)]:
+                    bags = [ODD_NAMES[0]]
+                other.set(bags=bags, output_dir=output)
+                other.identify()
+                other.status('done.')
+        heard = other.process.stderr
+    assert (tmp_path / 'outputs' / ODD_NAMES[-1] / 'report.json').exists()
+    assert not any(line.startswith('[FATAL]') for line in heard.splitlines())
+
+
+TAMPERED = """
+import os, shutil
+from cfd_pneumatic.nodes.fit_process import FitProcess
+failure = FitProcess.failure
+
+def tampered(fit):
+    told, report, kind = failure(fit), {report!r}, {kind!r}
+    os.unlink(report)
+    if kind == 'pipe':
+        os.mkfifo(report)
+    elif kind == 'folder':
+        os.mkdir(report)
+    elif kind != 'gone':
+        open(report, 'w').write(kind)
+    return told
+
+FitProcess.failure = tampered
+"""
+"""Does to results what somebody else may do between the end of the fit and the node's look at them."""
+
+
+@pytest.mark.parametrize('name', ['report.json', 'parameters.yaml'])
+@pytest.mark.parametrize('kind', ['gone', 'pipe', 'folder', SECRET, f'{{"password": "{SECRET}", "cylinders": {{}}}}'])
+def test_only_the_fit_s_own_results_are_published_and_set(
+    graph: Graph, bag: Path, tmp_path: Path, name: str, kind: str
+) -> None:
+    output = tmp_path / 'out'
+    tampered = TAMPERED.format(report=str(output / name), kind=kind)
+    with identifier(graph, bag.parent, tampered, output_folder=tmp_path) as node:
+        heard = graph.listen(String, f'{node.name}/result', LATCHED)
+        node.set(bags=[str(bag)], output_dir=str(output))
+        node.identify()
+        status = graph.next_diagnostics(node.name, lambda one: one.level == DiagnosticStatus.ERROR)
+        assert str(output / name) in status.message
+        assert SECRET not in status.message + node.process.stderr
+    assert heard == []
 
 
 def test_cancel_ends_the_fit_at_once_and_leaves_earlier_outputs(

@@ -26,6 +26,7 @@ def impatient(monkeypatch):
     """Let definitions have a tenth of the size and of the steps, which takes a tenth of the time."""
     monkeypatch.setattr(definitions, 'MOST_STEPS', definitions.MOST_STEPS // 10)
     monkeypatch.setattr(definitions, 'LARGEST', definitions.LARGEST // 10)
+    monkeypatch.setattr(definitions, 'LONGEST_PARSING', definitions.LONGEST_PARSING / 10.0)
 
 
 def defined(text, kind=MSG):
@@ -56,6 +57,7 @@ NOT_READ_IDL = {
     'parentheses': 'module a { const int32 A = ' + '(' * 200 + '1' + ')' * 200 + '; };',
     'a shift': 'module a { const int32 A = 1 << 10000000000; };' + STRUCT % 'double x;',
     'sequences': STRUCT % ('sequence<' * 40 + 'double' + '>' * 40 + ' x;'),
+    'sequences before a comment': STRUCT % ('sequence<' * 15 + '/*' + 'x' * 90_000),
     'modules': 'module a {' * 5_000,
     'constants': MODULE % '\n'.join(f'const int32 A{index} = {index};' for index in range(5_000)),
     'a comment that does not end': '/*' + '*' * 50_000,

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,6 +38,9 @@ MOST_FIELDS = 100_000
 
 MOST_STEPS = 400_000
 """Words and marks that are looked for in all definitions of a recording: some 25,000 lines, which take 2 s."""
+
+LONGEST_PARSING = 10.0
+"""Time of the processor for all definitions of a recording: one look may go over a whole text [s]."""
 
 MOST_ENTRIES = 50_000
 """Files and folders in the folder of the user's definitions, which are looked through in a second."""
@@ -73,7 +77,7 @@ class Definitions:
     def __init__(self, folder: Path | None = None) -> None:
         self._files = {} if folder is None else _files_by_type(folder)
         self._parsed: dict[tuple[str, str], Typesdict] = {}
-        self._steps = MOST_STEPS
+        self._steps, self._seconds = MOST_STEPS, LONGEST_PARSING
 
     def of(self, connections: Sequence[Connection]) -> Typestore:
         """
@@ -159,7 +163,7 @@ class Definitions:
         """Return the types that a text defines."""
         if (text, msgtype) not in self._parsed:
             parser = _MsgParser(f'MSG: {msgtype}\n{text}') if kind == MessageDefinitionFormat.MSG else _IdlParser(text)
-            parser.steps = self._steps
+            parser.steps, parser.deadline = self._steps, time.thread_time() + self._seconds
             try:
                 self._parsed[text, msgtype] = make_typesdict(parser.specification())
             except InputError:
@@ -167,7 +171,7 @@ class Definitions:
             except Exception as error:  # rosbags raises whatever a text makes it stumble over
                 line = parser.line_reached - (kind == MessageDefinitionFormat.MSG)
                 raise InputError(f'is not a message definition: line {line} cannot be parsed') from error
-            self._steps = parser.steps
+            self._steps, self._seconds = parser.steps, parser.deadline - time.thread_time()
         return self._parsed[text, msgtype]
 
 
@@ -177,6 +181,9 @@ class _Bounded:
     text: str
     steps: int
     """How many words and marks it may still look for."""
+
+    deadline: float
+    """Until when, in the thread's time [s]."""
 
     _farthest = 0
 
@@ -196,7 +203,7 @@ class _Bounded:
     def _count(self, pos: int) -> None:
         self.steps -= 1
         self._farthest = max(self._farthest, pos)
-        if self.steps < 0:
+        if self.steps < 0 or time.thread_time() > self.deadline:
             raise InputError('takes too long to parse: leave out what is not needed')
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -172,9 +173,9 @@ class BagWriter:
     def _find_free_place(self) -> None:
         """Choose a path with a number behind it if somebody put something into the bag's place."""
         path, parent = self._aside.path, self._aside.parent
-        if path.exists() and not _is_empty(path):
+        if os.path.lexists(path) and not _is_empty(path):
             numbered = (parent / f'{path.name}_{number}' for number in count(2))
-            self.path = self._aside.path = next(one for one in numbered if not one.exists())
+            self.path = self._aside.path = next(one for one in numbered if not os.path.lexists(one))
 
     @contextmanager
     def _reported(self) -> Iterator[None]:

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`identify_bag` in a process of its own, and the results that it wrote."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import signal
+import subprocess
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+
+from cfd_pneumatic.children import start_python
+from cfd_pneumatic.commands.identify_bag import CHECKSUM_KEY, PROGRESS_KEY
+from cfd_pneumatic.device import Device
+from cfd_pneumatic.errors import InputError, without_quotations
+from cfd_pneumatic.input_files import read_input
+from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE
+from cfd_pneumatic.start import BAD_INPUT
+
+CANCELLED = 'cancelled: earlier outputs are untouched'
+
+_POLL = 0.01  # [s]
+_PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
+_KEPT_LINES, _LONGEST_LINE = 20, 4_000  # of what a fit writes on standard error
+_LARGEST = 2**26  # of a file of results [bytes]
+
+
+class FitProcess:
+    """`identify_bag` in a process of its own, so that a long fit delays no callback and can be ended at once."""
+
+    def __init__(self, arguments: Sequence[str]) -> None:
+        """Start it."""
+        self.what = 'starting'
+        self.share = 0.0
+        self._checksum: str | None = None
+        self._errors: deque[str] = deque(maxlen=_KEPT_LINES)
+        self._kill_at = math.inf
+        # an interrupt at the terminal reaches the node, which then ends the fit
+        self._process = start_python(
+            'from cfd_pneumatic.start import identify_bag; sys.exit(identify_bag())',
+            '--progress=lines',
+            *arguments,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={'PYTHONUNBUFFERED': '1'},
+        )
+        readers = (self._read_progress, self._read_errors)
+        self._readers = [threading.Thread(target=read, daemon=True) for read in readers]
+        for reader in self._readers:
+            reader.start()
+
+    def _read_progress(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            progress = json.loads(line)
+            self.share, self.what = progress[PROGRESS_KEY], progress['what']
+            self._checksum = progress.get(CHECKSUM_KEY)
+
+    def _read_errors(self) -> None:
+        assert self._process.stderr is not None
+        self._errors.extend(line.rstrip()[:_LONGEST_LINE] for line in self._process.stderr)
+
+    def ended(self) -> bool:
+        """Tell whether it has ended; one that does not heed its cancellation in time is ended by force."""
+        if time.monotonic() > self._kill_at:
+            self._process.kill()
+            self._process.wait()
+        return self._process.poll() is not None
+
+    def failure(self) -> str | None:
+        """
+        Return why the ended fit failed; None if it succeeded.
+
+        Everybody in the graph reads the reason, so it quotes no file.
+        """
+        for reader in self._readers:
+            reader.join()
+        if self._process.returncode == 0:
+            return None
+        if self._kill_at < math.inf:
+            return CANCELLED
+        if self._process.returncode == BAD_INPUT and self._errors:
+            return without_quotations(self._errors[-1])
+        return (
+            f'identify_bag ended unexpectedly with code {self._process.returncode}: '
+            'run identify_bag on the same bags in a terminal to see why'
+        )
+
+    def results(self, folder: Path) -> tuple[str, Device]:
+        """
+        Return the report that the fit wrote into a folder, and the device that it found.
+
+        Others may write there, and nothing of theirs is to be published: checksums tell that the files are the fit's.
+
+        Raises
+        ------
+        InputError
+            If they are not.
+
+        """
+        text = _checked(folder / REPORT_FILE, self._checksum).decode()
+        parameters = folder / PARAMETER_FILE
+        _checked(parameters, json.loads(text)['files'][PARAMETER_FILE])
+        return text, Device.load(parameters)
+
+    def cancel(self) -> None:
+        """Ask it to end; outputs are written whole or not at all."""
+        if self._kill_at == math.inf:
+            self._kill_at = time.monotonic() + _PATIENCE
+            self._process.send_signal(signal.SIGINT)
+
+    def end(self) -> None:
+        """Cancel it and wait until it has ended."""
+        self.cancel()
+        while not self.ended():
+            time.sleep(_POLL)
+
+
+def _checked(path: Path, checksum: str | None) -> bytes:
+    """Return what a file holds, if that has a checksum."""
+    try:
+        content = read_input(path, _LARGEST)
+    except InputError as error:
+        raise InputError(f'{path} {error}') from error
+    if hashlib.sha256(content).hexdigest() != checksum:
+        raise InputError(f'{path} is not what this identification wrote: let nobody else write there, and try again')
+    return content
