@@ -7,6 +7,7 @@ import grp
 import os
 import pickle
 import pwd
+import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -57,6 +58,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
     'one byte': lambda file: file.write_bytes(b'\0'),
     'half': lambda file: file.write_bytes(file.read_bytes()[: len(CODE) // 2]),
     'longer': lambda file: file.write_bytes(file.read_bytes() + b'\0'),
+    'a hole of a terabyte': lambda file: os.truncate(file, 2**40),
     'garbage': lambda file: file.write_bytes(os.urandom(5000)),
     'pickle of nothing': lambda file: file.write_bytes(pickle.dumps(None)),
     'a bit': flip_a_bit,
@@ -115,6 +117,16 @@ def test_a_folder_with_something_in_it_is_left_where_a_file_belongs(tmp_path: Pa
     assert inside.exists()
 
 
+def give_access(folder: Path) -> None:
+    """Let another user write to a folder by an access control list, of which the mode tells the group's bit only."""
+    entries = [(0x01, 7, -1), (0x02, 7, STRANGER), (0x04, 5, -1), (0x10, 7, -1), (0x20, 5, -1)]
+    packed = b''.join(struct.pack('<HHi', *entry) for entry in entries)
+    try:
+        os.setxattr(folder, 'system.posix_acl_access', struct.pack('<I', 2) + packed)
+    except OSError:
+        pytest.skip('this file system has no access control lists')
+
+
 STRANGERS: dict[str, Callable[[Path], object]] = {
     'all can write to it': lambda folder: folder.chmod(0o777),
     'all can write to it, sticky': lambda folder: folder.chmod(0o1777),
@@ -123,6 +135,7 @@ STRANGERS: dict[str, Callable[[Path], object]] = {
     "another user's": lambda folder: os.chown(folder, STRANGER, -1),
     "below another user's": lambda folder: os.chown(folder.parents[1], STRANGER, -1),
     "another group's": lambda folder: (os.chown(folder, -1, STRANGER), folder.chmod(0o775)),
+    'an access control list': give_access,
     "below another group's": lambda folder: (os.chown(folder.parents[1], -1, STRANGER), folder.parents[1].chmod(0o775)),
 }
 

@@ -192,6 +192,18 @@ def test_the_lock_of_the_compiler_neither_empties_a_file_nor_waits_for_a_writer(
     assert precious.read_text() == 'precious'
 
 
+def test_nobody_else_can_lock_the_compiler(module: Path) -> None:
+    """Who can read a file can lock it, and every start would wait."""
+    (folder,) = told(module)
+    lock = Path(folder) / 'compiling.lock'
+    assert lock.stat().st_mode & 0o777 == 0o600
+    lock.chmod(0o644)  # as earlier versions made it
+    for file in Path(folder).glob('*.nbc'):
+        file.unlink()
+    told(module)
+    assert lock.stat().st_mode & 0o777 == 0o600
+
+
 def test_settings_of_numba_s_in_the_working_folder_name_no_cache(module: Path, tmp_path: Path) -> None:
     (tmp_path / '.numba_config.yaml').write_text(f'cache_dir: {tmp_path / "hostile"}\ndisable_jit: 1\n')
     assert told_and_warned(module, cwd=tmp_path) == ([str(module.parent / '__pycache__')], [])

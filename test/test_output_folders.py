@@ -208,3 +208,20 @@ def test_another_user_s_file_in_a_sticky_folder_is_refused_before_the_work(bag, 
     code, out, err = run_as_a_user('identify_bag', bag, '--output', folder, '--overwrite')
     assert err.startswith(f'identify_bag: error: {folder}/report.json is a mount point or another user')
     assert (code, out) == (2, '')
+
+
+def test_a_result_that_is_a_mount_of_a_file_beside_it_is_refused_before_the_work(bag, tmp_path):
+    """Such a mount is of the same file system, and an exchange of the folder would take it along."""
+    folder, source = tmp_path / 'o u t', tmp_path / 'source.json'
+    assert run('identify_bag', bag, '--output', folder)[0] == 0
+    source.write_bytes((folder / 'report.json').read_bytes())
+    done = subprocess.run(['mount', '--bind', source, folder / 'report.json'], check=False, capture_output=True)
+    if done.returncode:
+        pytest.skip('nothing can be mounted here')
+    try:
+        code, out, err = run('identify_bag', bag, '--output', folder, '--overwrite')
+    finally:
+        subprocess.run(['umount', folder / 'report.json'], check=True)
+    assert err.startswith(f'identify_bag: error: {folder}/report.json is a mount point or another user')
+    assert (code, out) == (2, '')
+    assert sorted(os.listdir(tmp_path)) == ['o u t', 'source.json']

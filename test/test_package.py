@@ -21,6 +21,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import cfd_pneumatic
+from cfd_pneumatic import start
 from studies.package_facts import programs, setup_arguments
 
 ROOT = Path(__file__).parents[1]
@@ -273,3 +274,10 @@ def test_where_nothing_can_run_is_one_line(tmp_path, name):
         ran = subprocess.run(given, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment | more)
         assert (ran.returncode, ran.stderr.count('\n')) == (2, 1)
         assert word in ran.stderr
+
+
+@pytest.mark.parametrize('option', ['-h', '--help', '--version'])
+def test_behind_two_dashes_a_bag_may_be_called_like_an_option(tmp_path, monkeypatch, capsys, option):
+    monkeypatch.chdir(tmp_path)
+    assert not start.told('identify_bag', ['--output', 'out', '--', option])
+    assert start.told('identify_bag', ['--output', 'out', option, '--', 'bag'])

@@ -149,6 +149,20 @@ def test_a_draft_is_not_replaced_for_it_is_there_to_be_edited(bag, tmp_path, cap
     assert os.listdir(tmp_path) == ['scored_bore.py']
 
 
+def test_a_draft_that_came_while_the_run_worked_is_not_replaced(bag, tmp_path, capsys, monkeypatch):
+    draft = tmp_path / 'scored_bore.py'
+
+    def drawn(*_):
+        draft.write_text('mine')
+        return 'drawn'
+
+    monkeypatch.setattr('cfd_pneumatic.reporting.draft_effect', drawn)
+    options = bag, '--close-loop', '--progress', 'none', '--output', tmp_path / 'out', '--draft-effect', draft
+    assert identify_bag([*map(str, options)]) == 2
+    assert f'{draft} exists and may be yours' in capsys.readouterr().err
+    assert draft.read_text() == 'mine'
+
+
 @pytest.mark.parametrize('name', ['index.html', 'results.csv', 'results.parquet', 'row.json', 'report.json'])
 def test_the_files_of_a_plant_are_known(bag, tmp_path, capsys, name):
     pytest.importorskip('distributed')

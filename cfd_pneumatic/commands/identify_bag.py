@@ -258,9 +258,10 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         if command is not None:
             print(f'To plan an experiment that tells more: {command}')
     if arguments.draft_effect is not None:
+        text = draft_effect(identification, arguments.draft_effect.stem)
         make_folder(arguments.draft_effect.parent)
         check_replaceable(arguments.draft_effect, never, overwrite=arguments.overwrite)  # it may have come meanwhile
-        write_text(arguments.draft_effect, draft_effect(identification, arguments.draft_effect.stem))
+        write_text(arguments.draft_effect, text)
 
 
 def _print_recordings(recordings: Sequence[Recording], options: Options) -> None:

@@ -27,7 +27,7 @@ from cfd_pneumatic.recording.bags.storages import STORAGES
 
 _LOOK_PERIOD = 0.1  # how often topics that were not there yet are looked for [s]
 _DEPTH = 10_000  # messages of one topic that may wait while others are written, or the node waits for a core
-_BUDGET = 32 * 2**20  # of the messages of a topic that wait [bytes]; images are larger than samples
+_BUDGET = 16 * 2**20  # of the messages of a topic that wait [bytes]
 _LEAST = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)  # every publisher offers as much
 _MOST_SHOWN, _LONGEST_SHOWN = 5, 100  # types in a message, and characters of each
 

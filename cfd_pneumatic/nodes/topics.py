@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -171,6 +172,14 @@ class _Subscribed:
     def _open(self) -> None:
         self._node.destroy_timer(self._opening)
         self._subscription = self._create(qos_profile=self._qos)
+        _return_memory()
+
+
+def _return_memory() -> None:
+    """Have the C library give freed memory back to the system, of which it keeps what a queue of large messages had."""
+    trim = getattr(ctypes.CDLL(None), 'malloc_trim', None)
+    if trim is not None:
+        trim(0)
 
 
 class Counting:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,13 +12,16 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, PISTON_JOINT, ROLES
-from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.recording.bags.form import Form
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.bags.storages import StorageName
 from cfd_pneumatic.recording.bags.writing import BagWriter, Stream
 from cfd_pneumatic.recording.signals import Recording
 from cfd_pneumatic.recording.topics import resolve
+
+_NAMESPACE = re.compile(r'/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?', re.ASCII)
+_LONGEST_NAMESPACE = 200  # characters
 
 _LAST_STAMP = 2**31
 """Seconds that a stamp can't hold any more."""
@@ -58,9 +62,13 @@ def write_recording(
     Raises
     ------
     InputError
-        If the bag can't be written, or the recording's times don't fit a message.
+        If the bag can't be written, the recording's times don't fit a message, or ROS 2 has no such namespace.
 
     """
+    if len(namespace) > _LONGEST_NAMESPACE or not _NAMESPACE.fullmatch(namespace):
+        raise InputError(
+            f'namespace {printable(namespace)[:_LONGEST_NAMESPACE]}: give one as ROS 2 has it, /cfd/device'
+        )
     with BagWriter(path, storage=storage, overwrite=overwrite) as bag:
         bag.write_streams(list(streams_of(recording, namespace, ambient_pressure, joint)))
         for role, cylinder, signal in recording.signals():

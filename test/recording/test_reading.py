@@ -203,7 +203,8 @@ def test_a_joint_that_is_not_there(tmp_path):
     with pytest.raises(InputError) as caught:
         read_recording(tmp_path / 'bag')
     assert str(caught.value) == (
-        f'{tmp_path}/bag: no message on topic /cfd/device/piston_state has position[piston]; the names are ram, gripper'
+        f'{tmp_path}/bag: no message on topic /cfd/device/piston_state has position[piston]; '
+        'the names are “ram, gripper”'
     )
 
 

@@ -75,6 +75,15 @@ def test_an_earlier_bag_stays_unless_it_is_to_be_overwritten(tmp_path):
     assert os.listdir(tmp_path) == ['bag']
 
 
+def test_a_link_to_nowhere_in_a_bag_s_place_does_not_hide_the_bag(tmp_path):
+    with BagWriter(tmp_path / 'bag') as bag:
+        fill(bag)
+        (tmp_path / 'bag').symlink_to('nowhere')
+        (tmp_path / 'bag_2').symlink_to('nowhere')
+    assert bag.path == tmp_path / 'bag_3'
+    assert len(read_recording(bag.path).displacement) == 3
+
+
 @pytest.mark.parametrize('mode', [0o755, 0o700])
 def test_an_empty_folder_is_filled_and_keeps_its_mode(tmp_path, mode):
     """A folder of another mode than a new one is not exchanged, as a mount point can't be."""
