@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from cfd_pneumatic import convention
+from cfd_pneumatic.device.identified_range import UNKNOWN
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import SPECS, TABLE_1
 from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
@@ -16,6 +17,8 @@ from cfd_pneumatic.units import PSI
 Value = bool | float | tuple[float, ...] | tuple[str, ...]
 """A switch, a number, a list of numbers, or a list of names."""
 
+
+_SPAN = 'two finite numbers, the lower first; 0, 0: not known'
 
 NO_NAMES = ('',)
 """A list of names without any; ROS has no empty lists."""
@@ -119,6 +122,16 @@ def _device() -> Iterator[Descriptor]:
         *convention.FACTORS,
         remark='only its product with the area shows',
     )
+    yield Descriptor(
+        'identified_displacement',
+        UNKNOWN,
+        'lowest and highest displacement of the recordings that the device was identified with',
+        'm',
+        constraints=_SPAN,
+    )
+    yield Descriptor(
+        'identified_speed', 0.0, 'largest speed of the piston in these recordings; 0: not known', 'm/s', 0.0, 1e3
+    )
     for cylinder in convention.CYLINDERS:
         yield from _cylinder(cylinder)
     force = convention.CONTACT_FORCE
@@ -170,6 +183,22 @@ def _cylinder(name: str) -> Iterator[Descriptor]:
             spec.upper,
             f'{spec.lower:g} to {spec.upper:g} {spec.unit}, as many as setpoints',
         )
+    yield Descriptor(
+        f'{name}.identified_setpoints',
+        UNKNOWN,
+        'lowest and highest gauge set-point of the recordings that the device was identified with',
+        'Pa',
+        constraints=_SPAN,
+        remark='gauge',
+    )
+    yield Descriptor(
+        f'{name}.identified_pressures',
+        UNKNOWN,
+        'lowest and highest absolute pressure of these recordings',
+        'Pa',
+        constraints=_SPAN,
+        remark='absolute',
+    )
     yield Descriptor(
         f'{name}.not_identifiable', NO_NAMES, 'gains that the recordings did not tell: they are as the fit used them'
     )

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.device import file
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
+from cfd_pneumatic.device.identified_range import UNKNOWN, IdentifiedRange, Span
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.lazy import lazy_property
@@ -44,7 +46,7 @@ class Device:
     def __post_init__(self) -> None:
         """Check every value."""
         object.__setattr__(self, 'given', {name: _checked(name, value) for name, value in self.given.items()})
-        _ = self.model
+        _ = self.model, self.identified_range
 
     def __repr__(self) -> str:
         """Return the cylinders and the effects."""
@@ -151,6 +153,27 @@ class Device:
             assert isinstance(untold, tuple)
             names += [f'{cylinder}.{gain}' for gain in untold if gain]
         return tuple(names)
+
+    @property
+    def identified_range(self) -> IdentifiedRange:
+        """Within what it was identified."""
+        names = tuple(self.model.cylinders)
+        return IdentifiedRange(
+            self._span('identified_displacement'),
+            self.number('identified_speed') or None,
+            {name: span for name in names if (span := self._span(f'{name}.identified_setpoints'))},
+            {name: span for name in names if (span := self._span(f'{name}.identified_pressures'))},
+        )
+
+    def _span(self, name: str) -> Span | None:
+        value = self.value(name)
+        assert isinstance(value, tuple)
+        if len(value) != 2 or not all(isinstance(one, float) and math.isfinite(one) for one in value):
+            raise InputError(f'{name}: give two finite numbers, the lower first')
+        low, high = float(value[0]), float(value[1])
+        if low > high:
+            raise InputError(f'{name}: {low:g} is above {high:g}: give the lower first')
+        return None if (low, high) == UNKNOWN else (low, high)
 
     def simulate(
         self,

@@ -12,6 +12,7 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS, SUPPLY_PRESSURE
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.device.device import Device
+from cfd_pneumatic.device.identified_range import IdentifiedRange
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification
 from cfd_pneumatic.identification.result import Comparison
 from cfd_pneumatic.model import SPECS
@@ -51,6 +52,7 @@ def identified_device(identification: Identification) -> Device:
         values['supply_pressure'] = _HEADROOM * highest
         notes['supply_pressure'] = 'gauge; not measured, leaves room for set-points'
     _add_geometry(identification, values, notes)
+    _add_range(identification, values)
     force = identification.channels.get('force')
     if force is not None and force.found.model.effects:
         effects = force.found.model.effects
@@ -106,6 +108,18 @@ def _add_geometry(identification: Identification, values: Values, notes: Notes) 
         notes['area'] = geometry.note
     if geometry.factor is not None:
         values['geometric_factor'] = geometry.factor
+
+
+def _add_range(identification: Identification, values: Values) -> None:
+    """Add within what was identified."""
+    found = IdentifiedRange.of_recordings(identification.recordings, identification.ambient_pressure)
+    if found.displacement is not None and found.speed is not None:
+        values['identified_displacement'] = found.displacement
+        values['identified_speed'] = found.speed
+    for name in identification.cylinders:
+        values[f'{name}.identified_pressures'] = found.pressures[name]
+        if name in found.setpoints:
+            values[f'{name}.identified_setpoints'] = found.setpoints[name]
 
 
 def _add_cylinder(identification: Identification, result: ChannelResult, values: Values, notes: Notes) -> None:

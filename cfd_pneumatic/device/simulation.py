@@ -117,19 +117,20 @@ def answered(device: DeviceModel, recording: Recording, constant: Mapping[str, f
     """
     Return pressures and force at the displacement's samples, each answered as it comes.
 
-    Set-points act from the first sample on that is not before them. After a gap it starts anew, at rest.
+    A set-point acts up to the first sample that is later, as in a node that hears it before that sample. After a gap it
+    starts anew, at rest.
     """
     signal = recording.displacement
     setpoints = _setpoints(device, recording, constant)
-    stamps = np.rint(signal.times * 1e9).astype(np.int64).tolist()
+    stamps = _nanoseconds(signal.times)
     ambient = device.geometry.ambient_pressure
     held = np.full((len(signal), len(CYLINDERS)), ambient)
     for name, one in setpoints.items():
-        place = np.searchsorted(one.times, signal.times, side='right') - 1
+        place = np.searchsorted(_nanoseconds(one.times), stamps) - 1
         held[:, CYLINDERS.index(name)] = one.values[np.maximum(place, 0)]
     live = LiveDevice(device, _LONGEST_GAP)
     answers = np.empty((len(signal), len(CYLINDERS) + 1))
-    for index, (stamp, position, pair) in enumerate(zip(stamps, signal.values.tolist(), held.tolist())):
+    for index, (stamp, position, pair) in enumerate(zip(stamps.tolist(), signal.values.tolist(), held.tolist())):
         live.sample(stamp, position, (pair[0], pair[1]))
         assert live.committed is not None
         state = live.committed.state
@@ -141,3 +142,8 @@ def answered(device: DeviceModel, recording: Recording, constant: Mapping[str, f
     }
     force = Signal(signal.times, answers[:, -1])
     return replace(recording, cylinders=cylinders, force=force, health=(), others={})
+
+
+def _nanoseconds(times: Array) -> NDArray[np.int64]:
+    """Return times [s] as stamps [ns]."""
+    return np.rint(times * 1e9).astype(np.int64)

@@ -83,6 +83,11 @@ class DeviceState(NamedTuple):
         present = (one for one in (self.a, self.b) if one is not None)
         return all(one.is_finite for one in present) and all(map(math.isfinite, forces))
 
+    @property
+    def readings(self) -> tuple[float, ...]:
+        """What the sensors of the cylinders that there are read, absolute [Pa]."""
+        return tuple(one.reading for one in (self.a, self.b) if one is not None)
+
 
 @dataclass(frozen=True)
 class DeviceModel:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from typing import NamedTuple
 
 from cfd_pneumatic.model.cylinder import Cylinder
@@ -24,6 +25,7 @@ class Arrival(enum.Enum):
     WENT_BACK = 'went back'
     AFTER_GAP = 'after a gap'
     DIVERGED = 'diverged'
+    IMPOSSIBLE = 'impossible'
 
 
 class Committed(NamedTuple):
@@ -63,10 +65,11 @@ class LiveDevice:
     The same sequence of stamps, positions and set-points gives the same pressures to the last bit.
     """
 
-    def __init__(self, device: DeviceModel, max_gap: float) -> None:
-        """Follow `device`; a step longer than `max_gap` [s] starts anew instead."""
+    def __init__(self, device: DeviceModel, max_gap: float, supply: float = math.inf) -> None:
+        """Follow `device`; a step beyond `max_gap` [s] starts anew; no pressure exceeds `supply`, absolute [Pa]."""
         self.device = device
         self.max_gap = max_gap
+        self.supply = supply
         self.committed: Committed | None = None
 
     def reset(self) -> None:
@@ -79,7 +82,8 @@ class LiveDevice:
 
         The piston is taken to move in a straight line from the last sample, at set-points that act over the whole
         step. After a gap, where the stamp went back, or where effects drove the pressures out of the range of numbers,
-        the device starts at rest. A repeated stamp changes nothing.
+        the device starts at rest. A repeated stamp changes nothing, and neither does a sample after which a pressure
+        would lie below vacuum or above the supply.
 
         Parameters
         ----------
@@ -99,6 +103,8 @@ class LiveDevice:
             movement = last.movement((stamp - last.stamp) * NANOSECOND, position)
             state = self.device.step(last.state, movement, *setpoints)
             if state.is_finite:
+                if not all(0.0 <= pressure <= self.supply for pressure in state.readings):
+                    return Arrival.IMPOSSIBLE
                 self.committed = Committed(last.start, stamp, position, setpoints, state)
                 return arrival
             arrival = Arrival.DIVERGED

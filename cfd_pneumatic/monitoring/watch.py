@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
@@ -168,14 +169,16 @@ class Watch:
         How to watch.
     ask
         Closes the loop on a recording.
+    supply
+        Absolute pressure that none can exceed [Pa].
 
     """
 
-    def __init__(self, device: DeviceModel, settings: Settings, ask: Ask) -> None:
+    def __init__(self, device: DeviceModel, settings: Settings, ask: Ask, supply: float = math.inf) -> None:
         self.settings = settings
         self.alarms: dict[str, Alarm] = {}
         self._ask = ask
-        self._live = LiveDevice(device, settings.max_gap)
+        self._live = LiveDevice(device, settings.max_gap, supply)
         self._cylinders = tuple(device.cylinders)
         self._predictions: deque[Prediction] = deque()
         self._window = Window(settings.window)
@@ -208,7 +211,7 @@ class Watch:
 
     # what is heard
 
-    def piston(self, stamp: int, position: float, setpoints: tuple[float, float], now: float) -> Prediction | None:
+    def piston(self, stamp: int, position: float, setpoints: tuple[float, float], now: float) -> Prediction | Arrival:
         """
         Take a sample of the piston.
 
@@ -225,15 +228,15 @@ class Watch:
 
         Returns
         -------
-        Prediction or None
-            None where a stamp is repeated.
+        Prediction or Arrival
+            Why there is none: the stamp is repeated, or a pressure would be impossible.
 
         """
         before = self._live.committed
         fault = self._piston_clock.take(stamp, now)
         arrival = self._live.sample(stamp, position, setpoints)
-        if arrival is Arrival.REPEATED:
-            return None
+        if arrival in (Arrival.REPEATED, Arrival.IMPOSSIBLE):
+            return arrival
         if arrival is not Arrival.ADVANCED:
             self._restart(stamp)
             before = None
@@ -254,8 +257,7 @@ class Watch:
         committed = self._live.committed
         assert committed is not None
         state = committed.state
-        pressures = [cylinder.reading for cylinder in (state.a, state.b) if cylinder is not None]
-        values = (*pressures, self._live.device.contact_force(state))
+        values = (*state.readings, self._live.device.contact_force(state))
         rates = tuple(0.0 for _ in values)
         if self._predictions:
             last = self._predictions[-1]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
@@ -84,6 +84,7 @@ class InputHealth(Warnings):
         self.meanwhile: str | None = None
         self.counts: Counter[str] = Counter()
         self._reported: Counter[str] = Counter()
+        self._standing: set[str] = set()
 
     @property
     def silence(self) -> float:
@@ -100,6 +101,13 @@ class InputHealth(Warnings):
         self.fault = fault
         self.warn(f'ignored: {fault}')
 
+    def standing(self, words: Sequence[str]) -> None:
+        """Note what lasts; log what has not lasted since the last time."""
+        kinds = {_NUMBER.sub('#', text): text for text in words}
+        for kind in kinds.keys() - self._standing:
+            self.warn(kinds[kind])
+        self._standing = set(kinds)
+
     def troubles(self) -> str | None:
         """Return in words what has gone wrong since this was asked last, though the last input was good; or None."""
         grown = {trouble: self.counts[trouble] - self._reported[trouble] for trouble in _TROUBLES}
@@ -107,12 +115,16 @@ class InputHealth(Warnings):
         words = [f'{count} {trouble}' for trouble, count in grown.items() if count]
         return f'since the last report: {", ".join(words)}' if words else None
 
-    def verdict(self, timeout: float) -> tuple[bytes, str]:
-        """Return level and message for `/diagnostics`; silence beyond a `timeout` [s] is an error."""
+    def verdict(self, timeout: float, standing: Sequence[str] = ()) -> tuple[bytes, str]:
+        """
+        Return level and message for `/diagnostics`.
+
+        Silence beyond a `timeout` [s] is an error; what is `standing`, and not as it should be, is a warning.
+        """
         troubles = self.troubles()
         if self.silence > timeout:
             why = self.fault or f'{self._topic} has been silent for {self.silence:.1f} s'
-            return DiagnosticStatus.ERROR, joined(why, self.meanwhile, troubles)
-        if self.fault is not None or troubles is not None:
-            return DiagnosticStatus.WARN, joined(self.fault, troubles)
+            return DiagnosticStatus.ERROR, joined(why, self.meanwhile, *standing, troubles)
+        if self.fault is not None or troubles is not None or standing:
+            return DiagnosticStatus.WARN, joined(self.fault, *standing, troubles)
         return DiagnosticStatus.OK, f'following {self._topic}'

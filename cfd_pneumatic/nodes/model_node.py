@@ -5,14 +5,13 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
@@ -22,10 +21,13 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import NAMES, DeviceModel, warm_up
 from cfd_pneumatic.nodes.bounded_node import BoundedNode
 from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, InputHealth, diagnostics
-from cfd_pneumatic.nodes.messages import AXES, COMMAND_QOS, OUTPUT_QOS
+from cfd_pneumatic.nodes.input_range import InputRange
+from cfd_pneumatic.nodes.messages import AXES, COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
+from cfd_pneumatic.nodes.parameter_files import unread_file
 from cfd_pneumatic.nodes.parameters import FRAME_LENGTH, checked_frame, declare_device, device_of, number, text
+from cfd_pneumatic.nodes.publishers import other_topics, several_publishers, unheard_publishers
 from cfd_pneumatic.nodes.samples import joint_reader
-from cfd_pneumatic.nodes.topics import Queue, listen_to
+from cfd_pneumatic.nodes.topics import Queue, listen_to, listen_to_held
 
 _FARTHEST = 1e3  # what a stroke may end at [m]; a number beyond would take the model out of floating point's range
 _STROKE = 1.0  # no end effector's piston is farther from where it is counted from [m]
@@ -55,11 +57,15 @@ class ModelNode(BoundedNode):
         wanted = ['area', *(f'{cylinder}.{gain}' for cylinder in self._cylinders for gain in NAMES)]
         self._defaults = [name for name in wanted if name not in self._parameter_overrides]
         self._setpoints = {name: self._value(f'{name}.initial_setpoint') for name in convention.CYLINDERS}
+        self._waiting = set(self._cylinders)  # for a first set-point
+        self._range = InputRange(self._described.identified_range)
         for cylinder in self._cylinders:
             refusal = self._refusal(self._setpoints[cylinder])
             if refusal is not None:
                 raise InputError(f'{cylinder}.initial_setpoint is {refusal}')
         self._adopt_piston({})
+        self._is_described = self._defaults != wanted
+        self._unread = unread_file(self)
         instead = "the paper's Table 1 and the default area stand in for them"
         if self._defaults == wanted:
             self.get_logger().info(f'no gains and no area are given: {instead}')
@@ -117,6 +123,8 @@ class ModelNode(BoundedNode):
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         self._adopt_piston(changes)
+        self._range = InputRange(self._described.identified_range)
+        self._is_described |= not changes.keys().isdisjoint(self._defaults)
         self._defaults = [name for name in self._defaults if name not in changes]
         self._adopt(changes)
         return SetParametersResult(successful=True)
@@ -136,6 +144,11 @@ class ModelNode(BoundedNode):
         return ', '.join(self._described.not_identifiable) or 'none'
 
     @property
+    def _supply(self) -> float:
+        """Absolute pressure that none can exceed [Pa]."""
+        return self._described.number('supply_pressure') + self._device.geometry.ambient_pressure
+
+    @property
     def _device(self) -> DeviceModel:
         """What is simulated."""
         return self._described.model
@@ -143,6 +156,25 @@ class ModelNode(BoundedNode):
     def _adopt(self, changes: Mapping[str, Any]) -> None:
         """Use `_device` from now on, and what else has changed."""
         raise NotImplementedError
+
+    def _standing(self) -> list[str]:
+        """Return in words what is not as it should be, and lasts."""
+        words = [*self._on_parameter_file(), *several_publishers(self, convention.PISTON_STATE)]
+        for name in self._cylinders:
+            topic = convention.setpoint_topic(name)
+            words += unheard_publishers(self, topic)
+            if name in self._waiting:
+                words.append(f'no {topic} yet: initial_setpoint {self._setpoints[name]:.0f} Pa acts')
+        if not self._health.counts['samples'] and (where := other_topics(self, convention.PISTON_STATE)):
+            words.append(where)
+        words += self._range.told({name: self._setpoints[name] for name in self._cylinders})
+        self._health.standing(words)
+        return words
+
+    def _on_parameter_file(self) -> Iterator[str]:
+        """Yield in words that the device is nobody's."""
+        if not self._is_described:
+            yield self._unread or "no parameter file: the paper's Table 1 and the default area act"
 
     def _say(self, part: str, verdict: tuple[bytes, str], values: Mapping[str, str]) -> None:
         """Publish on `/diagnostics` how a part of the node does: level and words, and values beside them."""
@@ -161,26 +193,26 @@ class ModelNode(BoundedNode):
 
     # topics
 
-    def _listen_to(
-        self, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile, raw: bool = False
-    ) -> None:
-        """Subscribe, and count what is lost and who offers too little; `raw` are samples, which are shed in need."""
-        listen_to(
-            self,
-            message_type,
-            topic,
-            callback,
-            qos,
-            raw,
-            partial(self._on_lost, topic),
-            partial(self._on_mismatch, topic),
-            self._on_large,
-            self._samples if raw else None,
-        )
+    def _listen_to_samples(self, message_type: type, topic: str, callback: Callable[[bytes], None]) -> None:
+        """Subscribe to what is measured, serialised; in need some is shed."""
+        counted = self._counted(topic)
+        listen_to(self, message_type, topic, callback, SAMPLE_QOS, raw=True, queue=self._samples, **counted)
+
+    def _listen_to_commands(self, topic: str, callback: Callable[[Float64], None]) -> None:
+        """Subscribe to a number that holds until the next."""
+        listen_to_held(self, Float64, topic, callback, COMMAND_QOS, **self._counted(topic))
+
+    def _counted(self, topic: str) -> dict[str, Any]:
+        """Return what counts messages that are lost or large, and who offers too little."""
+        return {
+            'on_lost': partial(self._on_lost, topic),
+            'on_mismatch': partial(self._on_mismatch, topic),
+            'on_large': self._on_large,
+        }
 
     def _listen_to_setpoints(self) -> None:
         for name in self._cylinders:
-            self._listen_to(Float64, convention.setpoint_topic(name), partial(self._on_setpoint, name), COMMAND_QOS)
+            self._listen_to_commands(convention.setpoint_topic(name), partial(self._on_setpoint, name))
 
     def _on_lost(self, topic: str, lost: int) -> None:
         self._health.counts[LOST] += lost
@@ -203,6 +235,7 @@ class ModelNode(BoundedNode):
             self._ignore_setpoint(f'{convention.setpoint_topic(cylinder)} {refusal}')
             return
         self._setpoints[cylinder] = message.data
+        self._waiting.discard(cylinder)
 
     def _refusal(self, setpoint: float) -> str | None:
         """Return why a gauge set-point [Pa] cannot act, or None."""
@@ -233,6 +266,8 @@ class ModelNode(BoundedNode):
             if self._health.silence > self._value('timeout'):
                 self._health.warn(f'{convention.PISTON_STATE} has {self._health.meanwhile}')
             return
+        if told is not None and told[0] is not None:
+            self._range.sample(*told)  # also if it is refused: its unit may be the reason
         refusal = 'has no position' if told is None else self._refused_position(told[1])
         if told is None or refusal is not None:
             self._health.counts['ignored samples'] += 1
@@ -242,8 +277,14 @@ class ModelNode(BoundedNode):
         if stamp is None:
             self._health.bad(no_time(convention.PISTON_STATE))
             return
-        self._health.good()
-        self._commit(stamp, told[1])
+        if self._commit(stamp, told[1]):
+            self._health.good()
+        else:
+            self._health.counts['ignored samples'] += 1
+            self._health.bad(
+                f'joint {self._joint!r} in {convention.PISTON_STATE} at {told[1]:g} m would give a pressure below '
+                f'vacuum, or above the supply pressure {self._value("supply_pressure"):.0f} Pa'
+            )
 
     def _stamp(self, stamp: int | None, topic: str) -> int | None:
         """
@@ -261,8 +302,13 @@ class ModelNode(BoundedNode):
         self._health.counts['zero stamps'] += 1
         return self.get_clock().now().nanoseconds
 
-    def _commit(self, stamp: int, position: float) -> None:
-        """Take a sample of the piston: its stamp [ns], and its displacement [m]."""
+    def _note_sample(self, pressures: Iterable[float]) -> None:
+        """Note a sample that was taken, and the model's pressures at it [Pa]."""
+        self._health.counts['samples'] += 1
+        self._range.pressures(self._cylinders, pressures)
+
+    def _commit(self, stamp: int, position: float) -> bool:
+        """Take a sample of the piston, its stamp [ns] and its displacement [m], if that gives possible pressures."""
         raise NotImplementedError
 
     def _absolute_setpoints(self) -> tuple[float, float]:

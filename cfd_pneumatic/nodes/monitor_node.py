@@ -17,9 +17,10 @@ from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.identification import Options
+from cfd_pneumatic.model import Arrival
 from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
 from cfd_pneumatic.nodes.health import joined
-from cfd_pneumatic.nodes.messages import OUTPUT_QOS, SAMPLE_QOS
+from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode, no_time
 from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs, writers
 from cfd_pneumatic.nodes.parameters import number
@@ -105,7 +106,8 @@ class MonitorNode(ModelNode):
             close_loop=True,
             geometric_factor=self._value('geometric_factor', changes),
         )
-        return Watch(self._device, settings, partial(self._worker.diagnose, options=options))
+        diagnose = partial(self._worker.diagnose, options=options)
+        return Watch(self._device, settings, diagnose, self._supply)
 
     def _adopt(self, changes: Mapping[str, Any]) -> None:
         """Learn anew: what is usual for one model says nothing of another."""
@@ -129,7 +131,7 @@ class MonitorNode(ModelNode):
         self._orient({})
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
         self._listen_to_setpoints()
-        self._listen_to(JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, raw=True)
+        self._listen_to_samples(JointState, convention.PISTON_STATE, self._on_piston)
         for name in self._cylinders:
             self._listen_to_measured(FluidPressure, name, convention.pressure_topic(name))
         self._listen_to_measured(WrenchStamped, convention.CONTACT_FORCE, convention.MEASURED_FORCE)
@@ -139,20 +141,23 @@ class MonitorNode(ModelNode):
         self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
 
     def _listen_to_measured(self, message_type: type, channel: str, topic: str) -> None:
-        self._listen_to(message_type, topic, partial(self._on_measured, channel, topic), SAMPLE_QOS, raw=True)
+        self._listen_to_samples(message_type, topic, partial(self._on_measured, channel, topic))
 
-    def _commit(self, stamp: int, position: float) -> None:
+    def _commit(self, stamp: int, position: float) -> bool:
         now = time.monotonic()
         setpoints = self._absolute_setpoints()
         prediction = self._watch.piston(stamp, position, setpoints, now)
-        if prediction is None:
+        if prediction is Arrival.IMPOSSIBLE:
+            return False
+        if isinstance(prediction, Arrival):
             self._health.counts['repeated stamps'] += 1
-            return
-        self._health.counts['samples'] += 1
+            return True
         *pressures, force = prediction.values
+        self._note_sample(pressures)
         self._outputs.publish(stamp, pressures, force)
         self._outputs.publish_applied(stamp, setpoints)
         self._publish_residuals(now)
+        return True
 
     def _on_measured(self, channel: str, topic: str, message: bytes) -> None:
         told = self._readers[channel].read(message)
@@ -225,11 +230,11 @@ class MonitorNode(ModelNode):
             words.append(self._health.meanwhile)
         if self._health.fault is not None and convention.PISTON_STATE not in missing:
             words.append(self._health.fault)
-        troubles = self._health.troubles()
-        if not words and troubles is None:
+        troubles, standing = self._health.troubles(), self._standing()
+        if not words and not standing and troubles is None:
             return DiagnosticStatus.OK, f'following {convention.PISTON_STATE}'
         passing = not missing and all(fault.kind == 'clock' for fault in faults)
-        return DiagnosticStatus.WARN if passing else DiagnosticStatus.ERROR, joined(*words, troubles)
+        return DiagnosticStatus.WARN if passing else DiagnosticStatus.ERROR, joined(*words, *standing, troubles)
 
     def _verdict_on(self, name: str) -> tuple[bytes, str]:
         """Return level and words on a cylinder or the contact force."""

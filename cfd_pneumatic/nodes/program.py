@@ -29,6 +29,7 @@ from rclpy.time_source import TimeSource
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.messages import is_time
+from cfd_pneumatic.nodes.parameter_files import check_arguments
 from cfd_pneumatic.nodes.parameters import warn_of_undeclared
 from cfd_pneumatic.start import BAD_INPUT, told
 
@@ -86,6 +87,7 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
         return 0
     ending = _Ending()
     try:
+        check_arguments(name, sys.argv[1:] if args is None else args)
         _start(args)
         logging.getLogger('cfd_pneumatic').addHandler(_RosLog(name))
         node = _made(make_node)

@@ -25,7 +25,7 @@ from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, OUTPUT_QOS, stamp_
 from cfd_pneumatic.nodes.outputs import Outputs, writers
 from cfd_pneumatic.nodes.parameters import FRAME_LENGTH, checked_frame, number, switch, text, value_of
 from cfd_pneumatic.nodes.program import run
-from cfd_pneumatic.nodes.topics import listen_to, publish_on
+from cfd_pneumatic.nodes.topics import listen_to_held, publish_on
 from cfd_pneumatic.rig import (
     DEVICES,
     LONGEST,
@@ -215,7 +215,7 @@ class RigNode(BoundedNode):
             else:
                 self._warnings.warn(f'ignored: piston_command {message.data:g} m')
 
-        listen = partial(listen_to, self, Float64, qos=COMMAND_QOS, on_large=self._warnings.warn)
+        listen = partial(listen_to_held, self, Float64, qos=COMMAND_QOS, on_large=self._warnings.warn)
         listen(convention.PISTON_COMMAND, on_piston_command)
         for index, name in enumerate(convention.CYLINDERS):
             on_setpoint = partial(self._on_setpoint, commanded, index)

@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from cfd_pneumatic import convention
 from cfd_pneumatic.model import Arrival, DeviceState, LiveDevice
 from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED
-from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, OUTPUT_QOS, SAMPLE_QOS
+from cfd_pneumatic.nodes.messages import LATEST, OUTPUT_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode
 from cfd_pneumatic.nodes.outputs import Answers, Outputs, writers
 from cfd_pneumatic.nodes.parameters import number
@@ -45,7 +45,7 @@ class SimNode(ModelNode):
     def __init__(self, **kwargs: Any) -> None:
         """Declare parameters, compile the model, and listen."""
         super().__init__('sim_node', **kwargs)
-        self._live = LiveDevice(self._device, self._value('max_gap'))
+        self._live = LiveDevice(self._device, self._value('max_gap'), self._supply)
         self._open_topics()
         self.add_on_set_parameters_callback(self._on_parameters)
         self.get_logger().info(f'ready for {convention.PISTON_STATE}')
@@ -64,7 +64,7 @@ class SimNode(ModelNode):
         )
 
     def _adopt(self, changes: Mapping[str, Any]) -> None:
-        self._live.device = self._device
+        self._live.device, self._live.supply = self._device, self._supply
         self._live.max_gap = self._value('max_gap', changes)
         self._orient(changes)
 
@@ -81,8 +81,8 @@ class SimNode(ModelNode):
         self._orient({})
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
         self._listen_to_setpoints()
-        self._listen_to(Float64, convention.FORCE_SETPOINT, self._on_force_setpoint, COMMAND_QOS)
-        self._listen_to(JointState, convention.PISTON_STATE, self._on_piston, SAMPLE_QOS, raw=True)
+        self._listen_to_commands(convention.FORCE_SETPOINT, self._on_force_setpoint)
+        self._listen_to_samples(JointState, convention.PISTON_STATE, self._on_piston)
         self.create_service(Trigger, '~/reset', self._on_reset)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # a stopped /clock must not stop the watchdog
         self.create_timer(self._value('preview_period'), self._preview, clock=steady)
@@ -99,21 +99,25 @@ class SimNode(ModelNode):
                 )
                 return
         self._setpoints.update(wanted)
+        self._waiting.clear()
 
-    def _commit(self, stamp: int, position: float) -> None:
+    def _commit(self, stamp: int, position: float) -> bool:
         last = self._live.committed
         setpoints = self._absolute_setpoints()
         arrival = self._live.sample(stamp, position, setpoints)
+        if arrival is Arrival.IMPOSSIBLE:
+            return False
         if arrival is Arrival.REPEATED:
             self._health.counts['repeated stamps'] += 1
-            return
-        self._health.counts['samples'] += 1
+            return True
         if last is not None and arrival is not Arrival.ADVANCED:
             self._warn_of_reset(arrival, (stamp - last.stamp) * 1e-9)
         committed = self._live.committed
         assert committed is not None
+        self._note_sample(committed.state.readings)
         self._publish(self._outputs, stamp, committed.state)
         self._outputs.publish_applied(stamp, setpoints)
+        return True
 
     def _warn_of_reset(self, arrival: Arrival, moved: float) -> None:
         """Warn that the model started anew, `moved` seconds after the last sample."""
@@ -131,8 +135,7 @@ class SimNode(ModelNode):
         self._health.warn(f'started anew at rest: {reason}')
 
     def _publish(self, out: Answers, stamp: int, state: DeviceState) -> None:
-        pressures = [cylinder.reading for cylinder in (state.a, state.b) if cylinder is not None]
-        out.publish(stamp, pressures, self._live.device.contact_force(state))
+        out.publish(stamp, state.readings, self._live.device.contact_force(state))
 
     def _preview(self) -> None:
         """
@@ -171,7 +174,7 @@ class SimNode(ModelNode):
             for name, state in zip(convention.CYLINDERS, (committed.state.a, committed.state.b)):
                 if state is not None:
                     values[f'{name} pressure, absolute [Pa]'] = f'{state.reading:.1f}'
-        self._say('input', self._health.verdict(self._value('timeout')), values)
+        self._say('input', self._health.verdict(self._value('timeout'), self._standing()), values)
 
 
 main = partial(run, 'sim_node', SimNode)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from copy import copy
@@ -15,7 +16,7 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, qos_policy_name_from_kind
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_policy_name_from_kind
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message
 
@@ -36,6 +37,9 @@ BUDGET = 8 * 2**20
 
 _OVERHEAD = 256  # of a message in the middleware's queue [bytes]
 _PAUSE = 0.01  # in which the executor lets go of a queue [s]
+_REMEMBERED = 1_000  # messages by which one that comes twice is recognised
+_LOOK_PERIOD = 0.1  # how often publishers are looked for that keep their last message [s]
+_LATCHED_DEPTH = 10  # publishers whose last message is heard
 _CALM = 30.0  # after the last large message the queue gets its full depth again [s]
 
 
@@ -59,6 +63,7 @@ def listen_to(
     on_large: Callable[[str], None] | None = None,
     queue: Queue | None = None,
     budget: int = BUDGET,
+    accept: Callable[[Mapping[str, Any]], bool] = lambda _: True,
 ) -> None:
     """
     Call a function for each message on a topic, with the serialised message if `raw`.
@@ -79,6 +84,8 @@ def listen_to(
         If given, one of ten waiting messages is taken while messages come faster than they are taken.
     budget
         Largest size of the messages that wait [bytes].
+    accept
+        Tells by what the middleware knows of a message whether it is taken.
 
     Raises
     ------
@@ -92,8 +99,62 @@ def listen_to(
     )
     lost = on_lost or (lambda _: None)
     take = callback if raw else _deserialised(message_type, callback, lost)
-    counting = Counting(take, lost, lambda: node.count_publishers(node.resolve_topic_name(topic)), queue)
+    counting = Counting(take, lost, lambda: node.count_publishers(node.resolve_topic_name(topic)), queue, accept)
     _Subscribed(node, message_type, topic, counting, qos, events, on_large or (lambda _: None), budget)
+
+
+def listen_to_held(
+    node: Node, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile, **options: Any
+) -> None:
+    """
+    Call a function for each value on a topic where the last one holds, also with what was sent before we came.
+
+    A publisher that is transient local keeps its last message for those who come later. Who asks for it does not hear
+    the others, who complain, so it is a subscription of its own, made when there is such a publisher; a message that
+    both hear counts once.
+
+    Parameters
+    ----------
+    node, message_type, topic, callback, qos, options
+        As of `listen_to`.
+
+    """
+    seen: deque[tuple[int, int | None]] = deque(maxlen=_REMEMBERED)
+
+    def is_new(info: Mapping[str, Any]) -> bool:
+        key = info['source_timestamp'], info.get('publication_sequence_number')
+        if key in seen:
+            return False
+        seen.append(key)
+        return True
+
+    listen_to(node, message_type, topic, callback, qos, accept=is_new, **options)
+    take = _deserialised(message_type, callback, options.get('on_lost') or (lambda _: None))
+    name = node.resolve_topic_name(topic)
+
+    def listen_if_latched() -> None:
+        if not _has_latched(node, name):
+            return
+        node.destroy_timer(looking)
+        node.create_subscription(
+            message_type,
+            topic,
+            _WithInfo(lambda message, info: is_new(info) and take(message)),
+            QoSProfile(depth=_LATCHED_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),  # others may be volatile
+        )
+
+    looking = node.create_timer(_LOOK_PERIOD, listen_if_latched, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+
+def _has_latched(node: Node, topic: str) -> bool:
+    """Return whether somebody keeps a last message for those who come later."""
+    try:
+        publishers = node.get_publishers_info_by_topic(topic)
+    except UnicodeDecodeError:  # of a stranger's names
+        return False
+    return any(one.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in publishers)
 
 
 def _deserialised(
@@ -110,6 +171,18 @@ def _deserialised(
         callback(made)
 
     return take
+
+
+class _WithInfo:
+    """A callback that takes a message and what the middleware knows of it."""
+
+    def __init__(self, take: Callable[[bytes, Mapping[str, Any]], object]) -> None:
+        self._take = take
+        self.__signature__ = signature(lambda message, info: None)  # by which rclpy sees that it wants both
+
+    def __call__(self, *given: Any) -> None:
+        message, info = given if len(given) == 2 else given[0]  # EventsExecutor gives the pair
+        self._take(message, info)
 
 
 class _Subscribed:
@@ -134,8 +207,9 @@ class _Subscribed:
     ) -> None:
         self._node, self._topic, self._counting = node, topic, counting
         self._on_large, self._budget = on_large, budget
-        self._create = partial(node.create_subscription, message_type, topic, self, raw=True, event_callbacks=events)
-        self.__signature__ = signature(lambda message, info: None)  # by which rclpy sees that it wants both
+        self._create = partial(
+            node.create_subscription, message_type, topic, _WithInfo(self._take), raw=True, event_callbacks=events
+        )
         with _named(topic):
             overriding = QoSOverridingOptions.with_default_policies()
             self._subscription = self._create(qos_profile=copy(qos), qos_overriding_options=overriding)
@@ -143,9 +217,7 @@ class _Subscribed:
         self._full = self._qos.depth
         self._large_until = 0.0
 
-    def __call__(self, *given: Any) -> None:
-        """Take a message, and what the middleware knows of it."""
-        message, info = given if len(given) == 2 else given[0]  # EventsExecutor gives the pair
+    def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
         self._fit_depth(len(message) + _OVERHEAD, info['received_timestamp'])
         self._counting(message, info)
 
@@ -199,6 +271,8 @@ class Counting:
         Says how many there are.
     queue
         In which the messages wait, where one of ten will do while they come faster than they are taken.
+    accept
+        Tells by what the middleware knows of a message whether it is taken.
 
     """
 
@@ -208,8 +282,9 @@ class Counting:
         on_lost: Callable[[int], None],
         publishers: Callable[[], int],
         queue: Queue | None = None,
+        accept: Callable[[Mapping[str, Any]], bool] = lambda _: True,
     ) -> None:
-        self._callback, self._on_lost, self._publishers = callback, on_lost, publishers
+        self._callback, self._on_lost, self._publishers, self._accept = callback, on_lost, publishers, accept
         self._expected: list[int] = []  # last the number of whoever was heard last
         self._queue = queue
 
@@ -221,7 +296,8 @@ class Counting:
             if self._queue is not None and self._queue.stands(info['received_timestamp']) and number % _KEPT:
                 self._on_lost(1)
                 return
-        self._callback(message)
+        if self._accept(info):
+            self._callback(message)
 
     def _count(self, number: int) -> None:
         expected = self._expected

@@ -124,7 +124,7 @@ def test_live_it_answers_each_sample_as_the_model_steps():
     live = LiveDevice(device.model, 1.0)
     for index, (time, position) in enumerate(zip(one.displacement.times, one.displacement.values)):
         held = [
-            signals.setpoint.values[max(np.searchsorted(signals.setpoint.times, time, side='right') - 1, 0)]
+            signals.setpoint.values[max(np.searchsorted(signals.setpoint.times, time - 1e-9) - 1, 0)]
             for signals in one.cylinders.values()
         ]
         live.sample(round(time * 1e9), float(position), (float(held[0]), float(held[1])))

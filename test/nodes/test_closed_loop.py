@@ -38,6 +38,7 @@ from cfd_pneumatic.nodes.rig_node import RigNode
 from cfd_pneumatic.rig.panel.specimen import draw_specimen
 specimen, _ = draw_specimen(np.random.default_rng(int(sys.argv[1])))
 specimen = specimen.with_changes(json.loads(sys.argv[2]))
+del sys.argv[1:3]
 os._exit(run('rig_node', partial(RigNode, specimen.rig)))
 """
 """A program: `rig_node` with a device drawn at random, and something wrong with it."""

@@ -25,7 +25,7 @@ from graph import MILLISECOND, QUEUE, Graph, Process, ros_arguments, unique_name
 from patience import LONG_PATIENCE, allowed, wait_until
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Float64
@@ -92,7 +92,7 @@ def beside(namespace: str, source: str, file: Path | None = None, **settings: ob
     reliable = {f'qos_overrides.{source}/{topic}.subscription.reliability': 'reliable' for topic in MEASURED}
     remapped = {topic: f'{source}/{topic}' for topic in MEASURED}
     arguments = ros_arguments(namespace, SETTINGS | reliable | settings, remapped)
-    return arguments if file is None else [*arguments, '--params-file', str(file)]
+    return [*arguments, '-p', 'area:=1.14e-3'] if file is None else [*arguments, '--params-file', str(file)]
 
 
 def children(pid: int) -> list[int]:
@@ -199,6 +199,10 @@ class Driver:
         self.pressures_out = [
             graph.publisher(FluidPressure, f'{namespace}/{pressure_topic(name)}') for name in CYLINDERS
         ]
+        for name in CYLINDERS:
+            latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            out = graph.node.create_publisher(Float64, f'{namespace}/{setpoint_topic(name)}', latched)
+            out.publish(Float64(data=10 * PSI))
         self.rng = np.random.default_rng(1)
         self.stamp = 10**18
 

@@ -10,9 +10,17 @@ import numpy as np
 import pytest
 from graph import MILLISECOND, Graph, SimClient, ros_arguments, unique_namespace
 from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Float64
 
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
-from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS, MEASURED_FORCE, PISTON_STATE, pressure_topic
+from cfd_pneumatic.convention import (
+    CONTACT_FORCE,
+    CYLINDERS,
+    MEASURED_FORCE,
+    PISTON_STATE,
+    pressure_topic,
+    setpoint_topic,
+)
 from cfd_pneumatic.nodes.messages import stamp_message
 from cfd_pneumatic.nodes.sim_node import SimNode
 from cfd_pneumatic.recording import Recording, recording_of, write_recording
@@ -73,12 +81,14 @@ def test_a_monitor_waits_for_the_one_cylinder_alone(graph: Graph, tmp_path: Path
     monitor = f'{namespace}/monitor_node'
     piston_out = graph.publisher(JointState, f'{namespace}/{PISTON_STATE}')
     pressure_out = graph.publisher(FluidPressure, f'{namespace}/{pressure_topic("cylinder_a")}')
+    setpoint_out = graph.publisher(Float64, f'{namespace}/{setpoint_topic("cylinder_a")}')
     samples = zip(recording.displacement.values.tolist(), recording.cylinders['cylinder_a'].pressure.values.tolist())
     stamp = 10**18
 
     def publish() -> None:
         nonlocal stamp
         stamp += 2 * MILLISECOND
+        setpoint_out.publish(Float64(data=SETPOINT))
         header = JointState().header
         header.stamp = stamp_message(stamp)
         position, pressure = next(samples)

@@ -103,7 +103,7 @@ def gains(points: OperatingPoints) -> dict[str, list[float]]:
 @pytest.fixture(scope='module')
 def shared(graph: Graph) -> Iterator[SimClient]:
     namespace = unique_namespace()
-    with graph.run('sim_node', ros_arguments(namespace)):
+    with graph.run('sim_node', ros_arguments(namespace, {'area': AREA})):
         yield SimClient(graph, namespace).meet()
 
 
@@ -458,6 +458,7 @@ def test_what_has_gone_wrong_since_the_last_report_is_a_warning(graph: Graph, si
     assert 'since the last report' in report('resets', late=5 * MILLISECOND)
     sim.setpoint(0, math.nan)
     report('1 ignored set-points')
+    graph.node.destroy_publisher(other)
     sim.graph.next_diagnostics(sim.node, lambda status: status.level == status.OK, doing=publish)
 
 
@@ -513,8 +514,10 @@ def test_an_overload_is_shed_and_told_and_ends_with_its_cause(graph: Graph) -> N
     for index in range(10 * len(CYLINDERS)):
         topic = (PRESSURE_A, PRESSURE_B)[index % len(CYLINDERS)]
         deaf.create_subscription(FluidPressure, f'{namespace}/{topic}', print, QUEUE)
-    with graph.run('sim_node', ros_arguments(namespace), before=SLOW):
+    with graph.run('sim_node', ros_arguments(namespace, {'area': AREA}), before=SLOW):
         sim = SimClient(graph, namespace).meet()
+        for index in range(len(CYLINDERS)):
+            sim.setpoint(index, SET)
         before = sim.count('samples')
         sent = 0
 

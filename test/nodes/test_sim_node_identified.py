@@ -58,7 +58,7 @@ def test_it_answers_what_the_device_simulates_live(
         commanded = {}
         for index, (time, position) in enumerate(zip(piece.displacement.times, piece.displacement.values)):
             for rank, name in enumerate(present):
-                held = max(np.searchsorted(setpoints[name].times, time, side='right') - 1, 0)
+                held = max(np.searchsorted(setpoints[name].times, time - 1e-9) - 1, 0)
                 if commanded.get(name) != held:
                     commanded[name] = held
                     level = float(setpoints[name].values[held]) - AMBIENT_PRESSURE

@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Input that a node takes and that is likely wrong: `/diagnostics` warns as long as it lasts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from graph import MILLISECOND, Graph, SimClient, refusals, ros_arguments, unique_namespace
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, FORCE_SETPOINT, setpoint_topic
+from cfd_pneumatic.device import Device, IdentifiedRange
+from cfd_pneumatic.nodes.input_range import InputRange
+from cfd_pneumatic.nodes.messages import COMMAND_QOS
+from cfd_pneumatic.nodes.topics import listen_to_held
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
+from cfd_pneumatic.units import PSI
+
+SET = 10 * PSI
+IDENTIFIED = {
+    'area': 1.14e-3,
+    'identified_displacement': (0.0, 3e-3),
+    'identified_speed': 0.1,
+    **{f'{name}.identified_setpoints': (5 * PSI, 15 * PSI) for name in CYLINDERS},
+    **{f'{name}.identified_pressures': (AMBIENT_PRESSURE, AMBIENT_PRESSURE + 20 * PSI) for name in CYLINDERS},
+}
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+@pytest.fixture(scope='module')
+def described(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the parameter file of a device that was identified."""
+    file = tmp_path_factory.mktemp('device') / 'parameters.yaml'
+    Device(IDENTIFIED).save(file)
+    return file
+
+
+@pytest.fixture(scope='module')
+def shared(graph: Graph, described: Path) -> Iterator[SimClient]:
+    namespace = unique_namespace()
+    with graph.run('sim_node', [*ros_arguments(namespace), '--params-file', str(described)]):
+        yield SimClient(graph, namespace).meet()
+
+
+STAMPS = count(10**18, 2 * MILLISECOND)
+
+
+def following(sim: SimClient, position: Callable[[float], float] = lambda _: 1e-3) -> Callable[[], None]:
+    """Return a function that sends ten samples, of a function of the time."""
+
+    def send() -> None:
+        for stamp in (next(STAMPS) for _ in range(10)):
+            sim.send(stamp, position((stamp - 10**18) * 1e-9))
+
+    return send
+
+
+@pytest.fixture
+def sim(shared: SimClient) -> SimClient:
+    """Return a node that has nothing to say against its input."""
+    for index in range(2):
+        shared.setpoint(index, SET)
+    shared.restart()
+    report(shared, lambda one: one.level == one.OK, following(shared))
+    return shared
+
+
+def report(
+    sim: SimClient, accept: Callable[[DiagnosticStatus], bool], doing: Callable[[], None] | None = None
+) -> DiagnosticStatus:
+    return sim.graph.next_diagnostics(sim.node, accept, doing=doing)
+
+
+def warns_while(sim: SimClient, words: str, doing: Callable[[], None]) -> None:
+    """Make sure that a node warns as long as something is done, and no longer."""
+    for _ in range(3):
+        status = report(sim, lambda one: words in one.message, doing)
+        assert status.level in (status.WARN, status.ERROR)
+    report(sim, lambda one: one.level == one.OK, following(sim))
+
+
+@pytest.mark.parametrize(
+    ('position', 'words'),
+    [
+        (lambda time: 1.0 + 0.01 * np.sin(time), 'which looks like millimetres: publish metres'),
+        (lambda time: 4e-3, 'outside of the identified 0 to 0.003 m'),
+        (lambda time: 1.5e-3 + 1.4e-3 * np.sin(150.0 * time), 'faster than the identified 0.1 m/s'),
+    ],
+)
+def test_displacements_beyond_what_was_identified_are_a_warning(
+    sim: SimClient, position: Callable[[float], float], words: str
+) -> None:
+    warns_while(sim, words, following(sim, position))
+
+
+@pytest.mark.parametrize(
+    ('setpoint', 'words'),
+    [
+        (0.7, 'looks like bar or psi: publish Pa above ambient'),
+        (69.0, 'looks like psi'),
+        (690.0, 'looks like kPa'),
+        (30 * PSI, f'outside of the identified {5 * PSI:.6g} to {15 * PSI:.6g} Pa'),
+    ],
+)
+def test_set_points_that_are_none_are_a_warning(sim: SimClient, setpoint: float, words: str) -> None:
+    sim.setpoint(1, setpoint)
+    for _ in range(2):
+        status = report(sim, lambda one: words in one.message, following(sim))
+        assert status.level == status.WARN
+        assert setpoint_topic(CYLINDERS[1]) in status.message
+
+
+def test_no_impossible_pressure_is_answered(sim: SimClient) -> None:
+    """As to a displacement in millimetres: with the model's gains a millimetre a sample is megapascals."""
+    ignored = sim.count('ignored samples')
+    millimetres = following(sim, lambda time: 0.5 + 0.5 * np.sin(20.0 * time))
+    status = report(
+        sim, lambda one: 'would give a pressure below vacuum, or above the supply' in one.message, millimetres
+    )
+    assert status.level in (status.WARN, status.ERROR)
+    report(sim, lambda one: one.level == one.OK, following(sim))
+    assert sim.count('ignored samples') > ignored
+    pressures = [value for name in CYLINDERS for _, value in sim.series(f'{name}/pressure')]
+    assert min(pressures) >= 0.0
+    assert max(pressures) <= sim.graph.get(sim.node, 'supply_pressure')[0] + AMBIENT_PRESSURE
+
+
+def test_two_who_publish_the_piston_are_named(graph: Graph, sim: SimClient) -> None:
+    other = Node('second_driver', context=graph.context)
+    publisher = other.create_publisher(JointState, sim.piston_out.topic_name, QoSProfile(depth=1))
+    for _ in range(2):
+        status = report(sim, lambda one: '2 publish piston_state' in one.message, following(sim))
+        assert status.level == status.WARN
+        assert '/second_driver' in status.message
+        assert graph.node.get_name() in status.message
+    publisher.destroy()
+    other.destroy_node()
+    report(sim, lambda one: one.level == one.OK, following(sim))
+
+
+def test_a_best_effort_set_point_is_a_warning_while_somebody_publishes_it(graph: Graph, sim: SimClient) -> None:
+    topic = sim.setpoints_out[0].topic_name
+    other = graph.node.create_publisher(Float64, topic, BEST_EFFORT)
+    for _ in range(3):
+        status = report(sim, lambda one: 'is best effort, and so not heard' in one.message, following(sim))
+        assert status.level == status.WARN
+        assert setpoint_topic(CYLINDERS[0]) in status.message
+    graph.node.destroy_publisher(other)
+    report(sim, lambda one: one.level == one.OK, following(sim))
+
+
+@pytest.mark.parametrize('module', ['sim_node', 'monitor_node'])
+def test_a_node_that_nobody_told_anything_says_what_acts(graph: Graph, tmp_path: Path, module: str) -> None:
+    namespace = unique_namespace()
+    file = tmp_path / 'parameters.yaml'
+    text = Device(IDENTIFIED).text
+    file.write_text(text.replace('/**:', '/cell/other_node:'))
+    joints = graph.node.create_publisher(JointState, f'{namespace}/robot/joint_states', QoSProfile(depth=1))
+    outs = [graph.publisher(Float64, f'{namespace}/{setpoint_topic(name)}') for name in CYLINDERS]
+    with graph.run(module, [*ros_arguments(namespace), '--params-file', str(file)]):
+        node = f'{namespace}/{module}'
+
+        def told(words: str, doing: Callable[[], None] | None = None) -> DiagnosticStatus:
+            return graph.next_diagnostics(node, lambda one: words in one.message, doing=doing)
+
+        status = told('no piston_state yet')
+        assert f'{file} describes the device for /cell/other_node, and not for {node}' in status.message
+        assert joints.topic_name in status.message.partition('joints are published on ')[2]
+        for name in CYLINDERS:
+            assert f'no {setpoint_topic(name)} yet: initial_setpoint {SET:.0f} Pa acts' in status.message
+
+        def set_both() -> None:
+            for out in outs:
+                out.publish(Float64(data=SET))
+
+        graph.next_diagnostics(node, lambda one: 'no cylinder_' not in one.message, doing=set_both)
+    graph.node.destroy_publisher(joints)
+    with graph.run(module, ros_arguments(namespace)):
+        told("no parameter file: the paper's Table 1 and the default area act")
+
+
+def test_a_force_is_a_set_point_of_both(graph: Graph, described: Path) -> None:
+    namespace = unique_namespace()
+    out = graph.node.create_publisher(Float64, f'{namespace}/{FORCE_SETPOINT}', LATCHED)
+    out.publish(Float64(data=5.0))
+    with graph.run('sim_node', [*ros_arguments(namespace), '--params-file', str(described)]):
+        sim = SimClient(graph, namespace).meet()
+        report(sim, lambda one: one.level == one.OK, following(sim))
+
+
+def test_a_set_point_that_was_sent_before_the_node_came_is_heard(graph: Graph, described: Path) -> None:
+    namespace = unique_namespace()
+    for index, name in enumerate(CYLINDERS):
+        out = graph.node.create_publisher(Float64, f'{namespace}/{setpoint_topic(name)}', LATCHED)
+        out.publish(Float64(data=SET + 1e3 * index))
+    with graph.run('sim_node', [*ros_arguments(namespace), '--params-file', str(described)]):
+        sim = SimClient(graph, namespace).meet()
+        status = report(sim, lambda one: one.level == one.OK, following(sim))
+    values = {value.key: value.value for value in status.values}
+    assert values['cylinder_a set-point, gauge [Pa]'] == f'{SET:.1f}'
+    assert values['cylinder_b set-point, gauge [Pa]'] == f'{SET + 1e3:.1f}'
+
+
+@pytest.mark.parametrize('latched', [True, False])
+def test_a_value_that_two_subscriptions_hear_counts_once(graph: Graph, latched: bool) -> None:
+    topic = f'{unique_namespace()}/value'
+    out = graph.node.create_publisher(Float64, topic, LATCHED if latched else QoSProfile(depth=100))
+    taken: list[float] = []
+    with graph.run_here(Node('listener', context=graph.context)) as node:
+        listen_to_held(node, Float64, topic, lambda message: taken.append(message.data), COMMAND_QOS)
+        graph.until(lambda: out.get_subscription_count() == 1 + latched)
+        sent = [float(index) for index in range(20)]
+
+        def publish() -> None:
+            if len(taken) < len(sent):
+                out.publish(Float64(data=sent[len(taken)]))
+
+        graph.until(lambda: len(taken) >= len(sent), doing=publish, every=0.01)
+        graph.until(lambda: True)
+    assert sorted(set(taken)) == sent
+    assert taken == sorted(taken)
+
+
+def test_arguments_outside_of_ros_args_are_one_line() -> None:
+    said = refusals(
+        'sim_node',
+        [['parameters.yaml'], ['--params-file', 'p.yaml'], ['p.yaml', '--ros-args', '-r', '__ns:=/a'], ['-x']],
+    )
+    for line, meant in zip(said, ('parameters.yaml', 'p.yaml', 'p.yaml')):
+        assert line.endswith(f'stands outside of --ros-args: sim_node --ros-args --params-file {meant}')
+    assert said[-1].endswith('-x stands outside of --ros-args: sim_node --ros-args -x')
+
+
+# without a node
+
+
+def made(times: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> Recording:
+    setpoint = Signal(times[:2], AMBIENT_PRESSURE + np.array([3e4, 5e4]))
+    signals = {'cylinder_a': CylinderSignals(Signal(times, pressure), setpoint)}
+    return Recording('made', 0, Signal(times, displacement), signals, None, ())
+
+
+def test_the_range_is_that_of_all_recordings() -> None:
+    times = np.arange(0.0, 2.0, 2e-3)
+    noise = 1e-6 * np.random.default_rng(1).normal(size=times.size)
+    one = made(times, 2e-3 * np.sin(5.0 * times) + noise, np.linspace(1.2e5, 1.5e5, times.size))
+    other = made(times, np.full(times.size, 3e-3), np.full(times.size, 1.1e5))
+    found = IdentifiedRange.of_recordings([one, other], AMBIENT_PRESSURE)
+    assert found.displacement == pytest.approx((-2e-3, 3e-3), abs=5e-6)
+    assert found.speed == pytest.approx(0.01, rel=0.02)
+    assert found.setpoints == {'cylinder_a': pytest.approx((3e4, 5e4))}
+    assert found.pressures == {'cylinder_a': (1.1e5, 1.5e5)}
+
+
+def test_what_moves_as_it_was_identified_raises_no_warning() -> None:
+    """Of other noise, and at other samples."""
+    times = np.arange(0.0, 20.0, 1e-3)
+    rng = np.random.default_rng(2)
+    displacement = 2e-3 * np.sin(5.0 * times)
+    recording = made(times, displacement + 1e-6 * rng.normal(size=times.size), np.full(times.size, 1.2e5))
+    known = InputRange(IdentifiedRange.of_recordings([recording], AMBIENT_PRESSURE))
+    for index in range(0, times.size, 3):
+        known.sample(int(times[index] * 1e9), displacement[index] + 1e-6 * rng.normal())
+        known.pressures(['cylinder_a'], [1.2e5 + 50.0 * rng.normal()])
+    assert known.told({'cylinder_a': 4e4}) == []
+
+
+def test_without_an_identification_only_what_no_device_has_is_told() -> None:
+    unknown = InputRange(IdentifiedRange())
+    unknown.sample(0, 0.05)
+    unknown.pressures(['cylinder_a'], [5e5])
+    assert unknown.told({'cylinder_a': 3e5, 'cylinder_b': 0.0}) == []
+    unknown.sample(10**9, 0.5)
+    assert 'looks like millimetres' in unknown.told({'cylinder_a': 3e5})[0]
+    assert unknown.told({'cylinder_a': 3e5}) == []
