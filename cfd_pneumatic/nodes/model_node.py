@@ -267,7 +267,7 @@ class ModelNode(BoundedNode):
                 self._health.warn(f'{convention.PISTON_STATE} has {self._health.meanwhile}')
             return
         if told is not None and told[0] is not None:
-            self._range.sample(*told)  # also if it is refused: its unit may be the reason
+            self._range.sample(told[0], told[1])  # also if it is refused: its unit may be the reason
         refusal = 'has no position' if told is None else self._refused_position(told[1])
         if told is None or refusal is not None:
             self._health.counts['ignored samples'] += 1

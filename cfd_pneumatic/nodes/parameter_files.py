@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -14,6 +15,7 @@ from rclpy.node import Node
 
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError, printable
+from cfd_pneumatic.input_files import check_input
 from cfd_pneumatic.yaml_files import YamlMapping, read_yaml
 
 _OPTION = '--params-file'
@@ -24,14 +26,19 @@ _MOST_SHOWN = 5  # names in a message
 
 def check_arguments(program: str, arguments: Sequence[str]) -> None:
     """
-    Check that all arguments are ROS's.
+    Check that all arguments are ROS's, and that parameter files are files: ROS would wait for a pipe.
 
     Raises
     ------
     InputError
-        If something stands outside of `--ros-args`, where ROS does not look.
+        If something stands outside of `--ros-args`, where ROS does not look, or a parameter file is none.
 
     """
+    for path in filter(os.path.exists, _files(arguments)):  # ROS has words for one that is not there
+        try:
+            check_input(Path(path))
+        except InputError as error:
+            raise InputError(f'{printable(path)} {error}') from error
     left = list(_outside_of_ros_args(arguments))
     if not left:
         return

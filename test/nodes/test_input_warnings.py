@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
@@ -238,6 +239,13 @@ def test_arguments_outside_of_ros_args_are_one_line() -> None:
     for line, meant in zip(said, ('parameters.yaml', 'p.yaml', 'p.yaml')):
         assert line.endswith(f'stands outside of --ros-args: sim_node --ros-args --params-file {meant}')
     assert said[-1].endswith('-x stands outside of --ros-args: sim_node --ros-args -x')
+
+
+@pytest.mark.parametrize('module', ['sim_node', 'identifier_node'])
+def test_a_parameter_file_that_is_a_pipe_is_refused(tmp_path: Path, module: str) -> None:
+    os.mkfifo(tmp_path / 'pipe')
+    (line,) = refusals(module, [['--ros-args', '--params-file', str(tmp_path / 'pipe')]])
+    assert line == f'{module}: error: {tmp_path}/pipe is a named pipe, not a file'
 
 
 # without a node
