@@ -46,6 +46,7 @@ from cfd_pneumatic.convention import (
     DIAGNOSTICS,
     MODEL_INPUTS,
     MONITOR_INPUTS,
+    PISTON_AREA,
     PISTON_COMMAND,
     PISTON_STATE,
     PREDICTED,
@@ -223,10 +224,10 @@ class Soak:
             'apply_to': SIM_NODE,
             **folders,
         }
-        watch = {'learning': 30.0, 'diagnosis_window': 20.0}
+        watch = {'area': PISTON_AREA, 'learning': 30.0, 'diagnosis_window': 20.0}
         record = {'topics': f'[{",".join(RECORDED)}]', 'output': self._folder / 'bag', 'overwrite': 'true'}
         start('recorder_node', CELL, record)
-        start('sim_node', SIM, {}, MODEL_INPUTS)
+        start('sim_node', SIM, {'area': PISTON_AREA}, MODEL_INPUTS)
         start('monitor_node', MONITOR, watch, MONITOR_INPUTS)
         start('identifier_node', CELL, identify)
         self._cell.until(lambda: {SIM_NODE, MONITOR_NODE} <= {name.partition(': ')[0] for name in self._cell.levels})
