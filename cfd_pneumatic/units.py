@@ -47,4 +47,7 @@ UNITS = {
     'ms': Unit('time', 1e-3),
     'us': Unit('time', 1e-6),
     'ns': Unit('time', 1e-9),
+    'min': Unit('time', 60.0),
+    'h': Unit('time', 3600.0),
+    'd': Unit('time', 86_400.0),
 }

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from datetime import date
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 from cfd_pneumatic.convention import CYLINDERS, ROLES
 from cfd_pneumatic.errors import InputError
@@ -61,10 +62,12 @@ TOPIC_KEYS = {
 """Further keys of a signal in a bag."""
 
 TABLE_KEYS = {
-    'time': '`column` and `unit` of the time, needed; `date` is the unit of 2024-05-01 12:00:00.25 and of 12:00:00.25; '
-    '`thousands` if a character groups its digits, as in 119.141.000',
+    'time': '`column` and `unit` of the time; `date` is the unit of 2024-05-01 12:00:00.25 and of 12:00:00.25; '
+    '`thousands` if a character groups its digits, as in 119.141.000; `scale`, and `offset` after it, in its unit',
+    'sample_period': 'time between rows [s], where no column has the time',
     'delimiter': f'one character, or one of {", ".join(_DELIMITERS)}; white space if not given',
     'decimal': '`comma` where numbers are written 1,5; points if not given',
+    'thousands': '`point`, `comma`, `space` or `apostrophe` where it groups digits by threes, as in 1.701,21',
     'header_rows': 'rows before the numbers, one of which names the columns; 0 if not given',
     'skip_rows': 'rows of numbers to leave out at the beginning; 0 if not given',
 }
@@ -73,6 +76,7 @@ TABLE_KEYS = {
 
 _DATE = 'date'
 _DECIMALS = {'comma': ',', ',': ',', 'point': '.', '.': '.'}
+_THOUSANDS = {'point': '.', '.': '.', 'comma': ',', ',': ',', 'space': ' ', 'apostrophe': "'"}
 _MOST_ROWS = 10**9
 _LARGEST_NUMBER = 1e30
 _LONGEST_OFFSET = 1e9  # thirty years [s]
@@ -275,24 +279,42 @@ def _is_folder(path: Path) -> bool:
 
 def _table(entry: _Entry) -> TableFormat:
     entry.check_keys(*TABLE_KEYS)
-    time = entry.inner('time')
-    time.check_keys('column', 'unit', 'thousands')
+    if ('time' in entry) == ('sample_period' in entry):
+        raise entry.error('needs either `time`, the column of the time, or `sample_period` [s] where there is none')
     delimiter = entry.text('delimiter') if 'delimiter' in entry else 'space'
     delimiter_ = _DELIMITERS.get(delimiter, delimiter)
     if delimiter_ is not None and len(delimiter_) != 1:
         raise entry.error(f'must be one character, {_either(tuple(_DELIMITERS))}', 'delimiter')
     decimal = _DECIMALS[str(entry.choice('decimal', tuple(_DECIMALS)))] if 'decimal' in entry else '.'
-    if decimal == delimiter_:
-        raise entry.error('delimiter and decimal are the same character: no number could be told from two')
+    thousands = _THOUSANDS[str(entry.choice('thousands', tuple(_THOUSANDS)))] if 'thousands' in entry else ''
+    if thousands == decimal:
+        raise entry.error('thousands and decimal are the same character: no number could be told from another')
     return TableFormat(
-        time=time.column(),
-        time_unit=None if time.content.get('unit') == _DATE else time.unit('time').si,
-        thousands=time.text('thousands') if 'thousands' in time else '',
+        **_time(entry),
+        thousands=thousands,
         delimiter=None if delimiter_ == ' ' else delimiter_,
         decimal=decimal,
         header_rows=entry.count('header_rows'),
         skip_rows=entry.count('skip_rows'),
     )
+
+
+def _time(entry: _Entry) -> dict[str, Any]:
+    """Return where a table has the time."""
+    if 'sample_period' in entry:
+        period = entry.number('sample_period', 0.0, _LONGEST_OFFSET)
+        if period <= 0.0:
+            raise entry.error('must be above 0 s', 'sample_period')
+        return {'time': None, 'sample_period': period}
+    time = entry.inner('time')
+    time.check_keys('column', 'unit', 'thousands', 'scale', 'offset')
+    return {
+        'time': time.column(),
+        'time_unit': None if time.content.get('unit') == _DATE else time.unit('time').si,
+        'time_scale': _scale(time),
+        'time_offset': time.number('offset', 0.0),
+        'time_thousands': time.text('thousands') if 'thousands' in time else '',
+    }
 
 
 def _channel(entry: _Entry, role: str, cylinder: str | None, table: TableFormat | None) -> SignalSource:

@@ -4,20 +4,21 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE, getincrementaldecoder
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from difflib import get_close_matches
 from io import TextIOWrapper
-from itertools import chain, islice
+from itertools import islice
 from pathlib import Path
-from typing import TextIO
+from typing import NamedTuple, TextIO
 
 import numpy as np
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError, quoted
 from cfd_pneumatic.input_files import open_input
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
@@ -26,6 +27,9 @@ from cfd_pneumatic.recording.wording import counted
 
 _MAX_TIME = 2**62
 """Nanoseconds beyond which a time is a mistake."""
+
+_LATEST = 2**31 * NANOSECONDS
+"""Nanoseconds that a stamp cannot hold: days of a spreadsheet count from 1900 on."""
 
 _LONGEST_LINE = 2**24
 """Characters of a line beyond which a file is no table."""
@@ -40,6 +44,30 @@ _LOOKED_AT = 2**16
 """Bytes that tell how a file is encoded."""
 
 _CHECK = 'check delimiter and header_rows in the mapping; numbers with decimal commas need `decimal: comma`'
+
+_MISSING = {
+    *(
+        '',
+        '-',
+        'nan',
+        '+nan',
+        '-nan',
+        'na',
+        'n/a',
+        '<na>',
+        '#n/a',
+        '#na',
+        '#n/a n/a',
+        'null',
+        'none',
+        '#div/0!',
+        '#value!',
+    ),
+    *('#num!', '#ref!', '#name?', '#null!', '1.#qnan', '-1.#qnan', '1.#ind', '-1.#ind', '1.#snan', '1.#inf', '-1.#inf'),
+}
+"""What stands where there is no number, in lower case: of spreadsheets, of C and of databases."""
+
+_BLOCK = 20_000  # rows whose numbers are made at once
 
 _DATE = re.compile(
     r'(?:(\d{4})-(\d\d)-(\d\d)[ T])?(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?) ?(?:Z|([+-])(\d\d):?(\d\d))?', re.ASCII
@@ -57,12 +85,18 @@ class TableFormat:
 
     Attributes
     ----------
-    time : str or int
-        Column of the time: its name, or its number from 1 on.
+    time : str, int or None
+        Column of the time: its name, or its number from 1 on; None where samples come at a fixed period.
     time_unit : float or None
         Unit of the time [s]; None where the column holds dates, or times of the day.
-    thousands : str
+    time_scale, time_offset : float
+        Time in that unit for one of the column's numbers, and what is added then.
+    time_thousands : str
         What groups the digits of the time; empty where nothing does.
+    sample_period : float
+        Time between rows where no column holds it [s].
+    thousands : str
+        What groups the digits of the other numbers by threes; empty where nothing does.
     delimiter : str or None
         Between columns; None for white space.
     decimal : str
@@ -74,8 +108,12 @@ class TableFormat:
 
     """
 
-    time: str | int
-    time_unit: float | None
+    time: str | int | None
+    time_unit: float | None = 1.0
+    time_scale: float = 1.0
+    time_offset: float = 0.0
+    time_thousands: str = ''
+    sample_period: float = 0.0
     thousands: str = ''
     delimiter: str | None = None
     decimal: str = '.'
@@ -97,37 +135,36 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
 
     """
     encoding = _encoding(path)
-    wanted = [('time', layout.time), *((channel.name, channel.source) for channel in channels)]
+    times = [] if layout.time is None else [('time', layout.time)]
+    wanted = [*times, *((channel.name, channel.source) for channel in channels)]
     columns, names = _resolve(path, encoding, layout, wanted)
     notes: list[str] = []
-    lines = _rows(path, encoding, layout, names, notes)
     try:
-        first = next(lines, None)
-        if first is None:
-            raise InputError('holds no samples')
-        rows = np.loadtxt(
-            (row for _, row in chain([first], lines)),
-            delimiter=layout.delimiter,
-            usecols=columns,
-            ndmin=2,
-            converters=_converters(layout, columns),
-            encoding='utf-8',
-        )
-    except (ValueError, IndexError) as error:
-        again = _rows(path, encoding, layout, names, [])
-        raise InputError(f'cannot be read as a table of numbers: {_explained(layout, columns, again)}') from error
-    rows = rows[layout.skip_rows :]
-    timed = np.isfinite(rows[:, 0])
-    if not timed.any():
-        skipped = ' after those that are skipped' if layout.skip_rows else ' with a time'
+        rows = _numbers(_rows(path, encoding, layout, columns, names, notes), layout, columns)
+    except csv.Error as error:
+        raise InputError(f'cannot be read as a table: {error}; {_CHECK}') from error
+    except UnicodeError as error:
+        raise InputError(f'cannot be read as a table: it is not text all through; {_CHECK}') from error
+    if not len(rows):
+        skipped = ' after those that are skipped' if layout.skip_rows else ''
         raise InputError(f'holds no samples{skipped}')
-    if not timed.all():
-        notes.append(f'time: dropped {counted(int(np.sum(~timed)), "row")} not finite')
-        rows = rows[timed]
-    if layout.time_unit is None and np.max(rows[:, 0]) < _DAY:  # of the day: past midnight
-        rows[1:, 0] += _DAY * np.cumsum(np.diff(rows[:, 0]) < -0.5 * _DAY)
+    if layout.time is None:
+        seconds = layout.sample_period * np.arange(len(rows))
+    else:
+        timed = np.isfinite(rows[:, 0])
+        if not timed.any():
+            raise InputError(
+                'holds no samples with a time: if no column has one, leave `time` out and give `sample_period` [s]'
+            )
+        if not timed.all():
+            notes.append(f'time: dropped {counted(int(np.sum(~timed)), "row")} not finite')
+            rows = rows[timed]
+        seconds = (layout.time_scale * rows[:, 0] + layout.time_offset) * (layout.time_unit or 1.0)
+        rows = rows[:, 1:]
+    if layout.time_unit is None and np.max(seconds) < _DAY:  # of the day: past midnight
+        seconds[1:] += _DAY * np.cumsum(np.diff(seconds) < -0.5 * _DAY)
     with np.errstate(over='ignore'):
-        nanoseconds = np.rint(rows[:, 0] * ((layout.time_unit or 1.0) * NANOSECONDS))
+        nanoseconds = np.rint(seconds * NANOSECONDS)
     if np.abs(nanoseconds).max() > _MAX_TIME:
         raise InputError('the times are far too large: check their column and their unit')
     alike = int(np.count_nonzero(np.diff(nanoseconds) == 0.0))
@@ -138,32 +175,108 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
             f'time: {alike:,} of {counted(len(rows), "row")} have the time of the row before: were its last digits '
             'cut off, or rows written twice?'
         )
+    if np.abs(nanoseconds).max() > _LATEST:
+        notes.append(f'time: begins at {seconds[0]:g} s, which no stamp of ROS 2 holds: counted from the first row')
+        nanoseconds -= nanoseconds[0]
     offsets = [round(channel.time_offset * NANOSECONDS) for channel in channels]
-    times = nanoseconds.astype(np.int64)
-    times -= min(0, int(times.min()) + min(offsets))
+    stamps = nanoseconds.astype(np.int64)
+    stamps -= min(0, int(stamps.min()) + min(offsets))
     samples = [
-        Samples(channel, times + offset, rows[:, index].copy())
-        for index, (channel, offset) in enumerate(zip(channels, offsets), start=1)
+        Samples(channel, stamps + offset, rows[:, index].copy())
+        for index, (channel, offset) in enumerate(zip(channels, offsets))
     ]
     return samples, notes
 
 
-def _converters(layout: TableFormat, columns: Sequence[int]) -> dict[int | str, Callable[[str], float]] | None:
-    """Return what makes numbers of the fields that are none as they stand."""
+class _Row(NamedTuple):
+    """What a row holds in the wanted columns, and the number of its line."""
 
-    def number(text: str) -> float:
-        if '_' in text or (layout.decimal == ',' and '.' in text):  # digits that are grouped
+    line: int
+    fields: list[str]
+
+
+def _numbers(rows: Iterator[_Row], layout: TableFormat, columns: Sequence[int]) -> Array:
+    """Return the numbers of all rows, shape (rows, columns)."""
+    parsers = [_parser(layout, is_time=layout.time is not None and not index) for index in range(len(columns))]
+    blocks = [np.empty((0, len(columns)))]
+    while block := list(islice(rows, _BLOCK)):
+        texts = zip(*(row.fields for row in block))
+        blocks.append(np.empty((len(block), len(columns))))
+        for index, (own, parse) in enumerate(zip(texts, parsers)):
+            try:
+                blocks[-1][:, index] = parse.all(own)
+            except ValueError:
+                blocks[-1][:, index] = _one_by_one(parse, own, block, columns[index], layout)
+    return np.concatenate(blocks)
+
+
+def _one_by_one(
+    parse: _Parser, texts: Sequence[str], block: Sequence[_Row], column: int, layout: TableFormat
+) -> list[float]:
+    """Return the numbers of a column, nan where there is none; refuse what is no number by its line."""
+    found = []
+    for row, text in zip(block, texts):
+        try:
+            found.append(parse.one(text.strip()))
+        except ValueError as error:
+            fix = str(error) if isinstance(error, _DateError) else _fix_of(text.strip(), row.line, layout)
+            where = f'line {row.line}, column {column + 1} holds {quoted(text)}'
+            raise InputError(f'cannot be read as a table of numbers: {where}; {fix}') from error
+    return found
+
+
+class _Parser:
+    """Makes numbers of texts."""
+
+    def all(self, texts: Sequence[str]) -> Array:
+        """Return the numbers of texts that are all plain; raise ValueError if one is not."""
+        raise ValueError
+
+    def one(self, text: str) -> float:
+        """Return the number of a text, nan of one that says that there is none; raise ValueError if it is no number."""
+        raise NotImplementedError
+
+
+class _NumberParser(_Parser):
+    def __init__(self, decimal: str, thousands: str, *, anywhere: bool = False) -> None:
+        """Take what groups digits for that by threes only, or anywhere."""
+        self._decimal, self._thousands, self._anywhere = decimal, thousands, anywhere
+        mark = re.escape(thousands)
+        self._grouped = (
+            re.compile(rf'[+-]?\d{{1,3}}(?:{mark}\d{{3}})+(?!\d)[^{mark}]*', re.ASCII) if thousands else None
+        )
+
+    def all(self, texts: Sequence[str]) -> Array:
+        joined = '\n'.join(texts)
+        if '_' in joined or not joined.isascii() or self._thousands:
+            raise ValueError
+        if self._decimal == ',':
+            if '.' in joined:
+                raise ValueError
+            texts = joined.replace(',', '.').split('\n')
+        return np.array(texts, dtype=float)
+
+    def one(self, text: str) -> float:
+        if text.lower() in _MISSING:
+            return math.nan
+        if self._thousands and (self._anywhere or (self._grouped and self._grouped.fullmatch(text))):
+            text = text.replace(self._thousands, '')
+        if '_' in text or not text.isascii() or (self._decimal == ',' and '.' in text):
             raise ValueError(text)
-        return float(text.replace(layout.decimal, '.'))
+        return float(text.replace(self._decimal, '.'))
 
-    converters: dict[int | str, Callable[[str], float]] = {}
-    if layout.decimal == ',':
-        converters |= dict.fromkeys(columns, number)
-    if layout.time_unit is None:
-        converters[columns[0]] = seconds_of
-    elif layout.thousands:
-        converters[columns[0]] = lambda text: number(text.replace(layout.thousands, ''))
-    return converters or None
+
+class _DateParser(_Parser):
+    def one(self, text: str) -> float:
+        return math.nan if text.lower() in _MISSING else seconds_of(text)
+
+
+def _parser(layout: TableFormat, *, is_time: bool) -> _Parser:
+    if is_time and layout.time_unit is None:
+        return _DateParser()
+    if is_time and layout.time_thousands:
+        return _NumberParser(layout.decimal, layout.time_thousands, anywhere=True)
+    return _NumberParser(layout.decimal, layout.thousands)
 
 
 class _DateError(ValueError):
@@ -194,64 +307,80 @@ def seconds_of(text: str) -> float:
     return days * _DAY + 3600 * int(hours) + 60 * (int(minutes) - ahead) + float(seconds.replace(',', '.'))
 
 
-def _explained(layout: TableFormat, columns: Sequence[int], rows: Iterator[tuple[int, str]]) -> str:
-    """Return which field is no number, and what to look at."""
-    converters = _converters(layout, columns) or {}
-    with suppress(UnicodeError):  # the error that there was, then
-        for line, row in rows:
-            fields = row.split(layout.delimiter)
-            for column in columns:
-                try:
-                    converters.get(column, float)(fields[column])
-                except ValueError as failed:
-                    text = fields[column].strip()
-                    fix = str(failed) if isinstance(failed, _DateError) else _fix_of(text, line, layout)
-                    return f'line {line}, column {column + 1} holds {quoted(text)}; {fix}'
-    return _CHECK
-
-
 def _fix_of(text: str, line: int, layout: TableFormat) -> str:
     """Return what to look at where a text is no number."""
-    if not text:
-        return f'write nan where there is no value, or {_CHECK}'
     if _DATE.fullmatch(text):
         return 'if it is the time, `unit: date` reads it'
+    if re.fullmatch(r'[+-]?\d{1,3}(\.\d{3})+,\d*', text):
+        return 'if points group its digits, `table` needs `decimal: comma` and `thousands: point`'
+    if re.fullmatch(r'[+-]?\d{1,3}(,\d{3})+\.\d*', text):
+        return 'if commas group its digits, `table` needs `thousands: comma`'
     if re.fullmatch(r'[+-]?\d*,\d+', text):
         return 'if that is a decimal comma, `table` needs `decimal: comma`'
     if line == layout.header_rows + 1:
         return f'if names or units stand there, `table` needs `header_rows: {line}`; or {_CHECK}'
-    return _CHECK
+    return f'write nan where there is no value, or {_CHECK}'
 
 
 def _rows(
-    path: Path, encoding: str, layout: TableFormat, names: Sequence[str], notes: list[str]
-) -> Iterator[tuple[int, str]]:
+    path: Path, encoding: str, layout: TableFormat, columns: Sequence[int], names: Sequence[str], notes: list[str]
+) -> Iterator[_Row]:
     """
-    Yield the rows below the header, each with the number of its line.
+    Yield the rows of samples below the header.
 
-    Each has a field for each name, or without names as many as the first row. A last row without a line end is left
-    out, and noted: a logger that is switched off may cut a number anywhere.
+    Each has as many fields as the first row or as the header has names, or a number between. Lines that begin with #
+    are comments. A last row without a line end is left out, and noted: a logger that is switched off may cut a number
+    anywhere.
     """
-    delimiter = layout.delimiter
-    width, known = len(names), f'the header has {len(names)} names'
-    with TextIOWrapper(open_input(path), encoding) as stream:
-        for number, line in enumerate(islice(_lines(stream), layout.header_rows, None), layout.header_rows + 1):
-            row = line.partition('#')[0].rstrip('\n')
-            if not row.strip():
-                continue
-            if not line.endswith('\n'):
-                notes.append('the last row has no line end and may be cut: left out')
-                return
-            if '"' in row and delimiter is not None:  # within quotes it ends no field
-                row = delimiter.join(field.replace(delimiter, ' ') for field in _split(row, delimiter))
-            fields = len(row.split()) if delimiter is None else row.count(delimiter) + 1
-            if not width:
-                width, known = fields, f'the first row has {fields}'
-            if fields > width and delimiter is not None:
-                fields = max(width, len(row.rstrip(f'{delimiter} ').split(delimiter)))  # empty ones at the end are none
-            if fields != width:
-                raise InputError(f'line {number} has {counted(fields, "field")}, but {known}: {_CHECK}')
-            yield number, row
+    with TextIOWrapper(open_input(path), encoding, newline='') as stream:
+        lines = _NumberedLines(stream, notes, layout.header_rows)
+        least, most = 0, len(names)
+        for fields in islice(_fields(lines, layout.delimiter), layout.skip_rows, None):
+            if not most or not least:
+                least, most = min(len(fields), most or len(fields)), max(len(fields), most)
+                if names and len(fields) > len(names):
+                    most = len(names)
+            while len(fields) > most and not fields[-1].strip():
+                del fields[-1]  # empty ones at the end are none
+            if not max(least, max(columns) + 1) <= len(fields) <= most:
+                known = f'the header has {len(names)} names' if names else f'the first row has {most}'
+                raise InputError(f'line {lines.number} has {counted(len(fields), "field")}, but {known}: {_CHECK}')
+            yield _Row(lines.number, [fields[column] for column in columns])
+
+
+class _NumberedLines:
+    """The lines of a file below its header, without comments and without a last one that has no end."""
+
+    def __init__(self, stream: TextIO, notes: list[str], header_rows: int) -> None:
+        self.number = header_rows
+        self._stream, self._notes = stream, notes
+        for _ in islice(_lines(stream), header_rows):
+            pass
+
+    def __iter__(self) -> Iterator[str]:
+        return self
+
+    def __next__(self) -> str:
+        for line in _lines(self._stream):
+            self.number += 1
+            if not line.endswith(('\n', '\r')) and line.strip() and not line.startswith('#'):
+                self._notes.append('the last row has no line end and may be cut: left out')
+                break
+            if not line.lstrip().startswith('#'):
+                return line
+        raise StopIteration
+
+
+def _fields(lines: Iterator[str], delimiter: str | None) -> Iterator[list[str]]:
+    """Yield the fields of each row that has some."""
+    rows = (
+        (line.split() for line in lines)
+        if delimiter is None
+        else csv.reader(lines, delimiter=delimiter, skipinitialspace=delimiter != '\t')
+    )
+    for fields in rows:
+        if any(field.strip() for field in fields):
+            yield fields
 
 
 def _encoding(path: Path) -> str:

@@ -136,7 +136,7 @@ def test_an_entry_that_is_no_number_is_a_name(tmp_path, index):
     mapping.write_text(text, encoding='utf-8')
     bag = write_mcap(tmp_path / 'made.mcap', plain_messages())
     told = refused(lambda: read_recording(bag, mapping=read_mapping(mapping)))
-    assert told.endswith('has the field that the mapping gives; the names are piston')
+    assert told.endswith('has the field that the mapping gives; the names are “piston”')
 
 
 # mcap: definitions, chunks, files without what most have

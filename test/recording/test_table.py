@@ -101,7 +101,7 @@ LAYOUTS = {
     'empty fields at the end': ('comma', 't,x,note,p,\n0,1,,2\n10,1,,3,\n20,1,,4,,\n'),
     'empty fields between tabs': ('tab', 't\tx\tnote\tp\tmore\n0\t1\t\t2\t\n10\t1\t\t3\t\n20\t1\t\t4\t\n'),
     'delimiters in quotes': ('comma', 't,x,note,p\n0,1,"slow, then fast",2\n10,"1","5,5",3\n20,1,-,"4"\n'),
-    'remarks and empty lines': ('space', '# t x note p\n0 1 - 2 # begins\n\n10 1 - 3\n  \n# on\n20 1 - 4\n'),
+    'remarks and empty lines': ('space', '# t x note p\n0 1 - 2\n\n10 1 - 3\n  \n # on\n20 1 - 4\n'),
     'line ends of Windows': ('comma', 't,x,note,p\r\n0,1,,2\r\n10,1,,3\r\n20,1,,4\r\n'),
 }
 
@@ -177,8 +177,15 @@ def test_a_table_that_cannot_be_read(tmp_path, rows, mapping, message):
 @pytest.mark.parametrize(
     ('row', 'line'),
     [
-        ('30;1.0;high', 'line 5, column 3 holds “high”; check delimiter'),
-        ('30;1.0;', 'line 5, column 3 holds “”; write nan'),
+        ('30;1.0;high', 'line 5, column 3 holds “high”; write nan where there is no value, or check delimiter'),
+        ('30;1.0;2 # high', 'line 5, column 3 holds “2 # high”'),
+        ('30;1.0;1_000', 'line 5, column 3 holds “1_000”'),
+        ('30;1.0;٣', 'line 5, column 3 holds “٣”'),
+        (
+            '30;1.0;1,701.5',
+            'line 5, column 3 holds “1,701.5”; if commas group its digits, `table` needs `thousands: comma`',
+        ),
+        ('30;1.0;1.701,5', 'if points group its digits, `table` needs `decimal: comma` and `thousands: point`'),
         ('30;1.0;1,5', 'line 5, column 3 holds “1,5”; if that is a decimal comma, `table` needs `decimal: comma`'),
         ('2024-05-01 12:00:00;1.0;2', 'column 1 holds “2024-05-01 12:00:00”; if it is the time, `unit: date` reads it'),
     ],
@@ -196,8 +203,108 @@ def test_numbers_may_have_decimal_commas(tmp_path):
     found = read(tmp_path, '0;1,0;2,0\n10,5;1,5;2,5\n1.010,5;2;3,0\n', mapping)
     np.testing.assert_allclose(found.displacement.times, [0.0, 0.0105, 1.0105])
     np.testing.assert_allclose(found.displacement.values, [-1e-3, -1.5e-3, -2e-3])
-    with pytest.raises(InputError, match='delimiter and decimal are the same character'):
-        read(tmp_path, ROWS, mapping.replace('semicolon', 'comma'))
+    mapping = mapping.replace('semicolon', 'comma')
+    found = read(tmp_path, '"0","1,0","2,0"\n"10,5","1,5","2,5"\n"1.010,5",2,"3,0"\n', mapping)
+    np.testing.assert_allclose(found.displacement.values, [-1e-3, -1.5e-3, -2e-3])
+    with pytest.raises(InputError, match='line 2 has 6 fields, but the first row has 3'):
+        read(tmp_path, '"0","1,0","2,0"\n10,5,1,5,2,5\n', mapping)
+
+
+@pytest.mark.parametrize(
+    ('decimal', 'thousands', 'texts'),
+    [
+        ('comma', 'point', ['1.701,21', '999,5', '1.234.567', '-1.000,0']),
+        ('point', 'comma', ['1,701.21', '999.5', '1,234,567', '-1,000.0']),
+        ('comma', 'space', ['1 701,21', '999,5', '1 234 567', '-1 000,0']),
+        ('point', 'apostrophe', ["1'701.21", '999.5', "1'234'567", "-1'000.0"]),
+    ],
+)
+def test_digits_may_be_grouped(tmp_path, decimal, thousands, texts):
+    layout = f'unit: ms}}\n  decimal: {decimal}\n  thousands: {thousands}\n  delimiter: semicolon'
+    mapping = BY_NUMBER.replace('unit: ms}', layout).replace('sign: -1', 'sign: 1')
+    found = read(tmp_path, ''.join(f'{index};{text};2\n' for index, text in enumerate(texts)), mapping)
+    np.testing.assert_allclose(found.displacement.values, [1.70121, 0.9995, 1234.567, -1.0])
+
+
+@pytest.mark.parametrize('text', ['1.70,5', '17.0123', '1..701', '1.7011', '.701'])
+def test_digits_that_are_not_grouped_by_threes_are_no_number(tmp_path, text):
+    layout = 'unit: ms}\n  decimal: comma\n  thousands: point\n  delimiter: semicolon'
+    with pytest.raises(InputError, match='line 1, column 2 holds'):
+        read(tmp_path, f'0;{text};2\n1;1;2\n', BY_NUMBER.replace('unit: ms}', layout))
+
+
+MISSING = [
+    '',
+    ' ',
+    '-',
+    'NaN',
+    'NA',
+    'n/a',
+    '#N/A',
+    '#DIV/0!',
+    '#VALUE!',
+    '1.#QNAN',
+    '-1.#IND',
+    '1.#INF',
+    'NULL',
+    'None',
+]
+
+
+@pytest.mark.parametrize('text', MISSING)
+@pytest.mark.parametrize('column', [1, 2])
+def test_what_says_that_there_is_no_number_is_left_out_with_a_note(tmp_path, text, column):
+    fields = ['20', '1.0', '2.0']
+    fields[column] = text
+    rows = ''.join(f'{10 * index};1.{index};2.{index}\n' for index in range(2)) + ';'.join(fields) + '\n30;2;3\n'
+    found = read(tmp_path, rows, BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: semicolon'))
+    signal = found.displacement if column == 1 else found.cylinders['cylinder_a'].pressure
+    np.testing.assert_allclose(signal.times, [0.0, 0.01, 0.03])
+    assert any('dropped 1 sample not finite' in note for note in found.health)
+
+
+def test_a_row_without_a_time_is_left_out_with_a_note(tmp_path):
+    found = read(tmp_path, '0;1;2\n;9;9\n10;2;3\n', BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: semicolon'))
+    assert found.health == ('time: dropped 1 row not finite',)
+    assert len(found.displacement) == 2
+
+
+def test_a_table_may_have_a_sample_period_for_its_time(tmp_path):
+    mapping = BY_NUMBER.replace('time: {column: 1, unit: ms}', 'sample_period: 2.0e-3')
+    found = read(tmp_path, ROWS, mapping)
+    np.testing.assert_allclose(found.displacement.times, [0.0, 2e-3, 4e-3])
+    with pytest.raises(InputError, match='leave `time` out and give `sample_period`'):
+        read(tmp_path, '\t1\t2\n\t2\t3\n', BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: tab'))
+    with pytest.raises(InputError, match='needs either `time`, the column of the time, or `sample_period`'):
+        read(tmp_path, ROWS, mapping.replace('sample_period: 2.0e-3', 'header_rows: 0'))
+    with pytest.raises(InputError, match='sample_period must be above 0 s'):
+        read(tmp_path, ROWS, mapping.replace('2.0e-3', '0'))
+
+
+@pytest.mark.parametrize(
+    ('unit', 'rows', 'step'),
+    [
+        ('unit: d', '45413.5 1 2\n45413.50001 2 3\n', 0.864),
+        ('unit: h', '0 1 2\n0.001 2 3\n', 3.6),
+        ('unit: min', '0 1 2\n0.5 2 3\n', 30.0),
+        ('unit: s, scale: 1/50', '100 1 2\n150 2 3\n', 1.0),
+        ('unit: ms, scale: 2, offset: 1000', '0 1 2\n50 2 3\n', 0.1),
+    ],
+)
+def test_times_may_be_in_any_unit_and_scale(tmp_path, unit, rows, step):
+    found = read(tmp_path, rows, BY_NUMBER.replace('unit: ms', unit))
+    np.testing.assert_allclose(np.diff(found.displacement.times), [step], atol=1e-5)
+    write_recording(tmp_path / 'bag', found)  # the days of a spreadsheet are later than any stamp
+
+
+@pytest.mark.parametrize('comment', ['', '\tby hand'])
+def test_a_header_may_have_a_name_for_comments_that_most_rows_lack(tmp_path, comment):
+    """As LabVIEW writes it."""
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: tab\n  header_rows: 1')
+    found = read(tmp_path, f't\tx\tp\tComment\n0\t1\t2\n10\t1.5\t2.5{comment}\n20\t2\t3\n', mapping)
+    np.testing.assert_allclose(found.displacement.values, [-1e-3, -1.5e-3, -2e-3])
+    with pytest.raises(InputError, match='line 3 has 2 fields, but the header has 4 names'):
+        read(tmp_path, 't\tx\tp\tComment\n0\t1\t2\n10\t1.5\n', mapping)
 
 
 @pytest.mark.parametrize(
