@@ -11,11 +11,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from cfd_pneumatic.api import *  # noqa: F403
+    from cfd_pneumatic.api import (
+        CylinderSignals,
+        Decay,
+        Device,
+        InputError,
+        Limits,
+        Plan,
+        Recording,
+        Result,
+        Sensing,
+        Signal,
+        decay_of,
+        identify,
+        plan,
+        read_mapping,
+        read_recording,
+        write_recording,
+    )
 
 __version__ = '0.2.0'
 
-OFFERED = (
+__all__ = [
     'CylinderSignals',
     'Decay',
     'Device',
@@ -32,17 +49,17 @@ OFFERED = (
     'read_mapping',
     'read_recording',
     'write_recording',
-)
+]
 """Names that are taken from `cfd_pneumatic.api`."""
 
 
 def __getattr__(name: str) -> Any:
     """Return what is offered under a name."""
-    if name in OFFERED:
+    if name in __all__:
         return getattr(import_module('cfd_pneumatic.api'), name)
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
 
 def __dir__() -> list[str]:
-    """Return the names that there are."""
-    return sorted([*globals(), *OFFERED])
+    """Return the names that are offered."""
+    return sorted([*__all__, '__version__', '__doc__'])

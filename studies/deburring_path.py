@@ -65,8 +65,12 @@ def follow_path(arguments: Sequence[str] | None = None) -> None:
     predicted = predict(device, course, setpoints)
     picture = options.output / 'path.png'
     draw(options.feed, course, run, predicted, options.force).savefig(picture, dpi=120)
-    worst = np.max(np.abs(run.truth.force - options.force))
-    print(f'{schedule}: {run.times.size:,} samples; the force strays by up to {worst:.1f} N from {options.force:g} N')
+    strays = [
+        f'{name} by up to {np.max(np.abs(force - options.force)):.1f} N'
+        for name, force in (('of the model', predicted), ('of the virtual rig', run.truth.force))
+    ]
+    print(f'{schedule}: {run.times.size:,} samples')
+    print(f'The force strays from {options.force:g} N: that {strays[0]}, that {strays[1]}')
     print(f'{picture}: the path, the displacement, the contact force')
 
 

@@ -26,7 +26,8 @@ PROGRESS_KEY, CHECKSUM_KEY = 'progress', 'report_sha256'
 """
 With `--progress lines` each line on standard output is JSON: {"progress": share, "what": text}.
 
-The last one of an identification has the SHA-256 of its `report.json`, too.
+The last one of an identification has the SHA-256 of its `report.json`, too, and the verdict on each channel where the
+loop was closed.
 """
 
 _MOST_JOBS = 256
@@ -67,6 +68,14 @@ def make_parser() -> argparse.ArgumentParser:
         '--namespace',
         help='namespace of the device where the bag holds several, e.g. /cfd/device (default: the only one)',
     )
+    parser.add_argument(
+        '--from',
+        dest='begin',
+        type=number,
+        metavar='S',
+        help="leave out what comes earlier, in seconds after each recording's first sample",
+    )
+    parser.add_argument('--until', dest='end', type=number, metavar='S', help='leave out what comes later, likewise')
     parser.add_argument(
         '--per-setpoint', action='store_true', help='fit a table of operating points, one for each set-point'
     )
@@ -239,6 +248,8 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
             )
             for path in arguments.bags
         ]
+        if arguments.begin is not None or arguments.end is not None:
+            recordings = [one.part(arguments.begin, arguments.end) for one in recordings]
         report('read', 0.2)
     if arguments.progress != 'lines':
         _print_recordings(recordings, options)
@@ -248,7 +259,9 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         written = write_report(identification, arguments.output, full=arguments.full, overwrite=arguments.overwrite)
         report('done', 1.0)
     if arguments.progress == 'lines':
-        print(json.dumps({PROGRESS_KEY: 1.0, 'what': 'done', CHECKSUM_KEY: written.checksum}))
+        concluded = {name: one.conclusion for name, one in identification.channels.items()}
+        verdicts = {name: one.verdict for name, one in concluded.items() if one is not None}
+        print(json.dumps({PROGRESS_KEY: 1.0, 'what': 'done', CHECKSUM_KEY: written.checksum, 'verdicts': verdicts}))
     else:
         print_report(identification, terminal(), written.live)
         print(f'written: {", ".join(map(str, written.files))}')
@@ -288,6 +301,8 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         raise InputError(f"--each needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
     from cfd_pneumatic.files import alone_in, check_folder, make_folder
 
+    if arguments.begin is not None or arguments.end is not None:
+        raise InputError('--from and --until are for recordings that are identified together: leave out --each')
     if arguments.jobs is not None and arguments.scheduler is not None:
         raise InputError('--jobs and --scheduler: a cluster has as many workers as it has; leave out --jobs')
     jobs = len(os.sched_getaffinity(0)) if arguments.jobs is None else arguments.jobs

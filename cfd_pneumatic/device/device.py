@@ -209,9 +209,12 @@ class Device:
         Raises
         ------
         InputError
-            If a set-point is of no cylinder, or the recording is too short, or lacks the pressures that are asked for.
+            If it is no recording, a set-point is of no cylinder, or the recording is too short, or lacks the pressures
+            that are asked for.
 
         """
+        if not isinstance(recording, Recording):
+            raise InputError(f'simulate takes a recording, not {type(recording).__name__}: read it first')
         from cfd_pneumatic.device import simulation  # with SciPy and the smoother, which no node needs
 
         chosen = dict(setpoints or {})

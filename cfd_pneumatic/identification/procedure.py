@@ -94,9 +94,11 @@ def identify(
     Raises
     ------
     InputError
-        If a recording holds no motion or too few samples, or a cylinder tells no parameter.
+        If there is no recording, one holds no motion or too few samples, or a cylinder tells no parameter.
 
     """
+    if not recordings:
+        raise InputError('there is no recording to identify: give one or more')
     progress('smoothing the displacement', 0.0)
     try:
         data = prepared(recordings, options.fractions)

@@ -53,6 +53,7 @@ LAW_VARIABLES = {
 
 TESTS = {
     'inputs': 'Independent of the inputs',
+    'slow_inputs': 'Independent of the inputs in its slow parts, too',
     'line': 'No line in the spectrum',
     'level': 'No slow wandering',
     'ljung_box': 'Memory like that of the noise at rest',

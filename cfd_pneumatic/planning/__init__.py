@@ -15,7 +15,8 @@ Which experiment to do next: a schedule within the limits of a cell, and what it
 
 from cfd_pneumatic.planning.device import read_report, usual_pressures
 from cfd_pneumatic.planning.limits import Limits, Sensing
-from cfd_pneumatic.planning.plan import WANTED, EffectPrediction, ParameterPrediction, Plan, plan
+from cfd_pneumatic.planning.plan import WANTED, Plan, plan
+from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction
 from cfd_pneumatic.planning.proposal import Proposal
 
 __all__ = [

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ import numpy as np
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.model.baseline import slowest
 from cfd_pneumatic.model.effects import CORES, EFFECTS
@@ -22,7 +20,9 @@ from cfd_pneumatic.planning.device import at_home, home_gains, home_setpoints
 from cfd_pneumatic.planning.evidence import Evidence, of_samples
 from cfd_pneumatic.planning.family import Segment, Turn, family
 from cfd_pneumatic.planning.limits import Limits, Sensing
+from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction, Planned
 from cfd_pneumatic.planning.proposal import Drawing, Proposal
+from cfd_pneumatic.planning.report import print_plan, write_plan
 from cfd_pneumatic.planning.signatures import Form, all_signatures, split_of
 from cfd_pneumatic.terminal import printed
 
@@ -37,91 +37,8 @@ _SETTLED = 6.0  # time constants
 _SHORTEST_REST, _LONGEST_REST = 0.3, 1.0  # noise is told from rests of this length [s]
 
 
-@dataclass(frozen=True)
-class ParameterPrediction:
-    """
-    How well a parameter will be identified.
-
-    Attributes
-    ----------
-    channel
-        Cylinder, or `force`.
-    name, unit
-        Of the parameter; `EFFECT.PARAMETER` for an effect's.
-    value
-        In the parameter file [unit].
-    std
-        Cramer-Rao bound of its standard error [unit]; None where nothing tells it.
-
-    """
-
-    channel: str
-    name: str
-    unit: str
-    value: float
-    std: float | None
-
-    @property
-    def identifiable(self) -> bool:
-        """Whether `identify_bag` will give it a value."""
-        return self.std is not None and self.std < LARGEST_RELATIVE_STD * abs(self.value)
-
-
-@dataclass(frozen=True)
-class EffectPrediction:
-    """
-    Whether an effect would show.
-
-    Attributes
-    ----------
-    channel
-        Cylinder, or `force`.
-    effect
-        Its name.
-    shows
-        Whether it would, in the form that shows least, at the strength at which a search for it begins.
-    smallest
-        Strength at which that form just shows, and what is chosen in it, by the names of the parameters [their units];
-        none where any strength shows, as of what does not vanish with it; None where nothing shows.
-    alternatives
-        Effects that it could not be told from while it just shows.
-    nearest
-        The other effect that is most like it, and the share of what it leaves that remains beside that one; None where
-        there is no other.
-
-    """
-
-    channel: str
-    effect: str
-    shows: bool
-    smallest: dict[str, float] | None
-    alternatives: tuple[str, ...]
-    nearest: tuple[str, float] | None
-
-
-@dataclass(frozen=True)
-class Plan:
-    """
-    A schedule and what it will tell.
-
-    Attributes
-    ----------
-    proposal
-        The schedule.
-    segments
-        Of one round.
-    rounds
-        How often it is done.
-    parameters, effects
-        Predictions of what was wanted.
-
-    """
-
-    proposal: Proposal
-    segments: tuple[Segment, ...]
-    rounds: int
-    parameters: tuple[ParameterPrediction, ...]
-    effects: tuple[EffectPrediction, ...]
+class Plan(Planned):
+    """A schedule and what it will tell: it prints as tables."""
 
     def save(self, folder: Path | str, *, overwrite: bool = False) -> list[Path]:
         """
@@ -140,14 +57,10 @@ class Plan:
             If the folder can't be written, or a file in it is not to be replaced.
 
         """
-        from cfd_pneumatic.planning.report import write_plan  # which knows what a plan is
-
         return write_plan(self, Path(folder), overwrite=overwrite)
 
     def __str__(self) -> str:
         """Return what is to be done and what it will tell, as tables."""
-        from cfd_pneumatic.planning.report import print_plan
-
         return printed(lambda console: print_plan(self, console))
 
 

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from cfd_pneumatic.convention import CYLINDERS, SCHEDULE_COLUMNS
 from cfd_pneumatic.model.effects import EFFECTS
-from cfd_pneumatic.planning.plan import EffectPrediction, ParameterPrediction, Plan
+from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction, Planned
 from cfd_pneumatic.result_files import ResultFiles, marked
 from cfd_pneumatic.svg import Curve, Panel, chart
 from cfd_pneumatic.terminal import table
@@ -45,7 +45,7 @@ FILES = ResultFiles(
 """How the files of a plan are recognised."""
 
 
-def write_plan(plan: Plan, folder: Path, *, overwrite: bool = False) -> list[Path]:
+def write_plan(plan: Planned, folder: Path, *, overwrite: bool = False) -> list[Path]:
     """
     Write the schedule, the plan as JSON and the picture into a folder, made if need be.
 
@@ -73,7 +73,7 @@ def write_plan(plan: Plan, folder: Path, *, overwrite: bool = False) -> list[Pat
     return [folder / name for name in contents]
 
 
-def print_plan(plan: Plan, console: Console) -> None:
+def print_plan(plan: Planned, console: Console) -> None:
     """Print what is to be done and what it will tell."""
     proposal = plan.proposal
     console.print(
@@ -85,7 +85,7 @@ def print_plan(plan: Plan, console: Console) -> None:
         console.print(_effect_table(channel, list(effects)))
 
 
-def _counted(plan: Plan) -> list[str]:
+def _counted(plan: Planned) -> list[str]:
     """Return the segments of a round, neighbours of one kind together."""
     counted = [(name, len(list(same))) for name, same in groupby(plan.segments, key=lambda one: one.name)]
     return [name if count == 1 else f'{count} times {name}' for name, count in counted]
@@ -122,7 +122,7 @@ def smallest_words(one: EffectPrediction) -> str:
     return ', '.join(f'{name} {value:.2g} {units[name]}' for name, value in one.smallest.items())
 
 
-def plan_data(plan: Plan) -> dict[str, Any]:
+def plan_data(plan: Planned) -> dict[str, Any]:
     """Return a plan as JSON types, numbers in SI units."""
     proposal = plan.proposal
     return {
@@ -156,7 +156,7 @@ def plan_data(plan: Plan) -> dict[str, Any]:
     }
 
 
-def picture(plan: Plan) -> str:
+def picture(plan: Planned) -> str:
     """Return the first round as an SVG: displacement and set-points over time."""
     proposal = plan.proposal
     count = len(plan.segments)

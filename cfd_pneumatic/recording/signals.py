@@ -10,10 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.memory_maps import give_back, parts
 
 GAUGE, ABSOLUTE = 'gauge', 'absolute'
@@ -130,6 +133,48 @@ class Recording:
     others: Mapping[str, Signal] = field(default_factory=dict)
     rests: bool = False
 
+    @classmethod
+    def from_arrays(
+        cls,
+        times: ArrayLike,
+        displacement: ArrayLike | None,
+        pressures: Mapping[str, ArrayLike],
+        setpoints: Mapping[str, ArrayLike] = MappingProxyType({}),
+        force: ArrayLike | None = None,
+        *,
+        name: str = 'arrays',
+    ) -> Recording:
+        """
+        Return a recording of signals that were sampled together, as NumPy's arrays or columns of pandas.
+
+        Values that are no finite numbers, times that come twice or out of order, and gaps are treated and noted as
+        those of a file are.
+
+        Parameters
+        ----------
+        times : (n,) array
+            Times of the samples [s], or dates.
+        displacement : (n,) array or None
+            Displacement [m]; +x grows cylinder A. None where the piston rests.
+        pressures : Mapping of (n,) arrays
+            Absolute pressures by cylinder, `cylinder_a` and `cylinder_b` or one of them [Pa].
+        setpoints : Mapping of (n,) arrays or numbers
+            Absolute set pressures by cylinder, each of which acts from its time on [Pa].
+        force : (n,) array, optional
+            Measured contact force [N].
+        name : str
+            What to call it.
+
+        Raises
+        ------
+        InputError
+            If shapes differ, something is no number, or a name is no cylinder's.
+
+        """
+        from cfd_pneumatic.recording.from_arrays import recording_from_arrays  # which makes recordings
+
+        return recording_from_arrays(times, displacement, pressures, setpoints, force, name)
+
     def __repr__(self) -> str:
         """Return what it is."""
         return f'<Recording {self}>'
@@ -177,3 +222,21 @@ class Recording:
             force=None if self.force is None else self.force.between(begin, end),
             others={name: signal.between(begin, end) for name, signal in self.others.items()},
         )
+
+    def part(self, begin: float | None = None, end: float | None = None) -> Recording:
+        """
+        Return what lies between two times after the first sample [s], either of which may be left out.
+
+        Raises
+        ------
+        InputError
+            If that is outside of the recording, or nothing.
+
+        """
+        lasts = max(float(signal.times[-1]) for _, _, signal in self.signals())
+        first, last = (0.0 if begin is None else begin), (lasts if end is None else end)
+        if not 0.0 <= first < last or first >= lasts or (end is not None and end > lasts):
+            raise InputError(
+                f'{self.name}: {first:g} to {last:g} s is not within its {lasts:.6g} s: give times that are'
+            )
+        return self.between(first, np.nextafter(last, np.inf) if end is None else last)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import inspect
+import pydoc
 import subprocess
 import sys
 from pathlib import Path
@@ -20,6 +21,8 @@ from cfd_pneumatic.commands.record_rig import main as record_rig
 from studies.notebook import NOTEBOOK, executed, notebook
 
 mpl.use('Agg')
+
+TABLE_1 = Path(__file__).parents[2] / 'config' / 'table_1.yaml'
 
 
 @pytest.fixture(scope='module')
@@ -166,9 +169,27 @@ def test_the_notebook_runs(tmp_path):
 
 
 def test_what_is_offered_is_documented_and_is_there():
-    assert set(cfd.OFFERED) == set(api.__all__)
-    assert set(cfd.OFFERED) <= set(dir(cfd))
-    assert all(inspect.getdoc(getattr(cfd, name)) for name in cfd.OFFERED)
+    assert set(cfd.__all__) == set(api.__all__)
+    assert set(dir(cfd)) == {*api.__all__, '__doc__', '__version__'}
+    assert all(inspect.getdoc(getattr(cfd, name)) for name in cfd.__all__)
+    help_page = pydoc.plain(pydoc.render_doc(cfd))
+    assert all(name in help_page for name in cfd.__all__)
+    assert 'import_module' not in help_page
+
+
+@pytest.mark.parametrize(
+    'wrong',
+    [
+        lambda: cfd.identify([]),
+        lambda: cfd.identify('bag'),
+        lambda: cfd.identify([None]),
+        lambda: cfd.Device.load(TABLE_1).simulate('x'),
+        lambda: cfd.Device.load(TABLE_1).simulate(None, raw=True),
+    ],
+)
+def test_what_is_no_recording_is_an_error_for_the_user(wrong):
+    with pytest.raises(cfd.InputError, match='recording'):
+        wrong()
     with pytest.raises(AttributeError):
         _ = cfd.nothing
 

@@ -20,6 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 from cfd_pneumatic import convention
 from cfd_pneumatic.commands.identify_bag import main
 from cfd_pneumatic.commands.record_rig import main as record_rig
+from cfd_pneumatic.files import checksum
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.recording import BagWriter
 
@@ -209,9 +210,35 @@ def test_a_gain_that_is_not_identifiable_is_so_everywhere(tmp_path, capsys):
     assert re.search(r'k_sv: \[\S+\]  # 1/s; not identifiable, as the fit used it: ', text)
 
 
+def test_a_part_of_each_recording_may_be_identified(bag, tmp_path, capsys):
+    assert main([str(bag), '--output', str(tmp_path), '--from', '1', '--until', '4.5', '--progress', 'none']) == 0
+    (recording,) = json.loads((tmp_path / 'report.json').read_text())['recordings']
+    assert recording['duration_s'] == pytest.approx(3.5, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ('options', 'message'),
+    [
+        (['--from', '1e6'], 'is not within its'),
+        (['--until', '1e6'], 'is not within its'),
+        (['--from', '-1'], 'is not within its'),
+        (['--from', '3', '--until', '2'], '3 to 2 s is not within its'),
+        (['--from', 'nan'], "--from: 'nan' is not a finite number"),
+        (['--from', '1', '--each'], 'leave out --each'),
+    ],
+)
+def test_a_part_that_there_is_not_is_refused(bag, tmp_path, capsys, options, message):
+    assert main([str(bag), '--output', str(tmp_path / 'out'), *options]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / 'out').exists()
+
+
 def test_progress_as_lines_for_programs(bag, tmp_path, capsys):
     assert main([str(bag), '--output', str(tmp_path), '--progress', 'lines']) == 0
-    shares = [json.loads(line)['progress'] for line in capsys.readouterr().out.splitlines()]
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    shares = [line['progress'] for line in lines]
+    assert lines[-1]['verdicts'] == {}
+    assert lines[-1]['report_sha256'] == checksum(tmp_path / 'report.json')
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
 
