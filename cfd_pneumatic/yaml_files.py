@@ -167,4 +167,6 @@ def _problem(error: yaml.YAMLError) -> str:
     where = '' if mark is None else f'line {mark.line + 1}, column {mark.column + 1}: '
     texts = (getattr(error, name, None) or '' for name in ('context', 'problem', 'reason'))
     said = [found.group().rstrip(' ,;:(') for text in texts if (found := _QUOTES_NOTHING.match(text))]
+    if 'flow mapping' in (getattr(error, 'context', None) or ''):  # field: data[1] within braces
+        said.append('a text that holds brackets, braces or commas has to stand in quotes there')
     return where + ', '.join(filter(None, said))

@@ -23,6 +23,41 @@ MOST_LAGS = 16_384
 
 
 _MOST_NAMES = 20
+_STRAY = 1e15  # eleven days, by which a time of reception that cannot be differs from others [ns]
+_FEW = 0.1  # share of the messages
+_STRETCHES = 20  # of the lags, whose medians a line is laid through
+
+
+@dataclass(frozen=True)
+class ReceptionClock:
+    """
+    How the clock of reception lies to that of the stamps.
+
+    Attributes
+    ----------
+    lag : int
+        Median time from stamp to reception [ns].
+    begin : int
+        Time of reception from which the rate counts [ns].
+    begins_with : float
+        Lag then, on the line through the lags [ns].
+    rate : float
+        By which the lag grows [-]: 0 where both clocks run alike.
+    drift : float
+        By which it grows over all messages [ns].
+
+    """
+
+    lag: int
+    begin: int
+    begins_with: float
+    rate: float
+    drift: float
+
+    def lag_at(self, received: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the lags of messages by their times of reception [ns], which follow a line."""
+        lags: NDArray[np.int64] = np.rint(self.begins_with + self.rate * (received - self.begin)).astype(np.int64)
+        return lags
 
 
 @dataclass(frozen=True)
@@ -40,8 +75,8 @@ class Content:
         Numbers as recorded.
     unstamped : list of slice or array of int
         Which samples have no stamp.
-    lag : int or None
-        Median time from stamp to reception [ns], None without stamps.
+    clock : ReceptionClock or None
+        How the times of reception lie to the stamps, None without stamps.
     notes : tuple of str
         What was amiss.
 
@@ -51,7 +86,7 @@ class Content:
     times: NDArray[np.int64]
     raw: Array
     unstamped: list[slice | NDArray[np.intp]]
-    lag: int | None
+    clock: ReceptionClock | None
     notes: tuple[str, ...]
 
 
@@ -88,6 +123,8 @@ class Intake:
         self._unstamped: list[slice | NDArray[np.intp]] = []
         self._lags = _Lags()
         self._names: list[str] = []
+        self._first_lag: float | None = None
+        self._stamped = self._strays = 0
 
     def add(self, block: MessageBlock) -> None:
         """Take in messages."""
@@ -102,7 +139,8 @@ class Intake:
         received, stamps, values = block.times[found], columns.stamps[found], columns.values[found]
         stamped = stamps != 0
         self._missing += len(block) - len(values)
-        self._lags.add((received - stamps)[stamped])
+        self._lags.add((received - stamps)[stamped], received[stamped])
+        self._note_strays(received, stamps, stamped)
         if not stamped.all():
             self._unstamped.append(
                 self._count + np.flatnonzero(~stamped)
@@ -131,14 +169,30 @@ class Intake:
         notes = []
         if self._missing:
             notes.append(f'{channel.name}: {counted(self._missing, "message")} without {self._wanted}')
-        return Content(
-            channel,
-            self._times[: self._count],
-            self._raw[: self._count],
-            self._unstamped,
-            self._lags.median(),
-            tuple(notes),
-        )
+        times, raw = self._times[: self._count], self._raw[: self._count]
+        strays = self._strays_number()
+        if strays and not self._unstamped:
+            notes.append(
+                f'{channel.name}: {counted(strays, "message")} received at a time that cannot be: placed by the stamps'
+            )
+            order = np.argsort(times, kind='stable')
+            times, raw = times[order], raw[order]
+        return Content(channel, times, raw, self._unstamped, self._lags.clock(), tuple(notes))
+
+    def _note_strays(self, received: NDArray[np.int64], stamps: NDArray[np.int64], stamped: NDArray[np.bool_]) -> None:
+        """Count messages whose time of reception is far from the stamp otherwise than that of the first one."""
+        if not stamped.any():
+            return
+        lags = received[stamped].astype(float) - stamps[stamped].astype(float)
+        if self._first_lag is None:
+            self._first_lag = float(lags[0])
+        self._stamped += len(lags)
+        self._strays += int(np.count_nonzero(np.abs(lags - self._first_lag) > _STRAY))
+
+    def _strays_number(self) -> int:
+        """Return how many times of reception are not to be believed, if few are: a log that wraps round leaves some."""
+        strays = min(self._strays, self._stamped - self._strays)
+        return strays if strays < _FEW * self._stamped else 0
 
     @property
     def _wanted(self) -> str:
@@ -163,22 +217,43 @@ class Intake:
 
 
 class _Lags:
-    """Times from stamp to reception [ns], of all messages or of some that are spread evenly."""
+    """Times from stamp to reception [ns], and of reception, of all messages or of some that are spread evenly."""
 
     def __init__(self) -> None:
-        self._kept = np.empty(0, np.int64)
+        self._kept = np.empty((2, 0), np.int64)
         self._seen = 0
         self._every = 1
 
-    def add(self, lags: NDArray[np.int64]) -> None:
-        """Take in the lags of further messages."""
-        self._kept = np.concatenate([self._kept, lags[-self._seen % self._every :: self._every]])
+    def add(self, lags: NDArray[np.int64], received: NDArray[np.int64]) -> None:
+        """Take in the lags of further messages, and when these were received."""
+        some = slice(-self._seen % self._every, None, self._every)
+        self._kept = np.concatenate([self._kept, np.stack([lags[some], received[some]])], axis=1)
         self._seen += len(lags)
-        while len(self._kept) > MOST_LAGS:
-            self._kept = self._kept[::2]
+        while self._kept.shape[1] > MOST_LAGS:
+            self._kept = self._kept[:, ::2]
             self._every *= 2
 
-    def median(self) -> int | None:
-        """Return the median, None of nothing."""
-        kept = self._kept
-        return int(kept[0]) + int(np.median(kept - kept[0])) if kept.size else None
+    def clock(self) -> ReceptionClock | None:
+        """Return how reception lies to the stamps, None of nothing."""
+        lags, received = self._kept
+        if not lags.size:
+            return None
+        middle = lags.size // 2
+        lag = int(np.partition(lags, middle)[middle])
+        near = np.abs(lags.astype(float) - lag) < _STRAY
+        lags, received = lags[near], received[near]
+        begin = int(received.min())
+        stretches = min(_STRETCHES, lags.size)
+        points = [
+            (float(np.median(since)), float(np.median(own)))
+            for since, own in zip(np.array_split(received - begin, stretches), np.array_split(lags - lag, stretches))
+        ]
+        times, medians = np.array(points).T
+        if np.ptp(times) == 0.0:
+            return ReceptionClock(lag, begin, float(lag), 0.0, 0.0)
+        rate, start = np.polyfit(times, medians, 1)
+        off = float(np.max(np.abs(medians - start - rate * times)))
+        drift = float(rate * np.ptp(received))
+        if off > 0.1 * abs(drift):  # no line: something jumps, or a network is slow now and then
+            return ReceptionClock(lag, begin, float(lag), 0.0, 0.0)
+        return ReceptionClock(lag, begin, float(lag + start), float(rate), drift)

@@ -28,6 +28,10 @@ OTHER_CLOCK = 1.0
 """Stamps that differ from the times of reception by more [s] come from another clock."""
 
 
+DRIFT = 0.05
+"""Where stamps and times of reception drift apart by more [s], their clocks run at different rates."""
+
+
 @dataclass(frozen=True)
 class Defaults:
     """What is meant where a channel leaves it open: a joint, and an axis of a force (`x`, `y` or `z`)."""
@@ -117,19 +121,22 @@ def _on_one_clock(contents: Sequence[Content]) -> tuple[list[Samples], list[str]
     Return samples at their stamps, those without one at the time of reception.
 
     Where the stamps come from another clock than the times of reception, as simulated time does, the latter are moved
-    by what lies between the two.
+    by what lies between the two; that may grow, as the clocks may run at different rates.
     """
     notes = [note for content in contents for note in content.notes]
-    lag = next((content.lag for content in contents if content.lag is not None), 0)
-    if abs(lag) <= OTHER_CLOCK * NANOSECONDS:
-        lag = 0
+    clock = next((content.clock for content in contents if content.clock is not None), None)
+    drifts = clock is not None and abs(clock.drift) > DRIFT * NANOSECONDS
+    is_other = clock is not None and (drifts or abs(clock.lag) > OTHER_CLOCK * NANOSECONDS)
     samples = []
     for content in contents:
-        if lag and content.unstamped:
-            shift = f'{-lag / NANOSECONDS:.3f} s'
-            notes.append(f'{content.channel.name}: moved by {shift} from the clock of reception to that of the stamps')
+        if clock is not None and is_other and content.unstamped:
+            shift = f'{-clock.lag / NANOSECONDS:.3f} s'
+            rate = f', which runs {1.0 / (1.0 - clock.rate):.6g} times as fast' if drifts else ''
+            notes.append(
+                f'{content.channel.name}: moved by {shift} from the clock of reception{rate} to that of the stamps'
+            )
             for some in content.unstamped:
-                content.times[some] -= lag
+                content.times[some] -= clock.lag_at(content.times[some]) if drifts else clock.lag
                 give_back(content.times)
         for part in parts(content.times) if content.channel.time_offset else ():
             content.times[part] += round(content.channel.time_offset * NANOSECONDS)

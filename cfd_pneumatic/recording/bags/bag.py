@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 _MAX_LISTED = 5
 _SMALLEST = 16  # bytes of a message, with what says when and on which topic it came
 _ROS1_MAGIC = b'#ROSBAG V2.0\n'
+_ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+_ROS1_ENCODING = 'ros1'  # of messages in an mcap file
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ class Bag:
         self._size = 0  # of its files, [bytes]
         try:
             self._storages = self._open()
+            self._serialization_from_files()
             self.topics = self._list_topics()
         except BaseException:
             self.close()
@@ -128,7 +131,7 @@ class Bag:
                 before = read
                 for connection, block in storage.blocks(connections):
                     read += len(block)
-                    yield _full_name(connection), _unpacked(block) if self._packed else block
+                    yield _full_name(connection), _unpacked(block) if self._packed or self._is_packed(block) else block
                 missing += max(0, sum(connection.msgcount for connection in connections) - (read - before))
                 left_out += storage.left_out
             except Exception as error:  # readers raise whatever damage makes them stumble over
@@ -139,6 +142,11 @@ class Bag:
             what = [counted(missing, 'message')] if missing else []
             what += [f'what was received {self._when(left_out)} after its start'] if left_out else []
             self.notes.append(f'{self.path.name} is damaged: left out {", ".join(what)}')
+
+    def _is_packed(self, block: MessageBlock) -> bool:
+        """Return whether messages are compressed one by one, though no metadata say so: CDR begins otherwise."""
+        is_cdr = self.serialization is Serialization.CDR
+        return is_cdr and len(block) > 0 and block.payload(0).startswith(_ZSTD_MAGIC)
 
     def _when(self, spans: Sequence[Span]) -> str:
         """Return from when to when, for a note."""
@@ -181,6 +189,18 @@ class Bag:
             'is not a bag: give the folder of a ROS 2 bag, a .mcap, .db3 or ROS 1 .bag file, '
             'or a table together with its mapping file, `--mapping FILE`; `csv_to_bag --help` shows one'
         )
+
+    def _serialization_from_files(self) -> None:
+        """Take messages for those of ROS 1 where an mcap file says so of all of them."""
+        encodings = {
+            getattr(connection.ext, 'serialization_format', '')
+            for storage in self._storages
+            for connection in storage.connections
+        }
+        if _ROS1_ENCODING in encodings:
+            if encodings != {_ROS1_ENCODING}:
+                raise InputError('holds messages of ROS 1 and of ROS 2: split it')
+            self.serialization = Serialization.ROS1
 
     def _open_folder(self) -> list[StorageFile]:
         visible = (file for file in self.path.iterdir() if not file.name.startswith('.'))

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 FORMATS = {
     'ros2msg': MessageDefinitionFormat.MSG,
+    'ros1msg': MessageDefinitionFormat.MSG,
     'ros2idl': MessageDefinitionFormat.IDL,
     'omgidl': MessageDefinitionFormat.IDL,
 }

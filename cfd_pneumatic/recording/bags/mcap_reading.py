@@ -137,7 +137,7 @@ class McapFile:
             Connection(
                 channel.id,
                 channel.topic,
-                schemas[channel.schema_id].name if channel.schema_id in schemas else '',
+                _type_name(schemas[channel.schema_id].name) if channel.schema_id in schemas else '',
                 definitions.get(channel.schema_id, MessageDefinition(MessageDefinitionFormat.NONE, '')),
                 '',
                 counts.get(channel.id, 0),
@@ -146,6 +146,12 @@ class McapFile:
             )
             for channel in channels.values()
         ]
+
+
+def _type_name(name: str) -> str:
+    """Return the name of a type as ROS 2 has it, also of ROS 1's: package/msg/Name."""
+    package, _, own = name.partition('/')
+    return f'{package}/msg/{own}' if own and '/' not in own else name
 
 
 class _Topic:
