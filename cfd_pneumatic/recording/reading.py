@@ -25,6 +25,7 @@ from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Re
 from cfd_pneumatic.recording.sources import OTHER, Samples, SignalSource
 from cfd_pneumatic.recording.table import read_table
 from cfd_pneumatic.recording.topics import convention_channels, resolve
+from cfd_pneumatic.recording.wild_samples import SCREENS, screened
 from cfd_pneumatic.units import UNITS
 
 FORCE_AXES = ('x', 'y', 'z')
@@ -229,6 +230,8 @@ def _clean(samples: Samples, ambient_pressure: float) -> Cleaned:
     if channel.role in ROLES and ROLES[channel.role].held:
         return at_changes(clean(samples.times, values, channel.name, held=True))
     cleaned = clean(samples.times, values, channel.name)
+    if channel.role in SCREENS:
+        return screened(cleaned, channel.role, channel.name)
     return at_changes(_from_previous(cleaned)) if channel.role == 'setpoint_applied' else cleaned
 
 

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Samples of a displacement or a force that nobody measured: left out, or put right where a counter wraps round."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.recording.bags.messages import NANOSECONDS
+from cfd_pneumatic.recording.cleaning import Cleaned, keep
+from cfd_pneumatic.recording.wording import counted
+
+_MOST_LOOKED_AT = 100_000  # samples
+_PART = 1_000_000  # samples that are looked at at once
+_MOST_LEFT_OUT = 0.2  # share of the samples; more are no exceptions
+_SPIKE = 3  # samples that a leap out and back may last with several values
+_MOST_ZEROS = 0.02  # share of the samples that a logger had nothing for
+_FAR_OUT = 10.0  # spans, beyond which any run of samples is wild
+_SUDDEN = 5.0  # times the largest usual change from sample to sample
+_COUNTERS = (*(2.0**bits for bits in range(8, 33)), *(10.0**digits for digits in range(3, 8)))
+"""Steps of counters."""
+
+_NEARLY = 0.98  # share of its steps that a counter has shown
+_MOST_LEAPS = 0.3  # share of the samples
+_GO_ON = 0.75  # share of the leaps behind which the motion goes on
+_UNSURE = 0.4  # of the counter's range, by which the piston moves between two samples
+_SMOOTHER = 0.5  # times the changes of the speed that are left
+_WRAP = 0.5  # share of the range that a counter's leap has at least
+_SMALL = 0.1  # share of the leap that other changes have at most
+_ALIKE = 0.1  # by which leaps of one counter differ, as a share
+
+
+@dataclass(frozen=True)
+class Screen:
+    """How far samples of a kind may lie out of the others, in spans of the usual, and whether its counter may wrap."""
+
+    far: float
+    wraps: bool
+
+
+SCREENS = {'displacement': Screen(far=1.0, wraps=True), 'force': Screen(far=5.0, wraps=False)}
+"""By role. A force leaps where a tool meets a burr; pressures are asked about, and not changed."""
+
+
+def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
+    """Return the samples of a signal without those that are wild; its notes say what was done."""
+    screen = SCREENS[role]
+    values, notes = cleaned.values, list(cleaned.notes)
+    period = _period_of_counter(values) if screen.wraps else None
+    if period is not None:
+        before = np.diff(values)
+        values[:] = np.unwrap(values, period=period)
+        wraps = int(np.count_nonzero(np.abs(np.diff(values) - before) > 0.5 * period))
+        notes.append(f'{name}: its counter wraps round {counted(wraps, "time")}, by {period:.4g} m: made continuous')
+        if np.max(np.abs(np.diff(values))) > _UNSURE * period:
+            notes.append(f'{name}: that is unsure, as the piston moves by half of it between samples: sample faster')
+    wild = _wild(values, screen.far)
+    number = int(np.count_nonzero(wild))
+    if not number:
+        return Cleaned(cleaned.times, values, tuple(notes))
+    first = (cleaned.times[int(np.argmax(wild))] - cleaned.times[0]) / NANOSECONDS
+    what = f'left out {counted(number, "sample")} of {len(values):,} that leap out of all others'
+    advice = "look at the sensor's range, its plug and the logger"
+    notes.append(f'{name}: {what}, first {first:.4g} s after the begin: {advice}')
+    times, values = keep(cleaned.times, values, lambda part: ~wild[part])
+    return Cleaned(times, values, tuple(notes))
+
+
+def _period_of_counter(values: Array) -> float | None:
+    """
+    Return by how much a displacement leaps where a counter wraps round; None if none does.
+
+    The motion goes on behind the leap as before it, where a piston that leaps stops. A counter that is narrow for the
+    motion is known by its number of steps, a power of two or of ten; of a wide one all leaps are alike.
+    """
+    values = values[:_PART]
+    reach = float(np.ptp(values)) if len(values) >= 5 else 0.0
+    changes = np.diff(values)
+    leaps = np.flatnonzero(np.abs(changes) > _WRAP * reach)
+    inner = leaps[(leaps > 0) & (leaps < len(changes) - 1)]
+    if not reach or not inner.size or leaps.size > _MOST_LEAPS * len(values):
+        return None
+    leap, before, behind = changes[inner], changes[inner - 1], changes[inner + 1]
+    goes_on = (np.sign(before) == -np.sign(leap)) & (np.sign(behind) == -np.sign(leap))
+    if np.mean(goes_on) < _GO_ON:
+        return None
+    others = np.delete(np.abs(changes), leaps)
+    alike = np.ptp(np.abs(changes[leaps])) < _ALIKE * reach and np.percentile(others, 99.0) < _SMALL * reach
+    period = _steps_of_counter(values, reach)
+    if period is None and alike:
+        period = float(np.median(np.abs(leap - 0.5 * (before + behind))))
+    if period is None:
+        return None
+    continuous = np.unwrap(values, period=period)
+    is_smoother = np.std(np.diff(continuous, 2)) < _SMOOTHER * np.std(np.diff(values, 2))
+    return period if is_smoother else None
+
+
+def _steps_of_counter(values: Array, reach: float) -> float | None:
+    """Return the range of a counter that has a usual number of steps; None if it has not."""
+    levels = np.unique(values[:: max(1, len(values) // _MOST_LOOKED_AT)])
+    step = float(np.min(np.diff(levels))) if len(levels) > 1 else 0.0
+    if not step:
+        return None
+    steps = reach / step + 1.0
+    usual = [number for number in _COUNTERS if _NEARLY * number <= steps <= number * (1.0 + 1e-4)]
+    return usual[0] * step if usual else None
+
+
+def _wild(values: Array, far: float) -> NDArray[np.bool_]:
+    """Return which samples leap out of all others and back."""
+    wild = np.zeros(len(values), bool)
+    some = values[:: max(1, len(values) // _MOST_LOOKED_AT)]
+    low, high = np.percentile(some, (5.0, 95.0)).tolist()
+    span = high - low
+    if not span or len(values) < 5:
+        return wild
+    for begin in range(0, len(values), _PART):
+        part = values[begin : begin + _PART]
+        wild[begin : begin + _PART] = _wild_within(part, low, high, far * span)
+    return wild if np.mean(wild) <= _MOST_LEFT_OUT else np.zeros(len(values), bool)
+
+
+def _wild_within(values: Array, low: float, high: float, far: float) -> NDArray[np.bool_]:
+    """Return which samples leap by `far` or more out of what lies between two values mostly, and back."""
+    wild = np.zeros(len(values), bool)
+    outside, missing = (values > high + far) | (values < low - far), values == 0.0
+    if np.mean(missing) > _MOST_ZEROS:  # then a rest is there
+        missing[:] = False
+    if not (outside.any() or missing.any()) or len(values) < 2:
+        return wild
+    span, steps = high - low, np.abs(np.diff(values))
+    sudden = max(_SUDDEN * float(np.percentile(steps[:: max(1, len(steps) // _MOST_LOOKED_AT)], 99.0)), _SMALL * span)
+    for begin, end in _runs(outside | missing):
+        run = values[begin:end]
+        edges = [steps[begin - 1]] if begin else []
+        edges += [steps[end - 1]] if end < len(values) else []
+        if not edges:
+            continue
+        if outside[begin]:
+            is_odd = len(run) <= _SPIKE or np.ptp(run) == 0.0 or np.min(np.abs(run - low)) > _FAR_OUT * span
+            wild[begin:end] = is_odd and min(edges) > far
+        else:  # what a logger writes where it has nothing
+            wild[begin:end] = len(edges) == 2 and min(edges) > sudden
+    return wild
+
+
+def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.diff(flags.astype(np.int8), prepend=0, append=0)
+    return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist()))

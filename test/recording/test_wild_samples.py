@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Samples that nobody measured: out of range, zeros, spikes, counters that wrap; and what pistons and tools do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cfd_pneumatic.recording.cleaning import Cleaned
+from cfd_pneumatic.recording.wild_samples import screened
+
+RATE = 500.0
+TIMES = np.arange(0.0, 20.0, 1.0 / RATE)
+
+NOISE = np.random.default_rng(3).normal(size=TIMES.size)
+
+
+def strokes(seed=1):
+    """Return a piston's motion over millimetres, with noise [m]."""
+    rng = np.random.default_rng(seed)
+    motion = 2e-3 * np.sin(3.0 * TIMES) + 1e-3 * np.sin(7.1 * TIMES) + 4e-3
+    return motion + 1e-6 * rng.normal(size=TIMES.size)
+
+
+def force(seed=1):
+    """Return a force with the impacts of a tool on burrs [N]."""
+    rng = np.random.default_rng(seed)
+    impacts = sum(60.0 * np.exp(-(((TIMES - at) / 0.01) ** 2)) for at in rng.uniform(1.0, 19.0, 6))
+    return 20.0 + 5.0 * np.sin(2.0 * TIMES) + impacts + 0.3 * rng.normal(size=TIMES.size)
+
+
+def screen(values, role='displacement'):
+    stamps = np.rint(TIMES * 1e9).astype(np.int64)
+    found = screened(Cleaned(stamps.copy(), values.copy(), ()), role, role)
+    return found, np.isin(stamps, found.times)
+
+
+WILD = {
+    'out of range': lambda one, at: one.__setitem__(slice(at, at + 40), -0.0999998),
+    'one sample': lambda one, at: one.__setitem__(at, 0.05),
+    'two samples of noise': lambda one, at: one.__setitem__(slice(at, at + 2), [0.05, -0.02]),
+    'not a number as a number': lambda one, at: one.__setitem__(slice(at, at + 7), -9.999),
+    'far away and drifting': lambda one, at: one.__setitem__(slice(at, at + 50), np.linspace(5.0, 6.0, 50)),
+    'zeros': lambda one, at: one.__setitem__(slice(at, at + 25), 0.0),
+}
+
+
+@pytest.mark.parametrize('kind', WILD)
+@pytest.mark.parametrize('seed', [1, 2])
+def test_wild_samples_of_a_displacement_are_left_out_and_no_others(kind, seed):
+    clean = strokes(seed)
+    values = clean.copy()
+    for at in (300, 2500, 7777):
+        WILD[kind](values, at)
+    found, kept = screen(values)
+    np.testing.assert_array_equal(kept, values == clean)
+    (note,) = found.notes
+    assert f'left out {np.sum(values != clean)} samples of 10,000 that leap out of all others, first 0.6 s' in note
+
+
+def test_wild_samples_at_either_end_are_left_out():
+    values = strokes()
+    values[:30] = values[-20:] = 0.09
+    _, kept = screen(values)
+    assert np.flatnonzero(~kept).tolist() == [*range(30), *range(9980, 10_000)]
+
+
+@pytest.mark.parametrize('value', [6553.5, -6553.5, 3276.7])
+def test_wild_samples_of_a_force_are_left_out_and_impacts_stay(value):
+    values = force()
+    assert screen(values, 'force')[1].all()
+    values[[100, 101, 4000]] = value
+    assert np.flatnonzero(~screen(values, 'force')[1]).tolist() == [100, 101, 4000]
+
+
+REAL = {
+    'strokes': strokes(),
+    'at rest but for one stroke': 3e-3 * ((TIMES > 9.0) & (TIMES < 9.5)),
+    'square strokes': 6e-3 * (np.sin(5.0 * TIMES) > 0.0),
+    'square strokes with noise': 6e-3 * (np.sin(5.0 * TIMES) > 0.0)
+    + 1e-6 * np.random.default_rng(3).normal(size=TIMES.size),
+    'square strokes of a coarse sensor': np.round(6e-3 * (np.sin(5.0 * TIMES) > 0.0) + 1e-3 * np.sin(TIMES), 5),
+    'through zero': np.round(1e-3 * np.sin(3.0 * TIMES), 5),
+    'at zero': np.maximum(0.0, 2e-3 * np.sin(3.0 * TIMES)),
+    'fast': 1e-3 * np.sin(2.0 * np.pi * 90.0 * TIMES),
+    'constant': np.full(TIMES.size, 1e-3),
+}
+
+
+@pytest.mark.parametrize('name', REAL)
+def test_what_a_piston_really_does_stays(name):
+    found, kept = screen(REAL[name])
+    assert kept.all()
+    assert found.notes == ()
+    np.testing.assert_array_equal(found.values, REAL[name])
+
+
+@pytest.mark.parametrize(('bits', 'step'), [(14, 1e-7), (12, 1e-6), (16, 1e-7), (10, 2e-6)])
+def test_a_counter_that_wraps_is_made_continuous(bits, step):
+    motion = 2.5 * strokes() - 5e-3
+    period = 2**bits * step
+    values = np.round(motion / step) % 2**bits * step
+    assert np.ptp(values) < np.ptp(motion)
+    found, kept = screen(values)
+    assert kept.all()
+    np.testing.assert_allclose(found.values - found.values[0], motion - motion[0], atol=2 * step)
+    (note,) = found.notes
+    assert f'by {period:.4g} m: made continuous' in note
+    assert 'unsure' not in note
+
+
+def test_a_counter_that_wraps_in_another_unit_is_known_by_its_leaps():
+    motion = 3.0 * strokes()
+    period = 0.7 * np.ptp(motion)  # no power of anything
+    found, _ = screen(motion % period)
+    np.testing.assert_allclose(found.values - found.values[0], motion - motion[0], atol=2e-5)
