@@ -22,6 +22,9 @@ _FROZEN_SHARE = 0.05  # of the samples at which the piston moves
 _EVEN = 1.5  # times the median number of repeats: no more are those of a slow sensor that is asked often
 _STROKE = 0.5  # in which a piston moves to and fro, about [s]
 _FINE = 0.01  # of a pressure's span in that time: with coarser steps of a sensor much looks still
+_FEWEST_AT_LIMIT = 100  # samples that tell
+_LEAST_AT_LIMIT = 0.005  # share of the samples
+_REPEATED = 0.1  # share of samples as the one before, elsewhere: a coarse sensor repeats itself anywhere
 _FAR = 4.0  # steps of the sensor into and out of a value: what settles there comes in small ones
 
 
@@ -50,6 +53,38 @@ def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
             f'others and back, first at t = {first:.4g} s',
             'leave them out, and look at the plug, the cable and the logger',
         )
+
+
+def at_limit(displacement: Signal) -> Iterator[Notice]:
+    """
+    Ask whether a displacement ends at its sensor's limit, where it holds quite still at once and the piston goes on.
+
+    At a stop, too, a piston holds still at once, but its sensor goes on to have noise.
+    """
+    values = displacement.values[:_MOST_LOOKED_AT]
+    if len(values) < _FEWEST_AT_LIMIT or np.ptp(values) == 0.0:
+        return
+    steps = np.diff(values)
+    usual = float(np.median(np.abs(steps[steps != 0.0])))
+    for limit, towards in ((np.max(values), 1.0), (np.min(values), -1.0)):
+        held = values == limit
+        edges = np.diff(held.astype(np.int8), prepend=0, append=0)
+        begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+        long = (ends - begins >= _FEWEST_FROZEN) & (begins > 1)
+        begins, ends = begins[long], ends[long]
+        elsewhere = ~(held[1:] | held[:-1])
+        is_fine = np.mean(steps[elsewhere] == 0.0) < _REPEATED if elsewhere.any() else False
+        if not begins.size or not is_fine:
+            continue
+        runs_into = towards * steps[begins - 2] > 0.5 * usual
+        share = float(np.sum(ends - begins)) / len(values)
+        if np.mean(runs_into) > 0.5 and share > _LEAST_AT_LIMIT:
+            yield warning(
+                'samples_suspect',
+                f'the displacement holds quite still at its {"highest" if towards > 0.0 else "lowest"} value, '
+                f'{1e3 * float(limit):.4g} mm, in {float(f"{100.0 * share:.2g}"):g} % of the samples',
+                "look whether that is the limit of the sensor's range, and record again within it",
+            )
 
 
 def standstill(name: str, pressure: Signal, displacement: Signal, least: float) -> Iterator[Notice]:

@@ -86,3 +86,13 @@ def test_a_motion_that_was_not_recorded_is_no_verdict(steps):
     except InputError:
         return
     assert all(one.findings.verdict == 'unexplained' for one in result.cylinders.values())
+
+
+def test_a_pressure_at_rest_that_does_not_follow_its_set_point_is_told(steps):
+    recording = at_rest(steps)
+    own = recording.cylinders['cylinder_a']
+    noise = 50.0 * np.random.default_rng(1).normal(size=len(own.pressure))
+    alone = replace(own, pressure=Signal(own.pressure.times, 1.4e5 + noise))
+    with pytest.raises(InputError, match='the piston rests, and the pressure does not follow the set-point') as caught:
+        identify([replace(recording, cylinders={'cylinder_a': alone})])
+    assert 'let it move' not in str(caught.value)

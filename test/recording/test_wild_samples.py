@@ -6,7 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.recording.cleaning import Cleaned
+from cfd_pneumatic.recording.suspect_samples import at_limit
 from cfd_pneumatic.recording.wild_samples import screened
 
 RATE = 500.0
@@ -114,3 +116,26 @@ def test_a_counter_that_wraps_in_another_unit_is_known_by_its_leaps():
     period = 0.7 * np.ptp(motion)  # no power of anything
     found, _ = screen(motion % period)
     np.testing.assert_allclose(found.values - found.values[0], motion - motion[0], atol=2e-5)
+
+
+CLIPPED = {
+    'highest': lambda one: np.minimum(one, np.percentile(one, 97.0)),
+    'lowest': lambda one: np.maximum(one, np.percentile(one, 95.0) - 4e-3),
+}
+
+
+@pytest.mark.parametrize('end', CLIPPED)
+def test_a_displacement_at_its_sensor_s_limit_is_told(end):
+    (notice,) = at_limit(Signal(TIMES, CLIPPED[end](strokes())))
+    assert f'at its {end} value' in notice.message
+    assert notice.code == 'samples_suspect'
+
+
+@pytest.mark.parametrize('name', REAL)
+def test_a_displacement_within_its_range_is_not_told_to_be_at_its_limit(name):
+    assert list(at_limit(Signal(TIMES, REAL[name]))) == [] or name == 'at zero'  # whose rest has no noise at all
+
+
+def test_a_stop_is_no_limit_of_the_sensor():
+    stopped = np.minimum(strokes(), 5e-3) + 1e-7 * NOISE
+    assert list(at_limit(Signal(TIMES, stopped))) == []

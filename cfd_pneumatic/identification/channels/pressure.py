@@ -225,6 +225,12 @@ class Pressure(Channel):
             or _evidence(experiments, simulated) >= _LEAST_EVIDENCE
         ):
             return
+        if not any(np.ptp(one.inputs['displacement']) for one in experiments):
+            raise InputError(
+                'no parameter can be told from these recordings: the piston rests, and the pressure does not follow '
+                'the set-point: check which set-point and pressure belong together, their units, and whether the '
+                'regulator has air; or record the displacement'
+            )
         raise InputError(
             'no parameter can be told from these recordings, the pressure does not follow the piston: let it move '
             "faster or farther, both ways, or look whether the displacement comes late, by its sensor's filter or clock"
