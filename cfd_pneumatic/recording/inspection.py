@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.notices import Notice, note, warning
 from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.suspect_samples import at_limit, leaps, standstill
+from cfd_pneumatic.recording.suspect_samples import at_limit, leaps, standstill, two_sources
 from cfd_pneumatic.recording.wording import counted
 from cfd_pneumatic.units import PSI, UNITS
 
@@ -85,7 +85,7 @@ def doubts(recording: Recording, ambient_pressure: float) -> list[Notice]:
     """Return which mistakes a recording looks like, and what has to be assumed of it."""
     found = [] if recording.rests else [*of_motion(recording.displacement), *at_limit(recording.displacement)]
     for role, cylinder, signal in recording.signals():
-        found += leaps(role, cylinder, signal)
+        found += [*leaps(role, cylinder, signal), *two_sources(role, cylinder, signal)]
     for name, own in recording.cylinders.items():
         found += standstill(name, own.pressure, recording.displacement, least=STROKES[0])
     for name, own in recording.cylinders.items():

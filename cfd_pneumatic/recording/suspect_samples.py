@@ -22,6 +22,9 @@ _FROZEN_SHARE = 0.05  # of the samples at which the piston moves
 _EVEN = 1.5  # times the median number of repeats: no more are those of a slow sensor that is asked often
 _STROKE = 0.5  # in which a piston moves to and fro, about [s]
 _FINE = 0.01  # of a pressure's span in that time: with coarser steps of a sensor much looks still
+_IN_TURN = 10.0  # times as far from the sample before as from the one before that
+_APART = 0.01  # of the span, by which two sensors differ at least
+_SHARE_IN_TURN = 0.3  # of the samples; of noise it is a sixteenth
 _FEWEST_AT_LIMIT = 100  # samples that tell
 _LEAST_AT_LIMIT = 0.005  # share of the samples
 _REPEATED = 0.1  # share of samples as the one before, elsewhere: a coarse sensor repeats itself anywhere
@@ -52,6 +55,23 @@ def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
             f'{name}: {counted(number, "sample")} of {len(signal):,} {"leap" if number > 1 else "leaps"} out of the '
             f'others and back, first at t = {first:.4g} s',
             'leave them out, and look at the plug, the cable and the logger',
+        )
+
+
+def two_sources(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
+    """Ask whether samples come in turn from two sensors, as of two nodes that publish one topic."""
+    values = signal.values[:_MOST_LOOKED_AT]
+    if role == 'setpoint' or len(values) < _FEWEST_AT_LIMIT:
+        return
+    from_last, from_one_before = np.abs(values[2:] - values[1:-1]), np.abs(values[2:] - values[:-2])
+    in_turn = (from_last > _IN_TURN * from_one_before) & (from_last > _APART * np.ptp(values))
+    share = float(np.mean(in_turn))
+    if share > _SHARE_IN_TURN:
+        name = role if cylinder is None else f'{cylinder} {role}'
+        yield warning(
+            'samples_suspect',
+            f'{name}: {100.0 * share:.0f} % of the samples are far from the one before and near the one before that',
+            'look whether two publish the topic, or two sensors are in one column, and record one of them',
         )
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.recording.cleaning import Cleaned
-from cfd_pneumatic.recording.suspect_samples import at_limit
+from cfd_pneumatic.recording.suspect_samples import at_limit, two_sources
 from cfd_pneumatic.recording.wild_samples import screened
 
 RATE = 500.0
@@ -139,3 +139,21 @@ def test_a_displacement_within_its_range_is_not_told_to_be_at_its_limit(name):
 def test_a_stop_is_no_limit_of_the_sensor():
     stopped = np.minimum(strokes(), 5e-3) + 1e-7 * NOISE
     assert list(at_limit(Signal(TIMES, stopped))) == []
+
+
+@pytest.mark.parametrize('offset', [1e-3, -5e-3])
+def test_two_who_publish_one_topic_are_told(offset):
+    values = strokes()
+    values[1::2] = np.interp(TIMES[1::2], TIMES, strokes(2)) + offset
+    (notice,) = two_sources('displacement', None, Signal(TIMES, values))
+    assert 'far from the one before and near the one before that' in notice.message
+    assert list(two_sources('pressure', 'cylinder_a', Signal(TIMES, 1e5 + values))) != []
+
+
+@pytest.mark.parametrize('name', REAL)
+def test_one_who_publishes_is_not_taken_for_two(name):
+    assert list(two_sources('displacement', None, Signal(TIMES, REAL[name]))) == []
+
+
+def test_noise_is_not_taken_for_two_sources():
+    assert list(two_sources('force', None, Signal(TIMES, NOISE))) == []
