@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -39,7 +40,28 @@ class BoundedNode(Node):
     def create_service(self, srv_type: type, srv_name: str, callback: _Callback, **kwargs: Any) -> Service:
         """Offer a service as every node does, with a short queue; requests about too many parameters are refused."""
         options = {**kwargs, 'qos_profile': _SERVICE_QOS}
-        return super().create_service(srv_type, srv_name, partial(_answer, callback), **options)
+        answer = partial(self._set_together, callback) if srv_type is SetParameters else callback
+        return super().create_service(srv_type, srv_name, partial(_answer, answer), **options)
+
+    def _set_together(self, callback: _Callback, request: SetParameters.Request, response: Any) -> Any:
+        """
+        Set the parameters of a request at once if they go together, and one by one if not.
+
+        What `ros2 param dump` writes goes together: set-points and gains may have other lengths than before, and what
+        is read-only has the value that it has.
+        """
+        asked = [Parameter.from_parameter_msg(one) for one in request.parameters]
+        changes = [one for one in asked if not self._holds(one)]
+        if len(asked) > 1 and all(self.has_parameter(one.name) for one in changes):
+            result = self.set_parameters_atomically(changes)
+            if result.successful:
+                response.results = [result] * len(asked)
+                return response
+        return callback(request, response)
+
+    def _holds(self, parameter: Parameter) -> bool:
+        """Return whether a parameter has this value."""
+        return self.has_parameter(parameter.name) and self.get_parameter(parameter.name).value == parameter.value
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters as every node does; refuse those without a name, too large, or of another type."""

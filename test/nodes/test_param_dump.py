@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`ros2 param dump` and `ros2 param load`: what a node had, it has again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from graph import Graph, ros_arguments, unique_namespace
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+CHANGES = {
+    'cylinder_a__setpoints': [3e4, 6e4],
+    'cylinder_a__k_x': [4e6, 5e6],
+    'cylinder_a__k_sv': [100.0, 150.0],
+    'cylinder_a__k_v': [19.0, 30.0],
+    'cylinder_a__tau': [0.01, 0.012],
+    'cylinder_b__leakage__enabled': True,
+    'axis': 'y',
+    'hardware_id': 'on',
+}
+"""Other lengths than the defaults have, and texts that YAML takes for a switch."""
+
+
+def dumped(graph: Graph, node: str) -> dict[str, Any]:
+    """Return all parameters of a node, as `ros2 param dump` asks for them."""
+    names = graph.call(ListParameters, f'{node}/list_parameters', ListParameters.Request()).result.names
+    values = graph.call(GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values
+    found = {name: parameter_value_to_python(value) for name, value in zip(names, values) if 'qos' not in name}
+    return {name: value if isinstance(value, (str, bool, float, int)) else list(value) for name, value in found.items()}
+
+
+@pytest.mark.parametrize('module', ['sim_node', 'monitor_node'])
+def test_a_dump_is_taken_at_the_start_and_by_a_running_node(graph: Graph, tmp_path: Path, module: str) -> None:
+    one, other, third = (f'{unique_namespace()}' for _ in range(3))
+    with graph.run(module, ros_arguments(one)), graph.run(module, ros_arguments(third)):
+        assert graph.set_atomically(f'{one}/{module}', **CHANGES).successful
+        before = dumped(graph, f'{one}/{module}')
+        node = f'{third}/{module}'
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in before.items()]
+        request = SetParameters.Request(parameters=parameters)
+        results = graph.call(SetParameters, f'{node}/set_parameters', request).results
+        assert [(item.name, result.reason) for item, result in zip(parameters, results) if not result.successful] == []
+        assert dumped(graph, node) == before
+    file = tmp_path / 'dump.yaml'
+    file.write_text(yaml.dump({'/**': {'ros__parameters': before}}))
+    with graph.run(module, [*ros_arguments(other), '--params-file', str(file)]):
+        again = dumped(graph, f'{other}/{module}')
+    assert again == before
+
+
+def test_what_does_not_go_together_is_set_one_by_one(graph: Graph) -> None:
+    namespace = unique_namespace()
+    node = f'{namespace}/sim_node'
+    with graph.run('sim_node', ros_arguments(namespace)):
+        parameters = [
+            Parameter(name, value=value).to_parameter_msg()
+            for name, value in (('max_gap', 2.0), ('timeout', -1.0), ('nobody', 1.0))
+        ]
+        results = graph.call(
+            SetParameters, f'{node}/set_parameters', SetParameters.Request(parameters=parameters)
+        ).results
+        assert [one.successful for one in results] == [True, False, False]
+        assert graph.get(node, 'max_gap') == [2.0]
