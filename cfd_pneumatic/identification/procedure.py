@@ -27,6 +27,7 @@ from cfd_pneumatic.identification.waves import to_leave_out, waves_of
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.parallel import each
 from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.recording.gaps import pieces
 from cfd_pneumatic.recording.inspection import of_motion
 
 Progress = Callable[[str, float], None]
@@ -89,7 +90,8 @@ def identify(
     """
     Identify each channel that the recordings hold, jointly over all of them.
 
-    What a channel beside the cylinders does not tell does not keep the others from telling.
+    What a channel beside the cylinders does not tell does not keep the others from telling. What lies between the gaps
+    of a recording is identified as a recording of its own.
 
     Raises
     ------
@@ -99,6 +101,7 @@ def identify(
     """
     if not recordings:
         raise InputError('there is no recording to identify: give one or more')
+    recordings = [piece for recording in recordings for piece in pieces(recording)]
     progress('smoothing the displacement', 0.0)
     try:
         data = prepared(recordings, options.fractions)

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A logger that paused: nothing is known of the piston meanwhile, and the model starts anew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.recording import Recording, recording_of
+from cfd_pneumatic.recording.gaps import pieces
+from cfd_pneumatic.rig import device_named, record, surface_following
+
+
+def made(times):
+    times = np.asarray(times, float)
+    return Recording.from_arrays(
+        times,
+        1e-3 * np.sin(times),
+        {'cylinder_a': 2e5 + times},
+        {'cylinder_a': np.where(times < 5.0, 1e5, 2e5)},
+        name='run',
+    )
+
+
+def paused(recording, begin, end):
+    """Return a recording without what lies between two times [s]; set-points that were sent meanwhile stay."""
+
+    def cut(signal):
+        kept = (signal.times < begin) | (signal.times >= end)
+        return replace(signal, times=signal.times[kept], values=signal.values[kept])
+
+    cylinders = {name: replace(one, pressure=cut(one.pressure)) for name, one in recording.cylinders.items()}
+    return replace(recording, displacement=cut(recording.displacement), cylinders=cylinders, force=cut(recording.force))
+
+
+STEADY = np.arange(0.0, 10.0, 0.01)
+
+
+@pytest.mark.parametrize(
+    'times',
+    [
+        STEADY,
+        STEADY[(STEADY < 4.0) | (STEADY > 4.4)],
+        np.arange(0.0, 100.0, 1.0),
+        STEADY[::7] + 0.001 * np.sin(STEADY[::7]),
+    ],
+)
+def test_a_recording_without_gaps_is_itself(times):
+    recording = made(times)
+    assert pieces(recording) == [recording]
+
+
+def test_each_piece_is_a_recording_with_the_set_point_that_acts():
+    first, second, third = pieces(made(STEADY[(STEADY < 3.0) | ((STEADY > 4.0) & (STEADY < 6.0)) | (STEADY > 7.0)]))
+    assert [one.name for one in (first, second, third)] == ['run', 'run from 4.01 s', 'run from 7.01 s']
+    assert first.displacement.times[-1] == pytest.approx(2.99)
+    assert second.displacement.times[[0, -1]] == pytest.approx([4.01, 5.99])
+    assert second.cylinders['cylinder_a'].setpoint.values.tolist() == [1e5, 2e5]
+    assert third.cylinders['cylinder_a'].setpoint.values.tolist() == [2e5]
+    assert any('2 gaps of up to 1.02 s: the model starts anew behind each' in note for note in first.health)
+
+
+def test_what_is_too_short_to_tell_anything_is_left_out():
+    whole = made(STEADY[(STEADY < 3.0) | ((STEADY > 4.0) & (STEADY < 4.5)) | (STEADY > 6.0)])
+    assert [one.name for one in pieces(whole)] == ['run', 'run from 6.01 s']
+
+
+def test_a_piston_at_rest_has_no_gaps():
+    resting = replace(made(STEADY[(STEADY < 3.0) | (STEADY > 6.0)]), rests=True)
+    assert pieces(resting) == [resting]
+
+
+@pytest.mark.parametrize(('faults', 'effects'), [('', ()), ('effects_a.leak_conductance=1e-10', ('leakage',))])
+def test_a_pause_is_not_judged(faults, effects):
+    whole = recording_of(record(surface_following(duration=20.0, seed=4), device_named('paper', faults), seed=4))
+    found = identify([paused(whole, 8.0, 13.0)], Options(close_loop=True))
+    assert len(found.recordings) == 2
+    assert found.cylinders['cylinder_a'].findings.effects == effects
+    assert found.cylinders['cylinder_b'].findings.verdict == 'no_missing_effect'
