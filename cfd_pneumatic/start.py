@@ -14,7 +14,6 @@ import os
 import signal
 import sys
 from collections.abc import Iterable
-from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from itertools import takewhile
@@ -40,8 +39,11 @@ def told(program: str, arguments: Iterable[str]) -> bool:
         text = f'{program} {__version__}\n'
     else:
         return False
-    with suppress(OSError):  # whoever asked has gone, or the disk is full
-        os.write(1, text.encode())
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except OSError:  # whoever asked has gone, or the disk is full
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # or Python complains again when it flushes
     return True
 
 

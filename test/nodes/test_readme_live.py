@@ -30,7 +30,7 @@ def test_the_force_on_the_tool_is_shown_without_ros2(graph: Graph, tmp_path: Pat
         def shown() -> list[float]:
             return [float(number) for number in re.findall(r'(\S+) N', terminals.printed.read_text())]
 
-        graph.until(lambda: measured and len(shown()) > 1000)
+        graph.until(lambda: len(measured) > 3000 and len(shown()) > 3000)
         forces = [message.wrench.force.x for message in measured]
         assert min(forces) - 2.0 < min(shown()) < max(shown()) < max(forces) + 2.0
         assert max(shown()) - min(shown()) > 5.0
