@@ -54,6 +54,6 @@ def test_the_tests_of_all_effects_run_on_it(copy):
     assert int(re.search(r'(\d+) passed', said)[1]) > 20
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_loop_finds_it_on_the_rig(copy):
     assert 'the model lacks mains_hum' in run(copy, '-c', ON_THE_RIG)
