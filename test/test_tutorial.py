@@ -81,7 +81,7 @@ def test_the_picture_is_small():
     assert 20_000 < PICTURE.stat().st_size < 300_000
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @needs_measured_data
 def test_a_worn_seal_is_named(tutorial):
     (block,) = (block for block in blocks() if block.heading == REAL)
