@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from cfd_pneumatic.convention import JOINT_STATE
 from cfd_pneumatic.errors import printable
@@ -39,18 +40,22 @@ def other_topics(node: Node, topic: str) -> str | None:
     return f'joints are published on {_listed(sorted(found))}: remap it, {topic}:=TOPIC' if found else None
 
 
+def publishers_of(node: Node, topic: str) -> list[TopicEndpointInfo]:
+    """Return who publishes a topic; nobody if one of them has a name that is no text, for then rclpy tells of none."""
+    try:
+        return list(node.get_publishers_info_by_topic(node.resolve_topic_name(topic)))
+    except UnicodeDecodeError:
+        return []
+
+
 def _senders(node: Node, topic: str) -> list[tuple[str, bool]]:
     """Return the names of those who publish a topic, and whether each does so reliably."""
-    try:
-        publishers = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-    except UnicodeDecodeError:  # of a stranger's names
-        return []
     return sorted(
         (
             f'{one.node_namespace.rstrip("/")}/{one.node_name}',
             one.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT,
         )
-        for one in publishers
+        for one in publishers_of(node, topic)
     )
 
 

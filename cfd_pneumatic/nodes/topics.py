@@ -21,6 +21,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.nodes.publishers import publishers_of
 
 try:
     from rclpy.event_handler import SubscriptionEventCallbacks
@@ -130,10 +131,10 @@ def listen_to_held(
 
     listen_to(node, message_type, topic, callback, qos, accept=is_new, **options)
     take = _deserialised(message_type, callback, options.get('on_lost') or (lambda _: None))
-    name = node.resolve_topic_name(topic)
 
     def listen_if_latched() -> None:
-        if not _has_latched(node, name):
+        durabilities = {one.qos_profile.durability for one in publishers_of(node, topic)}
+        if DurabilityPolicy.TRANSIENT_LOCAL not in durabilities:
             return
         node.destroy_timer(looking)
         node.create_subscription(
@@ -146,15 +147,6 @@ def listen_to_held(
         )
 
     looking = node.create_timer(_LOOK_PERIOD, listen_if_latched, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-
-def _has_latched(node: Node, topic: str) -> bool:
-    """Return whether somebody keeps a last message for those who come later."""
-    try:
-        publishers = node.get_publishers_info_by_topic(topic)
-    except UnicodeDecodeError:  # of a stranger's names
-        return False
-    return any(one.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in publishers)
 
 
 def _deserialised(

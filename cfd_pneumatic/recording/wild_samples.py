@@ -17,6 +17,7 @@ _MOST_LOOKED_AT = 100_000  # samples
 _PART = 1_000_000  # samples that are looked at at once
 _MOST_LEFT_OUT = 0.2  # share of the samples; more are no exceptions
 _SPIKE = 3  # samples that a leap out and back may last with several values
+_LONGEST_ZERO = 0.1  # in which no piston goes somewhere and back without a sample on its way [s]
 _MOST_ZEROS = 0.02  # share of the samples that a logger had nothing for
 _FAR_OUT = 10.0  # spans, beyond which any run of samples is wild
 _SUDDEN = 5.0  # times the largest usual change from sample to sample
@@ -35,14 +36,33 @@ _ALIKE = 0.1  # by which leaps of one counter differ, as a share
 
 @dataclass(frozen=True)
 class Screen:
-    """How far samples of a kind may lie out of the others, in spans of the usual, and whether its counter may wrap."""
+    """
+    What no sample of a kind does: it leaps so far out of what lies between two values mostly, and so fast.
 
-    far: float
+    Attributes
+    ----------
+    spans
+        Of the usual range.
+    least
+        At least so far [SI]: of a recording mostly at rest the usual range is noise, and a stroke or a contact is none.
+    rate
+        Per second [SI/s].
+    wraps
+        Whether the sensor may be a counter that wraps round.
+
+    """
+
+    spans: float
+    least: float
+    rate: float
     wraps: bool
 
 
-SCREENS = {'displacement': Screen(far=1.0, wraps=True), 'force': Screen(far=5.0, wraps=False)}
-"""By role. A force leaps where a tool meets a burr; pressures are asked about, and not changed."""
+SCREENS = {
+    'displacement': Screen(spans=1.0, least=0.0, rate=3.0, wraps=True),  # no such piston moves at 3 m/s
+    'force': Screen(spans=5.0, least=1e3, rate=0.0, wraps=False),  # no such device makes a kilonewton
+}
+"""By role. Pressures are asked about, and not changed."""
 
 
 def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
@@ -57,7 +77,7 @@ def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
         notes.append(f'{name}: its counter wraps round {counted(wraps, "time")}, by {period:.4g} m: made continuous')
         if np.max(np.abs(np.diff(values))) > _UNSURE * period:
             notes.append(f'{name}: that is unsure, as the piston moves by half of it between samples: sample faster')
-    wild = _wild(values, screen.far)
+    wild = _wild(cleaned.times, values, screen)
     number = int(np.count_nonzero(wild))
     if not number:
         return Cleaned(cleaned.times, values, tuple(notes))
@@ -110,41 +130,41 @@ def _steps_of_counter(values: Array, reach: float) -> float | None:
     return usual[0] * step if usual else None
 
 
-def _wild(values: Array, far: float) -> NDArray[np.bool_]:
+def _wild(times: NDArray[np.int64], values: Array, screen: Screen) -> NDArray[np.bool_]:
     """Return which samples leap out of all others and back."""
     wild = np.zeros(len(values), bool)
     some = values[:: max(1, len(values) // _MOST_LOOKED_AT)]
     low, high = np.percentile(some, (5.0, 95.0)).tolist()
-    span = high - low
-    if not span or len(values) < 5:
+    if low == high or len(values) < 5:
         return wild
     for begin in range(0, len(values), _PART):
-        part = values[begin : begin + _PART]
-        wild[begin : begin + _PART] = _wild_within(part, low, high, far * span)
+        part = slice(begin, begin + _PART)
+        wild[part] = _wild_within(times[part], values[part], low, high, screen)
     return wild if np.mean(wild) <= _MOST_LEFT_OUT else np.zeros(len(values), bool)
 
 
-def _wild_within(values: Array, low: float, high: float, far: float) -> NDArray[np.bool_]:
-    """Return which samples leap by `far` or more out of what lies between two values mostly, and back."""
+def _wild_within(times: NDArray[np.int64], values: Array, low: float, high: float, screen: Screen) -> NDArray[np.bool_]:
+    """Return which samples leap out of what lies between two values mostly, and back."""
     wild = np.zeros(len(values), bool)
+    span = high - low
+    far = max(screen.spans * span, screen.least)
     outside, missing = (values > high + far) | (values < low - far), values == 0.0
-    if np.mean(missing) > _MOST_ZEROS:  # then a rest is there
+    if np.mean(missing) > _MOST_ZEROS or low - _SMALL * span < 0.0 < high + _SMALL * span:  # then zero is usual
         missing[:] = False
     if not (outside.any() or missing.any()) or len(values) < 2:
         return wild
-    span, steps = high - low, np.abs(np.diff(values))
+    steps, seconds = np.abs(np.diff(values)), np.diff(times) / NANOSECONDS
     sudden = max(_SUDDEN * float(np.percentile(steps[:: max(1, len(steps) // _MOST_LOOKED_AT)], 99.0)), _SMALL * span)
     for begin, end in _runs(outside | missing):
         run = values[begin:end]
-        edges = [steps[begin - 1]] if begin else []
-        edges += [steps[end - 1]] if end < len(values) else []
-        if not edges:
-            continue
+        edges = [*([begin - 1] if begin else []), *([end - 1] if end < len(values) else [])]
         if outside[begin]:
             is_odd = len(run) <= _SPIKE or np.ptp(run) == 0.0 or np.min(np.abs(run - low)) > _FAR_OUT * span
-            wild[begin:end] = is_odd and min(edges) > far
+            leaps = edges and all(steps[one] > max(far, screen.rate * seconds[one]) for one in edges)
+            wild[begin:end] = is_odd and bool(leaps)
         else:  # what a logger writes where it has nothing
-            wild[begin:end] = len(edges) == 2 and min(edges) > sudden
+            is_short = times[end - 1] - times[begin] < _LONGEST_ZERO * NANOSECONDS
+            wild[begin:end] = len(edges) == 2 and is_short and all(steps[one] > sudden for one in edges)
     return wild
 
 

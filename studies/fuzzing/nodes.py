@@ -19,7 +19,7 @@ from typing import Any
 import rclpy
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.context import Context
 from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
@@ -64,6 +64,8 @@ except ImportError:  # before Jazzy
 _ANSWER = 5.0  # how long a node may take over what is sane [s]
 _QUEUE = QoSProfile(depth=1000)
 _MILLISECOND = 1_000_000
+_ASKED = {ListParameters: 'list_parameters', GetParameters: 'get_parameters', DescribeParameters: 'describe_parameters'}
+_FIELDS = {ListParameters: 'prefixes', GetParameters: 'names', DescribeParameters: 'names'}
 _SANE = {PISTON_COMMAND: 1e-3, FORCE_SETPOINT: 20.0}  # what is sent on topics, else a set-point
 _SETPOINTS = {setpoint_topic(name): Float64 for name in CYLINDERS}
 _PRESSURES = {pressure_topic(name): FluidPressure for name in CYLINDERS}
@@ -232,7 +234,7 @@ class Messages(_WithNode):
 
 
 class Parameters(_WithNode):
-    """Requests to a node's `set_parameters`, each of which has to be answered, and no number that is none taken."""
+    """Requests to a node's services for parameters: each is to be answered, and no number taken that is none."""
 
     def __init__(self, make: Callable[..., Node], parameters: Mapping[str, Any] | None = None) -> None:
         super().__init__(make, parameters)
@@ -240,7 +242,11 @@ class Parameters(_WithNode):
 
     def _connect(self) -> None:
         self._service = self._client.create_client(SetParameters, f'{self._node.get_name()}/set_parameters')
-        self._until(self._service.service_is_ready, 60.0)
+        self._asked = {
+            kind: self._client.create_client(kind, f'{self._node.get_name()}/{name}') for kind, name in _ASKED.items()
+        }
+        for client in (self._service, *self._asked.values()):
+            self._until(client.service_is_ready, 60.0)
         time.sleep(0.5)  # until the other side has met us, too
         self._own = {name: one.get_parameter_value() for name, one in self._node._parameters.items()}
         self._names = sorted(self._own)
@@ -270,6 +276,9 @@ class Parameters(_WithNode):
         request = deserialize_message(one.files['request'], SetParameters.Request)
         future = self._service.call_async(request)
         self._until(future.done)
+        names = [parameter.name for parameter in request.parameters]
+        for kind, client in self._asked.items():  # an answer of any kind will do
+            self._until(client.call_async(kind.Request(**{_FIELDS[kind]: names * 2})).done)
         results = future.result().results
         if len(results) != len(request.parameters):
             raise Fault(f'{len(results)} answers to {len(request.parameters)} parameters')

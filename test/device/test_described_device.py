@@ -201,3 +201,18 @@ def test_every_parameter_is_described():
     for one in DESCRIPTORS.values():
         assert one.description
         assert one.checked(list(one.default) if isinstance(one.default, tuple) else one.default) == one.default
+
+
+def test_live_a_set_point_acts_from_the_sample_after_it():
+    """As in a node, which hears it after the sample of its time; one sample earlier was the report's error."""
+    times = np.arange(0.0, 0.2, 2e-3)
+    levels = np.where(times < times[50], 1.5e5, 1.7e5)
+    still = Recording.from_arrays(
+        times,
+        np.zeros(times.size),
+        {'cylinder_a': levels, 'cylinder_b': levels},
+        {'cylinder_a': levels, 'cylinder_b': 1.5e5},
+    )
+    answers = Device({}).simulate(still, raw=True).cylinders['cylinder_a'].pressure.values
+    assert np.ptp(answers[:51]) == 0.0
+    assert answers[51] > answers[50]

@@ -82,11 +82,30 @@ REAL = {
     'square strokes with noise': 6e-3 * (np.sin(5.0 * TIMES) > 0.0)
     + 1e-6 * np.random.default_rng(3).normal(size=TIMES.size),
     'square strokes of a coarse sensor': np.round(6e-3 * (np.sin(5.0 * TIMES) > 0.0) + 1e-3 * np.sin(TIMES), 5),
+    'at rest but for a fast stroke, with noise': 3e-3 * ((TIMES > 9.0) & (TIMES < 9.5)) + 1e-6 * NOISE,
+    'at rest but for a stroke to zero': np.round(
+        3e-3 * ~((TIMES > 9.0) & (TIMES < 9.5)) + 1e-6 * NOISE * (TIMES < 9.0), 6
+    ),
+    'at rest but for a long stroke of a large device': 0.1 * np.clip(20.0 * (TIMES - 9.0), 0.0, 1.0) * (TIMES < 9.6)
+    + 1e-6 * NOISE,
     'through zero': np.round(1e-3 * np.sin(3.0 * TIMES), 5),
     'at zero': np.maximum(0.0, 2e-3 * np.sin(3.0 * TIMES)),
     'fast': 1e-3 * np.sin(2.0 * np.pi * 90.0 * TIMES),
     'constant': np.full(TIMES.size, 1e-3),
 }
+
+
+CONTACTS = {
+    'one contact': 20.0 * ((TIMES > 9.0) & (TIMES < 9.5)) + 0.1 * NOISE,
+    'one hard knock': 300.0 * ((TIMES > 9.0) & (TIMES < 9.003)) + 0.1 * NOISE,
+    'impacts': force(),
+    'a stiff workpiece': 400.0 * (np.sin(3.0 * TIMES) > 0.9) + 0.1 * NOISE,
+}
+
+
+@pytest.mark.parametrize('name', CONTACTS)
+def test_what_a_tool_really_feels_stays(name):
+    assert screen(CONTACTS[name], 'force')[1].all()
 
 
 @pytest.mark.parametrize('name', REAL)
