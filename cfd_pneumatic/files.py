@@ -197,7 +197,15 @@ def reported(path: Path) -> Iterator[None]:
         advice = (
             'make room, or choose another folder' if error.errno in _FULL else 'choose a folder that you may write to'
         )
-        raise InputError(f'cannot write {path}: {error.strerror or error}; {advice}') from error
+        raise InputError(f'cannot write {_destination(path)}: {error.strerror or error}; {advice}') from error
+
+
+def _destination(path: Path) -> Path:
+    """Return the file or folder that the user named, for a path in the folder in which its successor is made."""
+    for part in (*reversed(path.parents), path):
+        if (name := _successor(part.name)) is not None:
+            return part.with_name(name)
+    return path
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import os
 import re
 import stat
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -105,9 +105,16 @@ class ResultFiles:
             As `made_aside`, or if another run writes into the folder.
 
         """
+        is_new = not folder.exists()
         make_folder(folder)
-        with alone_in(folder), self.made_aside(folder, overwrite=overwrite) as made:
-            yield made
+        try:
+            with alone_in(folder), self.made_aside(folder, overwrite=overwrite) as made:
+                yield made
+        except BaseException:
+            if is_new:
+                with suppress(OSError):  # another run has written into it meanwhile
+                    folder.rmdir()
+            raise
 
     @contextmanager
     def made_aside(self, folder: Path, *, overwrite: bool) -> Iterator[Path]:

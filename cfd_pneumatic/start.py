@@ -27,6 +27,7 @@ HELP = Path(__file__).with_name('help')
 BAD_INPUT = 2
 INTERRUPTED = 130
 _NODES = 'cfd_pneumatic.nodes.'
+_DDS_PROFILES = ('DEFAULT_FASTRTPS_PROFILES.xml', 'DEFAULT_FASTDDS_PROFILES.xml')  # read from the working folder
 _MUCH = 50_000  # objects made, after which a command looks for garbage: its late imports alone make five times as many
 
 
@@ -97,6 +98,9 @@ def _obstacle() -> str:
         return 'the folder in which it was started is gone: change to another'
     if os.path.lexists('.numba_config.yaml'):
         return 'the folder in which it was started holds .numba_config.yaml, which Numba would obey: change to another'
+    for profiles in _DDS_PROFILES:
+        if os.path.lexists(profiles) and not os.path.isfile(profiles):
+            return f'{profiles} in the folder in which it was started is not a file: DDS would wait for it; remove it'
     if os.environ.get('NUMBA_DISABLE_JIT', '0') != '0':
         return 'NUMBA_DISABLE_JIT is set, and the model runs compiled only: unset it'
     return ''

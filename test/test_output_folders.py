@@ -182,6 +182,24 @@ def test_a_disk_that_fills_up_leaves_the_earlier_results_in_a_mount_point(bag, t
         assert {path.name: path.read_bytes() for path in folder.iterdir()} == earlier
 
 
+def test_a_disk_that_fills_up_is_reported_by_the_folder_that_was_named(bag, tmp_path):
+    with mounted(tmp_path / 'disk', '-t', 'tmpfs', '-o', 'size=300k', 'tmpfs') as disk:
+        code, _, err = run('identify_bag', bag, '--close-loop', '--output', disk / 'out')
+        assert (code, err.count('\n')) == (2, 1)
+        assert err.startswith(f'identify_bag: error: cannot write {disk / "out"}: No space left on device; make room')
+        assert os.listdir(disk) == []
+
+
+@pytest.mark.parametrize('program', ['record_rig', 'identify_bag'])
+def test_an_output_stream_that_is_full_is_reported_in_one_line(bag, tmp_path, program):
+    given = ['surface_following', '--duration', '5'] if program == 'record_rig' else [str(bag)]
+    command = [sys.executable, '-m', f'cfd_pneumatic.commands.{program}', *given, '--output', str(tmp_path / 'out')]
+    with open('/dev/full', 'wb') as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    line = f'{program}: error: cannot write to the standard output: No space left on device\n'
+    assert (done.returncode, done.stderr) == (2, line)
+
+
 def test_a_folder_of_somebody_else_keeps_its_owner_and_rights(bag, tmp_path):
     folder = tmp_path / 'out'
     folder.mkdir()

@@ -7,6 +7,7 @@ import argparse
 import json
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -150,6 +151,7 @@ def make_parser() -> argparse.ArgumentParser:
     plant.add_argument('--jobs', type=int, metavar='N', help='bags at a time (default: the number of processor cores)')
     plant.add_argument(
         '--scheduler',
+        type=_address,
         metavar='ADDRESS',
         help='work on the Dask cluster of this scheduler, e.g. tls://host:8786, instead of this computer; all workers '
         '(dask worker ADDRESS --nworkers=-1 --nthreads=1) must have this program and see the same files at the same '
@@ -169,6 +171,12 @@ def make_parser() -> argparse.ArgumentParser:
     )
     add_overwriting(parser)
     return parser
+
+
+def _address(text: str) -> str:
+    if not re.fullmatch(r'([a-z]+://)?[^\s/]+:[0-9]{1,5}', text):
+        raise argparse.ArgumentTypeError('give the address that the scheduler prints, e.g. tls://host:8786')
+    return text
 
 
 def _fractions(text: str) -> tuple[float, float, float]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.errors import InputError
 
 NAME = 'leak_test'
 
@@ -25,13 +26,16 @@ def tell(arguments: Sequence[str] | None = None) -> None:
         If the recording can't be read or tells nothing, or the folder can't be written.
 
     """
-    from cfd_pneumatic.errors import InputError
     from cfd_pneumatic.identification.decay import decay_of
     from cfd_pneumatic.recording import read_recording
     from cfd_pneumatic.reporting.leaks import FILES, print_decay, write_decays
     from cfd_pneumatic.terminal import terminal
 
     options = make_parser().parse_args(arguments)
+    if options.begin < 0 or options.begin >= options.end:
+        raise InputError(
+            f'--begin {options.begin:g} --end {options.end:g}: give seconds from the first sample on, begin before end'
+        )
     if options.output is not None:
         FILES.check(options.output, overwrite=options.overwrite)
     ambient = options.ambient_pressure

@@ -10,7 +10,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 from cfd_pneumatic import __version__
 from cfd_pneumatic.convention import AMBIENT_PRESSURES
@@ -22,6 +22,7 @@ BROKEN_PIPE = 141
 
 _LONGEST_LINE = 2_000
 _LONGEST_SHOWN = 40  # characters of an argument
+_LONGEST_MESSAGE = 400  # of argparse, which may list all choices, and repeats the argument
 
 
 class _Formatter(argparse.HelpFormatter):
@@ -35,7 +36,8 @@ class _Parser(argparse.ArgumentParser):
     """Reports a wrong argument as all other bad input is reported: in one line."""
 
     def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message}; see {self.prog} --help')
+        shown = message if len(message) <= _LONGEST_MESSAGE else f'{message[:_LONGEST_MESSAGE]} ...'
+        raise InputError(f'{shown}; see {self.prog} --help')
 
 
 def parser_of(name: str, description: str) -> argparse.ArgumentParser:
@@ -122,9 +124,21 @@ def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: S
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains again when it flushes
         return BROKEN_PIPE
     except OSError as error:  # the disk is full, a name is too long
+        if error.filename is None and not _is_writable(sys.stdout):
+            return _refused(name, f'cannot write to the standard output: {error.strerror or error}')
         where = f'{error.filename}: ' if error.filename else ''
         return _refused(name, f'{where}{error.strerror or error}')
     return 0
+
+
+def _is_writable(stream: TextIO) -> bool:
+    """Try to write an empty line. If that fails, drop what the stream holds, or Python would complain again at the end."""
+    try:
+        print(file=stream, flush=True)
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return False
+    return True
 
 
 def _refused(name: str, reason: str) -> int:

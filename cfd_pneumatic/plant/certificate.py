@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import ssl
 from pathlib import Path
 
 from distributed.security import Security
@@ -56,7 +57,7 @@ def security_of(folder: Path) -> Security:
     Raises
     ------
     InputError
-        If the folder holds no certificate.
+        If the folder holds no certificate, or its key has a passphrase.
 
     """
     certificate, key = str(folder / CERTIFICATE), str(folder / KEY)
@@ -65,6 +66,13 @@ def security_of(folder: Path) -> Security:
             read_input(Path(file), _LARGEST)
         except InputError as error:
             raise InputError(f'{file} {error}: dask_certificate {folder} makes it') from error
+    try:  # before Dask does, which would ask for a passphrase and leave an error of OpenSSL to its caller
+        ssl.create_default_context(cafile=certificate).load_cert_chain(certificate, key, password=lambda: '')
+    except (ssl.SSLError, ValueError) as error:
+        raise InputError(
+            f'{certificate} and {key} are not a certificate and its key without a passphrase: dask_certificate {folder} '
+            'makes them'
+        ) from error
     return Security(  # type: ignore[no-untyped-call]
         require_encryption=True, tls_ca_file=certificate, tls_client_cert=certificate, tls_client_key=key
     )

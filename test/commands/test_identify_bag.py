@@ -343,6 +343,10 @@ def test_an_option_that_is_wrong_is_one_line(bag, capsys, output, arguments):
     assert arguments[0].strip('-') in refusal(capsys, output, bag, *arguments)
 
 
+def test_a_long_argument_is_not_repeated_at_length(bag, capsys, output):
+    assert len(refusal(capsys, output, bag, '--jobs', 'x' * 100_000)) < 500
+
+
 def test_a_mapping_with_an_unknown_unit(bag, capsys, output, tmp_path):
     mapping = tmp_path / 'mapping.yaml'
     mapping.write_text('displacement: {topic: piston_state, field: "position[0]", unit: furlong}\n')

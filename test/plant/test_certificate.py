@@ -6,6 +6,7 @@ from __future__ import annotations
 import gc
 import os
 import re
+import shutil
 import stat
 import subprocess
 import sys
@@ -13,6 +14,12 @@ import threading
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.serialization import (
+    BestAvailableEncryption,
+    Encoding,
+    PrivateFormat,
+    load_pem_private_key,
+)
 from distributed.utils import LoopRunner
 from patience import allowed, wait_until
 
@@ -124,6 +131,30 @@ def test_bags_are_identified_on_it(scheduler, certificate, tmp_path, capsys):
     assert identify_bag([str(tmp_path / 'plant'), '--each', '--output', str(tmp_path / 'out'), *told]) == 0
     assert (tmp_path / 'out' / 'cell_7' / 'monday' / 'report.json').exists()
     assert 'warning' not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('damage', ['a passphrase', 'no key'])
+def test_a_key_that_cannot_be_used_is_one_line(certificate, tmp_path, capfd, damage):
+    shutil.copytree(certificate, tmp_path / 'own')
+    key = tmp_path / 'own' / 'dask.key'
+    if damage == 'a passphrase':
+        private = load_pem_private_key(key.read_bytes(), None)
+        key.write_bytes(private.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(b'secret')))
+    else:
+        key.write_text('a key\n')
+    with (
+        pytest.raises(InputError, match='a certificate and its key without a passphrase: dask_certificate'),
+        existing_cluster('tls://127.0.0.1:1', tmp_path / 'own'),
+    ):
+        pass
+    assert capfd.readouterr().err == ''
+
+
+@pytest.mark.parametrize('address', ['', 'x', 'tcp://', 'host:port', 'tls://a b:1'])
+def test_what_is_no_address_is_one_line(tmp_path, capsys, address):
+    assert identify_bag(['b', '--each', '--scheduler', address, '--output', str(tmp_path / 'out')]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert 'argument --scheduler: give the address that the scheduler prints' in line
 
 
 def test_a_certificate_that_is_none_is_a_line(scheduler, tmp_path, capsys):

@@ -173,6 +173,8 @@ DEFINITIONS = {
     'a list of two thousand million': f'geometry_msgs/Vector3[2000000000] v\n{"=" * 80}\n'
     'MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z',
     'numbers, two thousand million': 'float64[2000000000] v',
+    'a list of fewer than no entries': 'float64[-3] v',
+    'a length of hundreds of digits': f'float64[{"9" * 500}] v',
     'texts, two thousand million': 'string[2000000000] v',
     'what unfolds': inside(40),
     'what is deep': inside(5_000, width=1),

@@ -55,6 +55,9 @@ LARGEST = 2**20
 LARGEST_TOGETHER = 16 * LARGEST
 """Bytes of all definitions in a folder."""
 
+LONGEST_ARRAY = 2**32 - 1
+"""Entries of an array; a message counts its bytes with as many bits."""
+
 _IDL_SEPARATOR = '=' * 80 + '\n'
 
 
@@ -149,7 +152,7 @@ class Definitions:
             for rank, file in enumerate(self._files.get(name, ())):
                 try:
                     text = read_input(file, LARGEST).decode()
-                    parsed = self._parse(text, name, MessageDefinitionFormat.MSG)
+                    parsed = {name: self._parse(text, name, MessageDefinitionFormat.MSG)[name]}
                     if rank and _fields(parsed) != _fields({name: types.fielddefs[name]}):
                         raise InputError(f'is another definition of {name} than {self._files[name][0]}: give one')
                     _add(types, parsed)
@@ -282,6 +285,8 @@ def _add(types: Typestore, parsed: Typesdict) -> None:
     for name, (_, fields) in parsed.items():
         if len({field for field, _ in fields}) < len(fields):
             raise InputError(f'is not a message definition: {name} has two fields of one name')
+        if not all(0 <= desc[1][1] <= LONGEST_ARRAY for _, desc in fields if desc[0] == Nodetype.ARRAY):
+            raise InputError(f'is not a message definition: {name} has an array of impossible length')
     types.fielddefs.update({name: ([], fields) for name, fields in _fields(parsed).items()})
 
 
