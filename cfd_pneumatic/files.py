@@ -185,7 +185,12 @@ def made_aside(path: Path, is_earlier: IsEarlier = lambda _: False, order: Order
 def content(folder: Path) -> list[Path]:
     """Return what a folder holds, without the asides of runs that write it or were killed."""
     name = _name_of(folder.resolve())
-    return [entry for entry in folder.iterdir() if _successor(entry.name) != name]
+    return [entry for entry in folder.iterdir() if _successor(entry.name) != name or not _is_folder(entry)]
+
+
+def _is_folder(path: Path) -> bool:
+    """Return whether a path is that of a folder, and no link to one."""
+    return path.is_dir() and not path.is_symlink()
 
 
 @contextmanager

@@ -132,7 +132,7 @@ def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: S
 
 
 def _is_writable(stream: TextIO) -> bool:
-    """Try to write an empty line. If that fails, drop what the stream holds, or Python would complain again at the end."""
+    """Try to write an empty line. If that fails, drop what the stream holds: Python would complain of it at the end."""
     try:
         print(file=stream, flush=True)
     except OSError:

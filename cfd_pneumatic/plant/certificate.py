@@ -70,8 +70,8 @@ def security_of(folder: Path) -> Security:
         ssl.create_default_context(cafile=certificate).load_cert_chain(certificate, key, password=lambda: '')
     except (ssl.SSLError, ValueError) as error:
         raise InputError(
-            f'{certificate} and {key} are not a certificate and its key without a passphrase: dask_certificate {folder} '
-            'makes them'
+            f'{certificate} and {key} are not a certificate and its key without a passphrase: '
+            f'dask_certificate {folder} makes them'
         ) from error
     return Security(  # type: ignore[no-untyped-call]
         require_encryption=True, tls_ca_file=certificate, tls_client_cert=certificate, tls_client_key=key

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What strangers may name or leave behind: paths of bags, types of messages, files of the compile cache."""
+"""What strangers may name or leave behind: paths, types of messages, compiled code, entries of output folders."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from cfd_pneumatic import code_files
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.folders import Folders
 from cfd_pneumatic.nodes.samples import message_class
+from cfd_pneumatic.result_files import ResultFiles, marked
 from studies.fuzzing.campaign import Fault, Input, Kind
 from studies.fuzzing.mutators import BINARY, TEXTS, WORDS, mutated
 
@@ -186,6 +187,77 @@ class KeptCode(Kind):
         return one.about in (None, 'open to all')
 
 
+class ResultFolders(Kind):
+    """Output folders in which others left files and links: no file of theirs may be lost or written."""
+
+    name = 'folders of results'
+    _RESULTS = ResultFiles({'table.csv': marked('^result'), 'report.json': marked('^result')})
+    _LEFT = '.out~abcdefgh'
+    _NAMES = ('report.json', 'table.csv', 'notes', _LEFT, 'report.json~')
+    _KINDS = ('result', 'mine', 'link', 'link to nowhere', 'pipe', 'folder', 'unreadable')
+
+    def start(self, folder: Path) -> None:
+        """Note where the folders are made."""
+        self._folder, self._mine = folder / 'out', folder / 'mine'
+        self._mine.write_text('result of somebody else', encoding='utf-8')
+
+    def valid(self, rng: Random) -> Input:
+        """Return a folder that holds earlier results and a file of another name."""
+        names = rng.sample(('report.json', 'table.csv', 'notes'), rng.randrange(4))
+        return _folder_of({name: 'mine' if name == 'notes' else 'result' for name in names})
+
+    def changed(self, parent: Input, rng: Random) -> Input:
+        """Return the folder with other entries."""
+        more = {rng.choice(self._NAMES): rng.choice(self._KINDS) for _ in range(rng.choice((1, 1, 2, 4)))}
+        if more.get(self._LEFT) == 'folder':  # as a run that was killed leaves one
+            del more[self._LEFT]
+        return Input(_folder_of(parent.about | more).files, parent.about | more, whole=False)
+
+    def give(self, one: Input) -> str:
+        """Write results into the folder."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+        self._folder.mkdir()
+        for name, kind in one.about.items():
+            self._leave(self._folder / name, kind)
+        before = self._of_others(one)
+        try:
+            self._RESULTS.check(self._folder, overwrite=False)
+            with self._RESULTS.made_for(self._folder, overwrite=False) as made:
+                (made / 'report.json').write_text('result', encoding='utf-8')
+        finally:
+            if self._of_others(one) != before or self._mine.read_text(encoding='utf-8') != 'result of somebody else':
+                raise Fault('a file of somebody else is lost or written')
+            if set(os.listdir(self._folder.parent)) != {'out', 'mine'}:
+                raise Fault('something is left next to the folder')
+        return ''
+
+    def _leave(self, path: Path, kind: str) -> None:
+        if kind.startswith('link'):
+            path.symlink_to('nowhere' if 'nowhere' in kind else self._mine)
+        elif kind == 'pipe':
+            os.mkfifo(path)
+        elif kind == 'folder':
+            path.mkdir()
+            (path / 'inside').touch()
+        else:
+            path.write_text('result' if kind == 'result' else 'mine', encoding='utf-8')
+            path.chmod(0o000 if kind == 'unreadable' else 0o644)
+
+    def _of_others(self, one: Input) -> dict[str, int]:
+        """Return the inode of each entry that is not an earlier result."""
+        kept = [name for name, kind in one.about.items() if kind != 'result' or name == 'notes']
+        return {name: (self._folder / name).lstat().st_ino for name in kept if os.path.lexists(self._folder / name)}
+
+    def parses(self, one: Input) -> bool:
+        """Return whether no entry has the name of a result."""
+        return not {'report.json', 'table.csv'} & one.about.keys()
+
+
+def _folder_of(entries: dict[str, str]) -> Input:
+    """Return a folder whose entries are known by name and kind."""
+    return Input({'entries': repr(entries).encode()}, entries)
+
+
 def kinds() -> list[Kind]:
     """Return all kinds of what strangers name or leave behind."""
-    return [Paths(), TypeNames(), KeptCode()]
+    return [Paths(), TypeNames(), KeptCode(), ResultFolders()]
