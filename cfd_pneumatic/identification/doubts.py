@@ -248,9 +248,10 @@ def _of_late_displacement(ratio: float = 1.0) -> str:
 def _of_changes(result: ChannelResult) -> Iterator[Notice]:
     """Ask whether the error, as a share of what moves, is several times as large from some time on, or up to it."""
     for one in result.comparisons:
-        if one.times.size < _PIECES * _FEWEST:
+        settled = np.flatnonzero(one.experiment.settled)
+        if settled.size < _PIECES * _FEWEST:
             continue
-        pieces = np.array_split(np.arange(one.times.size), _PIECES)
+        pieces = np.array_split(settled, _PIECES)
         errors = np.array([rms(one.residual(1)[piece]) for piece in pieces])
         shares = errors / np.array([max(float(np.std(one.experiment.measured[piece])), 1e-300) for piece in pieces])
         ratio, cut = max((_ratio(shares, cut), cut) for cut in range(1, _PIECES))
@@ -268,7 +269,7 @@ def _of_changes(result: ChannelResult) -> Iterator[Notice]:
 def _of_a_stranger(result: ChannelResult) -> Iterator[Notice]:
     """Ask whether one recording of several is of another device, once the loop was closed: one core may not fit all."""
     noises = [max(sample_noise(one.times, one.experiment.measured), 1e-300) for one in result.comparisons]
-    errors = [rms(one.residual(1)) / noise for one, noise in zip(result.comparisons, noises)]
+    errors = [rms(one.residual(1)[one.experiment.settled]) / noise for one, noise in zip(result.comparisons, noises)]
     usual = float(np.median(errors))
     for one, error in zip(result.comparisons, errors):
         if len(errors) >= _SEVERAL and error > _CHANGED * max(usual, 1.0):

@@ -125,10 +125,10 @@ class PartError:
 
 
 def part_errors(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> dict[str, PartError]:
-    """Return the error on each part that has samples, by its name, of all experiments together."""
+    """Return the error on each part that has settled samples, by its name, of all experiments together."""
     span = float(np.mean([one.span for one in experiments]))
-    errors = np.concatenate([one.measured - values for one, values in zip(experiments, simulated)])
-    part = np.concatenate([one.part for one in experiments])
+    errors = np.concatenate([(one.measured - values)[one.settled] for one, values in zip(experiments, simulated)])
+    part = np.concatenate([one.part[one.settled] for one in experiments])
     squares, counts = np.bincount(part, errors**2, len(PARTS)), np.bincount(part, minlength=len(PARTS))
     return {
         name: PartError(rmse, 100.0 * rmse / span)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.notices import Notice, note, warning
 from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.suspect_samples import at_limit, leaps, standstill, two_sources
+from cfd_pneumatic.recording.suspect_samples import at_limit, leaps, standstill, stuck, two_sources
 from cfd_pneumatic.recording.wording import counted
 from cfd_pneumatic.units import PSI, UNITS
 
@@ -50,6 +50,9 @@ _AN_ATMOSPHERE = 0.15  # share by which a difference may miss ambient pressure a
 _MOST_LOOKED_AT = 100_000  # samples
 _STEADY, _ALIVE = 0.05, 0.5  # share of the samples at which a set-point changes at most, a pressure at least
 _ALIKE = 1e-9
+_LONGEST_BATCH = 0.5  # longer intervals are gaps [s]
+_IN_A_BATCH = 0.3  # of the mean interval: jitter about a clock, and samples that are missed, leave most of them longer
+_FEWEST_INTERVALS = 100
 _MOST_GUESSES = 3
 _ROUGHEST = 0.6  # change from sample to sample, as a share of the spread; 1.4 of independent samples
 
@@ -86,6 +89,8 @@ def doubts(recording: Recording, ambient_pressure: float) -> list[Notice]:
     found = [] if recording.rests else [*of_motion(recording.displacement), *at_limit(recording.displacement)]
     for role, cylinder, signal in recording.signals():
         found += [*leaps(role, cylinder, signal), *two_sources(role, cylinder, signal)]
+    found += [] if recording.rests else stuck('displacement', recording.displacement)
+    found += [] if recording.force is None else stuck('force', recording.force)
     for name, own in recording.cylinders.items():
         found += standstill(name, own.pressure, recording.displacement, least=STROKES[0])
     for name, own in recording.cylinders.items():
@@ -121,6 +126,15 @@ def of_motion(displacement: Signal) -> Iterator[Notice]:
             'unit_suspect',
             f'a sample every {period:.3g} s, {float(np.ptp(displacement.times)):.4g} s in all',
             'check the unit of the time' + _were_it(period, PERIODS, _SCALES, lambda value: f'{value:.3g} s'),
+        )
+    intervals = np.diff(displacement.times[:_MOST_LOOKED_AT])
+    intervals = intervals[intervals < _LONGEST_BATCH]
+    if intervals.size >= _FEWEST_INTERVALS and np.mean(intervals < _IN_A_BATCH * np.mean(intervals)) > 0.5:
+        yield warning(
+            'times_suspect',
+            f'most samples are {1e3 * float(np.median(intervals)):.3g} ms apart, on average '
+            f'{1e3 * float(np.mean(intervals)):.3g} ms: their times come in batches',
+            'use the time at which each sample was taken, or give the sample period in the mapping file',
         )
     values = displacement.values[:_MOST_LOOKED_AT]
     values = np.clip(values, *np.percentile(values, (1.0, 99.0)))  # single wild ones say nothing of the rate

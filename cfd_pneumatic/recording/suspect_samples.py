@@ -27,7 +27,12 @@ _APART = 0.01  # of the span, by which two sensors differ at least
 _SHARE_IN_TURN = 0.3  # of the samples; of noise it is a sixteenth
 _FEWEST_AT_LIMIT = 100  # samples that tell
 _LEAST_AT_LIMIT = 0.005  # share of the samples
-_REPEATED = 0.1  # share of samples as the one before, elsewhere: a coarse sensor repeats itself anywhere
+_REPEATED = 0.3  # share of samples as the one before, elsewhere: a coarse sensor repeats itself anywhere
+_STEPS_INTO = 1.5  # of the sensor: where a piston turns round, a coarse one goes by single steps
+_LEAPS_OUT = 2.0  # times what a hundredth of the steps elsewhere exceed
+_OF_NOISE = 0.5  # share of small steps that turn back: two thirds of noise, few of a motion
+_RARELY_REPEATED = 0.1  # share of samples as the one before
+_FEWEST_PLACES = 2  # where it is stuck: a force without contact rests at one
 _FAR = 4.0  # steps of the sensor into and out of a value: what settles there comes in small ones
 
 
@@ -75,6 +80,39 @@ def two_sources(role: str, cylinder: str | None, signal: Signal) -> Iterator[Not
         )
 
 
+def stuck(role: str, signal: Signal) -> Iterator[Notice]:
+    """
+    Ask whether a displacement or force holds still now here, now there, though its sensor has noise, or leaps then.
+
+    What rests really has noise as before, or begins to move in small steps, or rests at one value, as a force without
+    contact.
+    """
+    values, times = signal.values[:_MOST_LOOKED_AT], signal.times[:_MOST_LOOKED_AT]
+    changes = np.diff(values)
+    steps = np.abs(changes)
+    begins = np.flatnonzero(np.append(True, steps != 0.0))  # of runs of one value
+    ends = np.append(begins[1:], len(values))  # the first sample behind each
+    is_long = (ends - begins >= _FEWEST_FROZEN) & (times[ends - 1] - times[begins] >= _FROZEN)
+    inner = is_long & (ends < len(values))
+    moving = np.repeat(~is_long, ends - begins)[1:]
+    if not inner.any() or not moving.any() or np.mean(steps[moving] == 0.0) > _REPEATED:
+        return
+    out = steps[np.minimum(ends, len(values) - 1) - 1]
+    leaps_out = inner & (out > _LEAPS_OUT * np.percentile(steps[moving], 99.0))
+    noisy = moving[1:] & moving[:-1] & (steps[1:] + steps[:-1] < 2.0 * np.percentile(steps[moving], 50.0))
+    turns = np.mean(changes[1:][noisy] * changes[:-1][noisy] < 0.0) if noisy.any() else 0.0
+    held = inner if turns > _OF_NOISE and np.mean(steps[moving] == 0.0) < _RARELY_REPEATED else leaps_out
+    if len(np.unique(values[begins[held]])) < _FEWEST_PLACES:
+        return
+    share = float(np.sum((ends - begins)[held])) / len(values)
+    yield warning(
+        'samples_suspect',
+        f'{role}: {counted(int(np.sum(held)), "time")} it holds quite still, in '
+        f'{float(f"{100.0 * share:.2g}"):g} % of the samples, first at t = {times[begins[held][0]]:.4g} s',
+        "look at the sensor's plug, its cable and the logger, and record again",
+    )
+
+
 def at_limit(displacement: Signal) -> Iterator[Notice]:
     """
     Ask whether a displacement ends at its sensor's limit, where it holds quite still at once and the piston goes on.
@@ -85,7 +123,8 @@ def at_limit(displacement: Signal) -> Iterator[Notice]:
     if len(values) < _FEWEST_AT_LIMIT or np.ptp(values) == 0.0:
         return
     steps = np.diff(values)
-    usual = float(np.median(np.abs(steps[steps != 0.0])))
+    moved = np.abs(steps[steps != 0.0])
+    least = max(0.5 * float(np.median(moved)), _STEPS_INTO * float(np.min(moved)))
     for limit, towards in ((np.max(values), 1.0), (np.min(values), -1.0)):
         held = values == limit
         edges = np.diff(held.astype(np.int8), prepend=0, append=0)
@@ -96,7 +135,7 @@ def at_limit(displacement: Signal) -> Iterator[Notice]:
         is_fine = np.mean(steps[elsewhere] == 0.0) < _REPEATED if elsewhere.any() else False
         if not begins.size or not is_fine:
             continue
-        runs_into = towards * steps[begins - 2] > 0.5 * usual
+        runs_into = towards * steps[begins - 2] > least
         share = float(np.sum(ends - begins)) / len(values)
         if np.mean(runs_into) > 0.5 and share > _LEAST_AT_LIMIT:
             yield warning(

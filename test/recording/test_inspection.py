@@ -55,6 +55,25 @@ def test_the_unit_of_the_time_is_asked_for(factor):
     )
 
 
+@pytest.mark.parametrize('size', [3, 10, 50])
+def test_times_that_come_in_batches_are_reported(size):
+    number = np.arange(TIMES.size)
+    stamped = TIMES[np.minimum(number // size * size + size - 1, TIMES.size - 1)] + 1e-5 * (number % size)
+    assert 'sample period' in fixes(displacement=Signal(stamped, PISTON))['times_suspect']
+
+
+@pytest.mark.parametrize('kind', ['jitter', 'exponential jitter', 'missed samples', 'a pause'])
+def test_times_that_only_jitter_are_not_batches(kind):
+    rng = np.random.default_rng(4)
+    times = {
+        'jitter': TIMES + 4e-3 * rng.random(TIMES.size),
+        'exponential jitter': np.cumsum(rng.exponential(0.01, TIMES.size)),
+        'missed samples': TIMES[rng.random(TIMES.size) < 0.5],
+        'a pause': TIMES + 300.0 * (TIMES > 5.0),
+    }[kind]
+    assert 'times_suspect' not in fixes(displacement=Signal(times, PISTON[: times.size]))
+
+
 def test_the_unit_of_a_set_point_is_asked_for():
     found = fixes(setpoint=Signal(TIMES[:1], np.array([AMBIENT_PRESSURE + 1e-3 * LEVEL]), 'kPa'))
     assert found == {'unit_suspect': 'check the unit of the set-point (it would be 70 kPa if recorded in MPa)'}

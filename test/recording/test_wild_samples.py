@@ -8,7 +8,7 @@ import pytest
 
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.recording.cleaning import Cleaned
-from cfd_pneumatic.recording.suspect_samples import at_limit, two_sources
+from cfd_pneumatic.recording.suspect_samples import at_limit, stuck, two_sources
 from cfd_pneumatic.recording.wild_samples import screened
 
 RATE = 500.0
@@ -139,20 +139,53 @@ def test_a_counter_that_wraps_in_another_unit_is_known_by_its_leaps():
 
 CLIPPED = {
     'highest': lambda one: np.minimum(one, np.percentile(one, 97.0)),
-    'lowest': lambda one: np.maximum(one, np.percentile(one, 95.0) - 4e-3),
+    'lowest': lambda one: np.maximum(one, np.percentile(one, 5.0)),
 }
 
 
+COARSE = [0.0, 1e-6, 1e-5, 2e-5]  # steps of a sensor [m]
+
+
+def in_steps(values, step):
+    return step * np.round(values / step) if step else values
+
+
+@pytest.mark.parametrize('step', COARSE)
 @pytest.mark.parametrize('end', CLIPPED)
-def test_a_displacement_at_its_sensor_s_limit_is_told(end):
-    (notice,) = at_limit(Signal(TIMES, CLIPPED[end](strokes())))
+def test_a_displacement_at_its_sensor_s_limit_is_told(end, step):
+    (notice,) = at_limit(Signal(TIMES, in_steps(CLIPPED[end](5.0 * strokes()), step)))
     assert f'at its {end} value' in notice.message
     assert notice.code == 'samples_suspect'
 
 
+@pytest.mark.parametrize('step', [*COARSE, 1e-4, 1e-3])
 @pytest.mark.parametrize('name', REAL)
-def test_a_displacement_within_its_range_is_not_told_to_be_at_its_limit(name):
-    assert list(at_limit(Signal(TIMES, REAL[name]))) == [] or name == 'at zero'  # whose rest has no noise at all
+def test_a_displacement_within_its_range_is_not_told_to_be_at_its_limit(name, step):
+    found = list(at_limit(Signal(TIMES, in_steps(REAL[name], step))))
+    assert found == [] or name == 'at zero'  # whose rest has no noise at all
+
+
+@pytest.mark.parametrize('step', [0.0, 1e-5])
+@pytest.mark.parametrize('long', [30, 200, 400])
+def test_a_signal_that_is_stuck_now_and_then_is_reported(long, step):
+    for role, values in (('displacement', in_steps(5.0 * strokes(), step)), ('force', in_steps(force(), 1e3 * step))):
+        for begin in range(1000, 9500, 1700):
+            values[begin : begin + long] = values[begin]
+        (notice,) = stuck(role, Signal(TIMES, values))
+        assert notice.message.startswith(f'{role}: ')
+        assert notice.message.endswith('first at t = 2 s')
+
+
+@pytest.mark.parametrize('name', REAL)
+@pytest.mark.parametrize('step', [*COARSE, 1e-4, 1e-3])
+def test_a_piston_that_really_rests_is_not_stuck(name, step):
+    assert list(stuck('displacement', Signal(TIMES, in_steps(REAL[name], step)))) == []
+
+
+@pytest.mark.parametrize('name', CONTACTS)
+@pytest.mark.parametrize('step', [0.0, 0.01, 0.1, 1.0])
+def test_a_force_that_really_rests_is_not_stuck(name, step):
+    assert list(stuck('force', Signal(TIMES, in_steps(CONTACTS[name], step)))) == []
 
 
 def test_a_stop_is_no_limit_of_the_sensor():

@@ -166,6 +166,11 @@ class Experiment:
         return self.fitted if self.chosen is None else self.chosen
 
     @property
+    def settled(self) -> Mask:
+        """Which samples come at or after the first one that a fit counts, shape (m,); before it the start decides."""
+        return np.asarray(np.maximum.accumulate(self.counts | ~self.fitted))
+
+    @property
     def first(self) -> float:
         """The signal where the experiment begins: the median of a few samples [SI]."""
         return float(np.median(self.measured[:_STARTING]))
