@@ -1,35 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of a logger that paused: what lies between two gaps is a recording of its own."""
+"""Recordings of a logger that paused or repeated itself: what lies between two gaps is a recording of its own."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cfd_pneumatic.recording.signals import Recording
+from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.recording.signals import Recording, Signal
 from cfd_pneumatic.recording.wording import counted
 
-LONGEST = 0.5
+LONGEST = 0.2
 """Time in which the piston may have done anything [s]: a model that goes on over it has forgotten where it was."""
 
 _TIMES = 10.0  # the usual interval
 _SHORTEST = 1.0  # a piece that tells something [s]
+_LEAPS = 5.0  # times the change from sample to sample that a hundredth exceed
 
 
 def pieces(recording: Recording) -> list[Recording]:
     """
     Return what lies between the gaps of a recording's displacement, each a recording of its own.
 
-    A recording without gaps, or of a piston that rests, is itself. Pieces shorter than a second are left out.
+    A recording without gaps, or of a piston that rests, is itself. Pieces shorter than a second are left out. Samples
+    that a logger repeated in all signals at once count as a gap; of a force those in a gap of a pressure, too.
     """
     if recording.rests:
         return [recording]
+    recording = _without_force_in_gaps(_without_repeated_rows(recording))
     times = recording.displacement.times
-    intervals = np.diff(times)
-    if not intervals.size:
-        return [recording]
-    gaps = np.flatnonzero(intervals > max(LONGEST, _TIMES * float(np.median(intervals))))
+    intervals, gaps = np.diff(times), _gaps_of(times)
     if not gaps.size:
         return [recording]
     begins, ends = [0, *(gaps + 1).tolist()], [*gaps.tolist(), len(times) - 1]
@@ -47,3 +50,69 @@ def pieces(recording: Recording) -> list[Recording]:
     what = f'{counted(len(gaps), "gap")} of up to {longest:.3g} s'
     note = f'{what}: the model starts anew behind each, and what lies between is a recording of its own'
     return [replace(found[0], health=(*recording.health, note)), *(replace(one, health=()) for one in found[1:])]
+
+
+def _gaps_of(times: Array) -> NDArray[np.intp]:
+    """Return the indices of the samples behind which there is a gap."""
+    intervals = np.diff(times)
+    if not intervals.size:
+        return np.empty(0, np.intp)
+    return np.flatnonzero(intervals > max(LONGEST, _TIMES * float(np.median(intervals))))
+
+
+def _without_repeated_rows(recording: Recording) -> Recording:
+    """Return a recording without the times in which all signals hold still at once, and one then leaps."""
+    signals = [signal for role, _, signal in recording.signals() if role in ('displacement', 'pressure', 'force')]
+    values, times = recording.displacement.values, recording.displacement.times
+    begins = np.flatnonzero(np.append(True, np.diff(values) != 0.0))
+    ends = np.append(begins[1:], len(values)) - 1
+    long = times[ends] - times[begins] > LONGEST
+    repeated = [
+        (float(begin), float(end))
+        for begin, end in zip(times[begins[long]], times[ends[long]])
+        if all(_holds(one, begin, end) for one in signals) and any(_leaps_behind(one, end) for one in signals)
+    ]
+    if not repeated:
+        return recording
+    note = f'{counted(len(repeated), "time")} all signals repeat their last sample: left out as gaps'
+    return replace(_without(recording, repeated), health=(*recording.health, note))
+
+
+def _holds(signal: Signal, begin: float, end: float) -> bool:
+    first, last = np.searchsorted(signal.times, [begin, end], side='right').tolist()
+    return bool(last - first > 1 and np.ptp(signal.values[first:last]) == 0.0)
+
+
+def _leaps_behind(signal: Signal, time: float) -> bool:
+    index = int(np.searchsorted(signal.times, time, side='right'))
+    steps = np.abs(np.diff(signal.values))
+    return bool(0 < index < len(signal) and steps[index - 1] > _LEAPS * np.percentile(steps, 99.0))
+
+
+def _without_force_in_gaps(recording: Recording) -> Recording:
+    """Return a recording whose force has no samples where a pressure paused: the force follows from the pressures."""
+    if recording.force is None:
+        return recording
+    gaps = [
+        (float(times[index]), float(times[index + 1]))
+        for times in (one.pressure.times for one in recording.cylinders.values())
+        for index in _gaps_of(times)
+    ]
+    return replace(recording, force=_outside(recording.force, gaps)) if gaps else recording
+
+
+def _without(recording: Recording, spans: Sequence[tuple[float, float]]) -> Recording:
+    cylinders = {
+        name: replace(one, pressure=_outside(one.pressure, spans)) for name, one in recording.cylinders.items()
+    }
+    force = None if recording.force is None else _outside(recording.force, spans)
+    return replace(recording, displacement=_outside(recording.displacement, spans), cylinders=cylinders, force=force)
+
+
+def _outside(signal: Signal, spans: Sequence[tuple[float, float]]) -> Signal:
+    """Return the samples that lie in none of some spans of time; a span's begin is outside of it."""
+    kept = np.ones(len(signal), bool)
+    for begin, end in spans:
+        first, last = np.searchsorted(signal.times, [begin, end], side='right').tolist()
+        kept[first:last] = False
+    return replace(signal, times=signal.times[kept], values=signal.values[kept])

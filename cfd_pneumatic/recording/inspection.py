@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.notices import Notice, note, warning
 from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.suspect_samples import at_limit, leaps, standstill, stuck, two_sources
+from cfd_pneumatic.recording.suspect_samples import at_limit, leaps, shifted, standstill, stuck, two_sources
 from cfd_pneumatic.recording.wording import counted
 from cfd_pneumatic.units import PSI, UNITS
 
@@ -88,7 +88,11 @@ def doubts(recording: Recording, ambient_pressure: float) -> list[Notice]:
     """Return which mistakes a recording looks like, and what has to be assumed of it."""
     found = [] if recording.rests else [*of_motion(recording.displacement), *at_limit(recording.displacement)]
     for role, cylinder, signal in recording.signals():
-        found += [*leaps(role, cylinder, signal), *two_sources(role, cylinder, signal)]
+        found += [
+            *leaps(role, cylinder, signal),
+            *shifted(role, cylinder, signal),
+            *two_sources(role, cylinder, signal),
+        ]
     found += [] if recording.rests else stuck('displacement', recording.displacement)
     found += [] if recording.force is None else stuck('force', recording.force)
     for name, own in recording.cylinders.items():

@@ -45,6 +45,8 @@ class ReceptionClock:
         By which the lag grows [-]: 0 where both clocks run alike.
     drift : float
         By which it grows over all messages [ns].
+    scatter : float
+        Between the lags that a twentieth of all messages exceed and fall below, off the line [ns].
 
     """
 
@@ -53,6 +55,7 @@ class ReceptionClock:
     begins_with: float
     rate: float
     drift: float
+    scatter: float
 
     def lag_at(self, received: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the lags of messages by their times of reception [ns], which follow a line."""
@@ -250,10 +253,16 @@ class _Lags:
         ]
         times, medians = np.array(points).T
         if np.ptp(times) == 0.0:
-            return ReceptionClock(lag, begin, float(lag), 0.0, 0.0)
+            return ReceptionClock(lag, begin, float(lag), 0.0, 0.0, _scatter(lags))
         rate, start = np.polyfit(times, medians, 1)
         off = float(np.max(np.abs(medians - start - rate * times)))
         drift = float(rate * np.ptp(received))
         if off > 0.1 * abs(drift):  # no line: something jumps, or a network is slow now and then
-            return ReceptionClock(lag, begin, float(lag), 0.0, 0.0)
-        return ReceptionClock(lag, begin, float(lag + start), float(rate), drift)
+            return ReceptionClock(lag, begin, float(lag), 0.0, 0.0, _scatter(lags))
+        scatter = _scatter(lags - rate * (received - begin))
+        return ReceptionClock(lag, begin, float(lag + start), float(rate), drift, scatter)
+
+
+def _scatter(lags: Array | NDArray[np.int64]) -> float:
+    low, high = np.percentile(lags, (5.0, 95.0))
+    return float(high - low)

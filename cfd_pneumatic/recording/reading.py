@@ -18,6 +18,7 @@ from cfd_pneumatic.input_files import check_input
 from cfd_pneumatic.recording.bags.bag import Bag
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
+from cfd_pneumatic.recording.dropouts import without_pulses
 from cfd_pneumatic.recording.mapping import ChannelMapping, read_mapping
 from cfd_pneumatic.recording.memory_maps import parts
 from cfd_pneumatic.recording.sampling import Defaults, read_samples
@@ -26,6 +27,7 @@ from cfd_pneumatic.recording.sources import OTHER, Samples, SignalSource
 from cfd_pneumatic.recording.table import read_table
 from cfd_pneumatic.recording.topics import convention_channels, resolve
 from cfd_pneumatic.recording.wild_samples import SCREENS, screened
+from cfd_pneumatic.recording.wording import counted
 from cfd_pneumatic.units import UNITS
 
 FORCE_AXES = ('x', 'y', 'z')
@@ -228,11 +230,22 @@ def _clean(samples: Samples, ambient_pressure: float) -> Cleaned:
     for part in parts(values):
         values[part] = channel.si(values[part], ambient_pressure)
     if channel.role in ROLES and ROLES[channel.role].held:
-        return at_changes(clean(samples.times, values, channel.name, held=True))
+        return _without_pulses(at_changes(clean(samples.times, values, channel.name, held=True)), channel.name)
     cleaned = clean(samples.times, values, channel.name)
     if channel.role in SCREENS:
         return screened(cleaned, channel.role, channel.name)
-    return at_changes(_from_previous(cleaned)) if channel.role == 'setpoint_applied' else cleaned
+    if channel.role == 'setpoint_applied':
+        return _without_pulses(at_changes(_from_previous(cleaned)), channel.name)
+    return cleaned
+
+
+def _without_pulses(changes: Cleaned, name: str) -> Cleaned:
+    kept = without_pulses(changes.times, changes.values)
+    number = (len(kept) - int(np.count_nonzero(kept))) // 2
+    if not number:
+        return changes
+    note = f'{name}: left out {counted(number, "change")} taken back within 0.02 s: look at the plug and the logger'
+    return Cleaned(changes.times[kept], changes.values[kept], (*changes.notes, note))
 
 
 def _from_previous(applied: Cleaned) -> Cleaned:

@@ -32,6 +32,10 @@ DRIFT = 0.05
 """Where stamps and times of reception drift apart by more [s], their clocks run at different rates."""
 
 
+SCATTER = 0.03
+"""Where messages are received by more sooner or later after their stamps [s], times of reception say little."""
+
+
 @dataclass(frozen=True)
 class Defaults:
     """What is meant where a channel leaves it open: a joint, and an axis of a force (`x`, `y` or `z`)."""
@@ -138,6 +142,11 @@ def _on_one_clock(contents: Sequence[Content]) -> tuple[list[Samples], list[str]
             for some in content.unstamped:
                 content.times[some] -= clock.lag_at(content.times[some]) if drifts else clock.lag
                 give_back(content.times)
+        if clock is not None and content.unstamped and clock.scatter > SCATTER * NANOSECONDS:
+            notes.append(
+                f'{content.channel.name}: its messages have no stamp, and others were received by up to '
+                f'{clock.scatter / NANOSECONDS:.3g} s sooner or later after their stamps: so wrong its times may be'
+            )
         for part in parts(content.times) if content.channel.time_offset else ():
             content.times[part] += round(content.channel.time_offset * NANOSECONDS)
         samples.append(Samples(content.channel, content.times, content.raw))

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cfd_pneumatic.notices import Notice, warning
+from cfd_pneumatic.recording.dropouts import is_noisy
 from cfd_pneumatic.recording.signals import Signal
 from cfd_pneumatic.recording.wording import counted
 
@@ -30,9 +31,15 @@ _LEAST_AT_LIMIT = 0.005  # share of the samples
 _REPEATED = 0.3  # share of samples as the one before, elsewhere: a coarse sensor repeats itself anywhere
 _STEPS_INTO = 1.5  # of the sensor: where a piston turns round, a coarse one goes by single steps
 _LEAPS_OUT = 2.0  # times what a hundredth of the steps elsewhere exceed
-_OF_NOISE = 0.5  # share of small steps that turn back: two thirds of noise, few of a motion
 _RARELY_REPEATED = 0.1  # share of samples as the one before
 _FEWEST_PLACES = 2  # where it is stuck: a force without contact rests at one
+_RESOLVED = 5.5e-3  # interval between samples in which no piston or pressure goes all of a step [s]
+_SHIFT = 5.0  # times what a hundredth of the changes exceed
+_SHIFT_SHARE = 0.05  # of the span
+_COUNTS = 10.0  # times the smallest change: a sensor may flicker by a count
+_ALONE = 5.0  # times the largest change around it
+_STAYS = 0.1  # so long before and behind: a pulse of the pressure has fallen off by then [s]
+_MOST_SHIFTS = 3
 _FAR = 4.0  # steps of the sensor into and out of a value: what settles there comes in small ones
 
 
@@ -99,9 +106,8 @@ def stuck(role: str, signal: Signal) -> Iterator[Notice]:
         return
     out = steps[np.minimum(ends, len(values) - 1) - 1]
     leaps_out = inner & (out > _LEAPS_OUT * np.percentile(steps[moving], 99.0))
-    noisy = moving[1:] & moving[:-1] & (steps[1:] + steps[:-1] < 2.0 * np.percentile(steps[moving], 50.0))
-    turns = np.mean(changes[1:][noisy] * changes[:-1][noisy] < 0.0) if noisy.any() else 0.0
-    held = inner if turns > _OF_NOISE and np.mean(steps[moving] == 0.0) < _RARELY_REPEATED else leaps_out
+    has_noise = is_noisy(changes[moving]) and np.mean(steps[moving] == 0.0) < _RARELY_REPEATED
+    held = inner if has_noise else leaps_out
     if len(np.unique(values[begins[held]])) < _FEWEST_PLACES:
         return
     share = float(np.sum((ends - begins)[held])) / len(values)
@@ -111,6 +117,40 @@ def stuck(role: str, signal: Signal) -> Iterator[Notice]:
         f'{float(f"{100.0 * share:.2g}"):g} % of the samples, first at t = {times[begins[held][0]]:.4g} s',
         "look at the sensor's plug, its cable and the logger, and record again",
     )
+
+
+def shifted(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
+    """
+    Ask whether a displacement or pressure leaps once and stays, as a sensor that is zeroed or slips does.
+
+    A piston and a pressure that move so far do it in several samples, if these come every 5 ms or faster.
+    """
+    values, times = signal.values[:_MOST_LOOKED_AT], signal.times[:_MOST_LOOKED_AT]
+    if role not in ('displacement', 'pressure') or len(values) < _FEWEST_AT_LIMIT:
+        return
+    steps, intervals = np.abs(np.diff(values)), np.diff(times)
+    period = float(np.median(intervals))
+    if period > _RESOLVED or not np.median(steps):
+        return
+    least = max(
+        _SHIFT * float(np.percentile(steps, 99.0)),
+        _SHIFT_SHARE * float(np.ptp(values)),
+        _COUNTS * float(np.min(steps[steps > 0.0])),
+    )
+    around, shifts = round(_STAYS / period), []
+    for index in np.flatnonzero((steps > least) & (intervals < _RESOLVED)).tolist():
+        before, behind = values[max(index + 1 - around, 0) : index + 1], values[index + 1 : index + 1 + around]
+        largest = max(float(np.max(np.abs(np.diff(some)), initial=0.0)) for some in (before, behind))
+        stays = abs(np.median(behind) - np.median(before)) > 0.5 * steps[index]
+        if stays and np.ptp(before) and np.ptp(behind) and steps[index] > _ALONE * largest:
+            shifts.append(f'{times[index + 1]:.4g}')
+    if 0 < len(shifts) <= _MOST_SHIFTS:
+        name = role if cylinder is None else f'{cylinder} {role}'
+        yield warning(
+            'samples_suspect',
+            f'{name}: it leaps within one sample and stays there, at t = {" and ".join(shifts)} s',
+            'look whether the sensor was zeroed or has slipped, and identify the parts separately (--from, --until)',
+        )
 
 
 def at_limit(displacement: Signal) -> Iterator[Notice]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, keep
+from cfd_pneumatic.recording.dropouts import dropouts
 from cfd_pneumatic.recording.wording import counted
 
 _MOST_LOOKED_AT = 100_000  # samples
@@ -61,8 +63,9 @@ class Screen:
 SCREENS = {
     'displacement': Screen(spans=1.0, least=0.0, rate=3.0, wraps=True),  # no such piston moves at 3 m/s
     'force': Screen(spans=5.0, least=1e3, rate=0.0, wraps=False),  # no such device makes a kilonewton
+    'pressure': Screen(spans=math.inf, least=math.inf, rate=0.0, wraps=False),  # only runs of a code are left out
 }
-"""By role. Pressures are asked about, and not changed."""
+"""By role."""
 
 
 def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
@@ -78,12 +81,15 @@ def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
         if np.max(np.abs(np.diff(values))) > _UNSURE * period:
             notes.append(f'{name}: that is unsure, as the piston moves by half of it between samples: sample faster')
     wild = _wild(cleaned.times, values, screen)
+    dropped = dropouts(cleaned.times, values, role)
+    if np.mean(wild | dropped) <= _MOST_LEFT_OUT:
+        wild |= dropped
     number = int(np.count_nonzero(wild))
     if not number:
         return Cleaned(cleaned.times, values, tuple(notes))
     first = (cleaned.times[int(np.argmax(wild))] - cleaned.times[0]) / NANOSECONDS
-    what = f'left out {counted(number, "sample")} of {len(values):,} that leap out of all others'
-    advice = "look at the sensor's range, its plug and the logger"
+    what = f'left out {counted(number, "sample")} of {len(values):,} that leap out of the others and back'
+    advice = "look at the sensor's range, its plug and the logger, and whether two publish the topic"
     notes.append(f'{name}: {what}, first {first:.4g} s after the begin: {advice}')
     times, values = keep(cleaned.times, values, lambda part: ~wild[part])
     return Cleaned(times, values, tuple(notes))

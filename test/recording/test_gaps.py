@@ -43,7 +43,7 @@ STEADY = np.arange(0.0, 10.0, 0.01)
     'times',
     [
         STEADY,
-        STEADY[(STEADY < 4.0) | (STEADY > 4.4)],
+        STEADY[(STEADY < 4.0) | (STEADY > 4.15)],
         np.arange(0.0, 100.0, 1.0),
         STEADY[::7] + 0.001 * np.sin(STEADY[::7]),
     ],
@@ -80,3 +80,43 @@ def test_a_pause_is_not_judged(faults, effects):
     assert len(found.recordings) == 2
     assert found.cylinders['cylinder_a'].findings.effects == effects
     assert found.cylinders['cylinder_b'].findings.verdict == 'no_missing_effect'
+
+
+def noisy(seed=5):
+    """Return a recording of both cylinders and the force, with noise on each."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(0.0, 10.0, 0.002)
+    motion = 2e-3 * np.sin(3.0 * times)
+    pressures = {
+        name: 2e5 + 1e4 * motion / 1e-3 + rng.normal(0.0, 50.0, times.size) for name in ('cylinder_a', 'cylinder_b')
+    }
+    force = 20.0 + rng.normal(0.0, 0.1, times.size)
+    return times, motion + rng.normal(0.0, 1e-6, times.size), pressures, force
+
+
+def test_a_logger_that_repeats_its_last_row_has_a_gap():
+    times, motion, pressures, force = noisy()
+    held = slice(3000, 4000)
+    for values in (motion, *pressures.values(), force):
+        values[held] = values[held.start]
+    first, second = pieces(Recording.from_arrays(times, motion, pressures, force=force, name='run'))
+    assert first.displacement.times[-1] == pytest.approx(times[held.start])
+    assert second.displacement.times[0] == pytest.approx(times[held.stop], abs=0.003)
+    assert 'all signals repeat their last sample' in first.health[0]
+
+
+def test_a_piston_that_rests_has_no_gap():
+    times, motion, pressures, force = noisy()
+    motion[3000:4000] = motion[3000]
+    (only,) = pieces(Recording.from_arrays(times, motion, pressures, force=force))
+    assert len(only.displacement) == times.size
+
+
+def test_a_force_is_not_judged_where_a_pressure_paused():
+    times, motion, pressures, force = noisy()
+    recording = Recording.from_arrays(times, motion, pressures, force=force)
+    paused_a = paused(recording, 4.0, 6.0).cylinders['cylinder_a']
+    (only,) = pieces(replace(recording, cylinders={**recording.cylinders, 'cylinder_a': paused_a}))
+    assert len(only.displacement) == times.size
+    assert not np.any((only.force.times > 4.0) & (only.force.times < 5.99))
+    assert len(only.cylinders['cylinder_b'].pressure) == times.size

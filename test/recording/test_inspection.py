@@ -158,7 +158,7 @@ def test_a_pressure_that_holds_still_while_the_piston_moves_is_told(noise):
 
 
 def test_a_pressure_that_holds_still_for_half_of_the_time_is_told_beside_what_is_left_of_its_strokes():
-    pressure = moved_pressure(20.0) + np.where(MOVING < 5.0, 0.0, 2e4)
+    pressure = moved_pressure(20.0) + 2e4 * np.clip(20.0 * (MOVING - 5.0), 0.0, 1.0)
     assert of_moving(pressure) == []
     ((code, message),) = of_moving(np.minimum(pressure, AMBIENT_PRESSURE + LEVEL + 3e3))
     assert (code, 'mostly at its highest value' in message) == ('samples_suspect', True)
@@ -203,5 +203,5 @@ def test_a_sensor_that_answers_slower_than_it_is_asked_is_not_stuck():
 def test_a_piston_at_rest_may_flicker_by_one_count():
     flicker = np.full(MOVING.size, 5e-3)
     flicker[::300] = 5.1e-3
-    pressure = np.where(MOVING < 5.0, 2e5, 3e5) + np.round(20.0 * np.sin(50.0 * MOVING))
+    pressure = 2e5 + 1e5 * np.clip(20.0 * (MOVING - 5.0), 0.0, 1.0) + np.round(20.0 * np.sin(50.0 * MOVING))
     assert of_moving(pressure, flicker) == []

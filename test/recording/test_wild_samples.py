@@ -8,7 +8,8 @@ import pytest
 
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.recording.cleaning import Cleaned
-from cfd_pneumatic.recording.suspect_samples import at_limit, stuck, two_sources
+from cfd_pneumatic.recording.dropouts import without_pulses
+from cfd_pneumatic.recording.suspect_samples import at_limit, shifted, stuck, two_sources
 from cfd_pneumatic.recording.wild_samples import screened
 
 RATE = 500.0
@@ -57,7 +58,10 @@ def test_wild_samples_of_a_displacement_are_left_out_and_no_others(kind, seed):
     found, kept = screen(values)
     np.testing.assert_array_equal(kept, values == clean)
     (note,) = found.notes
-    assert f'left out {np.sum(values != clean)} samples of 10,000 that leap out of all others, first 0.6 s' in note
+    assert (
+        f'left out {np.sum(values != clean)} samples of 10,000 that leap out of the others and back, first 0.6 s'
+        in note
+    )
 
 
 def test_wild_samples_at_either_end_are_left_out():
@@ -83,9 +87,7 @@ REAL = {
     + 1e-6 * np.random.default_rng(3).normal(size=TIMES.size),
     'square strokes of a coarse sensor': np.round(6e-3 * (np.sin(5.0 * TIMES) > 0.0) + 1e-3 * np.sin(TIMES), 5),
     'at rest but for a fast stroke, with noise': 3e-3 * ((TIMES > 9.0) & (TIMES < 9.5)) + 1e-6 * NOISE,
-    'at rest but for a stroke to zero': np.round(
-        3e-3 * ~((TIMES > 9.0) & (TIMES < 9.5)) + 1e-6 * NOISE * (TIMES < 9.0), 6
-    ),
+    'at rest but for a stroke to zero': np.round(3e-3 * ~((TIMES > 9.0) & (TIMES < 9.5)) + 1e-6 * NOISE, 6),
     'at rest but for a long stroke of a large device': 0.1 * np.clip(20.0 * (TIMES - 9.0), 0.0, 1.0) * (TIMES < 9.6)
     + 1e-6 * NOISE,
     'through zero': np.round(1e-3 * np.sin(3.0 * TIMES), 5),
@@ -193,6 +195,24 @@ def test_a_stop_is_no_limit_of_the_sensor():
     assert list(at_limit(Signal(TIMES, stopped))) == []
 
 
+@pytest.mark.parametrize('role', ['displacement', 'pressure'])
+@pytest.mark.parametrize('share', [0.3, -0.5])
+def test_a_sensor_that_is_zeroed_in_the_middle_is_reported(role, share):
+    values = strokes()
+    clean = values.copy()
+    values[6000:] += share * np.ptp(values)
+    (notice,) = shifted(role, None, Signal(TIMES, values))
+    assert 'stays there, at t = 12 s' in notice.message
+    assert list(shifted(role, None, Signal(TIMES, clean))) == []
+
+
+@pytest.mark.parametrize('lasting', [0.006, 0.02, 0.1])
+@pytest.mark.parametrize('step', [0.0, 1e-6, 1e-5])
+def test_a_piston_that_moves_quickly_is_not_shifted(lasting, step):
+    stroke = 3e-3 * np.clip((TIMES - 9.0) / lasting, 0.0, 1.0) + 1e-6 * NOISE
+    assert list(shifted('displacement', None, Signal(TIMES, in_steps(stroke, step)))) == []
+
+
 @pytest.mark.parametrize('offset', [1e-3, -5e-3])
 def test_two_who_publish_one_topic_are_told(offset):
     values = strokes()
@@ -209,3 +229,16 @@ def test_one_who_publishes_is_not_taken_for_two(name):
 
 def test_noise_is_not_taken_for_two_sources():
     assert list(two_sources('force', None, Signal(TIMES, NOISE))) == []
+
+
+@pytest.mark.parametrize(('lasting', 'stays'), [(0.002, False), (0.016, False), (0.03, True)])
+@pytest.mark.parametrize('value', [0.0, 655350.0])
+def test_a_set_point_that_is_taken_back_at_once_is_left_out(lasting, stays, value):
+    times = np.rint(1e9 * np.array([0.0, 3.0, 5.0, 5.0 + lasting, 8.0])).astype(np.int64)
+    values = np.array([7e4, 8e4, value, 8e4, 7e4])
+    assert without_pulses(times, values).tolist() == [True, True, stays, stays, True]
+
+
+def test_short_steps_of_a_set_point_that_go_on_are_kept():
+    times = np.rint(1e9 * np.arange(20) * 0.01).astype(np.int64)
+    assert without_pulses(times, np.linspace(1e5, 2e5, 20)).all()
