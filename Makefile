@@ -58,22 +58,22 @@ properties: $(VENV)/.ready  ## run the property tests on random examples, twice 
 	$(PY) -m pytest -m hypothesis --hypothesis-profile=random $(ARGS)
 
 fuzz: $(VENV)/.ready $(VENV)/.with-fuzz  ## change valid inputs at random, and see what readers and nodes make of them; 2 minutes
-	$(PY) -m studies.fuzz $(ARGS)
+	$(PY) -m studies.trials.fuzz $(ARGS)
 
 measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measured_runs.md; a quarter of an hour
-	$(PY) -m studies.measured_runs
+	$(PY) -m studies.documents.measured_runs
 
 coverage: $(VENV)/.ready  ## how often intervals hold the truth, write docs/coverage.md; half an hour
-	$(PY) -m studies.coverage $(ARGS)
+	$(PY) -m studies.documents.coverage $(ARGS)
 
 crash: $(VENV)/.ready  ## kill programs at each call that changes a name, and fill their disk; needs strace; 20 minutes
-	$(PY) -m studies.crashes $(ARGS)
+	$(PY) -m studies.trials.crashes $(ARGS)
 
 soak: $(VENV)/.ready  ## run all nodes at 1 kHz with whatever may happen to them; ARGS='--hours 2'
-	$(PY) -m studies.soak $(ARGS)
+	$(PY) -m studies.trials.soak $(ARGS)
 
 mistakes: $(VENV)/.ready  ## make each mistake that users make, write docs/mistakes.md; 15 minutes
-	$(PY) -m studies.mistakes $(ARGS)
+	$(PY) -m studies.trials.mistakes $(ARGS)
 
 demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify the recording
 	@$(PY) -m studies.demo $(ARGS)
@@ -83,34 +83,34 @@ benchmark: $(VENV)/.ready $(VENV)/.with-benchmark  ## time simulation, fit, read
 	$(PY) -m pytest benchmark --benchmark-json=build/benchmark.json $(ARGS)
 
 speed-document: $(VENV)/.with-benchmark  ## write docs/speed.md of what make benchmark has measured
-	$(PY) -m studies.speed_document $(ARGS)
+	$(PY) -m studies.documents.speed $(ARGS)
 
 benchmark-laws: $(VENV)/.ready  ## draw laws that no library has; ARGS='--seeds 1' for a quarter of an hour
-	$(PY) -m studies.laws $(ARGS)
+	$(PY) -m studies.panel.laws $(ARGS)
 
 benchmark-effects: $(VENV)/.ready $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes
-	$(PY) -m studies.benchmark_effects $(ARGS)
+	$(PY) -m studies.panel.benchmark_effects $(ARGS)
 
 monitor-figures: $(VENV)/.ready $(VENV)/.with-benchmark  ## false alarms of the watch over a device: an hour
-	$(PY) -m studies.monitor_figures $(ARGS)
+	$(PY) -m studies.documents.monitor_figures $(ARGS)
 
 planning-document: $(VENV)/.ready $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
-	$(PY) -m studies.planning_document
+	$(PY) -m studies.documents.planning
 
 interface-document: $(VENV)/.ready  ## write docs/interface.md, docs/mapping.md, and the pages of --help
-	$(PY) -m studies.interface_document
+	$(PY) -m studies.documents.interface
 
 effects-document: $(VENV)/.ready  ## write docs/effects.md: every effect, and how it shows on the rig; 1 minute
-	$(PY) -m studies.effects_document
+	$(PY) -m studies.documents.effects
 
 tutorial-picture: $(VENV)/.ready  ## take the picture of a report in docs/tutorial.md, with Chromium
-	$(PY) -m studies.tutorial
+	$(PY) -m studies.documents.tutorial
 
 notebook: $(VENV)/.ready  ## write docs/python.ipynb of docs/python.md, executed
-	$(PY) -m studies.notebook
+	$(PY) -m studies.documents.notebook
 
 layouts: $(VENV)/.ready  ## write the layouts for PlotJuggler and Foxglove in config/; after a change of topics
-	$(PY) -m studies.layouts
+	$(PY) -m studies.documents.layouts
 
 kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a change to any of them
 	$(PY) -m cfd_pneumatic.generator
@@ -127,10 +127,10 @@ format: $(VENV)/.with-lint  ## put the code into the common style
 	$(PY) -m ruff format .
 
 lock: $(VENV)/.ready  ## write requirements/ci.txt, what CI installs, by version and hash; with Python 3.11
-	$(PY) -m studies.lock $(SETUPTOOLS) --editable '.[$(LOCKED)]' >$(LOCK).new && mv $(LOCK).new $(LOCK)
+	$(PY) -m studies.tools.lock $(SETUPTOOLS) --editable '.[$(LOCKED)]' >$(LOCK).new && mv $(LOCK).new $(LOCK)
 
 licences: $(VENV)/.with-lint $(VENV)/.with-colcon  ## write docs/licences.md, of the packages that are locked
-	$(PY) -m studies.licences
+	$(PY) -m studies.tools.licences
 
 sbom: $(VENV)/.with-sbom  ## write build/sbom.json, a bill of materials of .venv (CycloneDX)
 	@mkdir -p build

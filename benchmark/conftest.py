@@ -31,7 +31,7 @@ def pytest_terminal_summary(terminalreporter):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_benchmark_update_json(output_json):
-    from studies.provenance import commit, machine
+    from studies.tools.provenance import commit, machine
 
     output_json['machine'] = machine()
     output_json['commit'] = commit()

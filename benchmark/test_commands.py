@@ -26,9 +26,9 @@ import pytest
 
 from cfd_pneumatic.examples import EXAMPLES
 from cfd_pneumatic.recording import recording_of, write_recording
-from cfd_pneumatic.rig.panel import MAKES, draw
-from studies.provenance import ROOT
-from studies.ros_environment import isolate
+from studies.panel import MAKES, draw
+from studies.tools.provenance import ROOT
+from studies.tools.ros_environment import isolate
 
 ROUNDS = 5
 IMPORTS = 'import numba, scipy.optimize, matplotlib.pyplot'

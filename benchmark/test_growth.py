@@ -30,9 +30,9 @@ from cfd_pneumatic.identification.fit.fit import fit
 from cfd_pneumatic.model import Course
 from cfd_pneumatic.recording import read_recording
 from cfd_pneumatic.rig import surface_following
-from cfd_pneumatic.rig.panel import draw
-from studies.long_bag import topics, write_long_bag
-from studies.strokes import CHANNEL, GAINS, SETPOINT, experiment, record
+from studies.documents.strokes import CHANNEL, GAINS, SETPOINT, experiment, record
+from studies.panel import draw
+from studies.trials.long_bag import topics, write_long_bag
 
 MOST = float(os.environ.get('CFD_PNEUMATIC_SAMPLES', 1_000_000))
 SIZES = (10_000, 100_000, 1_000_000, 3_600_000, 14_400_000)

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from cfd_pneumatic.convention import CYLINDERS
-from studies.ros_environment import isolate
+from studies.tools.ros_environment import isolate
 
 pytest.importorskip('rclpy', reason='ROS 2 is not to be had here')
 isolate()

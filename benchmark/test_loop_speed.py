@@ -15,8 +15,8 @@ import pytest
 from cfd_pneumatic.identification import ChannelResult, Options, identify
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.rig import surface_following
-from cfd_pneumatic.rig.panel import draw
-from studies.panel_rows import CYLINDER, cylinder_a_of
+from studies.panel import draw
+from studies.panel.rows import CYLINDER, cylinder_a_of
 
 MINUTE, QUARTER = 60.0, 900.0
 CASES = [

@@ -16,7 +16,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from cfd_pneumatic.recording import read_recording
-from studies.long_bag import topics, write_long_bag
+from studies.trials.long_bag import topics, write_long_bag
 
 MESSAGES = int(os.environ.get('CFD_PNEUMATIC_MESSAGES', 1_000_000))
 SAMPLES = MESSAGES // len(topics())

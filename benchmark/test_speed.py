@@ -22,7 +22,7 @@ from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.fit.fit import fit
 from cfd_pneumatic.model import Course, Cylinder, OperatingPoints, simulate_parameter_sets
 from cfd_pneumatic.units import PSI
-from studies.strokes import AMBIENT, CHANNEL, CYLINDER, GAINS, SETPOINT, experiment, record
+from studies.documents.strokes import AMBIENT, CHANNEL, CYLINDER, GAINS, SETPOINT, experiment, record
 
 START = np.array([2.0, 0.5, 2.0, 0.5])  # times the gains: where all fits begin
 BOUNDS = np.log(GAINS / 10.0), np.log(GAINS * 10.0)  # without them the peers run away

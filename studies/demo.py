@@ -44,8 +44,8 @@ from cfd_pneumatic.convention import (
 )
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS, nanoseconds
 from cfd_pneumatic.rig import Sensors, out_and_back
-from studies.provenance import DATA, ROOT
-from studies.ros_environment import isolate
+from studies.tools.provenance import DATA, ROOT
+from studies.tools.ros_environment import isolate
 
 MEASURED_RUN = DATA / 'friction' / 'O-ring257_3bar.csv'
 DEVICE, SIM = '/cfd/device', '/cfd/sim'
@@ -67,7 +67,7 @@ from functools import partial
 import numpy as np
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.rig_node import RigNode
-from cfd_pneumatic.rig.panel.specimen import draw_specimen
+from studies.panel.specimen import draw_specimen
 specimen, _ = draw_specimen(np.random.default_rng(7))
 leaking = specimen.with_changes({'effects_a.leak_conductance': 1e-10})
 sys.exit(run('rig_node', partial(RigNode, leaking.rig)))

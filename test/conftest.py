@@ -26,9 +26,9 @@ from hypothesis import HealthCheck, settings
 from patience import allowed
 
 from cfd_pneumatic.examples import EXAMPLES
-from studies.chromium import PROGRAM, Chromium
-from studies.ros_environment import isolate
-from studies.tutorial import blocks, programs, run
+from studies.documents.tutorial import blocks, programs, run
+from studies.tools.chromium import PROGRAM, Chromium
+from studies.tools.ros_environment import isolate
 
 isolate()
 for name in ('FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE'):  # as Lyrical and Humble call it

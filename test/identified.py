@@ -22,7 +22,7 @@ from cfd_pneumatic.identification.result import Comparison
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.recording import Recording, recording_of
-from cfd_pneumatic.rig.panel import draw
+from studies.panel import draw
 
 EPOCH = 1_700_000_000_000_000_000
 AREA = 1.2e-3

@@ -9,10 +9,13 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from cfd_pneumatic.rig.panel import LIBRARY, MAKES, ON_FORCE
-from studies import benchmark_effects, panel_document, panel_rows, panel_scores, provenance
-from studies.panel_rows import Job, Row
-from studies.panel_scores import RIGHT, Share
+from studies.panel import LIBRARY, MAKES, ON_FORCE, benchmark_effects
+from studies.panel import document as panel_document
+from studies.panel import rows as panel_rows
+from studies.panel import scores as panel_scores
+from studies.panel.rows import Job, Row
+from studies.panel.scores import RIGHT, Share
+from studies.tools import provenance
 
 LEAK = Row(
     'effects',

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects import EFFECTS
-from studies.effects_document import AXES, DOCUMENT, ON_RIG, PICTURES, document
+from studies.documents.effects import AXES, DOCUMENT, ON_RIG, PICTURES, document
 
 TEXT = document()
 

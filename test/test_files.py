@@ -21,7 +21,7 @@ from cfd_pneumatic.device.file import run_line
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import alone_in, check_folder, made_aside, write_text
 from cfd_pneumatic.recording import BagWriter
-from studies.crashes import SCENARIOS, calls_of, tried
+from studies.trials.crashes import SCENARIOS, calls_of, tried
 
 TABLE_1 = Path(__file__).parents[1] / 'config' / 'table_1.yaml'
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cfd_pneumatic.errors import InputError
-from studies.fuzz import kinds
-from studies.fuzzing import campaign
-from studies.fuzzing.campaign import Input, Kind, run
+from studies.trials.fuzz import kinds
+from studies.trials.fuzzing import campaign
+from studies.trials.fuzzing.campaign import Input, Kind, run
 
 KINDS = kinds()
 

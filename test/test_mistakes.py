@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from studies.mistakes import MEASURED, MISTAKES, answer, is_told, warnings_of_clean
+from studies.trials.mistakes import MEASURED, MISTAKES, answer, is_told, warnings_of_clean
 
 TOO_LARGE = ('everything in bar', 'set-points absolute')
 """What no device holds ends in a report with a warning all the same."""

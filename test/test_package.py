@@ -22,7 +22,7 @@ from packaging.utils import canonicalize_name
 
 import cfd_pneumatic
 from cfd_pneumatic import start
-from studies.package_facts import programs, setup_arguments
+from studies.documents.package_facts import programs, setup_arguments
 
 ROOT = Path(__file__).parents[1]
 

@@ -7,8 +7,8 @@ import json
 
 import pytest
 
-from studies import speed_document as document
-from studies.speed_document import Run
+from studies.documents import speed as document
+from studies.documents.speed import Run
 
 SAMPLES = {350: 3.5e-6, 3_600: 18e-6, 3_600_000: 18e-3}
 MESSAGES = 1_000_000

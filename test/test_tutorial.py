@@ -11,7 +11,7 @@ import yaml
 from measured import ROOT as MEASURED
 from measured import needs_measured_data
 
-from studies.tutorial import PAGE, PICTURE, blocks, run
+from studies.documents.tutorial import PAGE, PICTURE, blocks, run
 
 TEXT = ' '.join(PAGE.read_text(encoding='utf-8').split())
 REAL = 'A real cylinder'

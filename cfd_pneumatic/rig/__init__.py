@@ -10,7 +10,7 @@ Its physics are its own, nonlinear, and share nothing with the model that is ide
     run.times, run.displacement, run.pressures   # what the sensors read
     run.truth.pressures                          # what really happened
 
-A device with something wrong with it has `Effects`; `cfd_pneumatic.rig.panel` draws such devices at random.
+A device with something wrong with it has `Effects`; `studies.panel` draws such devices at random.
 """
 
 from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record

@@ -18,7 +18,7 @@ from measured import MAPPING, ROOT, needs_measured_data
 import cfd_pneumatic as cfd
 from cfd_pneumatic import api
 from cfd_pneumatic.commands.record_rig import main as record_rig
-from studies.notebook import NOTEBOOK, executed, notebook
+from studies.documents.notebook import NOTEBOOK, executed, notebook
 
 mpl.use('Agg')
 

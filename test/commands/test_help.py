@@ -11,7 +11,7 @@ from cfd_pneumatic import __version__
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.examples import EXAMPLES
 from cfd_pneumatic.start import HELP
-from studies.tutorial import run
+from studies.documents.tutorial import run
 
 COMMANDS = [name for name in EXAMPLES if not name.endswith('_node')]
 

@@ -15,7 +15,7 @@ from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.channels.channel import UNTOLD
 from cfd_pneumatic.recording import recording_of as sampled_recording
 from cfd_pneumatic.rig import device_named, record, surface_following
-from cfd_pneumatic.rig.panel import draw, oracle_rmse
+from studies.panel import draw, oracle_rmse
 
 
 @cache

@@ -27,7 +27,7 @@ from cfd_pneumatic.identification.fit.fit import fit, search, summary
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.procedure import prepared
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording, recording_of
-from cfd_pneumatic.rig.panel import draw, force_oracle_rmse
+from studies.panel import draw, force_oracle_rmse
 
 AREA = 1.14e-3
 TEST = PARTS.index('test')

@@ -29,7 +29,7 @@ from cfd_pneumatic.identification.verdict import VERDICTS, not_added, part_error
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording, recording_of
 from cfd_pneumatic.rig import device_named, paper_step, record, surface_following
-from cfd_pneumatic.rig.panel import draw, force_oracle_rmse
+from studies.panel import draw, force_oracle_rmse
 
 AREA = 1.14e-3
 BORE = 0.25 * math.pi * 25.7e-3**2

@@ -24,8 +24,8 @@ from cfd_pneumatic.recording import recording_of
 from cfd_pneumatic.reporting import draft_effect
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.rig import device_named, record, surface_following
-from cfd_pneumatic.rig.panel import CLASSES, Draw, draw, force_oracle_residual
 from cfd_pneumatic.rig.schedule import Schedule
+from studies.panel import CLASSES, Draw, draw, force_oracle_residual
 
 SURFACE = surface_following(60e3, 1.5e-3, setpoint_steps=20e3, duration=12.0, seed=0)
 LAWS = {'scarred_bore': (2.0, SURFACE), 'bent_cell': (0.1, SURFACE), 'cable_bundle': (3.0, 'out_and_back')}

@@ -16,7 +16,7 @@ from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.recording import CylinderSignals, Signal
-from cfd_pneumatic.rig.panel import draw
+from studies.panel import draw
 
 TEST = PARTS.index('test')
 

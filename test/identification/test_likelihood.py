@@ -7,7 +7,7 @@ import numpy as np
 from drawn import CHANNEL, experiments_of, model, recording_of
 
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
-from cfd_pneumatic.rig.panel import draw_textbook
+from studies.panel import draw_textbook
 
 
 def test_a_model_is_simulated_once_as_long_as_it_lives():

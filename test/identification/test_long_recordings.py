@@ -17,8 +17,8 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit import likelihood
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.rig import surface_following
-from cfd_pneumatic.rig.panel import draw
-from studies.long_bag import GAINS, write_long_bag
+from studies.panel import draw
+from studies.trials.long_bag import GAINS, write_long_bag
 
 
 def test_in_small_parts_the_same_is_identified(monkeypatch):

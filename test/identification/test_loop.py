@@ -14,7 +14,7 @@ from cfd_pneumatic.identification.verdict import VERDICTS, verdict_of
 from cfd_pneumatic.recording import CylinderSignals, Signal
 from cfd_pneumatic.recording import recording_of as sampled_recording
 from cfd_pneumatic.rig import device_named, out_and_back, record, surface_following
-from cfd_pneumatic.rig.panel import draw, draw_textbook, oracle_rmse
+from studies.panel import draw, draw_textbook, oracle_rmse
 
 
 def rms(result):

@@ -16,7 +16,7 @@ from cfd_pneumatic.identification.residual import tests as module
 from cfd_pneumatic.identification.residual.noise import SLOWEST
 from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
 from cfd_pneumatic.identification.residual.tests import explained
-from cfd_pneumatic.rig.panel import draw_textbook
+from studies.panel import draw_textbook
 
 SEEDS = range(50)
 STD = 52.0

@@ -24,7 +24,7 @@ from cfd_pneumatic.planning import Limits, plan
 from cfd_pneumatic.reporting import draft_effect
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.rig import surface_following
-from cfd_pneumatic.rig.panel import CLASSES, MAKES, Draw, draw, oracle_residual
+from studies.panel import CLASSES, MAKES, Draw, draw, oracle_residual
 
 MOMENT = Moment(0.0, 0.0, 0.0, 2e5, 2e5, 1e5)
 

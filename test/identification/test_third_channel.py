@@ -16,7 +16,7 @@ from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording
 from cfd_pneumatic.recording.bags import messages
 from cfd_pneumatic.reporting import write_report
-from cfd_pneumatic.rig.panel import draw
+from studies.panel import draw
 
 AREA = 1.14e-3
 EPOCH = 1_700_000_000_000_000_000

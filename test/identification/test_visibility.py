@@ -17,7 +17,7 @@ from cfd_pneumatic.identification.search import visibility as module
 from cfd_pneumatic.identification.search.visibility import invisible
 from cfd_pneumatic.model import TABLE_1
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
-from cfd_pneumatic.rig.panel import draw
+from studies.panel import draw
 
 GAINS = np.array(TABLE_1.table[0, 1:])
 MODEL = model(GAINS)

@@ -19,8 +19,8 @@ from cfd_pneumatic.model import DeviceModel
 from cfd_pneumatic.monitoring import Finding, Settings, Watch, diagnose
 from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig import RigParameters, RigRecord, record, surface_following, with_changes
-from cfd_pneumatic.rig.panel.specimen import draw_specimen
-from studies.monitor_figures import EPOCH, surfaces
+from studies.documents.monitor_figures import EPOCH, surfaces
+from studies.panel.specimen import draw_specimen
 
 RATE = 500
 SETTINGS = Settings(learning=20.0, window=15.0)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from patience import allowed
 
-from studies.tutorial import blocks
+from studies.documents.tutorial import blocks
 
 
 class Terminals(NamedTuple):

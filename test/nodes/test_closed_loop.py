@@ -23,7 +23,7 @@ from cfd_pneumatic.nodes.messages import nanoseconds
 from cfd_pneumatic.recording import recording_of, write_recording
 from cfd_pneumatic.rig import Sensors, surface_following
 from cfd_pneumatic.rig import record as rig_record
-from cfd_pneumatic.rig.panel.specimen import draw_specimen
+from studies.panel.specimen import draw_specimen
 
 UNDECLARED = {'effects_a.leak_conductance': 1e-10}
 """A hole in cylinder A, which lowers its pressure at rest by 160 to 230 Pa, some 0.4 % of the set-point."""
@@ -35,7 +35,7 @@ import numpy as np
 import pytest
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.rig_node import RigNode
-from cfd_pneumatic.rig.panel.specimen import draw_specimen
+from studies.panel.specimen import draw_specimen
 specimen, _ = draw_specimen(np.random.default_rng(int(sys.argv[1])))
 specimen = specimen.with_changes(json.loads(sys.argv[2]))
 del sys.argv[1:3]

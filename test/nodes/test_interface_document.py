@@ -10,9 +10,9 @@ pytest.importorskip('pyarrow', reason='Dask is not to be had here, and the colum
 from cfd_pneumatic.convention import TOPICS, meaning
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.start import HELP
-from studies.help_pages import pages
-from studies.interface_document import DOCUMENT, document
-from studies.package_facts import programs
+from studies.documents.help_pages import pages
+from studies.documents.interface import DOCUMENT, document
+from studies.documents.package_facts import programs
 
 
 @pytest.fixture(scope='module')

@@ -48,8 +48,8 @@ from cfd_pneumatic.nodes.messages import stamp_message
 from cfd_pneumatic.nodes.monitor_node import MonitorNode
 from cfd_pneumatic.recording import recording_of
 from cfd_pneumatic.rig import Sensors, record, surface_following
-from cfd_pneumatic.rig.panel.specimen import draw_specimen
 from cfd_pneumatic.units import PSI
+from studies.panel.specimen import draw_specimen
 
 DEVICE = """
 import os
@@ -57,7 +57,7 @@ from functools import partial
 import numpy as np
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.rig_node import RigNode
-from cfd_pneumatic.rig.panel.specimen import draw_specimen
+from studies.panel.specimen import draw_specimen
 os._exit(run('rig_node', partial(RigNode, draw_specimen(np.random.default_rng(7))[0].rig)))
 """
 """A program: `rig_node` with a device that is as the paper's model."""

@@ -11,8 +11,8 @@ from geometry_msgs.msg import WrenchStamped
 from graph import Graph
 from terminals import open_terminals
 
-from studies.provenance import ROOT
-from studies.tutorial import blocks, programs, run
+from studies.documents.tutorial import blocks, programs, run
+from studies.tools.provenance import ROOT
 
 README = ROOT / 'README.md'
 

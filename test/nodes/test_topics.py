@@ -16,7 +16,7 @@ from cfd_pneumatic.model import TABLE_1
 from cfd_pneumatic.nodes import topics
 from cfd_pneumatic.nodes.topics import Counting, Queue
 from cfd_pneumatic.rig import SCHEDULES, schedule_named
-from studies.layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
+from studies.documents.layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
 
 NODES = {
     DEVICE: ('rig_node', {'schedule': 'paper_step', 'start_subscribers': 99}),

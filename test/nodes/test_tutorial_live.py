@@ -17,7 +17,7 @@ from graph import Graph
 from patience import LONG_PATIENCE, wait_until
 from terminals import Terminals, open_terminals
 
-from studies.tutorial import PAGE, blocks
+from studies.documents.tutorial import PAGE, blocks
 
 
 @pytest.fixture

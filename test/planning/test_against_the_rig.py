@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cfd_pneumatic.model import NAMES
-from studies.planning_document import Job, case, run, scatter
+from studies.documents.planning import Job, case, run, scatter
 
 SEED, RUNS = 601, 20
 

@@ -9,7 +9,7 @@ from recording_cases import assert_same
 from rosbags.rosbag2 import Reader
 
 from cfd_pneumatic.recording import read_recording
-from studies.long_bag import topics, write_long_bag
+from studies.trials.long_bag import topics, write_long_bag
 
 SAMPLES = 22_000
 

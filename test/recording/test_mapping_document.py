@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.recording.mapping import read_mapping
-from studies.mapping_document import BAG, DOCUMENT, EXAMPLE, document
+from studies.documents.mapping import BAG, DOCUMENT, EXAMPLE, document
 
 
 def test_the_page_is_up_to_date():

@@ -17,7 +17,7 @@ from recording_cases import EPOCH, SECOND, assert_same, piston, plain_messages, 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import memory_maps, read_recording
 from cfd_pneumatic.recording.memory_maps import allocate, parts
-from studies.long_bag import write_long_bag
+from studies.trials.long_bag import write_long_bag
 
 MILLISECOND = SECOND // 1000
 APPLIED = '/cfd/device/cylinder_a/setpoint_applied'

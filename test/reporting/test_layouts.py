@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from cfd_pneumatic.recording.bags.messages import standard_types
 from cfd_pneumatic.reporting import write_report
-from studies.layouts import CELL, FOLDER, LAYOUTS, layouts
+from studies.documents.layouts import CELL, FOLDER, LAYOUTS, layouts
 
 
 def curves_of(name):

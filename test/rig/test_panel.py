@@ -12,7 +12,7 @@ import pytest
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig import RigParameters, Sensors, surface_following
-from cfd_pneumatic.rig.panel import (
+from studies.panel import (
     CLASSES,
     EFFECTS,
     FOREIGN,
@@ -32,9 +32,9 @@ from cfd_pneumatic.rig.panel import (
     oracle_rmse,
     strengths,
 )
-from cfd_pneumatic.rig.panel.drawing import draw_schedule, motion_of
-from cfd_pneumatic.rig.panel.situation import Situation
-from cfd_pneumatic.rig.panel.specimen import Clock, Specimen
+from studies.panel.drawing import draw_schedule, motion_of
+from studies.panel.situation import Situation
+from studies.panel.specimen import Clock, Specimen
 
 SCHEDULES = ('paper_step', 'out_and_back', 'surface_following')
 READ = ('times', 'displacement', 'pressures', 'setpoints', 'force')
