@@ -67,6 +67,21 @@ _MISSING = {
 }
 """What stands where there is no number, in lower case: of spreadsheets, of C and of databases."""
 
+_APOSTROPHE_OF_WINDOWS = '\x92'
+"""Typographic apostrophe in Windows-1252, read as Latin-1."""
+
+_TYPOGRAPHIC = str.maketrans(
+    {
+        **dict.fromkeys('\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}', ' '),
+        **dict.fromkeys(f'\N{RIGHT SINGLE QUOTATION MARK}{_APOSTROPHE_OF_WINDOWS}', "'"),
+        '\N{MINUS SIGN}': '-',
+    }
+)
+"""Characters that spreadsheets and reports write for a space, an apostrophe and a minus."""
+
+_FORTRAN = re.compile(r'([.,]\d*)[Dd](?=[+-]?\d)', re.ASCII)
+"""Fraction of a number before the exponent that Fortran writes for double precision, as in 6.8D-01."""
+
 _BLOCK = 20_000  # rows whose numbers are made at once
 
 _DATE = re.compile(
@@ -240,6 +255,7 @@ class _Parser:
 class _NumberParser(_Parser):
     def __init__(self, decimal: str, thousands: str, *, anywhere: bool = False) -> None:
         """Take what groups digits for that by threes only, or anywhere."""
+        thousands = thousands.translate(_TYPOGRAPHIC)
         self._decimal, self._thousands, self._anywhere = decimal, thousands, anywhere
         mark = re.escape(thousands)
         self._grouped = (
@@ -257,13 +273,14 @@ class _NumberParser(_Parser):
         return np.array(texts, dtype=float)
 
     def one(self, text: str) -> float:
+        text = text.translate(_TYPOGRAPHIC)
         if text.lower() in _MISSING:
             return math.nan
         if self._thousands and (self._anywhere or (self._grouped and self._grouped.fullmatch(text))):
             text = text.replace(self._thousands, '')
         if '_' in text or not text.isascii() or (self._decimal == ',' and '.' in text):
             raise ValueError(text)
-        return float(text.replace(self._decimal, '.'))
+        return float(_FORTRAN.sub(r'\1e', text).replace(self._decimal, '.'))
 
 
 class _DateParser(_Parser):
@@ -392,7 +409,7 @@ def _encoding(path: Path) -> str:
     try:
         getincrementaldecoder('utf-8')().decode(head)
     except UnicodeDecodeError as error:
-        if re.search(rb'[\x00-\x08\x0e-\x1f\x7f-\x9f]', head):
+        if re.search(rb'[\x00-\x08\x0e-\x1f\x7f-\x91\x93-\x9f]', head):
             raise InputError('is not a text file, and the mapping is for tables') from error
         return 'latin-1'
     return 'utf-8-sig'

@@ -217,6 +217,9 @@ def test_numbers_may_have_decimal_commas(tmp_path):
         ('point', 'comma', ['1,701.21', '999.5', '1,234,567', '-1,000.0']),
         ('comma', 'space', ['1 701,21', '999,5', '1 234 567', '-1 000,0']),
         ('point', 'apostrophe', ["1'701.21", '999.5', "1'234'567", "-1'000.0"]),
+        ('comma', 'space', ['1\u00a0701,21', '999,5', '1\u00a0234\u00a0567', '-1\u00a0000,0']),
+        ('comma', 'space', ['1\u202f701,21', '999,5', '1\u202f234\u202f567', '\u22121\u202f000,0']),
+        ('point', 'apostrophe', ['1\u2019701.21', '999.5', '1\u2019234\u2019567', '-1\u2019000.0']),
     ],
 )
 def test_digits_may_be_grouped(tmp_path, decimal, thousands, texts):
@@ -224,6 +227,31 @@ def test_digits_may_be_grouped(tmp_path, decimal, thousands, texts):
     mapping = BY_NUMBER.replace('unit: ms}', layout).replace('sign: -1', 'sign: 1')
     found = read(tmp_path, ''.join(f'{index};{text};2\n' for index, text in enumerate(texts)), mapping)
     np.testing.assert_allclose(found.displacement.values, [1.70121, 0.9995, 1234.567, -1.0])
+
+
+@pytest.mark.parametrize(('name', 'mark'), [('space', b'\xa0'), ('apostrophe', b'\x92')])
+def test_digits_may_be_grouped_by_the_characters_of_windows(tmp_path, name, mark):
+    layout = f'unit: ms}}\n  decimal: comma\n  thousands: {name}\n  delimiter: semicolon'
+    (tmp_path / 'mapping.yaml').write_text(BY_NUMBER.replace('unit: ms}', layout))
+    (tmp_path / 'run.csv').write_bytes(b'0;1' + mark + b'701,21;2\n1;1;2\n')
+    found = read_recording(tmp_path / 'run.csv', mapping=read_mapping(tmp_path / 'mapping.yaml'))
+    np.testing.assert_allclose(found.displacement.values, [-1.70121, -1e-3])
+
+
+@pytest.mark.parametrize(
+    ('decimal', 'texts'),
+    [('point', ['\u22121.5', '1.5D-01', '-1.5d+2', '.5D1']), ('comma', ['\u22121,5', '1,5D-01', '-1,5d+2', ',5D1'])],
+)
+def test_numbers_may_have_a_minus_sign_or_an_exponent_of_fortran(tmp_path, decimal, texts):
+    mapping = BY_NUMBER.replace('unit: ms}', f'unit: ms}}\n  decimal: {decimal}\n  delimiter: semicolon')
+    found = read(tmp_path, ''.join(f'{row};{text};2\n' for row, text in enumerate(texts)), mapping)
+    np.testing.assert_allclose(found.displacement.values, [1.5e-3, -0.15e-3, 0.15, -5e-3])
+
+
+@pytest.mark.parametrize('text', ['12D4', '1D', '1.5Dx'])
+def test_letters_that_are_no_exponent_are_no_number(tmp_path, text):
+    with pytest.raises(InputError, match=f'line 2, column 2 holds “{text}”'):
+        read(tmp_path, f'0 1 2\n1 {text} 2\n')
 
 
 @pytest.mark.parametrize('text', ['1.70,5', '17.0123', '1..701', '1.7011', '.701'])
