@@ -43,6 +43,9 @@ _MOST_NAMES = 1_000
 _LOOKED_AT = 2**16
 """Bytes that tell how a file is encoded."""
 
+_MOST_ASCII = 0.9
+"""Share of characters below U+0100 above which bytes without a byte order mark are text in UTF-16."""
+
 _CHECK = 'check delimiter and header_rows in the mapping; numbers with decimal commas need `decimal: comma`'
 
 _MISSING = {
@@ -81,6 +84,12 @@ _TYPOGRAPHIC = str.maketrans(
 
 _FORTRAN = re.compile(r'([.,]\d*)[Dd](?=[+-]?\d)', re.ASCII)
 """Fraction of a number before the exponent that Fortran writes for double precision, as in 6.8D-01."""
+
+_MARKS = {'.': 'point', ',': 'comma', ' ': 'space', "'": 'apostrophe'}
+"""Names in a mapping of the characters inside of numbers."""
+
+_GROUPED = re.compile(r"[+-]?\d{1,3}([., '])\d{3}(?:\1\d{3})*(?:(?!\1)([.,])\d*)?", re.ASCII)
+"""A number whose digits a character groups by threes: that character and the decimal one."""
 
 _BLOCK = 20_000  # rows whose numbers are made at once
 
@@ -212,7 +221,7 @@ class _Row(NamedTuple):
 
 def _numbers(rows: Iterator[_Row], layout: TableFormat, columns: Sequence[int]) -> Array:
     """Return the numbers of all rows, shape (rows, columns)."""
-    parsers = [_parser(layout, is_time=layout.time is not None and not index) for index in range(len(columns))]
+    parsers = [_parser(layout, is_time=_is_time(index, layout)) for index in range(len(columns))]
     blocks = [np.empty((0, len(columns)))]
     while block := list(islice(rows, _BLOCK)):
         texts = zip(*(row.fields for row in block))
@@ -221,12 +230,19 @@ def _numbers(rows: Iterator[_Row], layout: TableFormat, columns: Sequence[int]) 
             try:
                 blocks[-1][:, index] = parse.all(own)
             except ValueError:
-                blocks[-1][:, index] = _one_by_one(parse, own, block, columns[index], layout)
+                blocks[-1][:, index] = _one_by_one(
+                    parse, own, block, columns[index], layout, is_time=_is_time(index, layout)
+                )
     return np.concatenate(blocks)
 
 
+def _is_time(index: int, layout: TableFormat) -> bool:
+    """Return whether a wanted column is the time, which comes first if a column has it."""
+    return index == 0 and layout.time is not None
+
+
 def _one_by_one(
-    parse: _Parser, texts: Sequence[str], block: Sequence[_Row], column: int, layout: TableFormat
+    parse: _Parser, texts: Sequence[str], block: Sequence[_Row], column: int, layout: TableFormat, *, is_time: bool
 ) -> list[float]:
     """Return the numbers of a column, nan where there is none; refuse what is no number by its line."""
     found = []
@@ -234,7 +250,8 @@ def _one_by_one(
         try:
             found.append(parse.one(text.strip()))
         except ValueError as error:
-            fix = str(error) if isinstance(error, _DateError) else _fix_of(text.strip(), row.line, layout)
+            dated = isinstance(error, _DateError)
+            fix = str(error) if dated else _fix_of(text.strip(), row.line, layout, is_time=is_time)
             where = f'line {row.line}, column {column + 1} holds {quoted(text)}'
             raise InputError(f'cannot be read as a table of numbers: {where}; {fix}') from error
     return found
@@ -324,19 +341,41 @@ def seconds_of(text: str) -> float:
     return days * _DAY + 3600 * int(hours) + 60 * (int(minutes) - ahead) + float(seconds.replace(',', '.'))
 
 
-def _fix_of(text: str, line: int, layout: TableFormat) -> str:
-    """Return what to look at where a text is no number."""
+def _fix_of(text: str, line: int, layout: TableFormat, *, is_time: bool) -> str:
+    """Return what to change if a cell is not a number."""
+    text = text.translate(_TYPOGRAPHIC)
     if _DATE.fullmatch(text):
         return 'if it is the time, `unit: date` reads it'
-    if re.fullmatch(r'[+-]?\d{1,3}(\.\d{3})+,\d*', text):
-        return 'if points group its digits, `table` needs `decimal: comma` and `thousands: point`'
-    if re.fullmatch(r'[+-]?\d{1,3}(,\d{3})+\.\d*', text):
-        return 'if commas group its digits, `table` needs `thousands: comma`'
-    if re.fullmatch(r'[+-]?\d*,\d+', text):
-        return 'if that is a decimal comma, `table` needs `decimal: comma`'
+    if re.search(r'\d:\d\d', text):
+        return 'if it is the time, write it as 2024-05-01 12:00:00.25 or 12:00:00.25 and set `unit: date`'
+    advice = [*_grouping_advice(text, layout.decimal, is_time=is_time), *_decimal_advice(text, layout.decimal)]
+    if advice:
+        return '; '.join(advice)
+    if re.match(r'[^\w"]*\d', text):
+        return f'write the number alone, without a unit or another mark, or {_CHECK}'
     if line == layout.header_rows + 1:
         return f'if names or units stand there, `table` needs `header_rows: {line}`; or {_CHECK}'
     return f'write nan where there is no value, or {_CHECK}'
+
+
+def _grouping_advice(text: str, decimal: str, *, is_time: bool) -> list[str]:
+    """Return which keys read a number if a character groups its digits by threes; empty if none does."""
+    grouped = _GROUPED.fullmatch(text)
+    if not grouped:
+        return []
+    mark, point = grouped.groups()
+    point = point or (decimal if mark != decimal else ',' if mark == '.' else '.')
+    change = f'`table` needs `decimal: {_MARKS[point]}` and ' if point != decimal else ''
+    holder = '`time` needs ' if is_time else '' if change else '`table` needs '
+    return [f'if {_MARKS[mark]}s group its digits, {change}{holder}`thousands: {_MARKS[mark]}`']
+
+
+def _decimal_advice(text: str, decimal: str) -> list[str]:
+    """Return which key reads a number with the other decimal character; empty if the number has none."""
+    other = ',' if decimal == '.' else '.'
+    if not re.fullmatch(rf'[+-]?\d*{re.escape(other)}\d+(?:[Ee][+-]?\d+)?', text, re.ASCII):
+        return []
+    return [f'if that is a decimal {_MARKS[other]}, `table` needs `decimal: {_MARKS[other]}`']
 
 
 def _rows(
@@ -361,7 +400,9 @@ def _rows(
                 del fields[-1]  # empty ones at the end are none
             if not max(least, max(columns) + 1) <= len(fields) <= most:
                 known = f'the header has {len(names)} names' if names else f'the first row has {most}'
-                raise InputError(f'line {lines.number} has {counted(len(fields), "field")}, but {known}: {_CHECK}')
+                text = quoted((layout.delimiter or ' ').join(fields))
+                fix = f'{text}; delete the line if it is a footer, or {_CHECK}' if len(fields) < least else _CHECK
+                raise InputError(f'line {lines.number} has {counted(len(fields), "field")}, but {known}: {fix}')
             yield _Row(lines.number, [fields[column] for column in columns])
 
 
@@ -406,6 +447,10 @@ def _encoding(path: Path) -> str:
         head = stream.read(_LOOKED_AT)
     if head.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
         return 'utf-16'
+    if 0 not in head[::2] and head[1::2].count(0) > _MOST_ASCII * len(head[1::2]):
+        return 'utf-16-le'
+    if 0 not in head[1::2] and head[::2].count(0) > _MOST_ASCII * len(head[::2]):
+        return 'utf-16-be'
     try:
         getincrementaldecoder('utf-8')().decode(head)
     except UnicodeDecodeError as error:
@@ -486,6 +531,7 @@ def _advice(column: str, names: Sequence[str]) -> str:
         return 'for columns by name set header_rows in the mapping'
     if len(names) == 1:
         return 'its header has one name; check the delimiter in the mapping'
-    shown = [name[:_LONGEST_NAME] for name in names[:_MOST_NAMES]]
-    (nearest,) = get_close_matches(column[:_LONGEST_NAME], shown, n=1, cutoff=0.0)
+    shown = {name[:_LONGEST_NAME].lower(): name for name in reversed(names[:_MOST_NAMES])}
+    (found,) = get_close_matches(column[:_LONGEST_NAME].lower(), shown, n=1, cutoff=0.0)
+    nearest = shown[found]
     return f'of its {len(names):,} columns {quoted(nearest)} is the nearest; a column may be given by its number, too'

@@ -187,6 +187,24 @@ def test_a_table_that_cannot_be_read(tmp_path, rows, mapping, message):
         ),
         ('30;1.0;1.701,5', 'if points group its digits, `table` needs `decimal: comma` and `thousands: point`'),
         ('30;1.0;1,5', 'line 5, column 3 holds “1,5”; if that is a decimal comma, `table` needs `decimal: comma`'),
+        (
+            '30;1.0;1,701',
+            'holds “1,701”; if commas group its digits, `table` needs `thousands: comma`; '
+            'if that is a decimal comma, `table` needs `decimal: comma`',
+        ),
+        ('30;1.0;1.701.000', 'if points group its digits, `table` needs `decimal: comma` and `thousands: point`'),
+        ('30;1.0;1 701.5', 'if spaces group its digits, `table` needs `thousands: space`'),
+        ('30;1.0;1\u2019701.5', 'if apostrophes group its digits, `table` needs `thousands: apostrophe`'),
+        (
+            '1.701,5;1;2',
+            'if points group its digits, `table` needs `decimal: comma` and `time` needs `thousands: point`',
+        ),
+        ('30;1.0;2 bar', 'holds “2 bar”; write the number alone, without a unit or another mark'),
+        (
+            '1.5.24 12:00;1;2',
+            'if it is the time, write it as 2024-05-01 12:00:00.25 or 12:00:00.25 and set `unit: date`',
+        ),
+        ('Samples: 10001', 'line 5 has 1 field, but the first row has 3: “Samples: 10001”; delete the line if it is'),
         ('2024-05-01 12:00:00;1.0;2', 'column 1 holds “2024-05-01 12:00:00”; if it is the time, `unit: date` reads it'),
     ],
 )
@@ -194,7 +212,7 @@ def test_a_row_that_is_not_numbers(tmp_path, row, line):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: semicolon')
     with pytest.raises(InputError) as caught:
         read(tmp_path, f'{ROWS.replace(" ", ";")}# a pause\n{row}\n', mapping)
-    assert 'run.csv: cannot be read as a table of numbers: ' in str(caught.value)
+    assert 'run.csv: ' in str(caught.value)
     assert line in str(caught.value)
 
 
@@ -359,6 +377,21 @@ def test_a_time_that_is_no_date_is_refused(tmp_path, time):
         read(tmp_path, f'{time};1;2\n', mapping)
 
 
+@pytest.mark.parametrize(('column', 'nearest'), [('P', 'p'), ('OIL', 'Oil'), ('Öl', 'öl')])
+def test_the_nearest_name_may_differ_in_upper_and_lower_case(tmp_path, column, nearest):
+    mapping = BY_NUMBER.replace('column: 3', f'column: {column}').replace('unit: ms}', 'unit: ms}\n  header_rows: 1')
+    with pytest.raises(InputError, match=f'of its 5 columns “{nearest}” is the nearest'):
+        read(tmp_path, 'T X p Oil öl\n0 1 2 3 4\n', mapping)
+
+
+@pytest.mark.parametrize('encoding', ['utf-16-le', 'utf-16-be'])
+def test_utf_16_needs_no_byte_order_mark(tmp_path, encoding):
+    (tmp_path / 'mapping.yaml').write_text(BY_NUMBER)
+    (tmp_path / 'run.csv').write_bytes(ROWS.encode(encoding))
+    found = read_recording(tmp_path / 'run.csv', mapping=read_mapping(tmp_path / 'mapping.yaml'))
+    np.testing.assert_allclose(found.displacement.values, [-1e-3, -1.5e-3, -2e-3])
+
+
 @pytest.mark.parametrize('encoding', ['utf-8-sig', 'utf-16', 'utf-16-le', 'latin-1'])
 def test_text_may_be_encoded_as_spreadsheets_do(tmp_path, encoding):
     (tmp_path / 'mapping.yaml').write_text(
@@ -448,6 +481,26 @@ def test_points_beside_decimal_commas_group_digits_and_are_refused(tmp_path):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: semicolon\n  decimal: comma')
     with pytest.raises(InputError, match=r'line 1, column 3 holds “101\.325”'):
         read(tmp_path, '0,0;1,5;101.325\n1,0;1,5;101.325\n', mapping)
+
+
+@pytest.mark.parametrize('text', ['0.00155 mm', '(0.123)', '< 0.5', '$5.00'])
+def test_a_first_number_with_a_mark_is_not_taken_for_a_unit(tmp_path, text):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: comma\n  header_rows: 1')
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, f't,x,p\n0,{text},2\n1,2,3\n', mapping)
+    assert f'line 2, column 2 holds “{text}”; write the number alone, without a unit' in str(caught.value)
+
+
+def test_points_group_the_digits_of_a_first_row(tmp_path):
+    layout = 'unit: ms}\n  delimiter: semicolon\n  decimal: comma\n  header_rows: 1'
+    with pytest.raises(InputError, match=r'“170\.121”; if points group its digits, `table` needs `thousands: point`; '):
+        read(tmp_path, 't;x;p\n0,0;1,5;170.121\n1,0;1,5;170.121\n', BY_NUMBER.replace('unit: ms}', layout))
+
+
+def test_the_digits_of_times_may_be_grouped_by_a_named_character(tmp_path):
+    layout = 'unit: ms, thousands: space}\n  delimiter: semicolon'
+    found = read(tmp_path, '990;1;2\n1 000;1;2\n1\u00a0010;1;2\n', BY_NUMBER.replace('unit: ms}', layout))
+    np.testing.assert_allclose(found.displacement.times, [0.0, 0.01, 0.02])
 
 
 def test_a_row_of_units_below_the_names_is_told(tmp_path):
