@@ -25,11 +25,20 @@ from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.sources import Samples, SignalSource
 from cfd_pneumatic.recording.wording import counted
 
-_MAX_TIME = 2**62
-"""Nanoseconds beyond which a time is a mistake."""
+_MAX_TIME = 1e11
+"""Seconds beyond which a time is an input error: 3,000 years. Days of MATLAB and ticks of .NET count from year 0 on."""
 
-_LATEST = 2**31 * NANOSECONDS
-"""Nanoseconds that a stamp cannot hold: days of a spreadsheet count from 1900 on."""
+_LATEST = 2**31
+"""Seconds that a stamp cannot hold: days of a spreadsheet count from 1900 on."""
+
+_MOST_SPAN = 2**62 / NANOSECONDS
+"""Seconds from the first row to another one beyond which a time is an input error."""
+
+_COUNTER_SIZES = (2.0**16, 2.0**32)
+"""Numbers of values that a counter of 16 or 32 bits has."""
+
+_LONGEST_STEP = 10.0
+"""Usual steps within which a counter goes on after it has begun again."""
 
 _LONGEST_LINE = 2**24
 """Characters of a line beyond which a file is no table."""
@@ -183,14 +192,9 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
         if not timed.all():
             notes.append(f'time: dropped {counted(int(np.sum(~timed)), "row")} not finite')
             rows = rows[timed]
-        seconds = (layout.time_scale * rows[:, 0] + layout.time_offset) * (layout.time_unit or 1.0)
+        seconds = _seconds(_unwrapped(rows[:, 0], layout, notes), layout, notes)
         rows = rows[:, 1:]
-    if layout.time_unit is None and np.max(seconds) < _DAY:  # of the day: past midnight
-        seconds[1:] += _DAY * np.cumsum(np.diff(seconds) < -0.5 * _DAY)
-    with np.errstate(over='ignore'):
-        nanoseconds = np.rint(seconds * NANOSECONDS)
-    if np.abs(nanoseconds).max() > _MAX_TIME:
-        raise InputError('the times are far too large: check their column and their unit')
+    nanoseconds = np.rint(seconds * NANOSECONDS)
     alike = int(np.count_nonzero(np.diff(nanoseconds) == 0.0))
     if alike and alike == len(rows) - 1:
         raise InputError('the time never changes: is its column the time, with all its digits?')
@@ -199,9 +203,6 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
             f'time: {alike:,} of {counted(len(rows), "row")} have the time of the row before: were its last digits '
             'cut off, or rows written twice?'
         )
-    if np.abs(nanoseconds).max() > _LATEST:
-        notes.append(f'time: begins at {seconds[0]:g} s, which no stamp of ROS 2 holds: counted from the first row')
-        nanoseconds -= nanoseconds[0]
     offsets = [round(channel.time_offset * NANOSECONDS) for channel in channels]
     stamps = nanoseconds.astype(np.int64)
     stamps -= min(0, int(stamps.min()) + min(offsets))
@@ -210,6 +211,42 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
         for index, (channel, offset) in enumerate(zip(channels, offsets))
     ]
     return samples, notes
+
+
+def _unwrapped(counts: Array, layout: TableFormat, notes: list[str]) -> Array:
+    """
+    Return times as the column counts them, without the jumps back of a counter that begins again.
+
+    The counter has 16 or 32 bits or counts the time of the day. A jump back counts as its end only if the next number
+    then continues the numbers before, so that a clock that was set back is not taken for one.
+    """
+    with np.errstate(over='ignore'):
+        steps = np.diff(counts)
+    forward = steps[steps > 0.0]
+    longest = _LONGEST_STEP * float(np.median(forward)) if forward.size else 0.0
+    sizes = [*_COUNTER_SIZES, *([_DAY / (layout.time_unit * layout.time_scale)] if layout.time_unit else [])]
+    for size in sizes:
+        ends = steps < -0.5 * size
+        after = steps[ends] + size
+        if after.size and np.all((after > 0.0) & (after <= longest)):
+            notes.append(f'time: the counter wraps after {size:,.15g} ({counted(after.size, "time")}): times continue')
+            return counts + size * np.append(0, np.cumsum(ends))
+    return counts
+
+
+def _seconds(counts: Array, layout: TableFormat, notes: list[str]) -> Array:
+    """Return times as the column counts them in seconds, from the first row on if no stamp can hold them."""
+    unit = layout.time_unit or 1.0
+    with np.errstate(over='ignore'):
+        seconds = (layout.time_scale * counts + layout.time_offset) * unit
+        if layout.time_unit is None and np.max(seconds) < _DAY:  # of the day: past midnight
+            seconds[1:] += _DAY * np.cumsum(np.diff(seconds) < -0.5 * _DAY)
+        if _LATEST < np.abs(seconds).max() <= _MAX_TIME:
+            notes.append(f'time: begins at {seconds[0]:g} s, which no stamp of ROS 2 holds: counted from the first row')
+            seconds = layout.time_scale * (counts - counts[0]) * unit  # in this order: large times have few digits
+    if np.abs(seconds).max() > _MOST_SPAN:
+        raise InputError('the times are far too large: check their column and their unit')
+    return seconds
 
 
 class _Row(NamedTuple):

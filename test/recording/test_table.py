@@ -159,7 +159,7 @@ BAD = {
         'the times are far too large: check their column and their unit',
     ),
     'far too late': (
-        '1e10 1 1\n',
+        '1e12 1 1\n',
         BY_NUMBER.replace('unit: ms', 'unit: s'),
         'the times are far too large: check their column and their unit',
     ),
@@ -331,6 +331,9 @@ def test_a_table_may_have_a_sample_period_for_its_time(tmp_path):
     ('unit', 'rows', 'step'),
     [
         ('unit: d', '45413.5 1 2\n45413.50001 2 3\n', 0.864),
+        ('unit: d', '739373.5 1 2\n739373.50001 2 3\n', 0.864),  # MATLAB's datenum
+        ('unit: us, scale: 0.1', '133800000000000000 1 2\n133800000005000000 2 3\n', 0.5),  # FILETIME of Windows
+        ('unit: ns, scale: 100', '638502012000000000 1 2\n638502012005000000 2 3\n', 0.5),  # ticks of .NET
         ('unit: h', '0 1 2\n0.001 2 3\n', 3.6),
         ('unit: min', '0 1 2\n0.5 2 3\n', 30.0),
         ('unit: s, scale: 1/50', '100 1 2\n150 2 3\n', 1.0),
@@ -341,6 +344,33 @@ def test_times_may_be_in_any_unit_and_scale(tmp_path, unit, rows, step):
     found = read(tmp_path, rows, BY_NUMBER.replace('unit: ms', unit))
     np.testing.assert_allclose(np.diff(found.displacement.times), [step], atol=1e-5)
     write_recording(tmp_path / 'bag', found)  # the days of a spreadsheet are later than any stamp
+
+
+@pytest.mark.parametrize(
+    ('unit', 'size'),
+    [('ms', 2**16), ('ms', 2**32), ('us', 2**32), ('ms', 86_400_000), ('s, scale: 1/50', 4_320_000), ('s', 86_400)],
+)
+@pytest.mark.parametrize('first', [-12, 0])
+def test_a_counter_that_begins_again_is_counted_on(tmp_path, unit, size, first):
+    counts = size + first + 5 * np.arange(6)
+    rows = ''.join(f'{count % size} {row} 2\n' for row, count in enumerate(counts))
+    found = read(tmp_path, rows, BY_NUMBER.replace('unit: ms', f'unit: {unit}'))
+    assert len(np.unique(np.diff(found.displacement.times).round(9))) == 1
+    assert any('the counter wraps' in note for note in found.health) == (first < 0)
+    assert len(found.displacement) == 6
+
+
+def test_a_counter_may_begin_again_several_times_and_below_zero(tmp_path):
+    counts = (1000 * np.arange(300) + 2**15) % 2**16 - 2**15
+    found = read(tmp_path, ''.join(f'{count} {row} 2\n' for row, count in enumerate(counts)))
+    np.testing.assert_allclose(np.diff(found.displacement.times), 1.0)
+    assert found.health[0] == 'time: the counter wraps after 65,536 (5 times): times continue'
+
+
+def test_a_clock_that_was_set_back_is_no_counter_that_begins_again(tmp_path):
+    rows = ''.join(f'{count} {row} 2\n' for row, count in enumerate([*range(60_000, 60_100), *range(100)]))
+    with pytest.raises(InputError, match=r'time goes back by 60\.099 s at sample 101'):
+        read(tmp_path, rows)
 
 
 @pytest.mark.parametrize('comment', ['', '\tby hand'])
