@@ -30,6 +30,12 @@ from cfd_pneumatic.units import UNITS
 
 FORCE_AXES = ('x', 'y', 'z')
 
+_MISSING_SHARE, _MISSING_TIME = 0.1, 1.0
+"""Part of a recording without samples of a signal that a note reports: more than this share and this time [s]."""
+
+_SAMPLED = ('displacement', 'pressure', 'force')
+"""Roles whose samples cover a whole recording."""
+
 Paths = list[Path] | list[str] | tuple[Path | str, ...]
 """Several paths; a sequence would not do, for a string is one, too."""
 
@@ -164,6 +170,7 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
     said = {(one.channel.role, one.channel.cylinder): _said(one.channel) for one in samples}
     cleaned = {(one.channel.role, one.channel.cylinder): _clean(one, ambient_pressure) for one in samples}
     epoch = min(int(one.times[0]) for one in cleaned.values())
+    short = _short_signals(cleaned, epoch)
 
     def signal(role: str, cylinder: str | None = None) -> Signal | None:
         found = cleaned.get((role, cylinder))
@@ -180,7 +187,7 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
     moved = signal('displacement')
     displacement = _at_rest(cylinders) if moved is None else moved
     _check_overlap(displacement, cylinders)
-    health = [*notes, *(note for one in cleaned.values() for note in one.notes)]
+    health = [*notes, *(note for one in cleaned.values() for note in one.notes), *short]
     own = {field.name for field in fields(Recording)}
     others = {
         str(other if role == OTHER else role): Signal(_seconds_since(epoch, found.times), found.values)
@@ -240,6 +247,22 @@ def _from_previous(applied: Cleaned) -> Cleaned:
     if len(applied.times) == 1:
         return applied
     return Cleaned(applied.times[:-1], applied.values[1:], applied.notes)
+
+
+def _short_signals(cleaned: Mapping[tuple[str, str | None], Cleaned], epoch: int) -> list[str]:
+    """Return notes on sampled signals that begin later or end earlier than the recording."""
+    spans = {
+        ' '.join(filter(None, (cylinder, role))): tuple((found.times[[0, -1]] - epoch) / NANOSECONDS)
+        for (role, cylinder), found in cleaned.items()
+        if role in _SAMPLED
+    }
+    first, last = (choose(limits) for choose, limits in zip((min, max), zip(*spans.values())))
+    return [
+        f'{name}: samples from {begin:.4g} to {end:.4g} s only, the recording is from {first:.4g} to {last:.4g} s: '
+        'check its sensor and its source'
+        for name, (begin, end) in spans.items()
+        if last - first - (end - begin) > max(_MISSING_SHARE * (last - first), _MISSING_TIME)
+    ]
 
 
 def _check_overlap(displacement: Signal, cylinders: dict[str, CylinderSignals]) -> None:

@@ -194,6 +194,8 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
             rows = rows[timed]
         seconds = _seconds(_unwrapped(rows[:, 0], layout, notes), layout, notes)
         rows = rows[:, 1:]
+    if np.abs(seconds).max() > _MOST_SPAN:
+        raise InputError('the times are far too large: check their column and their unit')
     nanoseconds = np.rint(seconds * NANOSECONDS)
     alike = int(np.count_nonzero(np.diff(nanoseconds) == 0.0))
     if alike and alike == len(rows) - 1:
@@ -244,8 +246,6 @@ def _seconds(counts: Array, layout: TableFormat, notes: list[str]) -> Array:
         if _LATEST < np.abs(seconds).max() <= _MAX_TIME:
             notes.append(f'time: begins at {seconds[0]:g} s, which no stamp of ROS 2 holds: counted from the first row')
             seconds = layout.time_scale * (counts - counts[0]) * unit  # in this order: large times have few digits
-    if np.abs(seconds).max() > _MOST_SPAN:
-        raise InputError('the times are far too large: check their column and their unit')
     return seconds
 
 

@@ -158,6 +158,11 @@ BAD = {
         BY_NUMBER,
         'the times are far too large: check their column and their unit',
     ),
+    'far too long': (
+        '1 1 1\n' * 11,
+        BY_NUMBER.replace('time: {column: 1, unit: ms}', 'sample_period: 1.0e+9'),
+        'the times are far too large: check their column and their unit',
+    ),
     'far too late': (
         '1e12 1 1\n',
         BY_NUMBER.replace('unit: ms', 'unit: s'),
@@ -307,6 +312,17 @@ def test_what_says_that_there_is_no_number_is_left_out_with_a_note(tmp_path, tex
     signal = found.displacement if column == 1 else found.cylinders['cylinder_a'].pressure
     np.testing.assert_allclose(signal.times, [0.0, 0.01, 0.03])
     assert any('dropped 1 sample not finite' in note for note in found.health)
+
+
+def test_a_signal_that_ends_early_is_noted(tmp_path):
+    rows = ''.join(f'{100 * row} {row} {2.0 if row < 50 else "nan"}\n' for row in range(201))
+    assert read(tmp_path, rows).health == (
+        'cylinder_a pressure: dropped 151 samples not finite',
+        'cylinder_a pressure: samples from 0 to 4.9 s only, the recording is from 0 to 20 s: '
+        'check its sensor and its source',
+    )
+    rows = ''.join(f'{100 * row} {row if row > 15 else "nan"} 2\n' for row in range(201))
+    assert len(read(tmp_path, rows).health) == 1, 'less than a tenth is missing'
 
 
 def test_a_row_without_a_time_is_left_out_with_a_note(tmp_path):
