@@ -15,6 +15,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from cfd_pneumatic.arguments import check_path
 from cfd_pneumatic.convention import CYLINDERS, ROLES
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.fields import parse_path
@@ -123,6 +124,7 @@ def read_mapping(path: Path | str) -> ChannelMapping:
         key, and quotes nothing that stands there.
 
     """
+    check_path('path', path)
     path = Path(path)
     content = read_yaml(path)
     try:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import overload
@@ -11,6 +11,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arguments import check_numbers, check_path, check_type
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError, printable
@@ -111,6 +112,13 @@ def read_recording(
     """
     if isinstance(mapping, Path | str):
         mapping = read_mapping(mapping)
+    check_type('mapping', mapping, (ChannelMapping, type(None)), 'a mapping file, or what read_mapping returns')
+    check_type('path', path, (Iterable, Path), 'a path or a list of paths')
+    check_numbers(ambient_pressure=ambient_pressure)
+    check_type('namespace', namespace, (str, type(None)), 'a text')
+    check_type('joint', joint, str, 'a text')
+    if folder is not None:
+        check_path('folder', folder)
     if not isinstance(path, Path | str):
         return [
             read_recording(

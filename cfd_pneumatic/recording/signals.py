@@ -15,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cfd_pneumatic.arguments import check_numbers
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.memory_maps import give_back, parts
@@ -233,6 +234,7 @@ class Recording:
             If that is outside of the recording, or nothing.
 
         """
+        check_numbers(optional=True, begin=begin, end=end)
         lasts = max(float(signal.times[-1]) for _, _, signal in self.signals())
         first, last = (0.0 if begin is None else begin), (lasts if end is None else end)
         if not 0.0 <= first < last or first >= lasts or (end is not None and end > lasts):
