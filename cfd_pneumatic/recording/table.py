@@ -75,9 +75,12 @@ _MISSING = {
         '#div/0!',
         '#value!',
     ),
-    *('#num!', '#ref!', '#name?', '#null!', '1.#qnan', '-1.#qnan', '1.#ind', '-1.#ind', '1.#snan', '1.#inf', '-1.#inf'),
+    *('#num!', '#ref!', '#name?', '#null!'),
 }
-"""What stands where there is no number, in lower case: of spreadsheets, of C and of databases."""
+"""What stands where there is no number, in lower case: of spreadsheets and of databases."""
+
+_NAN_OF_C = re.compile(r'[+-]?1\.#[A-Z]+0*', re.ASCII | re.IGNORECASE)
+"""Text that C of Windows prints for nan and infinity, with zeros up to the number of digits."""
 
 _APOSTROPHE_OF_WINDOWS = '\x92'
 """Typographic apostrophe in Windows-1252, read as Latin-1."""
@@ -328,7 +331,7 @@ class _NumberParser(_Parser):
 
     def one(self, text: str) -> float:
         text = text.translate(_TYPOGRAPHIC)
-        if text.lower() in _MISSING:
+        if text.lower() in _MISSING or _NAN_OF_C.fullmatch(text):
             return math.nan
         if self._thousands and (self._anywhere or (self._grouped and self._grouped.fullmatch(text))):
             text = text.replace(self._thousands, '')

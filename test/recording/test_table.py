@@ -297,6 +297,9 @@ MISSING = [
     '1.#QNAN',
     '-1.#IND',
     '1.#INF',
+    '-1.#IND00',
+    '1.#QNAN0',
+    '1.#QO',
     'NULL',
     'None',
 ]
