@@ -202,8 +202,8 @@ class Device:
         recording
             Its pressures matter only where the piston moves at its beginning: they begin as measured there.
         setpoints
-            Gauge set-points by cylinder, which hold all the time, instead of the recorded ones [Pa]. By default
-            `initial_setpoints` where none was recorded.
+            Gauge set-points by cylinder, which hold all the time, instead of the recorded ones; 0, or 100 Pa or more
+            above or below ambient [Pa]. By default `initial_setpoints` where none was recorded.
         raw
             Whether the samples are taken as they come, and each is answered, as `sim_node` does it.
         measured_pressures
@@ -217,8 +217,8 @@ class Device:
         Raises
         ------
         InputError
-            If it is no recording, a set-point is of no cylinder, or the recording is too short, or lacks the pressures
-            that are asked for.
+            If it is no recording, a set-point is of no cylinder or cannot be in pascals, or the recording is too short,
+            or lacks the pressures that are asked for.
 
         """
         if not isinstance(recording, Recording):

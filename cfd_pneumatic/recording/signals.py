@@ -148,13 +148,14 @@ class Recording:
         """
         Return a recording of signals that were sampled together, as NumPy's arrays or columns of pandas.
 
-        Values that are no finite numbers, times that come twice or out of order, and gaps are treated and noted as
-        those of a file are.
+        Values that are masked or no finite numbers, times that come twice or out of order, and gaps are treated and
+        noted as those of a file are.
 
         Parameters
         ----------
         times : (n,) array
-            Times of the samples [s], or dates.
+            Times of the samples [s], dates or durations of NumPy, pandas or `datetime`, or dates as texts in ISO 8601.
+            Dates without a zone are in UTC.
         displacement : (n,) array or None
             Displacement [m]; +x grows cylinder A. None where the piston rests.
         pressures : Mapping of (n,) arrays
