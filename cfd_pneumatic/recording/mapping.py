@@ -15,6 +15,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from cfd_pneumatic.arguments import check_path
 from cfd_pneumatic.convention import CYLINDERS, ROLES
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.fields import parse_path
@@ -123,6 +124,7 @@ def read_mapping(path: Path | str) -> ChannelMapping:
         key, and quotes nothing that stands there.
 
     """
+    check_path('path', path)
     path = Path(path)
     content = read_yaml(path)
     try:
@@ -154,7 +156,7 @@ class _Entry:
         """Raise if there is a key that isn't known."""
         for key in self.content:
             if key not in known:
-                near = get_close_matches(str(key)[:_LONGEST_KEY], known, n=1)
+                near = get_close_matches(str(key)[:_LONGEST_KEY].lower(), known, n=1)
                 meant = f', did you mean {near[0]}? The' if near else ': the'
                 raise self._error(f'unknown key{meant} keys are {", ".join(known)}', self.content.lines[key])
 
@@ -313,7 +315,7 @@ def _time(entry: _Entry) -> dict[str, Any]:
         'time_unit': None if time.content.get('unit') == _DATE else time.unit('time').si,
         'time_scale': _scale(time),
         'time_offset': time.number('offset', 0.0),
-        'time_thousands': time.text('thousands') if 'thousands' in time else '',
+        'time_thousands': _THOUSANDS.get(mark := time.text('thousands'), mark) if 'thousands' in time else '',
     }
 
 
