@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cfd_pneumatic.arguments import check_path, check_switches, check_type
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.identified import identified_device, identified_recordings
@@ -76,6 +77,7 @@ def identify(
     """
     sizes = tolerance_from([tolerance] if isinstance(tolerance, str) else tolerance)
     options = Options(per_setpoint, fractions, ambient_pressure, close_loop, area, geometric_factor, core, sizes)
+    check_type('recordings', recordings, (Iterable, Recording, Path), 'a recording or a list of recordings')
     given: list[Any] = [recordings] if isinstance(recordings, (Recording, str, Path)) else list(recordings)
     for one in given:
         if not isinstance(one, Recording):
@@ -142,6 +144,8 @@ class Result:
             If the folder can't be written, or a file in it is not to be replaced.
 
         """
+        check_path('folder', folder)
+        check_switches(full=full, overwrite=overwrite)
         return write_report(self.identification, Path(folder), full=full, overwrite=overwrite).files
 
     def plot(self, recording: int = 0) -> list[Axes]:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from cfd_pneumatic.arguments import check_number, check_path, check_switches, check_type
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.device import file
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
@@ -19,6 +20,9 @@ from cfd_pneumatic.model import NAMES, TABLE_1, Cylinder, DeviceModel, ForceGeom
 from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.result_files import check_replaceable
+
+_LEAST_SETPOINT = 100.0
+"""Gauge set-point below which no regulator works [Pa]: a smaller number is in bar or psi."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,6 +49,7 @@ class Device:
 
     def __post_init__(self) -> None:
         """Check every value."""
+        check_type('given', self.given, Mapping, 'a dictionary of parameters')
         object.__setattr__(self, 'given', {name: _checked(name, value) for name, value in self.given.items()})
         _ = self.model, self.identified_range
 
@@ -70,6 +75,7 @@ class Device:
             If it can't be read, describes no cylinder, or a value is none that the model takes.
 
         """
+        check_path('path', path)
         path = Path(path)
         given = file.read(path)
         if not any(name.startswith(f'{cylinder}.') for name in given for cylinder in CYLINDERS):
@@ -98,6 +104,8 @@ class Device:
             If it can't be written, or a file is there that is not to be replaced.
 
         """
+        check_path('path', path)
+        check_switches(overwrite=overwrite)
         check_replaceable(Path(path), file.is_parameter_file, overwrite=overwrite)
         write_text(Path(path), file.saved_text(self.text))
 
@@ -194,8 +202,8 @@ class Device:
         recording
             Its pressures matter only where the piston moves at its beginning: they begin as measured there.
         setpoints
-            Gauge set-points by cylinder, which hold all the time, instead of the recorded ones [Pa]. By default
-            `initial_setpoints` where none was recorded.
+            Gauge set-points by cylinder, which hold all the time, instead of the recorded ones; 0, or 100 Pa or more
+            above or below ambient [Pa]. By default `initial_setpoints` where none was recorded.
         raw
             Whether the samples are taken as they come, and each is answered, as `sim_node` does it.
         measured_pressures
@@ -209,18 +217,16 @@ class Device:
         Raises
         ------
         InputError
-            If it is no recording, a set-point is of no cylinder, or the recording is too short, or lacks the pressures
-            that are asked for.
+            If it is no recording, a set-point is of no cylinder or cannot be in pascals, or the recording is too short,
+            or lacks the pressures that are asked for.
 
         """
         if not isinstance(recording, Recording):
             raise InputError(f'simulate takes a recording, not {type(recording).__name__}: read it first')
+        check_switches(raw=raw, measured_pressures=measured_pressures)
         from cfd_pneumatic.device import simulation  # with SciPy and the smoother, which no node needs
 
-        chosen = dict(setpoints or {})
-        for name in chosen:
-            if name not in self.model.cylinders:
-                raise InputError(f'a set-point of {name}: the cylinders are {", ".join(self.model.cylinders)}')
+        chosen = self._checked_setpoints(setpoints)
         missing = {
             name: level
             for name, level in self.initial_setpoints.items()
@@ -230,6 +236,19 @@ class Device:
         if raw:
             return simulation.answered(self.model, recording, constant)
         return simulation.smoothed(self.model, recording, constant, measured_pressures)
+
+    def _checked_setpoints(self, setpoints: Mapping[str, float] | None) -> dict[str, float]:
+        """Return gauge set-points by cylinder [Pa]; refuse those that cannot be pascals."""
+        if setpoints is None:
+            return {}
+        check_type('setpoints', setpoints, Mapping, 'a dictionary such as setpoints={"cylinder_a": 3e5}')
+        for name, level in setpoints.items():
+            if name not in self.model.cylinders:
+                raise InputError(f'a set-point of {name}: the cylinders are {", ".join(self.model.cylinders)}')
+            check_number(f'the set-point of {name}', level)
+            if not math.isfinite(level) or 0.0 < abs(level) < _LEAST_SETPOINT:
+                raise InputError(f'the set-point of {name} is {level:g} Pa: give pascals above ambient, 3e5 for 3 bar')
+        return dict(setpoints)
 
     def _cylinder(self, name: str, ambient: float) -> Cylinder | None:
         if not self.value(f'{name}.enabled'):

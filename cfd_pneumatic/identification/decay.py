@@ -23,6 +23,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import stdtrit
 
+from cfd_pneumatic.arguments import check_numbers, check_type
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.fit.uncertainty import information
@@ -142,6 +143,8 @@ def decay_of(signal: Signal, ambient_pressure: float) -> Decay:
         If there are too few samples, or the pressure never changes or is not above ambient.
 
     """
+    check_type('signal', signal, Signal, 'a signal, such as recording.cylinders["cylinder_a"].pressure')
+    check_numbers(ambient_pressure=ambient_pressure)
     if len(signal) < _FEWEST_SAMPLES:
         raise InputError(f'{len(signal)} samples are too few: record at least {_FEWEST_SAMPLES}')
     times, pressure = signal.times - signal.times[0], np.asarray(signal.values)

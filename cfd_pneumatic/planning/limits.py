@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
+from cfd_pneumatic.arguments import check_number, check_numbers, check_type
 from cfd_pneumatic.errors import InputError
 
 SHORTEST_STROKE = 1e-5
@@ -46,8 +48,16 @@ class Limits:
 
     def __post_init__(self) -> None:
         """Refuse limits that nothing fits in."""
-        if not SHORTEST_STROKE <= abs(self.stroke) <= 1.0:
-            raise InputError(f'stroke {self.stroke:g} m: give {SHORTEST_STROKE:g} to 1 m, in either direction')
+        check_type('pressures', self.pressures, Collection, 'the lowest and the highest set-point')
+        if len(self.pressures) != 2:
+            raise InputError(f'pressures has {len(self.pressures)} numbers: give the lowest and the highest set-point')
+        for level in self.pressures:
+            check_number('a set-point of pressures', level)
+        check_numbers(stroke=self.stroke, speed=self.speed, acceleration=self.acceleration, duration=self.duration)
+        if not SHORTEST_STROKE <= abs(self.stroke) < 1.0:
+            raise InputError(
+                f'stroke {self.stroke:g} m: give metres, {SHORTEST_STROKE:g} to below 1 m, in either direction'
+            )
         if not SLOWEST <= self.speed <= 100.0:
             raise InputError(f'speed {self.speed:g} m/s: give {SLOWEST:g} to 100 m/s')
         if not 1e-3 <= self.acceleration <= 1e5:
@@ -93,6 +103,7 @@ class Sensing:
 
     def __post_init__(self) -> None:
         """Refuse what no sensor has."""
+        check_numbers(**vars(self))
         for name, (unit, largest) in _LARGEST_NOISE.items():
             noise = getattr(self, name)
             if not 0.0 <= noise <= largest or (noise == 0.0 and name != 'displacement_noise'):

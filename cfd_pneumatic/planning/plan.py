@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cfd_pneumatic.arguments import check_path, check_switches, check_type
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.split import PARTS
@@ -57,6 +58,8 @@ class Plan(Planned):
             If the folder can't be written, or a file in it is not to be replaced.
 
         """
+        check_path('folder', folder)
+        check_switches(overwrite=overwrite)
         return write_plan(self, Path(folder), overwrite=overwrite)
 
     def __str__(self) -> str:
@@ -74,6 +77,10 @@ def plan(device: Device, limits: Limits, sensing: Sensing = Sensing(), wanted: C
         If something is wanted that there is not, or nothing or too much fits within the limits.
 
     """
+    check_type('device', device, Device, 'a device')
+    check_type('limits', limits, Limits, 'Limits')
+    check_type('sensing', sensing, Sensing, 'Sensing')
+    check_type('wanted', wanted, Collection, 'a list of parameters and effects')
     for name in wanted:
         if name not in WANTED:
             raise InputError(f'{name} is neither a parameter nor an effect: wanted may be {", ".join(WANTED)}')

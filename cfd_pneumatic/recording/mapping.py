@@ -15,6 +15,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from cfd_pneumatic.arguments import check_path
 from cfd_pneumatic.convention import CYLINDERS, ROLES
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags.fields import parse_path
@@ -63,7 +64,8 @@ TOPIC_KEYS = {
 
 TABLE_KEYS = {
     'time': '`column` and `unit` of the time; `date` is the unit of 2024-05-01 12:00:00.25 and of 12:00:00.25; '
-    '`thousands` if a character groups its digits, as in 119.141.000; `scale`, and `offset` after it, in its unit',
+    '`thousands` if a character groups its digits, as in 119.141.000; `scale`, and `offset` after it, in its unit. '
+    'Counters of 16 and 32 bits that wrap are continued',
     'sample_period': 'time between rows [s], where no column has the time',
     'delimiter': f'one character, or one of {", ".join(_DELIMITERS)}; white space if not given',
     'decimal': '`comma` where numbers are written 1,5; points if not given',
@@ -123,6 +125,7 @@ def read_mapping(path: Path | str) -> ChannelMapping:
         key, and quotes nothing that stands there.
 
     """
+    check_path('path', path)
     path = Path(path)
     content = read_yaml(path)
     try:
@@ -154,7 +157,7 @@ class _Entry:
         """Raise if there is a key that isn't known."""
         for key in self.content:
             if key not in known:
-                near = get_close_matches(str(key)[:_LONGEST_KEY], known, n=1)
+                near = get_close_matches(str(key)[:_LONGEST_KEY].lower(), known, n=1)
                 meant = f', did you mean {near[0]}? The' if near else ': the'
                 raise self._error(f'unknown key{meant} keys are {", ".join(known)}', self.content.lines[key])
 
@@ -313,7 +316,7 @@ def _time(entry: _Entry) -> dict[str, Any]:
         'time_unit': None if time.content.get('unit') == _DATE else time.unit('time').si,
         'time_scale': _scale(time),
         'time_offset': time.number('offset', 0.0),
-        'time_thousands': time.text('thousands') if 'thousands' in time else '',
+        'time_thousands': _THOUSANDS.get(mark := time.text('thousands'), mark) if 'thousands' in time else '',
     }
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import overload
@@ -11,6 +11,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arguments import check_numbers, check_path, check_type
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError, printable
@@ -31,6 +32,12 @@ from cfd_pneumatic.recording.wording import counted
 from cfd_pneumatic.units import UNITS
 
 FORCE_AXES = ('x', 'y', 'z')
+
+_MISSING_SHARE, _MISSING_TIME = 0.1, 1.0
+"""Part of a recording without samples of a signal that a note reports: more than this share and this time [s]."""
+
+_SAMPLED = ('displacement', 'pressure', 'force')
+"""Roles whose samples cover a whole recording."""
 
 Paths = list[Path] | list[str] | tuple[Path | str, ...]
 """Several paths; a sequence would not do, for a string is one, too."""
@@ -107,6 +114,13 @@ def read_recording(
     """
     if isinstance(mapping, Path | str):
         mapping = read_mapping(mapping)
+    check_type('mapping', mapping, (ChannelMapping, type(None)), 'a mapping file, or what read_mapping returns')
+    check_type('path', path, (Iterable, Path), 'a path or a list of paths')
+    check_numbers(ambient_pressure=ambient_pressure)
+    check_type('namespace', namespace, (str, type(None)), 'a text')
+    check_type('joint', joint, str, 'a text')
+    if folder is not None:
+        check_path('folder', folder)
     if not isinstance(path, Path | str):
         return [
             read_recording(
@@ -166,6 +180,7 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
     said = {(one.channel.role, one.channel.cylinder): _said(one.channel) for one in samples}
     cleaned = {(one.channel.role, one.channel.cylinder): _clean(one, ambient_pressure) for one in samples}
     epoch = min(int(one.times[0]) for one in cleaned.values())
+    short = _short_signals(cleaned, epoch)
 
     def signal(role: str, cylinder: str | None = None) -> Signal | None:
         found = cleaned.get((role, cylinder))
@@ -182,7 +197,7 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
     moved = signal('displacement')
     displacement = _at_rest(cylinders) if moved is None else moved
     _check_overlap(displacement, cylinders)
-    health = [*notes, *(note for one in cleaned.values() for note in one.notes)]
+    health = [*notes, *(note for one in cleaned.values() for note in one.notes), *short]
     own = {field.name for field in fields(Recording)}
     others = {
         str(other if role == OTHER else role): Signal(_seconds_since(epoch, found.times), found.values)
@@ -253,6 +268,22 @@ def _from_previous(applied: Cleaned) -> Cleaned:
     if len(applied.times) == 1:
         return applied
     return Cleaned(applied.times[:-1], applied.values[1:], applied.notes)
+
+
+def _short_signals(cleaned: Mapping[tuple[str, str | None], Cleaned], epoch: int) -> list[str]:
+    """Return notes on sampled signals that begin later or end earlier than the recording."""
+    spans = {
+        ' '.join(filter(None, (cylinder, role))): tuple((found.times[[0, -1]] - epoch) / NANOSECONDS)
+        for (role, cylinder), found in cleaned.items()
+        if role in _SAMPLED
+    }
+    first, last = (choose(limits) for choose, limits in zip((min, max), zip(*spans.values())))
+    return [
+        f'{name}: samples from {begin:.4g} to {end:.4g} s only, the recording is from {first:.4g} to {last:.4g} s: '
+        'check its sensor and its source'
+        for name, (begin, end) in spans.items()
+        if last - first - (end - begin) > max(_MISSING_SHARE * (last - first), _MISSING_TIME)
+    ]
 
 
 def _check_overlap(displacement: Signal, cylinders: dict[str, CylinderSignals]) -> None:

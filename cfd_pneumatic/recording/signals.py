@@ -15,6 +15,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cfd_pneumatic.arguments import check_numbers
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.memory_maps import give_back, parts
@@ -147,13 +148,14 @@ class Recording:
         """
         Return a recording of signals that were sampled together, as NumPy's arrays or columns of pandas.
 
-        Values that are no finite numbers, times that come twice or out of order, and gaps are treated and noted as
-        those of a file are.
+        Values that are masked or no finite numbers, times that come twice or out of order, and gaps are treated and
+        noted as those of a file are.
 
         Parameters
         ----------
         times : (n,) array
-            Times of the samples [s], or dates.
+            Times of the samples [s], dates or durations of NumPy, pandas or `datetime`, or dates as texts in ISO 8601.
+            Dates without a zone are in UTC.
         displacement : (n,) array or None
             Displacement [m]; +x grows cylinder A. None where the piston rests.
         pressures : Mapping of (n,) arrays
@@ -233,6 +235,7 @@ class Recording:
             If that is outside of the recording, or nothing.
 
         """
+        check_numbers(optional=True, begin=begin, end=end)
         lasts = max(float(signal.times[-1]) for _, _, signal in self.signals())
         first, last = (0.0 if begin is None else begin), (lasts if end is None else end)
         if not 0.0 <= first < last or first >= lasts or (end is not None and end > lasts):

@@ -25,11 +25,20 @@ from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.sources import Samples, SignalSource
 from cfd_pneumatic.recording.wording import counted
 
-_MAX_TIME = 2**62
-"""Nanoseconds beyond which a time is a mistake."""
+_MAX_TIME = 1e11
+"""Seconds beyond which a time is an input error: 3,000 years. Days of MATLAB and ticks of .NET count from year 0 on."""
 
-_LATEST = 2**31 * NANOSECONDS
-"""Nanoseconds that a stamp cannot hold: days of a spreadsheet count from 1900 on."""
+_LATEST = 2**31
+"""Seconds that a stamp cannot hold: days of a spreadsheet count from 1900 on."""
+
+_MOST_SPAN = 2**62 / NANOSECONDS
+"""Seconds from the first row to another one beyond which a time is an input error."""
+
+_COUNTER_SIZES = (2.0**16, 2.0**32)
+"""Numbers of values that a counter of 16 or 32 bits has."""
+
+_LONGEST_STEP = 10.0
+"""Usual steps within which a counter goes on after it has begun again."""
 
 _LONGEST_LINE = 2**24
 """Characters of a line beyond which a file is no table."""
@@ -42,6 +51,9 @@ _MOST_NAMES = 1_000
 
 _LOOKED_AT = 2**16
 """Bytes that tell how a file is encoded."""
+
+_MOST_ASCII = 0.9
+"""Share of characters below U+0100 above which bytes without a byte order mark are text in UTF-16."""
 
 _CHECK = 'check delimiter and header_rows in the mapping; numbers with decimal commas need `decimal: comma`'
 
@@ -63,9 +75,33 @@ _MISSING = {
         '#div/0!',
         '#value!',
     ),
-    *('#num!', '#ref!', '#name?', '#null!', '1.#qnan', '-1.#qnan', '1.#ind', '-1.#ind', '1.#snan', '1.#inf', '-1.#inf'),
+    *('#num!', '#ref!', '#name?', '#null!'),
 }
-"""What stands where there is no number, in lower case: of spreadsheets, of C and of databases."""
+"""What stands where there is no number, in lower case: of spreadsheets and of databases."""
+
+_NAN_OF_C = re.compile(r'[+-]?1\.#[A-Z]+0*', re.ASCII | re.IGNORECASE)
+"""Text that C of Windows prints for nan and infinity, with zeros up to the number of digits."""
+
+_APOSTROPHE_OF_WINDOWS = '\x92'
+"""Typographic apostrophe in Windows-1252, read as Latin-1."""
+
+_TYPOGRAPHIC = str.maketrans(
+    {
+        **dict.fromkeys('\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}', ' '),
+        **dict.fromkeys(f'\N{RIGHT SINGLE QUOTATION MARK}{_APOSTROPHE_OF_WINDOWS}', "'"),
+        '\N{MINUS SIGN}': '-',
+    }
+)
+"""Characters that spreadsheets and reports write for a space, an apostrophe and a minus."""
+
+_FORTRAN = re.compile(r'([.,]\d*)[Dd](?=[+-]?\d)', re.ASCII)
+"""Fraction of a number before the exponent that Fortran writes for double precision, as in 6.8D-01."""
+
+_MARKS = {'.': 'point', ',': 'comma', ' ': 'space', "'": 'apostrophe'}
+"""Names in a mapping of the characters inside of numbers."""
+
+_GROUPED = re.compile(r"[+-]?\d{1,3}([., '])\d{3}(?:\1\d{3})*(?:(?!\1)([.,])\d*)?", re.ASCII)
+"""A number whose digits a character groups by threes: that character and the decimal one."""
 
 _BLOCK = 20_000  # rows whose numbers are made at once
 
@@ -159,14 +195,11 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
         if not timed.all():
             notes.append(f'time: dropped {counted(int(np.sum(~timed)), "row")} not finite')
             rows = rows[timed]
-        seconds = (layout.time_scale * rows[:, 0] + layout.time_offset) * (layout.time_unit or 1.0)
+        seconds = _seconds(_unwrapped(rows[:, 0], layout, notes), layout, notes)
         rows = rows[:, 1:]
-    if layout.time_unit is None and np.max(seconds) < _DAY:  # of the day: past midnight
-        seconds[1:] += _DAY * np.cumsum(np.diff(seconds) < -0.5 * _DAY)
-    with np.errstate(over='ignore'):
-        nanoseconds = np.rint(seconds * NANOSECONDS)
-    if np.abs(nanoseconds).max() > _MAX_TIME:
+    if np.abs(seconds).max() > _MOST_SPAN:
         raise InputError('the times are far too large: check their column and their unit')
+    nanoseconds = np.rint(seconds * NANOSECONDS)
     alike = int(np.count_nonzero(np.diff(nanoseconds) == 0.0))
     if alike and alike == len(rows) - 1:
         raise InputError('the time never changes: is its column the time, with all its digits?')
@@ -175,9 +208,6 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
             f'time: {alike:,} of {counted(len(rows), "row")} have the time of the row before: were its last digits '
             'cut off, or rows written twice?'
         )
-    if np.abs(nanoseconds).max() > _LATEST:
-        notes.append(f'time: begins at {seconds[0]:g} s, which no stamp of ROS 2 holds: counted from the first row')
-        nanoseconds -= nanoseconds[0]
     offsets = [round(channel.time_offset * NANOSECONDS) for channel in channels]
     stamps = nanoseconds.astype(np.int64)
     stamps -= min(0, int(stamps.min()) + min(offsets))
@@ -186,6 +216,40 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
         for index, (channel, offset) in enumerate(zip(channels, offsets))
     ]
     return samples, notes
+
+
+def _unwrapped(counts: Array, layout: TableFormat, notes: list[str]) -> Array:
+    """
+    Return times as the column counts them, without the jumps back of a counter that begins again.
+
+    The counter has 16 or 32 bits or counts the time of the day. A jump back counts as its end only if the next number
+    then continues the numbers before, so that a clock that was set back is not taken for one.
+    """
+    with np.errstate(over='ignore'):
+        steps = np.diff(counts)
+    forward = steps[steps > 0.0]
+    longest = _LONGEST_STEP * float(np.median(forward)) if forward.size else 0.0
+    sizes = [*_COUNTER_SIZES, *([_DAY / (layout.time_unit * layout.time_scale)] if layout.time_unit else [])]
+    for size in sizes:
+        ends = steps < -0.5 * size
+        after = steps[ends] + size
+        if after.size and np.all((after > 0.0) & (after <= longest)):
+            notes.append(f'time: the counter wraps after {size:,.15g} ({counted(after.size, "time")}): times continue')
+            return counts + size * np.append(0, np.cumsum(ends))
+    return counts
+
+
+def _seconds(counts: Array, layout: TableFormat, notes: list[str]) -> Array:
+    """Return times as the column counts them in seconds, from the first row on if no stamp can hold them."""
+    unit = layout.time_unit or 1.0
+    with np.errstate(over='ignore'):
+        seconds = (layout.time_scale * counts + layout.time_offset) * unit
+        if layout.time_unit is None and np.max(seconds) < _DAY:  # of the day: past midnight
+            seconds[1:] += _DAY * np.cumsum(np.diff(seconds) < -0.5 * _DAY)
+        if _LATEST < np.abs(seconds).max() <= _MAX_TIME:
+            notes.append(f'time: begins at {seconds[0]:g} s, which no stamp of ROS 2 holds: counted from the first row')
+            seconds = layout.time_scale * (counts - counts[0]) * unit  # in this order: large times have few digits
+    return seconds
 
 
 class _Row(NamedTuple):
@@ -197,7 +261,7 @@ class _Row(NamedTuple):
 
 def _numbers(rows: Iterator[_Row], layout: TableFormat, columns: Sequence[int]) -> Array:
     """Return the numbers of all rows, shape (rows, columns)."""
-    parsers = [_parser(layout, is_time=layout.time is not None and not index) for index in range(len(columns))]
+    parsers = [_parser(layout, is_time=_is_time(index, layout)) for index in range(len(columns))]
     blocks = [np.empty((0, len(columns)))]
     while block := list(islice(rows, _BLOCK)):
         texts = zip(*(row.fields for row in block))
@@ -206,12 +270,19 @@ def _numbers(rows: Iterator[_Row], layout: TableFormat, columns: Sequence[int]) 
             try:
                 blocks[-1][:, index] = parse.all(own)
             except ValueError:
-                blocks[-1][:, index] = _one_by_one(parse, own, block, columns[index], layout)
+                blocks[-1][:, index] = _one_by_one(
+                    parse, own, block, columns[index], layout, is_time=_is_time(index, layout)
+                )
     return np.concatenate(blocks)
 
 
+def _is_time(index: int, layout: TableFormat) -> bool:
+    """Return whether a wanted column is the time, which comes first if a column has it."""
+    return index == 0 and layout.time is not None
+
+
 def _one_by_one(
-    parse: _Parser, texts: Sequence[str], block: Sequence[_Row], column: int, layout: TableFormat
+    parse: _Parser, texts: Sequence[str], block: Sequence[_Row], column: int, layout: TableFormat, *, is_time: bool
 ) -> list[float]:
     """Return the numbers of a column, nan where there is none; refuse what is no number by its line."""
     found = []
@@ -219,7 +290,8 @@ def _one_by_one(
         try:
             found.append(parse.one(text.strip()))
         except ValueError as error:
-            fix = str(error) if isinstance(error, _DateError) else _fix_of(text.strip(), row.line, layout)
+            dated = isinstance(error, _DateError)
+            fix = str(error) if dated else _fix_of(text.strip(), row.line, layout, is_time=is_time)
             where = f'line {row.line}, column {column + 1} holds {quoted(text)}'
             raise InputError(f'cannot be read as a table of numbers: {where}; {fix}') from error
     return found
@@ -240,6 +312,7 @@ class _Parser:
 class _NumberParser(_Parser):
     def __init__(self, decimal: str, thousands: str, *, anywhere: bool = False) -> None:
         """Take what groups digits for that by threes only, or anywhere."""
+        thousands = thousands.translate(_TYPOGRAPHIC)
         self._decimal, self._thousands, self._anywhere = decimal, thousands, anywhere
         mark = re.escape(thousands)
         self._grouped = (
@@ -257,13 +330,14 @@ class _NumberParser(_Parser):
         return np.array(texts, dtype=float)
 
     def one(self, text: str) -> float:
-        if text.lower() in _MISSING:
+        text = text.translate(_TYPOGRAPHIC)
+        if text.lower() in _MISSING or _NAN_OF_C.fullmatch(text):
             return math.nan
         if self._thousands and (self._anywhere or (self._grouped and self._grouped.fullmatch(text))):
             text = text.replace(self._thousands, '')
         if '_' in text or not text.isascii() or (self._decimal == ',' and '.' in text):
             raise ValueError(text)
-        return float(text.replace(self._decimal, '.'))
+        return float(_FORTRAN.sub(r'\1e', text).replace(self._decimal, '.'))
 
 
 class _DateParser(_Parser):
@@ -307,19 +381,41 @@ def seconds_of(text: str) -> float:
     return days * _DAY + 3600 * int(hours) + 60 * (int(minutes) - ahead) + float(seconds.replace(',', '.'))
 
 
-def _fix_of(text: str, line: int, layout: TableFormat) -> str:
-    """Return what to look at where a text is no number."""
+def _fix_of(text: str, line: int, layout: TableFormat, *, is_time: bool) -> str:
+    """Return what to change if a cell is not a number."""
+    text = text.translate(_TYPOGRAPHIC)
     if _DATE.fullmatch(text):
         return 'if it is the time, `unit: date` reads it'
-    if re.fullmatch(r'[+-]?\d{1,3}(\.\d{3})+,\d*', text):
-        return 'if points group its digits, `table` needs `decimal: comma` and `thousands: point`'
-    if re.fullmatch(r'[+-]?\d{1,3}(,\d{3})+\.\d*', text):
-        return 'if commas group its digits, `table` needs `thousands: comma`'
-    if re.fullmatch(r'[+-]?\d*,\d+', text):
-        return 'if that is a decimal comma, `table` needs `decimal: comma`'
+    if re.search(r'\d:\d\d', text):
+        return 'if it is the time, write it as 2024-05-01 12:00:00.25 or 12:00:00.25 and set `unit: date`'
+    advice = [*_grouping_advice(text, layout.decimal, is_time=is_time), *_decimal_advice(text, layout.decimal)]
+    if advice:
+        return '; '.join(advice)
+    if re.match(r'[^\w"]*\d', text):
+        return f'write the number alone, without a unit or another mark, or {_CHECK}'
     if line == layout.header_rows + 1:
         return f'if names or units stand there, `table` needs `header_rows: {line}`; or {_CHECK}'
     return f'write nan where there is no value, or {_CHECK}'
+
+
+def _grouping_advice(text: str, decimal: str, *, is_time: bool) -> list[str]:
+    """Return which keys read a number if a character groups its digits by threes; empty if none does."""
+    grouped = _GROUPED.fullmatch(text)
+    if not grouped:
+        return []
+    mark, point = grouped.groups()
+    point = point or (decimal if mark != decimal else ',' if mark == '.' else '.')
+    change = f'`table` needs `decimal: {_MARKS[point]}` and ' if point != decimal else ''
+    holder = '`time` needs ' if is_time else '' if change else '`table` needs '
+    return [f'if {_MARKS[mark]}s group its digits, {change}{holder}`thousands: {_MARKS[mark]}`']
+
+
+def _decimal_advice(text: str, decimal: str) -> list[str]:
+    """Return which key reads a number with the other decimal character; empty if the number has none."""
+    other = ',' if decimal == '.' else '.'
+    if not re.fullmatch(rf'[+-]?\d*{re.escape(other)}\d+(?:[Ee][+-]?\d+)?', text, re.ASCII):
+        return []
+    return [f'if that is a decimal {_MARKS[other]}, `table` needs `decimal: {_MARKS[other]}`']
 
 
 def _rows(
@@ -344,7 +440,9 @@ def _rows(
                 del fields[-1]  # empty ones at the end are none
             if not max(least, max(columns) + 1) <= len(fields) <= most:
                 known = f'the header has {len(names)} names' if names else f'the first row has {most}'
-                raise InputError(f'line {lines.number} has {counted(len(fields), "field")}, but {known}: {_CHECK}')
+                text = quoted((layout.delimiter or ' ').join(fields))
+                fix = f'{text}; delete the line if it is a footer, or {_CHECK}' if len(fields) < least else _CHECK
+                raise InputError(f'line {lines.number} has {counted(len(fields), "field")}, but {known}: {fix}')
             yield _Row(lines.number, [fields[column] for column in columns])
 
 
@@ -389,10 +487,14 @@ def _encoding(path: Path) -> str:
         head = stream.read(_LOOKED_AT)
     if head.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
         return 'utf-16'
+    if 0 not in head[::2] and head[1::2].count(0) > _MOST_ASCII * len(head[1::2]):
+        return 'utf-16-le'
+    if 0 not in head[1::2] and head[::2].count(0) > _MOST_ASCII * len(head[::2]):
+        return 'utf-16-be'
     try:
         getincrementaldecoder('utf-8')().decode(head)
     except UnicodeDecodeError as error:
-        if re.search(rb'[\x00-\x08\x0e-\x1f\x7f-\x9f]', head):
+        if re.search(rb'[\x00-\x08\x0e-\x1f\x7f-\x91\x93-\x9f]', head):
             raise InputError('is not a text file, and the mapping is for tables') from error
         return 'latin-1'
     return 'utf-8-sig'
@@ -469,6 +571,7 @@ def _advice(column: str, names: Sequence[str]) -> str:
         return 'for columns by name set header_rows in the mapping'
     if len(names) == 1:
         return 'its header has one name; check the delimiter in the mapping'
-    shown = [name[:_LONGEST_NAME] for name in names[:_MOST_NAMES]]
-    (nearest,) = get_close_matches(column[:_LONGEST_NAME], shown, n=1, cutoff=0.0)
+    shown = {name[:_LONGEST_NAME].lower(): name for name in reversed(names[:_MOST_NAMES])}
+    (found,) = get_close_matches(column[:_LONGEST_NAME].lower(), shown, n=1, cutoff=0.0)
+    nearest = shown[found]
     return f'of its {len(names):,} columns {quoted(nearest)} is the nearest; a column may be given by its number, too'

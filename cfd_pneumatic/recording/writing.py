@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cfd_pneumatic.arguments import check_numbers, check_path, check_switches, check_type
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError, printable
@@ -65,6 +66,11 @@ def write_recording(
         If the bag can't be written, the recording's times don't fit a message, or ROS 2 has no such namespace.
 
     """
+    check_path('path', path)
+    check_type('recording', recording, Recording, 'a recording')
+    check_type('namespace', namespace, str, 'a text')
+    check_numbers(ambient_pressure=ambient_pressure)
+    check_switches(overwrite=overwrite)
     if len(namespace) > _LONGEST_NAMESPACE or not _NAMESPACE.fullmatch(namespace):
         raise InputError(
             f'namespace {printable(namespace)[:_LONGEST_NAMESPACE]}: give one as ROS 2 has it, /cfd/device'

@@ -140,8 +140,8 @@ def compare(before: Path, after: Path, texts: bool) -> int:
     names = [{path.name for path in folder.glob('*.json')} for folder in (before, after)]
     different = 0
     for name in sorted(names[0] & names[1]):
-        pair = (json.loads((folder / name).read_text(encoding='utf-8')) for folder in (before, after))
-        found = list(differences(*pair, texts))
+        first, second = (json.loads((folder / name).read_text(encoding='utf-8')) for folder in (before, after))
+        found = list(differences(first, second, texts))
         different += bool(found)
         for line in found[:_MOST_SHOWN]:
             print(f'{name}{line}')

@@ -194,6 +194,63 @@ def test_what_is_no_recording_is_an_error_for_the_user(wrong):
         _ = cfd.nothing
 
 
+WRONG = {
+    'recordings': (lambda made: cfd.identify(None), 'recordings must be a recording or a list of recordings, not None'),
+    'area': (lambda made: cfd.identify(made, area='1e-3'), 'area must be a number, not str'),
+    'area true': (lambda made: cfd.identify(made, area=True), 'area must be a number, not True'),
+    'close_loop': (lambda made: cfd.identify(made, close_loop='no'), 'close_loop must be True or False, not str'),
+    'fractions': (lambda made: cfd.identify(made, fractions=0.6), 'fractions must be three shares, not float'),
+    'share': (lambda made: cfd.identify(made, fractions='0.6'), 'a share of fractions must be a number, not str'),
+    'tolerance': (lambda made: cfd.identify(made, tolerance=5), 'tolerance must be a text such as 300Pa'),
+    'path': (lambda made: cfd.read_recording(None), 'path must be a path or a list of paths, not None'),
+    'paths': (lambda made: cfd.read_recording([None]), 'path must be a path or a list of paths, not None'),
+    'mapping': (
+        lambda made: cfd.read_recording('x', mapping={}),
+        'mapping must be a mapping file, or what .*, not dict',
+    ),
+    'ambient': (
+        lambda made: cfd.read_recording('x', ambient_pressure='1'),
+        'ambient_pressure must be a number, not str',
+    ),
+    'joint': (lambda made: cfd.read_recording('x', joint=None), 'joint must be a text, not None'),
+    'mapping file': (lambda made: cfd.read_mapping(None), 'path must be a path, not None'),
+    'bag': (lambda made: cfd.write_recording(None, made), 'path must be a path, not None'),
+    'no recording': (lambda made: cfd.write_recording('x', 'y'), 'recording must be a recording, not str'),
+    'device file': (lambda made: cfd.Device.load(None), 'path must be a path, not None'),
+    'parameters': (lambda made: cfd.Device(None), 'given must be a dictionary of parameters, not None'),
+    'saved device': (lambda made: cfd.Device.load(TABLE_1).save(None), 'path must be a path, not None'),
+    'overwrite': (lambda made: cfd.Device({}).save('x', overwrite='no'), 'overwrite must be True or False, not str'),
+    'set-points': (lambda made: cfd.Device({}).simulate(made, setpoints=3e5), 'setpoints must be a dictionary such as'),
+    'set-point': (
+        lambda made: cfd.Device({}).simulate(made, setpoints={'cylinder_a': '3'}),
+        'the set-point of cylinder_a must be a number, not str',
+    ),
+    'set-point in bar': (
+        lambda made: cfd.Device({}).simulate(made, setpoints={'cylinder_a': 3}),
+        'the set-point of cylinder_a is 3 Pa: give pascals above ambient, 3e5 for 3 bar',
+    ),
+    'raw': (lambda made: cfd.Device({}).simulate(made, raw='no'), 'raw must be True or False, not str'),
+    'ambient of a decay': (lambda made: cfd.decay_of(made.displacement, 'x'), 'ambient_pressure must be a number'),
+    'decay': (lambda made: cfd.decay_of(made, 101_325), 'signal must be a signal, such as .*, not Recording'),
+    'device': (lambda made: cfd.plan(None, cfd.Limits((35e3, 70e3))), 'device must be a device, not None'),
+    'limits': (lambda made: cfd.plan(cfd.Device({}), None), 'limits must be Limits, not None'),
+    'pressures': (lambda made: cfd.Limits(35e3), 'pressures must be the lowest and the highest set-point, not float'),
+    'three pressures': (lambda made: cfd.Limits((1e3, 2e3, 3e3)), 'pressures has 3 numbers: give the lowest and the'),
+    'a pressure': (lambda made: cfd.Limits(('1', '2')), 'a set-point of pressures must be a number, not str'),
+    'stroke': (lambda made: cfd.Limits((35e3, 70e3), stroke='3'), 'stroke must be a number, not str'),
+    'stroke in millimetres': (lambda made: cfd.Limits((35e3, 70e3), stroke=-1), 'stroke -1 m: give metres'),
+    'sensing': (lambda made: cfd.Sensing(sample_rate='500'), 'sample_rate must be a number, not str'),
+}
+
+
+@pytest.mark.parametrize(('call', 'message'), WRONG.values(), ids=WRONG.keys())
+def test_an_argument_of_a_wrong_type_is_an_error_for_the_user(call, message):
+    times = np.linspace(0.0, 2.0, 1001)
+    made = cfd.Recording.from_arrays(times, 1e-3 * np.sin(times), {'cylinder_a': 1.5e5 + 1e3 * times})
+    with pytest.raises(cfd.InputError, match=f'^{message}'):
+        call(made)
+
+
 IMPORTED = """
 import os, pkgutil, signal
 import matplotlib, numba, numpy, yaml

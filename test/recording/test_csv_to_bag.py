@@ -140,7 +140,8 @@ REFUSED = {
     'a field too few': (
         NAMED,
         't,x,p,f\n0,1,2,3\n\n# a remark\n10,1,3\n20,1,2,3\n',
-        f'run.csv: line 5 has 3 fields, but the header has 4 names: {CHECK}',
+        'run.csv: line 5 has 3 fields, but the header has 4 names: “10,1,3”; delete the line if it is a footer, '
+        f'or {CHECK}',
     ),
     'a name too few': (
         NAMED,

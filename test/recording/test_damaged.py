@@ -70,7 +70,7 @@ def test_what_a_cut_off_file_still_holds_is_salvaged(long_bags, tmp_path, storag
         (note,) = read.health[1:]
         assert re.fullmatch(r'cut.mcap is damaged: left out what was received later than \S+ s after its start', note)
     else:
-        assert len(read.health) == 1
+        assert all('pressure: samples from' in note for note in read.health[1:])  # what was written later is lost
     assert (read.displacement.values == whole.displacement.values[:count]).all()
     assert (read.displacement.times == whole.displacement.times[:count]).all()
 

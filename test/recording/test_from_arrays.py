@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timedelta, timezone
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,44 @@ def test_times_may_be_dates_and_lists_do_as_well():
     assert found.displacement.values.tolist() == [0.0, 1.0, 2.0]
 
 
+AWARE = timezone(timedelta(hours=2))
+DATES = {
+    'durations of NumPy': (np.array([0, 250, 500], 'timedelta64[ms]'), 0),
+    'durations of NumPy in ns': (np.array([0, 250_000_000, 500_000_000], 'timedelta64[ns]'), 0),
+    'durations of Python': ([timedelta(seconds=0.25 * step) for step in range(3)], 0),
+    'dates of Python': (
+        [datetime(2024, 5, 1, 12) + timedelta(seconds=0.25 * step) for step in range(3)],
+        1_714_564_800,
+    ),
+    'dates of Python with a zone': (
+        [datetime(2024, 5, 1, 14, tzinfo=AWARE) + timedelta(seconds=0.25 * step) for step in range(3)],
+        1_714_564_800,
+    ),
+    'texts': (['2024-05-01T12:00:00', '2024-05-01 12:00:00.25', '2024-05-01T12:00:00.500'], 1_714_564_800),
+    'texts with a zone': (
+        ['2024-05-01T14:00:00+02:00', '2024-05-01T12:00:00.25Z', '2024-05-01T12:00:00.5'],
+        1_714_564_800,
+    ),
+    'texts of numbers': (['5.0', '5.25', '5.5'], 5),
+}
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize(('times', 'epoch'), DATES.values(), ids=DATES.keys())
+def test_times_may_be_dates_durations_and_texts(times, epoch):
+    found = Recording.from_arrays(times, [0.0, 1.0, 2.0], {'cylinder_a': [1e5, 2e5, 3e5]})
+    assert found.epoch == epoch * 10**9
+    np.testing.assert_allclose(found.displacement.times, [0.0, 0.25, 0.5])
+
+
+@pytest.mark.parametrize('kind', [float, int])
+def test_masked_values_are_left_out_as_nan_is(kind):
+    displacement = np.ma.masked_array(np.arange(1001), np.arange(1001) > 900, dtype=kind)
+    found = made(displacement=displacement)
+    assert len(found.displacement) == 901
+    assert 'displacement: dropped 100 samples not finite' in found.health
+
+
 def test_a_set_point_may_be_one_number_and_a_piston_may_rest():
     found = made(setpoints={'cylinder_a': 1.5e5}, displacement=None)
     assert found.cylinders['cylinder_a'].setpoint.values.tolist() == [1.5e5]
@@ -90,6 +130,19 @@ def test_it_is_written_and_read_as_it_is(tmp_path):
         ({'times': np.full(1001, np.nan)}, 'a time is not finite'),
         ({'times': 1e12 * TIMES}, 'far too large'),
         ({'times': np.full(1001, 'NaT', 'datetime64[ns]')}, 'a time is no date (NaT)'),
+        ({'times': np.ma.masked_less(TIMES, 5.5)}, 'a time is not finite'),
+        (
+            {'times': (TIMES + 1.7e9).astype('float32')},
+            'times are float32, which holds them to 128 s only: give float64',
+        ),
+        ({'times': np.datetime64('9999-01-01', 's') + np.arange(1001)}, 'a date is far too late'),
+        ({'times': [[1.0], [1.0, 2.0]]}, 'times cannot be made an array'),
+        ({'displacement': DISPLACEMENT + 0j}, 'displacement is complex: give an array of real numbers'),
+        ({'pressures': PRESSURE}, 'pressures must be a dictionary such as pressures={"cylinder_a": ...}, not ndarray'),
+        ({'pressures': None}, 'pressures must be a dictionary such as pressures={"cylinder_a": ...}, not None'),
+        ({'setpoints': 1.5e5}, 'setpoints must be a dictionary such as setpoints={"cylinder_a": ...}, not float'),
+        ({'setpoints': {'cylinder_a': None}}, 'the set-point of cylinder_a is None: leave cylinder_a out of setpoints'),
+        ({'name': 5}, 'name must be a text, not int'),
         ({'displacement': np.full(1001, np.nan)}, 'displacement holds no finite number'),
         ({'displacement': 1.0}, 'displacement has the shape ()'),
         ({'pressures': {}}, 'no pressure is given'),
@@ -121,3 +174,8 @@ def test_a_part_is_between_two_times_after_the_first_sample(begin, end, first, l
 def test_a_part_outside_of_the_recording_is_refused(begin, end):
     with pytest.raises(InputError, match='is not within its 2 s'):
         made().part(begin, end)
+
+
+def test_a_part_is_between_numbers():
+    with pytest.raises(InputError, match='begin must be a number, not str'):
+        made().part('1', '2')

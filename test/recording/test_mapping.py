@@ -111,6 +111,11 @@ BAD = {
         'line 4: unknown key, did you mean cylinder_b? The keys are displacement, force, cylinder_a, cylinder_b, '
         'others, table, types',
     ),
+    'upper case': (
+        GOOD.replace('cylinder_a', 'CYLINDER_B'),
+        'line 2: unknown key, did you mean cylinder_b? The keys are displacement, force, cylinder_a, cylinder_b, '
+        'others, table, types',
+    ),
     'unknown role': (
         f'{GOOD}  temperature: 1\n',
         'line 4: cylinder_a: unknown key: the keys are pressure, setpoint, setpoint_applied',

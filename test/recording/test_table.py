@@ -158,8 +158,13 @@ BAD = {
         BY_NUMBER,
         'the times are far too large: check their column and their unit',
     ),
+    'far too long': (
+        '1 1 1\n' * 11,
+        BY_NUMBER.replace('time: {column: 1, unit: ms}', 'sample_period: 1.0e+9'),
+        'the times are far too large: check their column and their unit',
+    ),
     'far too late': (
-        '1e10 1 1\n',
+        '1e12 1 1\n',
         BY_NUMBER.replace('unit: ms', 'unit: s'),
         'the times are far too large: check their column and their unit',
     ),
@@ -187,6 +192,24 @@ def test_a_table_that_cannot_be_read(tmp_path, rows, mapping, message):
         ),
         ('30;1.0;1.701,5', 'if points group its digits, `table` needs `decimal: comma` and `thousands: point`'),
         ('30;1.0;1,5', 'line 5, column 3 holds “1,5”; if that is a decimal comma, `table` needs `decimal: comma`'),
+        (
+            '30;1.0;1,701',
+            'holds “1,701”; if commas group its digits, `table` needs `thousands: comma`; '
+            'if that is a decimal comma, `table` needs `decimal: comma`',
+        ),
+        ('30;1.0;1.701.000', 'if points group its digits, `table` needs `decimal: comma` and `thousands: point`'),
+        ('30;1.0;1 701.5', 'if spaces group its digits, `table` needs `thousands: space`'),
+        ('30;1.0;1\u2019701.5', 'if apostrophes group its digits, `table` needs `thousands: apostrophe`'),
+        (
+            '1.701,5;1;2',
+            'if points group its digits, `table` needs `decimal: comma` and `time` needs `thousands: point`',
+        ),
+        ('30;1.0;2 bar', 'holds “2 bar”; write the number alone, without a unit or another mark'),
+        (
+            '1.5.24 12:00;1;2',
+            'if it is the time, write it as 2024-05-01 12:00:00.25 or 12:00:00.25 and set `unit: date`',
+        ),
+        ('Samples: 10001', 'line 5 has 1 field, but the first row has 3: “Samples: 10001”; delete the line if it is'),
         ('2024-05-01 12:00:00;1.0;2', 'column 1 holds “2024-05-01 12:00:00”; if it is the time, `unit: date` reads it'),
     ],
 )
@@ -194,7 +217,7 @@ def test_a_row_that_is_not_numbers(tmp_path, row, line):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: semicolon')
     with pytest.raises(InputError) as caught:
         read(tmp_path, f'{ROWS.replace(" ", ";")}# a pause\n{row}\n', mapping)
-    assert 'run.csv: cannot be read as a table of numbers: ' in str(caught.value)
+    assert 'run.csv: ' in str(caught.value)
     assert line in str(caught.value)
 
 
@@ -217,6 +240,9 @@ def test_numbers_may_have_decimal_commas(tmp_path):
         ('point', 'comma', ['1,701.21', '999.5', '1,234,567', '-1,000.0']),
         ('comma', 'space', ['1 701,21', '999,5', '1 234 567', '-1 000,0']),
         ('point', 'apostrophe', ["1'701.21", '999.5', "1'234'567", "-1'000.0"]),
+        ('comma', 'space', ['1\u00a0701,21', '999,5', '1\u00a0234\u00a0567', '-1\u00a0000,0']),
+        ('comma', 'space', ['1\u202f701,21', '999,5', '1\u202f234\u202f567', '\u22121\u202f000,0']),
+        ('point', 'apostrophe', ['1\u2019701.21', '999.5', '1\u2019234\u2019567', '-1\u2019000.0']),
     ],
 )
 def test_digits_may_be_grouped(tmp_path, decimal, thousands, texts):
@@ -224,6 +250,31 @@ def test_digits_may_be_grouped(tmp_path, decimal, thousands, texts):
     mapping = BY_NUMBER.replace('unit: ms}', layout).replace('sign: -1', 'sign: 1')
     found = read(tmp_path, ''.join(f'{index};{text};2\n' for index, text in enumerate(texts)), mapping)
     np.testing.assert_allclose(found.displacement.values, [1.70121, 0.9995, 1234.567, -1.0])
+
+
+@pytest.mark.parametrize(('name', 'mark'), [('space', b'\xa0'), ('apostrophe', b'\x92')])
+def test_digits_may_be_grouped_by_the_characters_of_windows(tmp_path, name, mark):
+    layout = f'unit: ms}}\n  decimal: comma\n  thousands: {name}\n  delimiter: semicolon'
+    (tmp_path / 'mapping.yaml').write_text(BY_NUMBER.replace('unit: ms}', layout))
+    (tmp_path / 'run.csv').write_bytes(b'0;1' + mark + b'701,21;2\n1;1;2\n')
+    found = read_recording(tmp_path / 'run.csv', mapping=read_mapping(tmp_path / 'mapping.yaml'))
+    np.testing.assert_allclose(found.displacement.values, [-1.70121, -1e-3])
+
+
+@pytest.mark.parametrize(
+    ('decimal', 'texts'),
+    [('point', ['\u22121.5', '1.5D-01', '-1.5d+2', '.5D1']), ('comma', ['\u22121,5', '1,5D-01', '-1,5d+2', ',5D1'])],
+)
+def test_numbers_may_have_a_minus_sign_or_an_exponent_of_fortran(tmp_path, decimal, texts):
+    mapping = BY_NUMBER.replace('unit: ms}', f'unit: ms}}\n  decimal: {decimal}\n  delimiter: semicolon')
+    found = read(tmp_path, ''.join(f'{row};{text};2\n' for row, text in enumerate(texts)), mapping)
+    np.testing.assert_allclose(found.displacement.values, [1.5e-3, -0.15e-3, 0.15, -5e-3])
+
+
+@pytest.mark.parametrize('text', ['12D4', '1D', '1.5Dx'])
+def test_letters_that_are_no_exponent_are_no_number(tmp_path, text):
+    with pytest.raises(InputError, match=f'line 2, column 2 holds “{text}”'):
+        read(tmp_path, f'0 1 2\n1 {text} 2\n')
 
 
 @pytest.mark.parametrize('text', ['1.70,5', '17.0123', '1..701', '1.7011', '.701'])
@@ -246,6 +297,9 @@ MISSING = [
     '1.#QNAN',
     '-1.#IND',
     '1.#INF',
+    '-1.#IND00',
+    '1.#QNAN0',
+    '1.#QO',
     'NULL',
     'None',
 ]
@@ -261,6 +315,17 @@ def test_what_says_that_there_is_no_number_is_left_out_with_a_note(tmp_path, tex
     signal = found.displacement if column == 1 else found.cylinders['cylinder_a'].pressure
     np.testing.assert_allclose(signal.times, [0.0, 0.01, 0.03])
     assert any('dropped 1 sample not finite' in note for note in found.health)
+
+
+def test_a_signal_that_ends_early_is_noted(tmp_path):
+    rows = ''.join(f'{100 * row} {row} {2.0 if row < 50 else "nan"}\n' for row in range(201))
+    assert read(tmp_path, rows).health == (
+        'cylinder_a pressure: dropped 151 samples not finite',
+        'cylinder_a pressure: samples from 0 to 4.9 s only, the recording is from 0 to 20 s: '
+        'check its sensor and its source',
+    )
+    rows = ''.join(f'{100 * row} {row if row > 15 else "nan"} 2\n' for row in range(201))
+    assert len(read(tmp_path, rows).health) == 1, 'less than a tenth is missing'
 
 
 def test_a_row_without_a_time_is_left_out_with_a_note(tmp_path):
@@ -285,6 +350,9 @@ def test_a_table_may_have_a_sample_period_for_its_time(tmp_path):
     ('unit', 'rows', 'step'),
     [
         ('unit: d', '45413.5 1 2\n45413.50001 2 3\n', 0.864),
+        ('unit: d', '739373.5 1 2\n739373.50001 2 3\n', 0.864),  # MATLAB's datenum
+        ('unit: us, scale: 0.1', '133800000000000000 1 2\n133800000005000000 2 3\n', 0.5),  # FILETIME of Windows
+        ('unit: ns, scale: 100', '638502012000000000 1 2\n638502012005000000 2 3\n', 0.5),  # ticks of .NET
         ('unit: h', '0 1 2\n0.001 2 3\n', 3.6),
         ('unit: min', '0 1 2\n0.5 2 3\n', 30.0),
         ('unit: s, scale: 1/50', '100 1 2\n150 2 3\n', 1.0),
@@ -295,6 +363,33 @@ def test_times_may_be_in_any_unit_and_scale(tmp_path, unit, rows, step):
     found = read(tmp_path, rows, BY_NUMBER.replace('unit: ms', unit))
     np.testing.assert_allclose(np.diff(found.displacement.times), [step], atol=1e-5)
     write_recording(tmp_path / 'bag', found)  # the days of a spreadsheet are later than any stamp
+
+
+@pytest.mark.parametrize(
+    ('unit', 'size'),
+    [('ms', 2**16), ('ms', 2**32), ('us', 2**32), ('ms', 86_400_000), ('s, scale: 1/50', 4_320_000), ('s', 86_400)],
+)
+@pytest.mark.parametrize('first', [-12, 0])
+def test_a_counter_that_begins_again_is_counted_on(tmp_path, unit, size, first):
+    counts = size + first + 5 * np.arange(6)
+    rows = ''.join(f'{count % size} {row} 2\n' for row, count in enumerate(counts))
+    found = read(tmp_path, rows, BY_NUMBER.replace('unit: ms', f'unit: {unit}'))
+    assert len(np.unique(np.diff(found.displacement.times).round(9))) == 1
+    assert any('the counter wraps' in note for note in found.health) == (first < 0)
+    assert len(found.displacement) == 6
+
+
+def test_a_counter_may_begin_again_several_times_and_below_zero(tmp_path):
+    counts = (1000 * np.arange(300) + 2**15) % 2**16 - 2**15
+    found = read(tmp_path, ''.join(f'{count} {row} 2\n' for row, count in enumerate(counts)))
+    np.testing.assert_allclose(np.diff(found.displacement.times), 1.0)
+    assert found.health[0] == 'time: the counter wraps after 65,536 (5 times): times continue'
+
+
+def test_a_clock_that_was_set_back_is_no_counter_that_begins_again(tmp_path):
+    rows = ''.join(f'{count} {row} 2\n' for row, count in enumerate([*range(60_000, 60_100), *range(100)]))
+    with pytest.raises(InputError, match=r'time goes back by 60\.099 s at sample 101'):
+        read(tmp_path, rows)
 
 
 @pytest.mark.parametrize('comment', ['', '\tby hand'])
@@ -329,6 +424,21 @@ def test_a_time_that_is_no_date_is_refused(tmp_path, time):
         InputError, match=f'line 1, column 1 holds “{time}”; times are to be such as 2024-05-01 12:00:00'
     ):
         read(tmp_path, f'{time};1;2\n', mapping)
+
+
+@pytest.mark.parametrize(('column', 'nearest'), [('P', 'p'), ('OIL', 'Oil'), ('Öl', 'öl')])
+def test_the_nearest_name_may_differ_in_upper_and_lower_case(tmp_path, column, nearest):
+    mapping = BY_NUMBER.replace('column: 3', f'column: {column}').replace('unit: ms}', 'unit: ms}\n  header_rows: 1')
+    with pytest.raises(InputError, match=f'of its 5 columns “{nearest}” is the nearest'):
+        read(tmp_path, 'T X p Oil öl\n0 1 2 3 4\n', mapping)
+
+
+@pytest.mark.parametrize('encoding', ['utf-16-le', 'utf-16-be'])
+def test_utf_16_needs_no_byte_order_mark(tmp_path, encoding):
+    (tmp_path / 'mapping.yaml').write_text(BY_NUMBER)
+    (tmp_path / 'run.csv').write_bytes(ROWS.encode(encoding))
+    found = read_recording(tmp_path / 'run.csv', mapping=read_mapping(tmp_path / 'mapping.yaml'))
+    np.testing.assert_allclose(found.displacement.values, [-1e-3, -1.5e-3, -2e-3])
 
 
 @pytest.mark.parametrize('encoding', ['utf-8-sig', 'utf-16', 'utf-16-le', 'latin-1'])
@@ -420,6 +530,26 @@ def test_points_beside_decimal_commas_group_digits_and_are_refused(tmp_path):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: semicolon\n  decimal: comma')
     with pytest.raises(InputError, match=r'line 1, column 3 holds “101\.325”'):
         read(tmp_path, '0,0;1,5;101.325\n1,0;1,5;101.325\n', mapping)
+
+
+@pytest.mark.parametrize('text', ['0.00155 mm', '(0.123)', '< 0.5', '$5.00'])
+def test_a_first_number_with_a_mark_is_not_taken_for_a_unit(tmp_path, text):
+    mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: comma\n  header_rows: 1')
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, f't,x,p\n0,{text},2\n1,2,3\n', mapping)
+    assert f'line 2, column 2 holds “{text}”; write the number alone, without a unit' in str(caught.value)
+
+
+def test_points_group_the_digits_of_a_first_row(tmp_path):
+    layout = 'unit: ms}\n  delimiter: semicolon\n  decimal: comma\n  header_rows: 1'
+    with pytest.raises(InputError, match=r'“170\.121”; if points group its digits, `table` needs `thousands: point`; '):
+        read(tmp_path, 't;x;p\n0,0;1,5;170.121\n1,0;1,5;170.121\n', BY_NUMBER.replace('unit: ms}', layout))
+
+
+def test_the_digits_of_times_may_be_grouped_by_a_named_character(tmp_path):
+    layout = 'unit: ms, thousands: space}\n  delimiter: semicolon'
+    found = read(tmp_path, '990;1;2\n1 000;1;2\n1\u00a0010;1;2\n', BY_NUMBER.replace('unit: ms}', layout))
+    np.testing.assert_allclose(found.displacement.times, [0.0, 0.01, 0.02])
 
 
 def test_a_row_of_units_below_the_names_is_told(tmp_path):

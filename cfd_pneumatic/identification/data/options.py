@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
+from cfd_pneumatic.arguments import check_number, check_numbers, check_switches, check_type
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, AMBIENT_PRESSURES, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.split import FRACTIONS, SMALLEST_FRACTION
@@ -57,6 +59,12 @@ class Options:
     def __post_init__(self) -> None:
         """Refuse what no device has."""
         area, factor = self.area, self.geometric_factor
+        check_switches(per_setpoint=self.per_setpoint, close_loop=self.close_loop)
+        check_numbers(ambient_pressure=self.ambient_pressure)
+        check_numbers(optional=True, area=area, geometric_factor=factor)
+        check_type('fractions', self.fractions, Collection, 'three shares')
+        for share in self.fractions:
+            check_number('a share of fractions', share)
         lowest, highest = AMBIENT_PRESSURES
         if not lowest <= self.ambient_pressure <= highest:
             raise InputError(f'ambient_pressure {self.ambient_pressure:g} Pa is outside {lowest:g} to {highest:g} Pa')

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
+from cfd_pneumatic.arguments import check_type
 from cfd_pneumatic.errors import InputError
 
 Tolerance = tuple[tuple[float, str], ...]
@@ -27,7 +28,9 @@ def tolerance_from(sizes: Iterable[str]) -> Tolerance:
 
     """
     tolerance = []
+    check_type('tolerance', sizes, Iterable, 'a text such as 300Pa, 2N or 1%, or a list of texts')
     for text in sizes:
+        check_type('tolerance', text, str, 'a text such as 300Pa, 2N or 1%, or a list of texts')
         written = _SIZE.fullmatch(text.strip())
         if written is None:
             raise InputError(
