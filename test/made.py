@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from cfd_pneumatic.convention import FLOAT64, FLUID_PRESSURE, JOINT_STATE, WRENCH_STAMPED
+from cfd_pneumatic.messages.blocks import MessageBlock
+from cfd_pneumatic.messages.types import NANOSECONDS, WRENCH, standard_types
 from cfd_pneumatic.recording import BagWriter
-from cfd_pneumatic.recording.bags.blocks import MessageBlock
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS, WRENCH, standard_types
 
 VECTOR3 = 'geometry_msgs/msg/Vector3'
 HEADER = 'std_msgs/msg/Header'

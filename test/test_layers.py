@@ -13,7 +13,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / 'cfd_pneumatic'
 
 BELOW = {
-    'api': {'planning', 'reporting', 'device', 'identification', 'recording', 'model'},
+    'api': {'planning', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'nodes': {
         'commands',
         'monitoring',
@@ -23,6 +23,7 @@ BELOW = {
         'device',
         'identification',
         'recording',
+        'messages',
         'model',
         'rig',
     },
@@ -34,18 +35,20 @@ BELOW = {
         'device',
         'identification',
         'recording',
+        'messages',
         'model',
         'rig',
     },
-    'planning': {'device', 'identification', 'recording', 'model'},
-    'plant': {'reporting', 'device', 'identification', 'recording', 'model'},
-    'monitoring': {'reporting', 'device', 'identification', 'recording', 'model'},
-    'reporting': {'device', 'identification', 'recording', 'model'},
-    'device': {'identification', 'recording', 'model'},
-    'identification': {'recording', 'model'},
-    'recording': set(),
+    'planning': {'device', 'identification', 'recording', 'messages', 'model'},
+    'plant': {'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
+    'monitoring': {'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
+    'reporting': {'device', 'identification', 'recording', 'messages', 'model'},
+    'device': {'identification', 'recording', 'messages', 'model'},
+    'identification': {'recording', 'messages', 'model'},
+    'recording': {'messages'},
     'generator': {'model'},
     'model': set(),
+    'messages': set(),
     'rig': set(),
 }
 """What each layer may import, besides itself and the single modules at the top of the package."""

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cfd_pneumatic import convention
+from cfd_pneumatic.messages.types import NANOSECONDS
 from cfd_pneumatic.model import Arrival, DeviceModel, LiveDevice
 from cfd_pneumatic.monitoring.feed import Clock, Fault, Sensor
 from cfd_pneumatic.monitoring.finding import Finding, News, news
 from cfd_pneumatic.monitoring.watched_signal import Departure, WatchedSignal
 from cfd_pneumatic.monitoring.window import Window
 from cfd_pneumatic.recording import Recording
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 
 _SETTLING = 1.0  # after which a model has forgotten where it started, and a device that it was another [s]
 _LINGER = {'silent': 5.0, 'clock': 5.0, 'stuck': 1.0}  # how long a fault is told of after it was seen last [s]

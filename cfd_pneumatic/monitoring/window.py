@@ -8,8 +8,8 @@ from array import array
 import numpy as np
 
 from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.messages.types import NANOSECONDS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 
 _WHOLE = 0.95  # share of the window that a signal has to cover
 _SLACK = 0.25  # of what is kept beyond the window

@@ -15,6 +15,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cfd_pneumatic.convention import expected_type
 from cfd_pneumatic.errors import InputError, printable
+from cfd_pneumatic.messages.blocks import MessageBlock
 from cfd_pneumatic.nodes.bounded_node import BoundedNode
 from cfd_pneumatic.nodes.health import Warnings
 from cfd_pneumatic.nodes.parameters import switch, text, texts
@@ -22,7 +23,6 @@ from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.samples import is_message_type, message_class
 from cfd_pneumatic.nodes.topics import listen_to
 from cfd_pneumatic.recording import BagWriter
-from cfd_pneumatic.recording.bags.blocks import MessageBlock
 from cfd_pneumatic.recording.bags.storages import STORAGES
 
 _LOOK_PERIOD = 0.1  # how often topics that were not there yet are looked for [s]

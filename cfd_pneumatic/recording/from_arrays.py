@@ -15,7 +15,7 @@ from cfd_pneumatic.arguments import check_type
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS
+from cfd_pneumatic.messages.types import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
 from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
 

@@ -16,8 +16,8 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.input_files import check_input
+from cfd_pneumatic.messages.types import NANOSECONDS
 from cfd_pneumatic.recording.bags.bag import Bag
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
 from cfd_pneumatic.recording.dropouts import without_pulses
 from cfd_pneumatic.recording.mapping import ChannelMapping, read_mapping

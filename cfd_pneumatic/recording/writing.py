@@ -14,8 +14,8 @@ from cfd_pneumatic.arguments import check_numbers, check_path, check_switches, c
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError, printable
-from cfd_pneumatic.recording.bags.form import Form
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS
+from cfd_pneumatic.messages.form import Form
+from cfd_pneumatic.messages.types import NANOSECONDS
 from cfd_pneumatic.recording.bags.storages import StorageName
 from cfd_pneumatic.recording.bags.writing import BagWriter, Stream
 from cfd_pneumatic.recording.signals import Recording

@@ -24,10 +24,10 @@ from cfd_pneumatic.convention import (
     pressure_topic,
     setpoint_applied_topic,
 )
+from cfd_pneumatic.messages.form import Form
+from cfd_pneumatic.messages.types import NANOSECONDS, standard_types
 from cfd_pneumatic.model import DIRECTIONS, Cylinder, OperatingPoints
 from cfd_pneumatic.recording import BagWriter
-from cfd_pneumatic.recording.bags.form import Form
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS, standard_types
 from cfd_pneumatic.recording.bags.storages import STORAGES, StorageName
 
 AMBIENT = 101_325.0

@@ -13,8 +13,8 @@ from rosbags.highlevel import AnyReader
 
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.channels.force import Force
+from cfd_pneumatic.messages import types as messages
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording
-from cfd_pneumatic.recording.bags import messages
 from cfd_pneumatic.reporting import write_report
 from studies.panel import draw
 

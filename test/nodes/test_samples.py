@@ -18,6 +18,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Header
 
+from cfd_pneumatic.messages.form import Form
 from cfd_pneumatic.nodes import samples
 from cfd_pneumatic.nodes.messages import LATEST, nanoseconds, stamp_message
 from cfd_pneumatic.nodes.samples import (
@@ -29,7 +30,6 @@ from cfd_pneumatic.nodes.samples import (
     pressure_reader,
     pressure_writer,
 )
-from cfd_pneumatic.recording.bags.form import Form
 
 STAMPS = st.integers(0, 2**31 * 10**9 - 1)
 WARNING = 'is serialised otherwise than expected here: messages are made one by one, which takes longer'

@@ -15,8 +15,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cfd_pneumatic import convention
+from cfd_pneumatic.messages import types as messages
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.bags import messages
 
 ROOT = Path(__file__).parents[2]
 MEASURED = Path(os.environ.get('CFD_PNEUMATIC_DATA', ROOT.parent / 'shared' / 'data')) / 'pneumatic_actuator'

@@ -27,10 +27,10 @@ from recording_cases import (
 from rosbags.rosbag2 import Reader
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.messages.blocks import OneByOne
+from cfd_pneumatic.messages.types import JOINT_STATE
 from cfd_pneumatic.recording import read_recording, write_recording
-from cfd_pneumatic.recording.bags.blocks import OneByOne
 from cfd_pneumatic.recording.bags.mcap_reading import McapFile
-from cfd_pneumatic.recording.bags.messages import JOINT_STATE
 
 TOPICS = ('/a', '/b', '/b', '/c')  # a topic may have several channels
 

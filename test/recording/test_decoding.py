@@ -12,10 +12,10 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bags.blocks import MessageBlock
-from cfd_pneumatic.recording.bags.decoding import CounterPath, Decoder, TimePaths, in_nanoseconds
-from cfd_pneumatic.recording.bags.fields import NUMBERS, parse_path
-from cfd_pneumatic.recording.bags.layout import Layout, Serialization
+from cfd_pneumatic.messages.blocks import MessageBlock
+from cfd_pneumatic.messages.decoding import CounterPath, Decoder, TimePaths, in_nanoseconds
+from cfd_pneumatic.messages.fields import NUMBERS, parse_path
+from cfd_pneumatic.messages.layout import Layout, Serialization
 
 TYPES = get_typestore(Stores.LATEST)
 TYPES.register(

@@ -9,8 +9,8 @@ import pytest
 from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bags import definitions
-from cfd_pneumatic.recording.bags.definitions import Definitions
+from cfd_pneumatic.messages import definitions
+from cfd_pneumatic.messages.definitions import Definitions
 
 pytestmark = [pytest.mark.timeout(60), pytest.mark.usefixtures('impatient')]
 

@@ -13,8 +13,8 @@ from recording_cases import EPOCH, assert_same, recording
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.messages import types as messages
 from cfd_pneumatic.recording import BagWriter, read_recording, write_recording
-from cfd_pneumatic.recording.bags import messages
 from cfd_pneumatic.recording.bags.mcap_writing import McapWriter
 from cfd_pneumatic.recording.bags.sqlite_writing import SqliteWriter
 

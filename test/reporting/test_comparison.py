@@ -13,8 +13,8 @@ from rosbags.highlevel import AnyReader
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import identify
+from cfd_pneumatic.messages.types import FLUID_PRESSURE, NANOSECONDS, WRENCH_STAMPED, standard_types
 from cfd_pneumatic.recording import read_recording
-from cfd_pneumatic.recording.bags.messages import FLUID_PRESSURE, NANOSECONDS, WRENCH_STAMPED, standard_types
 from cfd_pneumatic.reporting import compare_files, write_report
 from cfd_pneumatic.reporting.comparison import write_comparison
 

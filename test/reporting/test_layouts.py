@@ -11,7 +11,7 @@ import pytest
 from identified import closed, with_force
 from rosbags.highlevel import AnyReader
 
-from cfd_pneumatic.recording.bags.messages import standard_types
+from cfd_pneumatic.messages.types import standard_types
 from cfd_pneumatic.reporting import write_report
 from studies.documents.layouts import CELL, FOLDER, LAYOUTS, layouts
 

@@ -16,10 +16,10 @@ from rosbags.interfaces import Connection
 
 from cfd_pneumatic.errors import DamageError, InputError
 from cfd_pneumatic.input_files import check_input, open_input
-from cfd_pneumatic.recording.bags.blocks import MessageBlock, OneByOne, Span
+from cfd_pneumatic.messages.blocks import MessageBlock, OneByOne, Span
+from cfd_pneumatic.messages.layout import Serialization
+from cfd_pneumatic.messages.types import NANOSECONDS
 from cfd_pneumatic.recording.bags.compression import most_unpacked, unpack_file, unpacked, unpacker
-from cfd_pneumatic.recording.bags.layout import Serialization
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS
 from cfd_pneumatic.recording.bags.metadata import Metadata, read_metadata
 from cfd_pneumatic.recording.bags.storages import (
     METADATA,

@@ -15,8 +15,8 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefiniti
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.input_files import open_input
-from cfd_pneumatic.recording.bags.blocks import NEVER, OneByOne
-from cfd_pneumatic.recording.bags.definitions import FORMATS
+from cfd_pneumatic.messages.blocks import NEVER, OneByOne
+from cfd_pneumatic.messages.definitions import FORMATS
 
 _SQLITE_MAGIC = b'SQLite format 3\0'
 _SQLITE_HEADER = 32

@@ -25,10 +25,10 @@ from rosbags.typesys import Stores, get_typestore
 
 from cfd_pneumatic.convention import FLOAT64, FLUID_PRESSURE, JOINT_STATE
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.messages.blocks import MessageBlock
+from cfd_pneumatic.messages.types import standard_types
 from cfd_pneumatic.recording import BagWriter, Recording, read_recording
 from cfd_pneumatic.recording.bags.bag import Bag
-from cfd_pneumatic.recording.bags.blocks import MessageBlock
-from cfd_pneumatic.recording.bags.messages import standard_types
 from cfd_pneumatic.recording.bags.storages import METADATA
 from studies.trials.fuzzing.campaign import Fault, Input, Kind
 from studies.trials.fuzzing.mutators import BINARY, TEXT, mutated

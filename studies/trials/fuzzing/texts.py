@@ -21,9 +21,9 @@ from cfd_pneumatic.convention import SCHEDULE_COLUMNS
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError, without_quotations
 from cfd_pneumatic.identification import identify
+from cfd_pneumatic.messages.definitions import Definitions
 from cfd_pneumatic.planning import Limits, read_report
 from cfd_pneumatic.recording import read_recording, recording_of
-from cfd_pneumatic.recording.bags.definitions import Definitions
 from cfd_pneumatic.reporting import write_report
 from cfd_pneumatic.rig import paper_step, record, written_schedule
 from studies.trials.fuzzing.bags import by_rosbags, check, contents

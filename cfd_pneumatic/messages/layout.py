@@ -18,8 +18,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import FieldDesc
 from rosbags.typesys.store import Typestore
 
-from cfd_pneumatic.recording.bags.blocks import MessageBlock, gather
-from cfd_pneumatic.recording.bags.fields import NAMES, NUMBERS, FieldPath
+from cfd_pneumatic.messages.blocks import MessageBlock, gather
+from cfd_pneumatic.messages.fields import NAMES, NUMBERS, FieldPath
 
 PLACEHOLDER = 'structure_needs_at_least_one_member'
 """The byte that stands for an empty message in CDR."""

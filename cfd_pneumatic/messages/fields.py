@@ -19,7 +19,7 @@ from rosbags.interfaces.typing import FieldDesc
 from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bags.messages import HEADER, TIME
+from cfd_pneumatic.messages.types import HEADER, TIME
 
 NAMES = 'name'
 """Field that holds the names of the entries of the arrays beside it."""

@@ -14,10 +14,10 @@ from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bags.blocks import MessageBlock, gather
-from cfd_pneumatic.recording.bags.fields import FieldPath
-from cfd_pneumatic.recording.bags.layout import Layout, LayoutError, Place, Serialization
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS
+from cfd_pneumatic.messages.blocks import MessageBlock, gather
+from cfd_pneumatic.messages.fields import FieldPath
+from cfd_pneumatic.messages.layout import Layout, LayoutError, Place, Serialization
+from cfd_pneumatic.messages.types import NANOSECONDS
 
 KNOWN = 8
 """Layouts that are remembered from one block to the next."""

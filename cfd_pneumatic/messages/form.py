@@ -14,10 +14,10 @@ from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import JOINT_STATE
-from cfd_pneumatic.recording.bags.blocks import MessageBlock
-from cfd_pneumatic.recording.bags.fields import NUMBERS, FieldPath, parse_path
-from cfd_pneumatic.recording.bags.layout import Layout, Place, Serialization
-from cfd_pneumatic.recording.bags.messages import NANOSECONDS, obvious_field, types_with
+from cfd_pneumatic.messages.blocks import MessageBlock
+from cfd_pneumatic.messages.fields import NUMBERS, FieldPath, parse_path
+from cfd_pneumatic.messages.layout import Layout, Place, Serialization
+from cfd_pneumatic.messages.types import NANOSECONDS, obvious_field, types_with
 
 SECOND, NANOSECOND = parse_path('header.stamp.sec'), parse_path('header.stamp.nanosec')
 """Where a header's stamp is."""

@@ -20,8 +20,8 @@ from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.input_files import check_input, read_input
-from cfd_pneumatic.recording.bags.layout import PLACEHOLDER
-from cfd_pneumatic.recording.bags.messages import standard_types
+from cfd_pneumatic.messages.layout import PLACEHOLDER
+from cfd_pneumatic.messages.types import standard_types
 
 if TYPE_CHECKING:
     from rosbags.typesys.peg import Result
