@@ -18,6 +18,7 @@ _NUMBER = re.compile(r'\d[\d.]*(e[+-]?\d+)?|\b(nan|inf)\b')
 
 LOST = 'lost messages'
 MISMATCHED = 'QoS mismatches'
+WITHOUT_JOINT = 'messages without the joint'
 LARGE = 'queues shortened for large messages'
 
 _TROUBLES = (

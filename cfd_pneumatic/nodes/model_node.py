@@ -12,20 +12,28 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.compiling import announced
+from cfd_pneumatic.convention import JOINT_STATE
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import NAMES, DeviceModel, warm_up
 from cfd_pneumatic.nodes.bounded_node import BoundedNode
-from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, InputHealth, diagnostics
+from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, WITHOUT_JOINT, InputHealth, diagnostics
 from cfd_pneumatic.nodes.input_range import InputRange
 from cfd_pneumatic.nodes.messages import AXES, COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
 from cfd_pneumatic.nodes.parameter_files import unread_file
 from cfd_pneumatic.nodes.parameters import FRAME_LENGTH, checked_frame, declare_device, device_of, number, text
-from cfd_pneumatic.nodes.publishers import other_topics, several_publishers, unheard_publishers
+from cfd_pneumatic.nodes.publishers import (
+    other_topics,
+    publisher_names,
+    several_publishers,
+    type_name,
+    unheard_publishers,
+)
 from cfd_pneumatic.nodes.samples import joint_reader
 from cfd_pneumatic.nodes.topics import Queue, listen_to, listen_to_held
 
@@ -47,6 +55,9 @@ class ModelNode(BoundedNode):
         super().__init__(name, **kwargs)
         self._health = InputHealth(self, convention.PISTON_STATE)
         self._samples = Queue()
+        self._subscribed: dict[str, tuple[str, QoSProfile]] = {}  # the type and the QoS of each topic
+        self._without_joint = 0  # messages, as of the last report
+        self._sharing: list[str] = []  # publishers of piston_state among which others than the piston's are
         self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         axis = self._parameter_overrides.get('axis')
         if axis is not None and axis.value is True:  # YAML takes a bare y for true, and `ros2 param dump` writes it so
@@ -159,11 +170,12 @@ class ModelNode(BoundedNode):
 
     def _standing(self) -> list[str]:
         """Return in words what is not as it should be, and lasts."""
-        words = [*self._on_parameter_file(), *several_publishers(self, convention.PISTON_STATE)]
+        words = [*self._on_parameter_file(), *self._on_piston_publishers()]
+        for topic, (expected_type, qos) in self._subscribed.items():
+            words += unheard_publishers(self, topic, expected_type, qos)
         for name in self._cylinders:
-            topic = convention.setpoint_topic(name)
-            words += unheard_publishers(self, topic)
             if name in self._waiting:
+                topic = convention.setpoint_topic(name)
                 words.append(f'no {topic} yet: initial_setpoint {self._setpoints[name]:.0f} Pa acts')
         if not self._health.counts['samples'] and (where := other_topics(self, convention.PISTON_STATE)):
             words.append(where)
@@ -175,6 +187,20 @@ class ModelNode(BoundedNode):
         """Yield in words that the device is nobody's."""
         if not self._is_described:
             yield self._unread or "no parameter file: the paper's Table 1 and the default area act"
+
+    def _on_piston_publishers(self) -> Iterator[str]:
+        """
+        Yield a warning if several publishers send the piston joint.
+
+        Discovery does not show which joints a publisher sends. So publishers are not counted if messages without the
+        joint came from among them.
+        """
+        publishers = publisher_names(self, convention.PISTON_STATE, JOINT_STATE)
+        without_joint = self._health.counts[WITHOUT_JOINT]
+        if without_joint > self._without_joint:
+            self._without_joint, self._sharing = without_joint, publishers
+        if publishers != self._sharing:
+            yield from several_publishers(convention.PISTON_STATE, publishers)
 
     def _say(self, part: str, verdict: tuple[bytes, str], values: Mapping[str, str]) -> None:
         """Publish on `/diagnostics` how a part of the node does: level and words, and values beside them."""
@@ -196,11 +222,13 @@ class ModelNode(BoundedNode):
     def _listen_to_samples(self, message_type: type, topic: str, callback: Callable[[bytes], None]) -> None:
         """Subscribe to what is measured, serialised; in need some is shed."""
         counted = self._counted(topic)
-        listen_to(self, message_type, topic, callback, SAMPLE_QOS, raw=True, queue=self._samples, **counted)
+        qos = listen_to(self, message_type, topic, callback, SAMPLE_QOS, raw=True, queue=self._samples, **counted)
+        self._subscribed[topic] = type_name(message_type), qos
 
     def _listen_to_commands(self, topic: str, callback: Callable[[Float64], None]) -> None:
         """Subscribe to a number that holds until the next."""
-        listen_to_held(self, Float64, topic, callback, COMMAND_QOS, **self._counted(topic))
+        qos = listen_to_held(self, Float64, topic, callback, COMMAND_QOS, **self._counted(topic))
+        self._subscribed[topic] = type_name(Float64), qos
 
     def _counted(self, topic: str) -> dict[str, Any]:
         """Return what counts messages that are lost or large, and who offers too little."""
@@ -261,7 +289,7 @@ class ModelNode(BoundedNode):
     def _on_piston(self, message: bytes) -> None:
         told = self._piston.read(message)
         if told is None and self._joint not in self._piston.names:  # several publishers may share the topic
-            self._health.counts['messages without the joint'] += 1
+            self._health.counts[WITHOUT_JOINT] += 1
             self._health.meanwhile = f'no joint {self._joint!r}, but {_NAMES.repr(self._piston.names)}'
             if self._health.silence > self._value('timeout'):
                 self._health.warn(f'{convention.PISTON_STATE} has {self._health.meanwhile}')

@@ -226,7 +226,7 @@ class MonitorNode(ModelNode):
         missing = self._watch.missing()
         words = [fault.why for fault in faults]
         words += [f'no {topic} yet' for topic in missing]
-        if self._health.meanwhile is not None and (faults or missing):
+        if self._health.meanwhile is not None and self._health.silence > self._value('timeout'):
             words.append(self._health.meanwhile)
         if self._health.fault is not None and convention.PISTON_STATE not in missing:
             words.append(self._health.fault)

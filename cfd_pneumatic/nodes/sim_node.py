@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.model import Arrival, DeviceState, LiveDevice
-from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED
+from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, WITHOUT_JOINT
 from cfd_pneumatic.nodes.messages import LATEST, OUTPUT_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode
 from cfd_pneumatic.nodes.outputs import Answers, Outputs, writers
@@ -26,7 +26,7 @@ from cfd_pneumatic.units import PSI
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _COUNTED = (
     'samples', 'repeated stamps', 'resets', 'ignored samples', 'ignored stamps', 'ignored set-points', 'zero stamps',
-    'messages without the joint', LOST, MISMATCHED, LARGE
+    WITHOUT_JOINT, LOST, MISMATCHED, LARGE
 )  # fmt: skip
 
 

@@ -10,14 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from graph import MILLISECOND, Graph, SimClient, refusals, ros_arguments, unique_namespace
+from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
+from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import Float32, Float64
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, FORCE_SETPOINT, setpoint_topic
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, FORCE_SETPOINT, PISTON_STATE, setpoint_topic
 from cfd_pneumatic.device import Device, IdentifiedRange
 from cfd_pneumatic.nodes.input_range import InputRange
 from cfd_pneumatic.nodes.messages import COMMAND_QOS
@@ -157,6 +159,80 @@ def test_a_best_effort_set_point_is_a_warning_while_somebody_publishes_it(graph:
         assert setpoint_topic(CYLINDERS[0]) in status.message
     graph.node.destroy_publisher(other)
     report(sim, lambda one: one.level == one.OK, following(sim))
+
+
+def test_other_joints_on_the_topic_are_no_warning(graph: Graph, sim: SimClient) -> None:
+    arm = Node('arm_driver', context=graph.context)
+    publisher = arm.create_publisher(JointState, sim.piston_out.topic_name, QoSProfile(depth=1))
+    graph.until(lambda: publisher.get_subscription_count())
+    send = following(sim)
+
+    def both() -> None:
+        publisher.publish(JointState(name=['j1', 'j2'], position=[0.1, 0.2]))
+        send()
+        publisher.publish(JointState(name=['j1', 'j2'], position=[0.1, 0.2]))
+
+    report(sim, lambda one: one.level == one.OK, both)
+    for _ in range(5):
+        assert report(sim, lambda _: True, both).message == 'following piston_state'
+    second = graph.node.create_publisher(JointState, sim.piston_out.topic_name, QoSProfile(depth=1))
+    publisher.destroy()
+    arm.destroy_node()
+    report(sim, lambda one: '2 publish piston_state' in one.message, following(sim))
+    graph.node.destroy_publisher(second)
+    report(sim, lambda one: one.level == one.OK, following(sim))
+
+
+def test_a_best_effort_force_set_point_is_a_warning_while_somebody_publishes_it(graph: Graph, sim: SimClient) -> None:
+    other = graph.node.create_publisher(Float64, sim.force_out.topic_name, BEST_EFFORT)
+    for _ in range(3):
+        status = report(sim, lambda one: 'is best effort, and so not heard' in one.message, following(sim))
+        assert FORCE_SETPOINT in status.message
+    graph.node.destroy_publisher(other)
+    report(sim, lambda one: one.level == one.OK, following(sim))
+
+
+@pytest.mark.parametrize('topic', [PISTON_STATE, setpoint_topic(CYLINDERS[0])])
+def test_a_wrong_message_type_is_named_while_somebody_publishes_it(graph: Graph, sim: SimClient, topic: str) -> None:
+    context = Context()  # the middleware refuses a second type of a topic in one process and context
+    rclpy.init(context=context)
+    other = Node('wrong_type', context=context)
+    publisher = other.create_publisher(Float32, f'{sim.node.rpartition("/")[0]}/{topic}', QoSProfile(depth=1))
+    expected = 'sensor_msgs/msg/JointState' if topic == PISTON_STATE else 'std_msgs/msg/Float64'
+    message = f'{topic} of /wrong_type is std_msgs/msg/Float32, and so not heard: publish {expected}'
+    for _ in range(3):
+        status = report(sim, lambda one: message in one.message, following(sim))
+        assert status.level == status.WARN
+        assert '2 publish' not in status.message
+    publisher.destroy()
+    other.destroy_node()
+    rclpy.shutdown(context=context)
+    report(sim, lambda one: one.level == one.OK, following(sim))
+
+
+def test_publishers_are_compared_with_the_qos_that_acts(graph: Graph, described: Path) -> None:
+    """As `qos_overrides` set it, in either direction."""
+    namespace = unique_namespace()
+    node = f'{namespace}/monitor_node'
+    topics = {
+        topic: f'{namespace}/{topic}' for topic in (setpoint_topic('cylinder_a'), PISTON_STATE, 'cylinder_a/pressure')
+    }
+    overrides = {f'qos_overrides.{topic}.subscription.reliability': 'reliable' for topic in topics.values()}
+    overrides[f'qos_overrides.{topics[setpoint_topic("cylinder_a")]}.subscription.reliability'] = 'best_effort'
+    outs = [
+        graph.node.create_publisher(message_type, topic, BEST_EFFORT)
+        for message_type, topic in zip((Float64, JointState, FluidPressure), topics.values())
+    ]
+    subscriber = graph.node.create_subscription(JointState, f'{namespace}/joint_states', lambda _: None, BEST_EFFORT)
+    with graph.run('monitor_node', [*ros_arguments(namespace, overrides), '--params-file', str(described)]):
+        status = graph.next_diagnostics(node, lambda one: 'no piston_state yet' in one.message)
+        for topic in (PISTON_STATE, 'cylinder_a/pressure'):
+            assert f'{topic} of /{graph.node.get_name()} is best effort' in status.message
+        assert 'cylinder_a/setpoint of' not in status.message
+        assert subscriber.topic_name not in status.message
+    graph.node.destroy_subscription(subscriber)
+    for out in outs:
+        graph.node.destroy_publisher(out)
 
 
 @pytest.mark.parametrize('module', ['sim_node', 'monitor_node'])
