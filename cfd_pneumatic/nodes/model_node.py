@@ -70,6 +70,7 @@ class ModelNode(BoundedNode):
         self._setpoints = {name: self._value(f'{name}.initial_setpoint') for name in convention.CYLINDERS}
         self._waiting = set(self._cylinders)  # for a first set-point
         self._range = InputRange(self._described.identified_range)
+        self._compare_range()
         for cylinder in self._cylinders:
             refusal = self._refusal(self._setpoints[cylinder])
             if refusal is not None:
@@ -134,7 +135,7 @@ class ModelNode(BoundedNode):
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
         self._adopt_piston(changes)
-        self._range = InputRange(self._described.identified_range)
+        self._compare_range()
         self._is_described |= not changes.keys().isdisjoint(self._defaults)
         self._defaults = [name for name in self._defaults if name not in changes]
         self._adopt(changes)
@@ -145,6 +146,15 @@ class ModelNode(BoundedNode):
         self._joint = self._value('joint', changes)
         self._stroke = self._value('stroke_lower', changes), self._value('stroke_upper', changes)
         self._piston = joint_reader(self, self._joint)
+
+    def _compare_range(self) -> None:
+        """Compare input with the range of the device as the parameters describe it."""
+        points = {name: one.parameters.setpoints for name, one in self._device.cylinders.items()}
+        self._range.compare_with(
+            self._described.identified_range,
+            self._device.geometry.ambient_pressure,
+            {name: (float(one[0]), float(one[-1])) for name, one in points.items() if one.size > 1},
+        )
 
     def _told_defaults(self) -> str:
         """Return which of the gains and the area nobody gave."""
@@ -179,7 +189,7 @@ class ModelNode(BoundedNode):
                 words.append(f'no {topic} yet: initial_setpoint {self._setpoints[name]:.0f} Pa acts')
         if not self._health.counts['samples'] and (where := other_topics(self, convention.PISTON_STATE)):
             words.append(where)
-        words += self._range.told({name: self._setpoints[name] for name in self._cylinders})
+        words += self._range.report({name: self._setpoints[name] for name in self._cylinders})
         self._health.standing(words)
         return words
 
@@ -294,8 +304,8 @@ class ModelNode(BoundedNode):
             if self._health.silence > self._value('timeout'):
                 self._health.warn(f'{convention.PISTON_STATE} has {self._health.meanwhile}')
             return
-        if told is not None and told[0] is not None:
-            self._range.sample(told[0], told[1])  # also if it is refused: its unit may be the reason
+        if told is not None and told[0] is not None:  # also if it is refused: its unit may be the reason
+            self._range.sample(told[0] or self.get_clock().now().nanoseconds, told[1])
         refusal = 'has no position' if told is None else self._refused_position(told[1])
         if told is None or refusal is not None:
             self._health.counts['ignored samples'] += 1
@@ -333,20 +343,13 @@ class ModelNode(BoundedNode):
     def _note_sample(self, pressures: Iterable[float]) -> None:
         """Note a sample that was taken, and the model's pressures at it [Pa]."""
         self._health.counts['samples'] += 1
-        self._range.pressures(self._cylinders, pressures)
+        self._range.predicted(self._cylinders, pressures)
 
     def _commit(self, stamp: int, position: float) -> bool:
         """Take a sample of the piston, its stamp [ns] and its displacement [m], if that gives possible pressures."""
         raise NotImplementedError
 
     def _absolute_setpoints(self) -> tuple[float, float]:
-        for name, cylinder in self._device.cylinders.items():
-            if not cylinder.parameters.covers(self._setpoints[name]):
-                self._health.warn(
-                    f'{name}: set-point {self._setpoints[name]:.0f} Pa lies outside the operating '
-                    f'points {cylinder.parameters.setpoints[0]:.0f} to {cylinder.parameters.setpoints[-1]:.0f} Pa: '
-                    'the nearest gains are held'
-                )
         ambient = self._device.geometry.ambient_pressure
         return self._setpoints['cylinder_a'] + ambient, self._setpoints['cylinder_b'] + ambient
 

@@ -169,6 +169,8 @@ class MonitorNode(ModelNode):
         if stamp is None:
             self._health.warn(f'ignored: {no_time(topic)}')
             return
+        if channel in self._cylinders:
+            self._range.measured(channel, told[1])
         now = time.monotonic()
         self._watch.measured(channel, stamp, told[1], now)
         self._publish_residuals(now)

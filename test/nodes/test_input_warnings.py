@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from itertools import count
+from functools import partial
+from itertools import count, islice
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +18,12 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import FluidPressure, JointState
-from std_msgs.msg import Float32, Float64
+from std_msgs.msg import Float32, Float64, Header
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, FORCE_SETPOINT, PISTON_STATE, setpoint_topic
 from cfd_pneumatic.device import Device, IdentifiedRange
 from cfd_pneumatic.nodes.input_range import InputRange
-from cfd_pneumatic.nodes.messages import COMMAND_QOS
+from cfd_pneumatic.nodes.messages import COMMAND_QOS, stamp_message
 from cfd_pneumatic.nodes.topics import listen_to_held
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.units import PSI
@@ -108,9 +109,10 @@ def test_displacements_beyond_what_was_identified_are_a_warning(
 @pytest.mark.parametrize(
     ('setpoint', 'words'),
     [
-        (0.7, 'looks like bar or psi: publish Pa above ambient'),
-        (69.0, 'looks like psi'),
-        (690.0, 'looks like kPa'),
+        (0.7, 'looks like bar: publish Pa above ambient'),
+        (10.0, 'looks like psi'),
+        (69.0, 'looks like kPa'),
+        (690.0, 'looks like mbar'),
         (30 * PSI, f'outside of the identified {5 * PSI:.6g} to {15 * PSI:.6g} Pa'),
     ],
 )
@@ -265,6 +267,43 @@ def test_a_node_that_nobody_told_anything_says_what_acts(graph: Graph, tmp_path:
         told("no parameter file: the paper's Table 1 and the default area act")
 
 
+def test_measured_pressures_in_another_unit_are_a_warning(graph: Graph, described: Path) -> None:
+    """And other joints on the topic are none, as those of an arm."""
+    namespace = unique_namespace()
+    pistons, arm = (graph.publisher(JointState, f'{namespace}/{PISTON_STATE}') for _ in range(2))
+    setpoints = [graph.publisher(Float64, f'{namespace}/{setpoint_topic(name)}') for name in CYLINDERS]
+    pressures = [graph.publisher(FluidPressure, f'{namespace}/{name}/pressure') for name in CYLINDERS]
+    stamps = count(10**18, MILLISECOND)
+
+    def feed(unit: float = 1.0, is_silent: bool = False) -> None:
+        for stamp in map(stamp_message, islice(stamps, 10)):
+            arm.publish(JointState(name=['j1'], position=[0.1]))
+            if not is_silent:
+                pistons.publish(JointState(header=Header(stamp=stamp), name=['piston'], position=[1e-3]))
+            for setpoint, pressure in zip(setpoints, pressures):
+                setpoint.publish(Float64(data=SET))
+                absolute = AMBIENT_PRESSURE + SET
+                pressure.publish(FluidPressure(header=Header(stamp=stamp), fluid_pressure=absolute / unit))
+            arm.publish(JointState(name=['j1'], position=[0.1]))
+
+    with graph.run('monitor_node', [*ros_arguments(namespace), '--params-file', str(described)]):
+
+        def report(message: str, doing: Callable[[], None]) -> DiagnosticStatus:
+            return graph.next_diagnostics(
+                f'{namespace}/monitor_node', lambda one: 'feed' in one.name and message in one.message, doing=doing
+            )
+
+        report('following piston_state', feed)
+        for _ in range(3):
+            status = report('', feed)
+            assert (status.level, status.message) == (status.OK, 'following piston_state')
+        for _ in range(2):
+            status = report('it looks like kPa, publish absolute Pa', partial(feed, 1e3))
+            assert status.level == status.WARN
+        report('following piston_state', feed)
+        report("no joint 'piston', but ['j1']", partial(feed, is_silent=True))
+
+
 def test_a_force_is_a_set_point_of_both(graph: Graph, described: Path) -> None:
     namespace = unique_namespace()
     out = graph.node.create_publisher(Float64, f'{namespace}/{FORCE_SETPOINT}', LATCHED)
@@ -354,15 +393,98 @@ def test_what_moves_as_it_was_identified_raises_no_warning() -> None:
     known = InputRange(IdentifiedRange.of_recordings([recording], AMBIENT_PRESSURE))
     for index in range(0, times.size, 3):
         known.sample(int(times[index] * 1e9), displacement[index] + 1e-6 * rng.normal())
-        known.pressures(['cylinder_a'], [1.2e5 + 50.0 * rng.normal()])
-    assert known.told({'cylinder_a': 4e4}) == []
+        known.predicted(['cylinder_a'], [1.2e5 + 50.0 * rng.normal()])
+    assert known.report({'cylinder_a': 4e4}) == []
 
 
 def test_without_an_identification_only_what_no_device_has_is_told() -> None:
     unknown = InputRange(IdentifiedRange())
     unknown.sample(0, 0.05)
-    unknown.pressures(['cylinder_a'], [5e5])
-    assert unknown.told({'cylinder_a': 3e5, 'cylinder_b': 0.0}) == []
+    unknown.predicted(['cylinder_a'], [5e5])
+    assert unknown.report({'cylinder_a': 3e5, 'cylinder_b': 0.0}) == []
     unknown.sample(10**9, 0.5)
-    assert 'looks like millimetres' in unknown.told({'cylinder_a': 3e5})[0]
-    assert unknown.told({'cylinder_a': 3e5}) == []
+    assert 'looks like millimetres' in unknown.report({'cylinder_a': 3e5})[0]
+    assert unknown.report({'cylinder_a': 3e5}) == []
+
+
+def test_the_travel_counts_if_no_displacement_was_identified() -> None:
+    """As of an encoder that counts from somewhere else."""
+    unknown = InputRange(IdentifiedRange())
+    for index in range(100):
+        unknown.sample(10**7 * index, 0.15 + 1e-3 * np.sin(index))
+    assert unknown.report({}) == []
+    unknown.sample(2 * 10**9, 0.15 + 1.0)
+    (warning,) = unknown.report({})
+    assert 'looks like millimetres' in warning
+    unknown.sample(3 * 10**9, 0.15 + 1.0)
+    assert unknown.report({}) == []
+
+
+SPANS = {'cylinder_a': (155e3, 198e3), 'cylinder_b': (126e3, 149e3)}
+
+
+def test_a_value_holds_until_the_next() -> None:
+    """As of a driver that publishes on change."""
+    known = InputRange(IdentifiedRange(displacement=(0.0, 3e-3), pressures=SPANS))
+    known.sample(0, 1e-3)
+    known.sample(10**9, 4e-3)
+    known.predicted(['cylinder_a'], [3e5])
+    for _ in range(3):
+        warnings = known.report({})
+        assert len(warnings) == 2
+    assert 'is 0.004 m' in warnings[0]
+    known.sample(2 * 10**9, 2e-3)
+    known.predicted(['cylinder_a'], [160e3])
+    assert known.report({}) == []
+
+
+@pytest.mark.parametrize(
+    ('frequency', 'amplitude', 'warns'), [(2.0, 1e-3, False), (50.0, 1e-3, True), (50.0, 5e-6, False)]
+)
+def test_a_vibration_is_a_speed(frequency: float, amplitude: float, warns: bool) -> None:
+    """Also if a whole number of its periods lies within the interval over which a speed is the mean."""
+    known = InputRange(IdentifiedRange(speed=0.0788))
+    noise = np.random.default_rng(3).normal(scale=2e-6, size=1000)
+    for index in range(noise.size):
+        stamp = 2 * MILLISECOND * index
+        known.sample(stamp, amplitude * np.sin(2.0 * np.pi * frequency * stamp * 1e-9) + noise[index])
+    assert any('faster than the identified' in warning for warning in known.report({})) == warns
+
+
+def test_noise_at_rest_is_no_speed() -> None:
+    known = InputRange(IdentifiedRange(speed=1e-3))
+    for index, noise in enumerate(np.random.default_rng(3).normal(scale=2e-6, size=5000)):
+        known.sample(MILLISECOND * index, 1e-3 + noise)
+    assert known.report({}) == []
+
+
+@pytest.mark.parametrize(
+    ('measured', 'warnings'),
+    [
+        ((171e3, 137e3), []),
+        (
+            (171.0, 137.0),
+            ['cylinder_a is 171 Pa, outside of the identified 155000 to 198000 Pa: it looks like kPa', 'kPa'],
+        ),
+        ((171e3 - AMBIENT_PRESSURE, 137e3), ['155000 to 198000 Pa: it looks like gauge pressure, publish absolute Pa']),
+        ((137e3, 171e3), ['the measured pressures of cylinder_a and cylinder_b look swapped']),
+        ((171e3, 0.0), ['cylinder_b is 0 Pa, outside of the identified 126000 to 149000 Pa: check the sensor']),
+    ],
+)
+def test_measured_pressures_are_compared(measured: tuple[float, float], warnings: list[str]) -> None:
+    known = InputRange(IdentifiedRange(pressures=SPANS))
+    for name, pressure in zip(CYLINDERS, measured):
+        known.measured(name, pressure)
+    found = known.report({})
+    assert len(found) == len(warnings)
+    assert all(warning in text for warning, text in zip(warnings, found))
+
+
+def test_without_an_identified_range_set_points_are_compared_with_the_operating_points() -> None:
+    known = InputRange(IdentifiedRange())
+    known.compare_with(IdentifiedRange(), AMBIENT_PRESSURE, {'cylinder_a': (5 * PSI, 20 * PSI)})
+    assert known.report({'cylinder_a': 10 * PSI}) == []
+    for _ in range(2):
+        (warning,) = known.report({'cylinder_a': 25 * PSI})
+        assert 'outside the operating points 34473.8 to 137895 Pa: the nearest gains act' in warning
+    assert 'looks like psi' in known.report({'cylinder_a': 10.0})[0]
