@@ -22,10 +22,10 @@ from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import NAMES, DeviceModel, warm_up
 from cfd_pneumatic.nodes.bounded_node import BoundedNode
-from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, WITHOUT_JOINT, InputHealth, diagnostics
+from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, REPEATED, WITHOUT_JOINT, InputHealth, diagnostics
 from cfd_pneumatic.nodes.input_range import InputRange
 from cfd_pneumatic.nodes.messages import AXES, COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
-from cfd_pneumatic.nodes.parameter_files import unread_file
+from cfd_pneumatic.nodes.parameter_files import has_files, unread_files
 from cfd_pneumatic.nodes.parameters import FRAME_LENGTH, checked_frame, declare_device, device_of, number, text
 from cfd_pneumatic.nodes.publishers import (
     other_topics,
@@ -39,6 +39,8 @@ from cfd_pneumatic.nodes.topics import Queue, listen_to, listen_to_held
 
 _FARTHEST = 1e3  # what a stroke may end at [m]; a number beyond would take the model out of floating point's range
 _STROKE = 1.0  # no end effector's piston is farther from where it is counted from [m]
+_FEWEST_REPEATED = 3  # samples that repeat a stamp before there is a warning
+_REPEATED_PER_SAMPLE = 20  # that many to each that does not: a driver at 1 kHz may repeat each sample of a sensor
 _NAMES = reprlib.Repr()  # of the joints in a message, which may be any number of any length
 _NAMES.maxlist, _NAMES.maxstring = 20, 80
 
@@ -56,7 +58,6 @@ class ModelNode(BoundedNode):
         self._health = InputHealth(self, convention.PISTON_STATE)
         self._samples = Queue()
         self._subscribed: dict[str, tuple[str, QoSProfile]] = {}  # the type and the QoS of each topic
-        self._without_joint = 0  # messages, as of the last report
         self._sharing: list[str] = []  # publishers of piston_state among which others than the piston's are
         self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         axis = self._parameter_overrides.get('axis')
@@ -65,6 +66,7 @@ class ModelNode(BoundedNode):
         self._declare_parameters()
         self._described = self._make_device({})
         self._cylinders = tuple(self._device.cylinders)
+        self._refused_setpoints: dict[str, str] = {}  # the warning, by topic
         wanted = ['area', *(f'{cylinder}.{gain}' for cylinder in self._cylinders for gain in NAMES)]
         self._defaults = [name for name in wanted if name not in self._parameter_overrides]
         self._setpoints = {name: self._value(f'{name}.initial_setpoint') for name in convention.CYLINDERS}
@@ -76,8 +78,7 @@ class ModelNode(BoundedNode):
             if refusal is not None:
                 raise InputError(f'{cylinder}.initial_setpoint is {refusal}')
         self._adopt_piston({})
-        self._is_described = self._defaults != wanted
-        self._unread = unread_file(self)
+        self._unread = list(unread_files(self))
         instead = "the paper's Table 1 and the default area stand in for them"
         if self._defaults == wanted:
             self.get_logger().info(f'no gains and no area are given: {instead}')
@@ -131,12 +132,16 @@ class ModelNode(BoundedNode):
         """Take good values from the next sample on; reject others with the reason."""
         changes = {parameter.name: parameter.value for parameter in parameters}
         try:
-            self._described = self._make_device(changes)
+            described = self._make_device(changes)
+            for cylinder in self._cylinders:
+                refusal = self._refusal(self._setpoints[cylinder], described)
+                if refusal is not None:
+                    raise InputError(f'{convention.setpoint_topic(cylinder)} is {refusal}: set another set-point first')
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        self._described = described
         self._adopt_piston(changes)
         self._compare_range()
-        self._is_described |= not changes.keys().isdisjoint(self._defaults)
         self._defaults = [name for name in self._defaults if name not in changes]
         self._adopt(changes)
         return SetParametersResult(successful=True)
@@ -183,6 +188,7 @@ class ModelNode(BoundedNode):
         words = [*self._on_parameter_file(), *self._on_piston_publishers()]
         for topic, (expected_type, qos) in self._subscribed.items():
             words += unheard_publishers(self, topic, expected_type, qos)
+        words += [*self._on_stamps(), *self._refused_setpoints.values()]
         for name in self._cylinders:
             if name in self._waiting:
                 topic = convention.setpoint_topic(name)
@@ -194,9 +200,18 @@ class ModelNode(BoundedNode):
         return words
 
     def _on_parameter_file(self) -> Iterator[str]:
-        """Yield in words that the device is nobody's."""
-        if not self._is_described:
-            yield self._unread or "no parameter file: the paper's Table 1 and the default area act"
+        """Yield warnings on files for other nodes, and on cylinders whose gains nobody gave."""
+        yield from self._unread
+        assumed = [name for name in self._cylinders if all(f'{name}.{gain}' in self._defaults for gain in NAMES)]
+        if not assumed:
+            return
+        area, acting = '', "the paper's Table 1 acts"
+        if 'area' in self._defaults:
+            area, acting = ' and no area', "the paper's Table 1 and the default area act"
+        if area and assumed == [*self._cylinders] and not has_files():
+            yield f'no parameter file: {acting}'
+        else:
+            yield f'no gains of {", ".join(assumed)}{area}: {acting}'
 
     def _on_piston_publishers(self) -> Iterator[str]:
         """
@@ -206,11 +221,23 @@ class ModelNode(BoundedNode):
         joint came from among them.
         """
         publishers = publisher_names(self, convention.PISTON_STATE, JOINT_STATE)
-        without_joint = self._health.counts[WITHOUT_JOINT]
-        if without_joint > self._without_joint:
-            self._without_joint, self._sharing = without_joint, publishers
+        if self._health.grown(WITHOUT_JOINT):
+            self._sharing = publishers
         if publishers != self._sharing:
             yield from several_publishers(convention.PISTON_STATE, publishers)
+
+    def _on_stamps(self) -> Iterator[str]:
+        """Yield a warning if almost all samples since the last report repeat a stamp."""
+        repeated, taken = self._health.grown(REPEATED), self._health.grown('samples')
+        if repeated < _FEWEST_REPEATED or repeated < _REPEATED_PER_SAMPLE * taken:
+            return
+        remedy = 'stamp each sample with its time'
+        if self._health.grown('zero stamps') and self._value('use_sim_time'):
+            remedy = f'{remedy}, or let /clock run'
+        yield (
+            f'the stamps of {convention.PISTON_STATE} do not advance, {repeated} of {repeated + taken} samples repeat '
+            f'a stamp: {remedy}'
+        )
 
     def _say(self, part: str, verdict: tuple[bytes, str], values: Mapping[str, str]) -> None:
         """Publish on `/diagnostics` how a part of the node does: level and words, and values beside them."""
@@ -268,26 +295,31 @@ class ModelNode(BoundedNode):
         )
 
     def _on_setpoint(self, cylinder: str, message: Float64) -> None:
-        refusal = self._refusal(message.data)
+        topic, refusal = convention.setpoint_topic(cylinder), self._refusal(message.data)
         if refusal is not None:
-            self._ignore_setpoint(f'{convention.setpoint_topic(cylinder)} {refusal}')
+            self._ignore_setpoint(topic, f'{topic} {refusal}')
             return
+        self._refused_setpoints.pop(topic, None)
         self._setpoints[cylinder] = message.data
         self._waiting.discard(cylinder)
 
-    def _refusal(self, setpoint: float) -> str | None:
-        """Return why a gauge set-point [Pa] cannot act, or None."""
+    def _refusal(self, setpoint: float, described: Device | None = None) -> str | None:
+        """Return why a gauge set-point [Pa] cannot act, by default on the present device; None if it can."""
+        device = described or self._described
+        supply = device.number('supply_pressure')
         if not math.isfinite(setpoint):
             return f'{setpoint}, not a finite number'
-        if setpoint < -self._device.geometry.ambient_pressure:
+        if setpoint < -device.number('ambient_pressure'):
             return f'{setpoint:.0f} Pa, below vacuum'
-        if setpoint > self._value('supply_pressure'):
-            return f'{setpoint:.0f} Pa, above the supply pressure {self._value("supply_pressure"):.0f} Pa'
+        if setpoint > supply:
+            return f'{setpoint:.0f} Pa, above the supply pressure {supply:.0f} Pa'
         return None
 
-    def _ignore_setpoint(self, why: str) -> None:
+    def _ignore_setpoint(self, topic: str, why: str) -> None:
+        """Count a refused set-point, and warn until the topic has another one."""
         self._health.counts['ignored set-points'] += 1
-        self._health.warn(f'ignored: {why}')
+        self._refused_setpoints[topic] = f'ignored: {why}; the set-point before acts'
+        self._health.warn(self._refused_setpoints[topic])
 
     def _refused_position(self, position: float) -> str | None:
         """Return why the piston cannot be at a position [m], or None."""

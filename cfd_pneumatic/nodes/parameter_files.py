@@ -4,23 +4,22 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
 
-from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.input_files import check_input
 from cfd_pneumatic.yaml_files import YamlMapping, read_yaml
 
 _OPTION = '--params-file'
 _SUFFIXES = ('.yaml', '.yml')
-_OWN = ('area', *CYLINDERS)  # what describes a device
+_WILDCARDS = {'*': '/[^/]+', '**': '(/[^/]+)*'}
 _MOST_SHOWN = 5  # names in a message
 
 
@@ -59,19 +58,22 @@ def _outside_of_ros_args(arguments: Sequence[str]) -> Iterator[str]:
             yield one
 
 
-def unread_file(node: Node) -> str | None:
-    """Return in words which file describes the device for other nodes; None if none does."""
+def has_files() -> bool:
+    """Return whether the command line gives a parameter file."""
+    return any(_files(sys.argv))
+
+
+def unread_files(node: Node) -> Iterator[str]:
+    """Yield a warning for each parameter file on the command line that has no section for the node."""
+    node_name = node.get_fully_qualified_name()
     for path in _files(sys.argv):
-        names = []
-        with suppress(InputError):  # ROS has read it, in its own way
-            names = [name for name, given in _nodes(read_yaml(Path(path))) if _describes(given)]
-        if names:
-            shown = ', '.join(map(printable, names[:_MOST_SHOWN]))
-            return (
-                f'{printable(path)} describes the device for {shown}, and not for {node.get_fully_qualified_name()}: '
-                'let it begin with /**:'
-            )
-    return None
+        try:
+            sections = list(_sections(read_yaml(Path(path))))
+        except InputError:  # ROS has read it, in its own way
+            continue
+        if not any(_matches(section, node_name) for section in sections):
+            shown = ', '.join(map(printable, sections[:_MOST_SHOWN])) or 'no node'
+            yield f'{printable(path)} has parameters for {shown}, and not for {node_name}: let it begin with /**:'
 
 
 def _files(arguments: Sequence[str]) -> Iterator[str]:
@@ -80,15 +82,18 @@ def _files(arguments: Sequence[str]) -> Iterator[str]:
             yield value
 
 
-def _nodes(document: Any, above: str = '') -> Iterator[tuple[str, YamlMapping]]:
-    """Yield the names of the nodes in a file, and the parameters that each is given."""
+def _sections(document: Any, above: str = '') -> Iterator[str]:
+    """Yield the names of the nodes to which a file gives parameters."""
     if isinstance(document, YamlMapping):
         for name, below in document.items():
-            if name == 'ros__parameters' and isinstance(below, YamlMapping):
-                yield above, below
+            if name == 'ros__parameters':
+                yield above
             else:
-                yield from _nodes(below, f'{above}/{name}'.replace('//', '/') if above else str(name))
+                yield from _sections(below, f'{above}/{name}'.replace('//', '/') if above else str(name))
 
 
-def _describes(parameters: YamlMapping) -> bool:
-    return any(str(name).partition('.')[0] in _OWN for name in parameters)
+def _matches(section: str, node_name: str) -> bool:
+    """Return whether a section is for a node: `*` stands for one part of its full name, `**` for any number."""
+    parts = section.removeprefix('/').split('/')
+    pattern = ''.join(_WILDCARDS.get(part, f'/{re.escape(part)}') for part in parts)
+    return re.fullmatch(pattern, node_name) is not None

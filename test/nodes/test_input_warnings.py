@@ -24,13 +24,16 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, FORCE_SETPOINT
 from cfd_pneumatic.device import Device, IdentifiedRange
 from cfd_pneumatic.nodes.input_range import InputRange
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, stamp_message
+from cfd_pneumatic.nodes.parameter_files import unread_files
 from cfd_pneumatic.nodes.topics import listen_to_held
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.units import PSI
 
 SET = 10 * PSI
+GAINS = {'setpoints': (SET,), 'k_x': (5.4e6,), 'k_sv': (165.0,), 'k_v': (30.0,), 'tau': (0.012,)}
 IDENTIFIED = {
     'area': 1.14e-3,
+    **{f'{name}.{gain}': value for name in CYLINDERS for gain, value in GAINS.items()},
     'identified_displacement': (0.0, 3e-3),
     'identified_speed': 0.1,
     **{f'{name}.identified_setpoints': (5 * PSI, 15 * PSI) for name in CYLINDERS},
@@ -252,7 +255,7 @@ def test_a_node_that_nobody_told_anything_says_what_acts(graph: Graph, tmp_path:
             return graph.next_diagnostics(node, lambda one: words in one.message, doing=doing)
 
         status = told('no piston_state yet')
-        assert f'{file} describes the device for /cell/other_node, and not for {node}' in status.message
+        assert f'{file} has parameters for /cell/other_node, and not for {node}' in status.message
         assert joints.topic_name in status.message.partition('joints are published on ')[2]
         for name in CYLINDERS:
             assert f'no {setpoint_topic(name)} yet: initial_setpoint {SET:.0f} Pa acts' in status.message
@@ -302,6 +305,99 @@ def test_measured_pressures_in_another_unit_are_a_warning(graph: Graph, describe
             assert status.level == status.WARN
         report('following piston_state', feed)
         report("no joint 'piston', but ['j1']", partial(feed, is_silent=True))
+
+
+def test_a_file_for_another_node_only_is_a_warning(graph: Graph, described: Path, tmp_path: Path) -> None:
+    """Also next to a file that describes the device, and if it does not describe any."""
+    namespace = unique_namespace()
+    overlay = tmp_path / 'overlay.yaml'
+    overlay.write_text('/cell_7/sim_node:\n  ros__parameters: {joint: slide}\n')
+    warning = f'{overlay} has parameters for /cell_7/sim_node, and not for {namespace}/sim_node: let it begin with /**:'
+    for others in (['--params-file', str(described)], []):
+        with graph.run('sim_node', [*ros_arguments(namespace), *others, '--params-file', str(overlay)]):
+            status = graph.next_diagnostics(f'{namespace}/sim_node', lambda one: 'no piston_state' in one.message)
+            assert warning in status.message
+            assert 'no parameter file' not in status.message
+            assert ('no gains of cylinder_a, cylinder_b and no area' in status.message) == (not others)
+
+
+@pytest.mark.parametrize(
+    'section',
+    [
+        '/**',
+        '**',
+        '/cell/sim_node',
+        'cell/sim_node',
+        '/**/sim_node',
+        '/*/sim_node',
+        '/cell/*',
+        '/cell/**',
+        '/cell/**/sim_node',
+        'sim_node',
+        '/sim_node',
+        '/*',
+        '/cell',
+        '/cell/*/sim_node',
+    ],
+)
+def test_sections_are_compared_as_ros_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, section: str) -> None:
+    file = tmp_path / 'file.yaml'
+    file.write_text(f'"{section}":\n  ros__parameters: {{joint: slide}}\n')
+    context = Context()
+    arguments = ['--ros-args', '--params-file', str(file)]
+    monkeypatch.setattr('sys.argv', ['sim_node', *arguments])
+    rclpy.init(args=arguments, context=context)
+    node = Node('sim_node', namespace='/cell', context=context)
+    try:
+        assert (list(unread_files(node)) == []) == ('joint' in node._parameter_overrides)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def test_gains_of_table_1_are_a_warning_until_there_are_others(graph: Graph) -> None:
+    namespace = unique_namespace()
+    node = f'{namespace}/sim_node'
+    with graph.run('sim_node', ros_arguments(namespace, {'area': 0.002})):
+        warning = "no gains of cylinder_a, cylinder_b: the paper's Table 1 acts"
+        graph.next_diagnostics(node, lambda one: warning in one.message)
+        for name, left in (('cylinder_a', 'no gains of cylinder_b: '), ('cylinder_b', '')):
+            result = graph.set_atomically(node, **{f'{name}__{gain}': list(value) for gain, value in GAINS.items()})
+            assert result.successful, result.reason
+            graph.next_diagnostics(node, lambda one, left=left: left in one.message)
+        assert 'no gains' not in graph.next_diagnostics(node, lambda _: True).message
+
+
+def test_stamps_that_stand_still_are_a_warning(sim: SimClient) -> None:
+    def send(new: int) -> None:
+        """Send ten samples, of which so many have a new stamp."""
+        for index in range(10):
+            sim.send(next(STAMPS) if index < new else sim.stamp, 1e-3)
+
+    warns_while(sim, 'the stamps of piston_state do not advance', partial(send, 0))
+    report(sim, lambda one: one.level == one.OK, partial(send, 5))
+    for _ in range(3):
+        assert report(sim, lambda _: True, partial(send, 5)).level == DiagnosticStatus.OK
+
+
+@pytest.mark.parametrize('setpoint', [float('nan'), 1e7])
+def test_a_refused_set_point_is_a_warning_until_another_one_comes(sim: SimClient, setpoint: float) -> None:
+    sim.setpoint(0, setpoint)
+    sim.setpoint(1, SET)
+    report(sim, lambda one: 'ignored: cylinder_a/setpoint' in one.message, following(sim))
+    for _ in range(3):
+        status = report(sim, lambda _: True, following(sim))
+        assert status.level == status.WARN
+        assert 'the set-point before acts' in status.message
+    sim.setpoint(0, SET)
+    report(sim, lambda one: one.level == one.OK, following(sim))
+
+
+def test_a_supply_below_a_set_point_that_acts_is_refused(sim: SimClient) -> None:
+    result = sim.graph.set(sim.node, supply_pressure=0.5 * SET)
+    assert not result.successful
+    assert f'cylinder_a/setpoint is {SET:.0f} Pa, above the supply pressure {0.5 * SET:.0f} Pa' in result.reason
+    assert report(sim, lambda _: True, following(sim)).level == DiagnosticStatus.OK
 
 
 def test_a_force_is_a_set_point_of_both(graph: Graph, described: Path) -> None:
