@@ -442,14 +442,31 @@ def test_a_value_that_two_subscriptions_hear_counts_once(graph: Graph, latched: 
     assert taken == sorted(taken)
 
 
-def test_arguments_outside_of_ros_args_are_one_line() -> None:
-    said = refusals(
-        'sim_node',
-        [['parameters.yaml'], ['--params-file', 'p.yaml'], ['p.yaml', '--ros-args', '-r', '__ns:=/a'], ['-x']],
-    )
-    for line, meant in zip(said, ('parameters.yaml', 'p.yaml', 'p.yaml')):
-        assert line.endswith(f'stands outside of --ros-args: sim_node --ros-args --params-file {meant}')
-    assert said[-1].endswith('-x stands outside of --ros-args: sim_node --ros-args -x')
+def test_arguments_that_ros_does_not_take_are_corrected_in_one_line(tmp_path: Path) -> None:
+    """The command line in the message can be pasted into a shell."""
+    blank = tmp_path / 'my file'
+    blank.touch()
+    corrected = {
+        ('p.yaml',): '--params-file p.yaml',
+        ('--params-file', 'p.yaml'): '--params-file p.yaml',
+        ('p.yaml', '--ros-args', '-r', '__ns:=/a'): '-r __ns:=/a --params-file p.yaml',
+        ('--ros-args', 'p.yaml'): '--params-file p.yaml',
+        ('--ros-args', '-r', '__ns:=/a', 'P.YAML'): '-r __ns:=/a --params-file P.YAML',
+        ('--ros-args', '--params-file=p.yaml'): '--params-file p.yaml',
+        ('--params-file:=p.yaml',): '--params-file p.yaml',
+        ('--ros-args', '--param-file', 'p.yaml'): '--params-file p.yaml',
+        ('params_file:=p.yaml',): '--params-file p.yaml',
+        ('--ros-args', '--params-file', 'a.yaml', 'b.yaml'): '--params-file a.yaml --params-file b.yaml',
+        ('a.yaml', 'b.yaml'): '--params-file a.yaml --params-file b.yaml',
+        ('my file.yaml', '-x'): "--params-file 'my file.yaml'",
+        (str(blank),): f"--params-file '{blank}'",
+        ('--', 'p.yaml'): '--params-file p.yaml',
+        ('__ns:=/a', 'area:=0.002', 'piston_state:=/joints'): '-r __ns:=/a -p area:=0.002 -r piston_state:=/joints',
+    }
+    for line, expected in zip(refusals('sim_node', corrected), corrected.values()):
+        assert line.endswith(f': sim_node --ros-args {expected}'), line
+    (line,) = refusals('sim_node', [['-x']])
+    assert line.endswith('-x is no argument of sim_node: see sim_node --help')
 
 
 @pytest.mark.parametrize('module', ['sim_node', 'identifier_node'])
