@@ -299,7 +299,8 @@ class ModelNode(BoundedNode):
         if refusal is not None:
             self._ignore_setpoint(topic, f'{topic} {refusal}')
             return
-        self._refused_setpoints.pop(topic, None)
+        for accepted in (topic, convention.FORCE_SETPOINT):  # the force would set this cylinder, too
+            self._refused_setpoints.pop(accepted, None)
         self._setpoints[cylinder] = message.data
         self._waiting.discard(cylinder)
 
