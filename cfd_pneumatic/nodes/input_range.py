@@ -78,6 +78,11 @@ class InputRange:
         if not math.isfinite(position):
             return
         self._displacement.add(position)
+        if stamp != self._latest:  # the model leaves repeated stamps out, too
+            self._note_speed(stamp, position)
+
+    def _note_speed(self, stamp: int, position: float) -> None:
+        """Compute the speed if an interval has ended: the travel in it over the time between lowest and highest."""
         sample = position, stamp
         if self._start < 0 or stamp < self._latest:
             self._start, self._lowest, self._highest = stamp, sample, sample
