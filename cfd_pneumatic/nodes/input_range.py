@@ -145,14 +145,16 @@ class InputRange:
             is_outside = known is not None and _outside(seen, known, _PRESSURE_ROOM)
             if not is_small and not is_outside:
                 continue
-            units = 'bar, psi or kPa' if known is None else _likely_units(seen, known)
+            units = '' if known is None else _likely_units(seen, known)
+            if is_small and identified is None:
+                units = units or 'bar, psi or kPa'
             if units:
                 yield f'{topic} {setpoint:g} Pa looks like {units}: publish Pa above ambient'
             elif identified is not None:
-                yield f'{topic} {setpoint:.0f} Pa is outside of the identified {_shown(identified)} Pa: {_UNKNOWN}'
+                yield f'{topic} {setpoint:.6g} Pa is outside of the identified {_shown(identified)} Pa: {_UNKNOWN}'
             elif known is not None:
                 yield (
-                    f'{topic} {setpoint:.0f} Pa is outside the operating points {_shown(known)} Pa: '
+                    f'{topic} {setpoint:.6g} Pa is outside the operating points {_shown(known)} Pa: '
                     'the nearest gains act'
                 )
 

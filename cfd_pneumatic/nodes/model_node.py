@@ -217,13 +217,14 @@ class ModelNode(BoundedNode):
         """
         Yield a warning if several publishers send the piston joint.
 
-        Discovery does not show which joints a publisher sends. So publishers are not counted if messages without the
-        joint came from among them.
+        Discovery does not show which joints a publisher sends. So publishers are not counted before the first sample,
+        nor if messages without the joint came from among them.
         """
         publishers = publisher_names(self, convention.PISTON_STATE, JOINT_STATE)
         if self._health.grown(WITHOUT_JOINT):
             self._sharing = publishers
-        if publishers != self._sharing:
+        has_come = self._health.counts['samples'] or self._health.counts['ignored samples']
+        if has_come and publishers != self._sharing:
             yield from several_publishers(convention.PISTON_STATE, publishers)
 
     def _on_stamps(self) -> Iterator[str]:

@@ -298,6 +298,7 @@ def test_measured_pressures_in_another_unit_are_a_warning(graph: Graph, describe
                 f'{namespace}/monitor_node', lambda one: 'feed' in one.name and message in one.message, doing=doing
             )
 
+        assert '2 publish' not in report('no piston_state yet', lambda: None).message
         report('following piston_state', feed)
         for _ in range(3):
             status = report('', feed)
@@ -610,3 +611,4 @@ def test_without_an_identified_range_set_points_are_compared_with_the_operating_
         (warning,) = known.report({'cylinder_a': 25 * PSI})
         assert 'outside the operating points 34473.8 to 137895 Pa: the nearest gains act' in warning
     assert 'looks like psi' in known.report({'cylinder_a': 10.0})[0]
+    assert 'looks like bar, psi or kPa' in known.report({'cylinder_a': 2.0})[0]
