@@ -50,17 +50,19 @@ class BoundedNode(Node):
         What `ros2 param dump` writes must be set at once: set-points and gains may have other lengths than before.
         Parameters that are read-only or not declared are refused alone, unless they have their value already.
         """
-        asked = as_declared(self, [Parameter.from_parameter_msg(one) for one in request.parameters])
+        asked = as_declared(self, [Parameter.from_parameter_msg(parameter) for parameter in request.parameters])
         accepted: set[str] = set()
         if len(asked) > 1:
-            accepted = {one.name for one in asked if self._holds(one)}
-            together = [one for one in asked if one.name not in accepted and self._is_settable(one.name)]
+            accepted = {parameter.name for parameter in asked if self._holds(parameter)}
+            together = [
+                parameter for parameter in asked if parameter.name not in accepted and self._is_settable(parameter.name)
+            ]
             if together and self.set_parameters_atomically(together).successful:
-                accepted |= {one.name for one in together}
-        alone = [one.to_parameter_msg() for one in asked if one.name not in accepted]
+                accepted |= {parameter.name for parameter in together}
+        alone = [parameter.to_parameter_msg() for parameter in asked if parameter.name not in accepted]
         results = iter(callback(SetParameters.Request(parameters=alone), SetParameters.Response()).results)
         response.results = [
-            SetParametersResult(successful=True) if one.name in accepted else next(results) for one in asked
+            SetParametersResult(successful=True) if parameter.name in accepted else next(results) for parameter in asked
         ]
         return response
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 
 from cfd_pneumatic import convention
@@ -59,8 +60,8 @@ class InputRange:
         self._lowest = self._highest = (0.0, 0)  # positions and stamps in the interval of which the speed is computed
         self._start = self._latest = -1
         self._speed = 0.0
-        self._predicted: dict[str, _Values] = {}
-        self._measured: dict[str, _Values] = {}
+        self._predicted: defaultdict[str, _Values] = defaultdict(_Values)
+        self._measured: defaultdict[str, _Values] = defaultdict(_Values)
 
     def compare_with(
         self,
@@ -96,11 +97,11 @@ class InputRange:
     def predicted(self, names: Iterable[str], readings: Iterable[float]) -> None:
         """Note predicted absolute pressures [Pa], by cylinder."""
         for name, reading in zip(names, readings):
-            self._predicted.setdefault(name, _Values()).add(reading)
+            self._predicted[name].add(reading)
 
     def measured(self, name: str, reading: float) -> None:
         """Note a cylinder's measured absolute pressure [Pa]."""
-        self._measured.setdefault(name, _Values()).add(reading)
+        self._measured[name].add(reading)
 
     def report(self, setpoints: Mapping[str, float]) -> list[str]:
         """Return warnings on values since the last report; set-points are gauge, by cylinder [Pa]."""

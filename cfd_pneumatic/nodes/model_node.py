@@ -154,11 +154,11 @@ class ModelNode(BoundedNode):
 
     def _compare_range(self) -> None:
         """Compare input with the range of the device as the parameters describe it."""
-        points = {name: one.parameters.setpoints for name, one in self._device.cylinders.items()}
+        points = {name: cylinder.parameters.setpoints for name, cylinder in self._device.cylinders.items()}
         self._range.compare_with(
             self._described.identified_range,
             self._device.geometry.ambient_pressure,
-            {name: (float(one[0]), float(one[-1])) for name, one in points.items() if one.size > 1},
+            {name: (float(levels[0]), float(levels[-1])) for name, levels in points.items() if levels.size > 1},
         )
 
     def _told_defaults(self) -> str:

@@ -98,7 +98,7 @@ def as_declared(node: Node, parameters: Sequence[Parameter]) -> list[Parameter]:
 
     `ros2 param set` and `ros2 param load` send 1e-06 as a text: YAML takes numbers without a point for texts.
     """
-    return [_as_declared(node, one) if node.has_parameter(one.name) else one for one in parameters]
+    return [_as_declared(node, given) if node.has_parameter(given.name) else given for given in parameters]
 
 
 def _as_declared(node: Node, parameter: Parameter) -> Parameter:

@@ -29,7 +29,7 @@ def several_publishers(topic: str, senders: Collection[str]) -> Iterator[str]:
 
 def publisher_names(node: Node, topic: str, expected_type: str) -> list[str]:
     """Return the nodes that publish a topic with the expected type, a node once for each of its publishers."""
-    return sorted(_name(one) for one in publishers_of(node, topic) if one.topic_type == expected_type)
+    return sorted(_name(publisher) for publisher in publishers_of(node, topic) if publisher.topic_type == expected_type)
 
 
 def unheard_publishers(node: Node, topic: str, expected_type: str, qos: QoSProfile) -> Iterator[str]:
@@ -37,16 +37,16 @@ def unheard_publishers(node: Node, topic: str, expected_type: str, qos: QoSProfi
     publishers = publishers_of(node, topic)
     is_reliable = qos.reliability in (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.SYSTEM_DEFAULT)
     unheard = sorted(
-        _name(one)
-        for one in publishers
+        _name(publisher)
+        for publisher in publishers
         if is_reliable
-        and one.topic_type == expected_type
-        and one.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        and publisher.topic_type == expected_type
+        and publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
     )
     if unheard:
         yield f'{topic} of {_listed(unheard)} is best effort, and so not heard: publish it reliably'
-    for wrong_type in sorted({one.topic_type for one in publishers} - {expected_type}):
-        names = sorted(_name(one) for one in publishers if one.topic_type == wrong_type)
+    for wrong_type in sorted({publisher.topic_type for publisher in publishers} - {expected_type}):
+        names = sorted(_name(publisher) for publisher in publishers if publisher.topic_type == wrong_type)
         yield f'{topic} of {_listed(names)} is {_listed([wrong_type])}, and so not heard: publish {expected_type}'
 
 
