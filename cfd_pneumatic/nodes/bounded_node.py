@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
 
-from cfd_pneumatic.nodes.parameters import wrong_type
+from cfd_pneumatic.nodes.parameters import as_declared, wrong_type
 
 _SERVICE_QOS = QoSProfile(depth=10)
 """rclpy queues 1,000 requests for parameters, and the middleware keeps the memory of the largest ones."""
@@ -45,19 +45,30 @@ class BoundedNode(Node):
 
     def _set_together(self, callback: _Callback, request: SetParameters.Request, response: Any) -> Any:
         """
-        Set the parameters of a request at once if they go together, and one by one if not.
+        Set the parameters of a request at once if they are accepted together, and one by one if not.
 
-        What `ros2 param dump` writes goes together: set-points and gains may have other lengths than before, and what
-        is read-only has the value that it has.
+        What `ros2 param dump` writes must be set at once: set-points and gains may have other lengths than before.
+        Parameters that are read-only or not declared are refused alone, unless they have their value already.
         """
-        asked = [Parameter.from_parameter_msg(one) for one in request.parameters]
-        changes = [one for one in asked if not self._holds(one)]
-        if len(asked) > 1 and all(self.has_parameter(one.name) for one in changes):
-            result = self.set_parameters_atomically(changes)
-            if result.successful:
-                response.results = [result] * len(asked)
-                return response
-        return callback(request, response)
+        asked = as_declared(self, [Parameter.from_parameter_msg(parameter) for parameter in request.parameters])
+        accepted: set[str] = set()
+        if len(asked) > 1:
+            accepted = {parameter.name for parameter in asked if self._holds(parameter)}
+            together = [
+                parameter for parameter in asked if parameter.name not in accepted and self._is_settable(parameter.name)
+            ]
+            if together and self.set_parameters_atomically(together).successful:
+                accepted |= {parameter.name for parameter in together}
+        alone = [parameter.to_parameter_msg() for parameter in asked if parameter.name not in accepted]
+        results = iter(callback(SetParameters.Request(parameters=alone), SetParameters.Response()).results)
+        response.results = [
+            SetParametersResult(successful=True) if parameter.name in accepted else next(results) for parameter in asked
+        ]
+        return response
+
+    def _is_settable(self, name: str) -> bool:
+        """Return whether a parameter is declared and may be set while the node runs."""
+        return self.has_parameter(name) and not self.describe_parameter(name).read_only
 
     def _holds(self, parameter: Parameter) -> bool:
         """Return whether a parameter has this value."""
@@ -65,6 +76,7 @@ class BoundedNode(Node):
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters as every node does; refuse those without a name, too large, or of another type."""
+        parameter_list = as_declared(self, parameter_list)
         refusal = _unfit(parameter_list) or wrong_type(self, parameter_list)
         if refusal is not None:
             return SetParametersResult(successful=False, reason=refusal)

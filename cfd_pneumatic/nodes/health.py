@@ -18,6 +18,8 @@ _NUMBER = re.compile(r'\d[\d.]*(e[+-]?\d+)?|\b(nan|inf)\b')
 
 LOST = 'lost messages'
 MISMATCHED = 'QoS mismatches'
+REPEATED = 'repeated stamps'
+WITHOUT_JOINT = 'messages without the joint'
 LARGE = 'queues shortened for large messages'
 
 _TROUBLES = (
@@ -108,9 +110,13 @@ class InputHealth(Warnings):
             self.warn(kinds[kind])
         self._standing = set(kinds)
 
+    def grown(self, count: str) -> int:
+        """Return by how much a count has grown since the last call of `troubles`."""
+        return self.counts[count] - self._reported[count]
+
     def troubles(self) -> str | None:
         """Return in words what has gone wrong since this was asked last, though the last input was good; or None."""
-        grown = {trouble: self.counts[trouble] - self._reported[trouble] for trouble in _TROUBLES}
+        grown = {trouble: self.grown(trouble) for trouble in _TROUBLES}
         self._reported = self.counts.copy()
         words = [f'{count} {trouble}' for trouble, count in grown.items() if count]
         return f'since the last report: {", ".join(words)}' if words else None

@@ -12,25 +12,35 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.compiling import announced
+from cfd_pneumatic.convention import JOINT_STATE
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import NAMES, DeviceModel, warm_up
 from cfd_pneumatic.nodes.bounded_node import BoundedNode
-from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, InputHealth, diagnostics
+from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, REPEATED, WITHOUT_JOINT, InputHealth, diagnostics
 from cfd_pneumatic.nodes.input_range import InputRange
 from cfd_pneumatic.nodes.messages import AXES, COMMAND_QOS, OUTPUT_QOS, SAMPLE_QOS
-from cfd_pneumatic.nodes.parameter_files import unread_file
+from cfd_pneumatic.nodes.parameter_files import has_files, unread_files
 from cfd_pneumatic.nodes.parameters import FRAME_LENGTH, checked_frame, declare_device, device_of, number, text
-from cfd_pneumatic.nodes.publishers import other_topics, several_publishers, unheard_publishers
+from cfd_pneumatic.nodes.publishers import (
+    other_topics,
+    publisher_names,
+    several_publishers,
+    type_name,
+    unheard_publishers,
+)
 from cfd_pneumatic.nodes.samples import joint_reader
 from cfd_pneumatic.nodes.topics import Queue, listen_to, listen_to_held
 
 _FARTHEST = 1e3  # what a stroke may end at [m]; a number beyond would take the model out of floating point's range
 _STROKE = 1.0  # no end effector's piston is farther from where it is counted from [m]
+_FEWEST_REPEATED = 3  # samples that repeat a stamp before there is a warning
+_REPEATED_PER_SAMPLE = 20  # that many to each that does not: a driver at 1 kHz may repeat each sample of a sensor
 _NAMES = reprlib.Repr()  # of the joints in a message, which may be any number of any length
 _NAMES.maxlist, _NAMES.maxstring = 20, 80
 
@@ -47,6 +57,8 @@ class ModelNode(BoundedNode):
         super().__init__(name, **kwargs)
         self._health = InputHealth(self, convention.PISTON_STATE)
         self._samples = Queue()
+        self._subscribed: dict[str, tuple[str, QoSProfile]] = {}  # the type and the QoS of each topic
+        self._sharing: list[str] = []  # publishers of piston_state among which others than the piston's are
         self._diagnostics_out = self.create_publisher(DiagnosticArray, convention.DIAGNOSTICS, OUTPUT_QOS)
         axis = self._parameter_overrides.get('axis')
         if axis is not None and axis.value is True:  # YAML takes a bare y for true, and `ros2 param dump` writes it so
@@ -54,18 +66,19 @@ class ModelNode(BoundedNode):
         self._declare_parameters()
         self._described = self._make_device({})
         self._cylinders = tuple(self._device.cylinders)
+        self._refused_setpoints: dict[str, str] = {}  # the warning, by topic
         wanted = ['area', *(f'{cylinder}.{gain}' for cylinder in self._cylinders for gain in NAMES)]
         self._defaults = [name for name in wanted if name not in self._parameter_overrides]
         self._setpoints = {name: self._value(f'{name}.initial_setpoint') for name in convention.CYLINDERS}
         self._waiting = set(self._cylinders)  # for a first set-point
         self._range = InputRange(self._described.identified_range)
+        self._compare_range()
         for cylinder in self._cylinders:
             refusal = self._refusal(self._setpoints[cylinder])
             if refusal is not None:
                 raise InputError(f'{cylinder}.initial_setpoint is {refusal}')
         self._adopt_piston({})
-        self._is_described = self._defaults != wanted
-        self._unread = unread_file(self)
+        self._unread = list(unread_files(self))
         instead = "the paper's Table 1 and the default area stand in for them"
         if self._defaults == wanted:
             self.get_logger().info(f'no gains and no area are given: {instead}')
@@ -119,12 +132,16 @@ class ModelNode(BoundedNode):
         """Take good values from the next sample on; reject others with the reason."""
         changes = {parameter.name: parameter.value for parameter in parameters}
         try:
-            self._described = self._make_device(changes)
+            described = self._make_device(changes)
+            for cylinder in self._cylinders:
+                refusal = self._refusal(self._setpoints[cylinder], described)
+                if refusal is not None:
+                    raise InputError(f'{convention.setpoint_topic(cylinder)} is {refusal}: set another set-point first')
         except InputError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        self._described = described
         self._adopt_piston(changes)
-        self._range = InputRange(self._described.identified_range)
-        self._is_described |= not changes.keys().isdisjoint(self._defaults)
+        self._compare_range()
         self._defaults = [name for name in self._defaults if name not in changes]
         self._adopt(changes)
         return SetParametersResult(successful=True)
@@ -134,6 +151,15 @@ class ModelNode(BoundedNode):
         self._joint = self._value('joint', changes)
         self._stroke = self._value('stroke_lower', changes), self._value('stroke_upper', changes)
         self._piston = joint_reader(self, self._joint)
+
+    def _compare_range(self) -> None:
+        """Compare input with the range of the device as the parameters describe it."""
+        points = {name: cylinder.parameters.setpoints for name, cylinder in self._device.cylinders.items()}
+        self._range.compare_with(
+            self._described.identified_range,
+            self._device.geometry.ambient_pressure,
+            {name: (float(levels[0]), float(levels[-1])) for name, levels in points.items() if levels.size > 1},
+        )
 
     def _told_defaults(self) -> str:
         """Return which of the gains and the area nobody gave."""
@@ -159,22 +185,60 @@ class ModelNode(BoundedNode):
 
     def _standing(self) -> list[str]:
         """Return in words what is not as it should be, and lasts."""
-        words = [*self._on_parameter_file(), *several_publishers(self, convention.PISTON_STATE)]
+        words = [*self._on_parameter_file(), *self._on_piston_publishers()]
+        for topic, (expected_type, qos) in self._subscribed.items():
+            words += unheard_publishers(self, topic, expected_type, qos)
+        words += [*self._on_stamps(), *self._refused_setpoints.values()]
         for name in self._cylinders:
-            topic = convention.setpoint_topic(name)
-            words += unheard_publishers(self, topic)
             if name in self._waiting:
+                topic = convention.setpoint_topic(name)
                 words.append(f'no {topic} yet: initial_setpoint {self._setpoints[name]:.0f} Pa acts')
         if not self._health.counts['samples'] and (where := other_topics(self, convention.PISTON_STATE)):
             words.append(where)
-        words += self._range.told({name: self._setpoints[name] for name in self._cylinders})
+        words += self._range.report({name: self._setpoints[name] for name in self._cylinders})
         self._health.standing(words)
         return words
 
     def _on_parameter_file(self) -> Iterator[str]:
-        """Yield in words that the device is nobody's."""
-        if not self._is_described:
-            yield self._unread or "no parameter file: the paper's Table 1 and the default area act"
+        """Yield warnings on files for other nodes, and on cylinders whose gains nobody gave."""
+        yield from self._unread
+        assumed = [name for name in self._cylinders if all(f'{name}.{gain}' in self._defaults for gain in NAMES)]
+        if not assumed:
+            return
+        area, acting = '', "the paper's Table 1 acts"
+        if 'area' in self._defaults:
+            area, acting = ' and no area', "the paper's Table 1 and the default area act"
+        if area and assumed == [*self._cylinders] and not has_files():
+            yield f'no parameter file: {acting}'
+        else:
+            yield f'no gains of {", ".join(assumed)}{area}: {acting}'
+
+    def _on_piston_publishers(self) -> Iterator[str]:
+        """
+        Yield a warning if several publishers send the piston joint.
+
+        Discovery does not show which joints a publisher sends. So publishers are not counted before the first sample,
+        nor if messages without the joint came from among them.
+        """
+        publishers = publisher_names(self, convention.PISTON_STATE, JOINT_STATE)
+        if self._health.grown(WITHOUT_JOINT):
+            self._sharing = publishers
+        has_come = self._health.counts['samples'] or self._health.counts['ignored samples']
+        if has_come and publishers != self._sharing:
+            yield from several_publishers(convention.PISTON_STATE, publishers)
+
+    def _on_stamps(self) -> Iterator[str]:
+        """Yield a warning if almost all samples since the last report repeat a stamp."""
+        repeated, taken = self._health.grown(REPEATED), self._health.grown('samples')
+        if repeated < _FEWEST_REPEATED or repeated < _REPEATED_PER_SAMPLE * taken:
+            return
+        remedy = 'stamp each sample with its time'
+        if self._health.grown('zero stamps') and self._value('use_sim_time'):
+            remedy = f'{remedy}, or let /clock run'
+        yield (
+            f'the stamps of {convention.PISTON_STATE} do not advance, {repeated} of {repeated + taken} samples repeat '
+            f'a stamp: {remedy}'
+        )
 
     def _say(self, part: str, verdict: tuple[bytes, str], values: Mapping[str, str]) -> None:
         """Publish on `/diagnostics` how a part of the node does: level and words, and values beside them."""
@@ -196,11 +260,13 @@ class ModelNode(BoundedNode):
     def _listen_to_samples(self, message_type: type, topic: str, callback: Callable[[bytes], None]) -> None:
         """Subscribe to what is measured, serialised; in need some is shed."""
         counted = self._counted(topic)
-        listen_to(self, message_type, topic, callback, SAMPLE_QOS, raw=True, queue=self._samples, **counted)
+        qos = listen_to(self, message_type, topic, callback, SAMPLE_QOS, raw=True, queue=self._samples, **counted)
+        self._subscribed[topic] = type_name(message_type), qos
 
     def _listen_to_commands(self, topic: str, callback: Callable[[Float64], None]) -> None:
         """Subscribe to a number that holds until the next."""
-        listen_to_held(self, Float64, topic, callback, COMMAND_QOS, **self._counted(topic))
+        qos = listen_to_held(self, Float64, topic, callback, COMMAND_QOS, **self._counted(topic))
+        self._subscribed[topic] = type_name(Float64), qos
 
     def _counted(self, topic: str) -> dict[str, Any]:
         """Return what counts messages that are lost or large, and who offers too little."""
@@ -230,26 +296,32 @@ class ModelNode(BoundedNode):
         )
 
     def _on_setpoint(self, cylinder: str, message: Float64) -> None:
-        refusal = self._refusal(message.data)
+        topic, refusal = convention.setpoint_topic(cylinder), self._refusal(message.data)
         if refusal is not None:
-            self._ignore_setpoint(f'{convention.setpoint_topic(cylinder)} {refusal}')
+            self._ignore_setpoint(topic, f'{topic} {refusal}')
             return
+        for accepted in (topic, convention.FORCE_SETPOINT):  # the force would set this cylinder, too
+            self._refused_setpoints.pop(accepted, None)
         self._setpoints[cylinder] = message.data
         self._waiting.discard(cylinder)
 
-    def _refusal(self, setpoint: float) -> str | None:
-        """Return why a gauge set-point [Pa] cannot act, or None."""
+    def _refusal(self, setpoint: float, described: Device | None = None) -> str | None:
+        """Return why a gauge set-point [Pa] cannot act, by default on the present device; None if it can."""
+        device = described or self._described
+        supply = device.number('supply_pressure')
         if not math.isfinite(setpoint):
             return f'{setpoint}, not a finite number'
-        if setpoint < -self._device.geometry.ambient_pressure:
+        if setpoint < -device.number('ambient_pressure'):
             return f'{setpoint:.0f} Pa, below vacuum'
-        if setpoint > self._value('supply_pressure'):
-            return f'{setpoint:.0f} Pa, above the supply pressure {self._value("supply_pressure"):.0f} Pa'
+        if setpoint > supply:
+            return f'{setpoint:.0f} Pa, above the supply pressure {supply:.0f} Pa'
         return None
 
-    def _ignore_setpoint(self, why: str) -> None:
+    def _ignore_setpoint(self, topic: str, why: str) -> None:
+        """Count a refused set-point, and warn until the topic has another one."""
         self._health.counts['ignored set-points'] += 1
-        self._health.warn(f'ignored: {why}')
+        self._refused_setpoints[topic] = f'ignored: {why}; the set-point before acts'
+        self._health.warn(self._refused_setpoints[topic])
 
     def _refused_position(self, position: float) -> str | None:
         """Return why the piston cannot be at a position [m], or None."""
@@ -261,13 +333,13 @@ class ModelNode(BoundedNode):
     def _on_piston(self, message: bytes) -> None:
         told = self._piston.read(message)
         if told is None and self._joint not in self._piston.names:  # several publishers may share the topic
-            self._health.counts['messages without the joint'] += 1
+            self._health.counts[WITHOUT_JOINT] += 1
             self._health.meanwhile = f'no joint {self._joint!r}, but {_NAMES.repr(self._piston.names)}'
             if self._health.silence > self._value('timeout'):
                 self._health.warn(f'{convention.PISTON_STATE} has {self._health.meanwhile}')
             return
-        if told is not None and told[0] is not None:
-            self._range.sample(told[0], told[1])  # also if it is refused: its unit may be the reason
+        if told is not None and told[0] is not None:  # also if it is refused: its unit may be the reason
+            self._range.sample(told[0] or self.get_clock().now().nanoseconds, told[1])
         refusal = 'has no position' if told is None else self._refused_position(told[1])
         if told is None or refusal is not None:
             self._health.counts['ignored samples'] += 1
@@ -305,20 +377,13 @@ class ModelNode(BoundedNode):
     def _note_sample(self, pressures: Iterable[float]) -> None:
         """Note a sample that was taken, and the model's pressures at it [Pa]."""
         self._health.counts['samples'] += 1
-        self._range.pressures(self._cylinders, pressures)
+        self._range.predicted(self._cylinders, pressures)
 
     def _commit(self, stamp: int, position: float) -> bool:
         """Take a sample of the piston, its stamp [ns] and its displacement [m], if that gives possible pressures."""
         raise NotImplementedError
 
     def _absolute_setpoints(self) -> tuple[float, float]:
-        for name, cylinder in self._device.cylinders.items():
-            if not cylinder.parameters.covers(self._setpoints[name]):
-                self._health.warn(
-                    f'{name}: set-point {self._setpoints[name]:.0f} Pa lies outside the operating '
-                    f'points {cylinder.parameters.setpoints[0]:.0f} to {cylinder.parameters.setpoints[-1]:.0f} Pa: '
-                    'the nearest gains are held'
-                )
         ambient = self._device.geometry.ambient_pressure
         return self._setpoints['cylinder_a'] + ambient, self._setpoints['cylinder_b'] + ambient
 

@@ -19,7 +19,7 @@ from cfd_pneumatic import convention
 from cfd_pneumatic.identification import Options
 from cfd_pneumatic.model import Arrival
 from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
-from cfd_pneumatic.nodes.health import joined
+from cfd_pneumatic.nodes.health import REPEATED, joined
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode, no_time
 from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs, writers
@@ -150,7 +150,7 @@ class MonitorNode(ModelNode):
         if prediction is Arrival.IMPOSSIBLE:
             return False
         if isinstance(prediction, Arrival):
-            self._health.counts['repeated stamps'] += 1
+            self._health.counts[REPEATED] += 1
             return True
         *pressures, force = prediction.values
         self._note_sample(pressures)
@@ -169,6 +169,8 @@ class MonitorNode(ModelNode):
         if stamp is None:
             self._health.warn(f'ignored: {no_time(topic)}')
             return
+        if channel in self._cylinders:
+            self._range.measured(channel, told[1])
         now = time.monotonic()
         self._watch.measured(channel, stamp, told[1], now)
         self._publish_residuals(now)
@@ -226,11 +228,11 @@ class MonitorNode(ModelNode):
         missing = self._watch.missing()
         words = [fault.why for fault in faults]
         words += [f'no {topic} yet' for topic in missing]
-        if self._health.meanwhile is not None and (faults or missing):
+        if self._health.meanwhile is not None and self._health.silence > self._value('timeout'):
             words.append(self._health.meanwhile)
         if self._health.fault is not None and convention.PISTON_STATE not in missing:
             words.append(self._health.fault)
-        troubles, standing = self._health.troubles(), self._standing()
+        standing, troubles = self._standing(), self._health.troubles()
         if not words and not standing and troubles is None:
             return DiagnosticStatus.OK, f'following {convention.PISTON_STATE}'
         passing = not missing and all(fault.kind == 'clock' for fault in faults)

@@ -4,23 +4,28 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
 
-from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.input_files import check_input
 from cfd_pneumatic.yaml_files import YamlMapping, read_yaml
 
 _OPTION = '--params-file'
+_WITH_VALUE = {
+    _OPTION, '-p', '--param', '-r', '--remap', '-e', '--enclave', '--log-level', '--log-file-name', '--log-config-file'
+}  # fmt: skip
+_SWITCH = re.compile('--(enable|disable)-[a-z-]+')
+_FILE_OPTION = re.compile('-*params?[-_]files?(:?=(?P<value>.*))?')
 _SUFFIXES = ('.yaml', '.yml')
-_OWN = ('area', *CYLINDERS)  # what describes a device
+_WILDCARDS = {'*': '/[^/]+', '**': '(/[^/]+)*'}
 _MOST_SHOWN = 5  # names in a message
 
 
@@ -39,39 +44,69 @@ def check_arguments(program: str, arguments: Sequence[str]) -> None:
             check_input(Path(path))
         except InputError as error:
             raise InputError(f'{printable(path)} {error}') from error
-    left = list(_outside_of_ros_args(arguments))
-    if not left:
+    taken, strays = _divided(arguments)
+    if not strays:
         return
-    file = next((one for one in left if one.endswith(_SUFFIXES)), None)
-    meant = f'{_OPTION} {file}' if file else ' '.join(left)
-    raise InputError(f'{printable(left[0])} stands outside of --ros-args: {program} --ros-args {printable(meant)}')
+    first, corrected = printable(strays[0]), list(_corrected(strays))
+    if not corrected:
+        raise InputError(f'{first} is no argument of {program}: see {program} --help')
+    line = printable(shlex.join([program, '--ros-args', *taken, *corrected]))
+    is_outside = '--ros-args' not in arguments[: arguments.index(strays[0])]
+    raise InputError(f'{first} {"stands outside of --ros-args" if is_outside else "belongs to no option"}: {line}')
 
 
-def _outside_of_ros_args(arguments: Sequence[str]) -> Iterator[str]:
-    """Yield the arguments where ROS does not look; `--` ends what it looks at."""
+def _divided(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the arguments that ROS takes, and the others; `--` ends what ROS looks at."""
+    taken, strays = [], []
     is_ros = False
-    for one in arguments:
-        if one == '--ros-args':
+    rest = iter(arguments)
+    for argument in rest:
+        if argument == '--ros-args':
             is_ros = True
-        elif one == '--' and is_ros:
+        elif argument == '--' and is_ros:
             is_ros = False
-        elif not is_ros:
-            yield one
+        elif is_ros and argument in _WITH_VALUE:
+            taken += [argument, *islice(rest, 1)]
+        elif is_ros and _SWITCH.fullmatch(argument):
+            taken.append(argument)
+        else:
+            strays.append(argument)
+    return taken, strays
 
 
-def unread_file(node: Node) -> str | None:
-    """Return in words which file describes the device for other nodes; None if none does."""
+def _corrected(strays: Sequence[str]) -> Iterator[str]:
+    """Yield what ROS takes instead of arguments that it does not take; those without a likely meaning are left out."""
+    rest = iter(strays)
+    for argument in rest:
+        option = _FILE_OPTION.fullmatch(argument)
+        if argument in _WITH_VALUE or (option and not option['value']):
+            for value in islice(rest, 1):
+                yield from (_OPTION if option else argument, value)
+        elif option:
+            yield from (_OPTION, option['value'])
+        elif argument.lower().endswith(_SUFFIXES) or os.path.isfile(argument):
+            yield from (_OPTION, argument)
+        elif ':=' in argument:
+            is_remap = argument.startswith('__') or argument.partition(':=')[2].startswith('/')
+            yield from ('-r' if is_remap else '-p', argument)
+
+
+def has_files() -> bool:
+    """Return whether the command line gives a parameter file."""
+    return any(_files(sys.argv))
+
+
+def unread_files(node: Node) -> Iterator[str]:
+    """Yield a warning for each parameter file on the command line that has no section for the node."""
+    node_name = node.get_fully_qualified_name()
     for path in _files(sys.argv):
-        names = []
-        with suppress(InputError):  # ROS has read it, in its own way
-            names = [name for name, given in _nodes(read_yaml(Path(path))) if _describes(given)]
-        if names:
-            shown = ', '.join(map(printable, names[:_MOST_SHOWN]))
-            return (
-                f'{printable(path)} describes the device for {shown}, and not for {node.get_fully_qualified_name()}: '
-                'let it begin with /**:'
-            )
-    return None
+        try:
+            sections = list(_sections(read_yaml(Path(path))))
+        except InputError:  # ROS has read it, in its own way
+            continue
+        if not any(_matches(section, node_name) for section in sections):
+            shown = ', '.join(map(printable, sections[:_MOST_SHOWN])) or 'no node'
+            yield f'{printable(path)} has parameters for {shown}, and not for {node_name}: let it begin with /**:'
 
 
 def _files(arguments: Sequence[str]) -> Iterator[str]:
@@ -80,15 +115,18 @@ def _files(arguments: Sequence[str]) -> Iterator[str]:
             yield value
 
 
-def _nodes(document: Any, above: str = '') -> Iterator[tuple[str, YamlMapping]]:
-    """Yield the names of the nodes in a file, and the parameters that each is given."""
+def _sections(document: Any, above: str = '') -> Iterator[str]:
+    """Yield the names of the nodes to which a file gives parameters."""
     if isinstance(document, YamlMapping):
         for name, below in document.items():
-            if name == 'ros__parameters' and isinstance(below, YamlMapping):
-                yield above, below
+            if name == 'ros__parameters':
+                yield above
             else:
-                yield from _nodes(below, f'{above}/{name}'.replace('//', '/') if above else str(name))
+                yield from _sections(below, f'{above}/{name}'.replace('//', '/') if above else str(name))
 
 
-def _describes(parameters: YamlMapping) -> bool:
-    return any(str(name).partition('.')[0] in _OWN for name in parameters)
+def _matches(section: str, node_name: str) -> bool:
+    """Return whether a section is for a node: `*` stands for one part of its full name, `**` for any number."""
+    parts = section.removeprefix('/').split('/')
+    pattern = ''.join(_WILDCARDS.get(part, f'/{re.escape(part)}') for part in parts)
+    return re.fullmatch(pattern, node_name) is not None

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
@@ -19,6 +20,9 @@ _HINTS = {
     ('INTEGER_ARRAY', 'DOUBLE_ARRAY'): ' (write 1.0 for 1)',
     ('BOOL', 'STRING'): ' (quote it, as YAML takes a bare y or on for true)',
 }
+
+_TEXTS = Parameter.Type.STRING, Parameter.Type.STRING_ARRAY
+_NUMBER = re.compile(r'[-+]?\d+(\.\d*)?([eE][-+]?\d+)?')
 
 FRAME_LENGTH = '1 to 256 characters'
 _LONGEST_FRAME = 256
@@ -86,6 +90,26 @@ def checked_frame(frame_id: str) -> str:
             f'frame_id has {len(frame_id)} characters, and must have {FRAME_LENGTH}: name the frame of the force'
         )
     return frame_id
+
+
+def as_declared(node: Node, parameters: Sequence[Parameter]) -> list[Parameter]:
+    """
+    Return parameters with texts as numbers if numbers are declared and the texts are numbers.
+
+    `ros2 param set` and `ros2 param load` send 1e-06 as a text: YAML takes numbers without a point for texts.
+    """
+    return [_as_declared(node, given) if node.has_parameter(given.name) else given for given in parameters]
+
+
+def _as_declared(node: Node, parameter: Parameter) -> Parameter:
+    declared, value = Parameter.Type(node.describe_parameter(parameter.name).type), parameter.value
+    if declared == Parameter.Type.DOUBLE and isinstance(value, str) and _NUMBER.fullmatch(value):
+        return Parameter(parameter.name, declared, float(value))
+    if declared == Parameter.Type.DOUBLE_ARRAY and parameter.type_ in _TEXTS:
+        texts = value.strip('[]').split(',') if isinstance(value, str) else value
+        if all(_NUMBER.fullmatch(text.strip()) for text in texts):
+            return Parameter(parameter.name, declared, [float(text) for text in texts])
+    return parameter
 
 
 def wrong_type(node: Node, parameters: Sequence[Parameter]) -> str | None:

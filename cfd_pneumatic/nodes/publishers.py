@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 from rclpy.node import Node
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from cfd_pneumatic.convention import JOINT_STATE
@@ -16,25 +16,49 @@ _MOST_SHOWN = 5  # names in a message
 _LONGEST_SHOWN = 100  # characters of each
 
 
-def several_publishers(node: Node, topic: str) -> Iterator[str]:
-    """Yield in words that more than one node publishes a topic that has one sender by its meaning."""
-    senders = _senders(node, topic)
+def type_name(message_type: type) -> str:
+    """Return the name of a message class, as std_msgs/msg/Float64."""
+    return f'{message_type.__module__.partition(".")[0]}/msg/{message_type.__name__}'
+
+
+def several_publishers(topic: str, senders: Collection[str]) -> Iterator[str]:
+    """Yield a warning if a topic that must have one publisher has several."""
     if len(senders) > 1:
-        yield f'{len(senders)} publish {topic}, {_listed(name for name, _ in senders)}: leave one'
+        yield f'{len(senders)} publish {topic}, {_listed(senders)}: leave one'
 
 
-def unheard_publishers(node: Node, topic: str) -> Iterator[str]:
-    """Yield in words that somebody publishes a topic best effort that is heard reliably only."""
-    unheard = [name for name, is_reliable in _senders(node, topic) if not is_reliable]
+def publisher_names(node: Node, topic: str, expected_type: str) -> list[str]:
+    """Return the nodes that publish a topic with the expected type, a node once for each of its publishers."""
+    return sorted(_name(publisher) for publisher in publishers_of(node, topic) if publisher.topic_type == expected_type)
+
+
+def unheard_publishers(node: Node, topic: str, expected_type: str, qos: QoSProfile) -> Iterator[str]:
+    """Yield a warning for the publishers that a subscription with this type and QoS does not hear."""
+    publishers = publishers_of(node, topic)
+    is_reliable = qos.reliability in (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.SYSTEM_DEFAULT)
+    unheard = sorted(
+        _name(publisher)
+        for publisher in publishers
+        if is_reliable
+        and publisher.topic_type == expected_type
+        and publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    )
     if unheard:
         yield f'{topic} of {_listed(unheard)} is best effort, and so not heard: publish it reliably'
+    for wrong_type in sorted({publisher.topic_type for publisher in publishers} - {expected_type}):
+        names = sorted(_name(publisher) for publisher in publishers if publisher.topic_type == wrong_type)
+        yield f'{topic} of {_listed(names)} is {_listed([wrong_type])}, and so not heard: publish {expected_type}'
 
 
 def other_topics(node: Node, topic: str) -> str | None:
-    """Return in words which other topics carry joints; None if there are none."""
-    own = node.resolve_topic_name(topic)
+    """Return a message about other topics on which joints are published; None if there are none."""
+    expected = node.resolve_topic_name(topic)
     try:
-        found = [name for name, types in node.get_topic_names_and_types() if JOINT_STATE in types and name != own]
+        found = [
+            name
+            for name, types in node.get_topic_names_and_types()
+            if JOINT_STATE in types and name != expected and node.count_publishers(name)
+        ]
     except UnicodeDecodeError:  # of a stranger's names
         return None
     return f'joints are published on {_listed(sorted(found))}: remap it, {topic}:=TOPIC' if found else None
@@ -48,15 +72,9 @@ def publishers_of(node: Node, topic: str) -> list[TopicEndpointInfo]:
         return []
 
 
-def _senders(node: Node, topic: str) -> list[tuple[str, bool]]:
-    """Return the names of those who publish a topic, and whether each does so reliably."""
-    return sorted(
-        (
-            f'{one.node_namespace.rstrip("/")}/{one.node_name}',
-            one.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT,
-        )
-        for one in publishers_of(node, topic)
-    )
+def _name(publisher: TopicEndpointInfo) -> str:
+    """Return the full name of a publisher's node."""
+    return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -15,7 +15,7 @@ from std_srvs.srv import Trigger
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.model import Arrival, DeviceState, LiveDevice
-from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED
+from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, REPEATED, WITHOUT_JOINT
 from cfd_pneumatic.nodes.messages import LATEST, OUTPUT_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode
 from cfd_pneumatic.nodes.outputs import Answers, Outputs, writers
@@ -25,8 +25,8 @@ from cfd_pneumatic.units import PSI
 
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
 _COUNTED = (
-    'samples', 'repeated stamps', 'resets', 'ignored samples', 'ignored stamps', 'ignored set-points', 'zero stamps',
-    'messages without the joint', LOST, MISMATCHED, LARGE
+    'samples', REPEATED, 'resets', 'ignored samples', 'ignored stamps', 'ignored set-points', 'zero stamps',
+    WITHOUT_JOINT, LOST, MISMATCHED, LARGE
 )  # fmt: skip
 
 
@@ -95,9 +95,11 @@ class SimNode(ModelNode):
             refusal = self._refusal(wanted[name])
             if refusal is not None:
                 self._ignore_setpoint(
-                    f'force_setpoint {message.data:g} N needs {convention.setpoint_topic(name)} {refusal}'
+                    convention.FORCE_SETPOINT,
+                    f'force_setpoint {message.data:g} N needs {convention.setpoint_topic(name)} {refusal}',
                 )
                 return
+        self._refused_setpoints.clear()
         self._setpoints.update(wanted)
         self._waiting.clear()
 
@@ -108,7 +110,7 @@ class SimNode(ModelNode):
         if arrival is Arrival.IMPOSSIBLE:
             return False
         if arrival is Arrival.REPEATED:
-            self._health.counts['repeated stamps'] += 1
+            self._health.counts[REPEATED] += 1
             return True
         if last is not None and arrival is not Arrival.ADVANCED:
             self._warn_of_reset(arrival, (stamp - last.stamp) * 1e-9)

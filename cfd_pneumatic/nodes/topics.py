@@ -65,9 +65,9 @@ def listen_to(
     queue: Queue | None = None,
     budget: int = BUDGET,
     accept: Callable[[Mapping[str, Any]], bool] = lambda _: True,
-) -> None:
+) -> QoSProfile:
     """
-    Call a function for each message on a topic, with the serialised message if `raw`.
+    Call a function for each message on a topic, with the serialised message if `raw`; return the QoS that acts.
 
     Parameters
     ----------
@@ -101,14 +101,16 @@ def listen_to(
     lost = on_lost or (lambda _: None)
     take = callback if raw else _deserialised(message_type, callback, lost)
     counting = Counting(take, lost, lambda: node.count_publishers(node.resolve_topic_name(topic)), queue, accept)
-    _Subscribed(node, message_type, topic, counting, qos, events, on_large or (lambda _: None), budget)
+    return _Subscribed(node, message_type, topic, counting, qos, events, on_large or (lambda _: None), budget).qos
 
 
 def listen_to_held(
     node: Node, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile, **options: Any
-) -> None:
+) -> QoSProfile:
     """
     Call a function for each value on a topic where the last one holds, also with what was sent before we came.
+
+    Return the QoS that acts, with the overrides in the node's parameters.
 
     A publisher that is transient local keeps its last message for those who come later. Who asks for it does not hear
     the others, who complain, so it is a subscription of its own, made when there is such a publisher; a message that
@@ -129,7 +131,7 @@ def listen_to_held(
         seen.append(key)
         return True
 
-    listen_to(node, message_type, topic, callback, qos, accept=is_new, **options)
+    acting = listen_to(node, message_type, topic, callback, qos, accept=is_new, **options)
     take = _deserialised(message_type, callback, options.get('on_lost') or (lambda _: None))
 
     def listen_if_latched() -> None:
@@ -147,6 +149,7 @@ def listen_to_held(
         )
 
     looking = node.create_timer(_LOOK_PERIOD, listen_if_latched, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    return acting
 
 
 def _deserialised(
@@ -205,8 +208,8 @@ class _Subscribed:
         with _named(topic):
             overriding = QoSOverridingOptions.with_default_policies()
             self._subscription = self._create(qos_profile=copy(qos), qos_overriding_options=overriding)
-        self._qos = self._subscription.qos_profile
-        self._full = self._qos.depth
+        self.qos = self._subscription.qos_profile
+        self._full = self.qos.depth
         self._large_until = 0.0
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
@@ -218,24 +221,24 @@ class _Subscribed:
         fitting = max(1, min(self._full, self._budget // size))
         if fitting < self._full:
             self._large_until = time.monotonic() + _CALM
-        if fitting < self._qos.depth and time.time_ns() - received > _SHORT:
+        if fitting < self.qos.depth and time.time_ns() - received > _SHORT:
             self._reopen(fitting)
             self._on_large(
                 f'{self._topic} has messages of {size:,} bytes, faster than they are taken: at most {fitting} of them '
                 'wait, others are lost. Find out who publishes them'
             )
-        elif self._qos.depth < self._full and time.monotonic() > self._large_until:
+        elif self.qos.depth < self._full and time.monotonic() > self._large_until:
             self._reopen(self._full)
 
     def _reopen(self, depth: int) -> None:
         """Close the topic, and open it when the executor has released the queue: two queues would share memory."""
-        self._qos.depth = depth
+        self.qos.depth = depth
         self._node.destroy_subscription(self._subscription)
         self._opening = self._node.create_timer(_PAUSE, self._open, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _open(self) -> None:
         self._node.destroy_timer(self._opening)
-        self._subscription = self._create(qos_profile=self._qos)
+        self._subscription = self._create(qos_profile=self.qos)
         _return_memory()
 
 

@@ -66,6 +66,9 @@ OFTEN = {
 }
 """Lets a node report to `/diagnostics` ten times a second, and not once: tests wait for many reports."""
 
+DESCRIBED = ['--params-file', str(Path(__file__).parents[2] / 'config' / 'table_1.yaml')]
+"""Arguments that give a node the paper's gains: it warns if nobody gave it any."""
+
 _numbers = itertools.count()
 
 

@@ -21,7 +21,7 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
-from graph import MILLISECOND, QUEUE, Graph, Process, ros_arguments, unique_namespace
+from graph import DESCRIBED, MILLISECOND, QUEUE, Graph, Process, ros_arguments, unique_namespace
 from patience import LONG_PATIENCE, allowed, wait_until
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.parameter import Parameter
@@ -92,7 +92,7 @@ def beside(namespace: str, source: str, file: Path | None = None, **settings: ob
     reliable = {f'qos_overrides.{source}/{topic}.subscription.reliability': 'reliable' for topic in MEASURED}
     remapped = {topic: f'{source}/{topic}' for topic in MEASURED}
     arguments = ros_arguments(namespace, SETTINGS | reliable | settings, remapped)
-    return [*arguments, '-p', 'area:=1.14e-3'] if file is None else [*arguments, '--params-file', str(file)]
+    return [*arguments, *(DESCRIBED if file is None else ['--params-file', str(file)])]
 
 
 def children(pid: int) -> list[int]:

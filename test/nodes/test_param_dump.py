@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 import yaml
 from graph import Graph, ros_arguments, unique_namespace
+from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import Parameter, get_parameter_value, parameter_value_to_python
 
 CHANGES = {
     'cylinder_a__setpoints': [3e4, 6e4],
@@ -65,3 +66,40 @@ def test_what_does_not_go_together_is_set_one_by_one(graph: Graph) -> None:
         ).results
         assert [one.successful for one in results] == [True, False, False]
         assert graph.get(node, 'max_gap') == [2.0]
+
+
+@pytest.mark.parametrize('module', ['sim_node', 'monitor_node'])
+def test_a_dump_that_is_loaded_changes_nothing(graph: Graph, module: str) -> None:
+    """With the types that rclpy makes of a file, in which 1e-06 is a text."""
+    node = f'{unique_namespace()}/{module}'
+    with graph.run(module, ros_arguments(node.rpartition('/')[0])):
+        assert graph.set_atomically(
+            node, identified_displacement=[-1e-5, 2e-3], contact_force__seal_play=1e-6
+        ).successful
+        names = graph.call(ListParameters, f'{node}/list_parameters', ListParameters.Request()).result.names
+        values = graph.call(GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values
+        texts = [
+            str(one if isinstance(one, (str, bool, float, int)) else list(one))
+            for one in map(parameter_value_to_python, values)
+        ]
+        assert '1e-06' in texts
+        loaded = [get_parameter_value(text) for text in texts]
+        parameters = [ParameterMessage(name=name, value=value) for name, value in zip(names, loaded)]
+        request = SetParameters.Request(parameters=parameters)
+        results = graph.call(SetParameters, f'{node}/set_parameters', request).results
+        assert [result.reason for result in results if not result.successful] == []
+        assert graph.call(GetParameters, f'{node}/get_parameters', GetParameters.Request(names=names)).values == values
+
+
+def test_a_read_only_parameter_is_refused_alone(graph: Graph) -> None:
+    """The others are set at once: set-points and gains of another length would be refused one by one."""
+    node = f'{unique_namespace()}/sim_node'
+    with graph.run('sim_node', ros_arguments(node.rpartition('/')[0])):
+        wanted = {'cylinder_a.initial_setpoint': 1e3, 'nobody': 1.0}
+        wanted |= {name.replace('__', '.'): value for name, value in CHANGES.items()}
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in wanted.items()]
+        request = SetParameters.Request(parameters=parameters)
+        results = graph.call(SetParameters, f'{node}/set_parameters', request).results
+        refused = [name for name, result in zip(wanted, results) if not result.successful]
+        assert refused == ['cylinder_a.initial_setpoint', 'nobody']
+        assert list(graph.get(node, 'cylinder_a.k_x')[0]) == CHANGES['cylinder_a__k_x']

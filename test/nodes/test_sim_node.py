@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
-from graph import MILLISECOND, QUEUE, Graph, Process, SimClient, refusals, ros_arguments, unique_namespace
+from graph import DESCRIBED, MILLISECOND, QUEUE, Graph, Process, SimClient, refusals, ros_arguments, unique_namespace
 from measured import MAPPING, ROOT, needs_measured_data
 from patience import allowed
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
@@ -459,6 +459,7 @@ def test_what_has_gone_wrong_since_the_last_report_is_a_warning(graph: Graph, si
     sim.setpoint(0, math.nan)
     report('1 ignored set-points')
     graph.node.destroy_publisher(other)
+    sim.setpoint(0, SET)  # the refused one is a warning until then
     sim.graph.next_diagnostics(sim.node, lambda status: status.level == status.OK, doing=publish)
 
 
@@ -514,7 +515,7 @@ def test_an_overload_is_shed_and_told_and_ends_with_its_cause(graph: Graph) -> N
     for index in range(10 * len(CYLINDERS)):
         topic = (PRESSURE_A, PRESSURE_B)[index % len(CYLINDERS)]
         deaf.create_subscription(FluidPressure, f'{namespace}/{topic}', print, QUEUE)
-    with graph.run('sim_node', ros_arguments(namespace, {'area': AREA}), before=SLOW):
+    with graph.run('sim_node', [*ros_arguments(namespace), *DESCRIBED], before=SLOW):
         sim = SimClient(graph, namespace).meet()
         for index in range(len(CYLINDERS)):
             sim.setpoint(index, SET)
