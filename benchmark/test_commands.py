@@ -43,7 +43,7 @@ CORES = pytest.mark.parametrize('core', ['auto', 'linear'])
 
 def program(name: str, *arguments: str | Path) -> list[str]:
     """Return the command of an installed program."""
-    begin = f'import sys; from cfd_pneumatic.start import {name}; sys.exit({name}())'
+    begin = f'import sys; from cfd_pneumatic.runtime.start import {name}; sys.exit({name}())'
     return [sys.executable, '-c', begin, *map(str, arguments)]
 
 

@@ -25,7 +25,7 @@ from cfd_pneumatic.commands import program
 from cfd_pneumatic.convention import CYLINDERS, SCHEDULE_COLUMNS, SUPPLY_PRESSURE
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import make_folder, write_text
+from cfd_pneumatic.files.aside import make_folder, write_text
 from cfd_pneumatic.recording import sampled
 from cfd_pneumatic.rig import RigParameters, RigRecord, record, written_schedule
 from cfd_pneumatic.units import PSI

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import cfd_pneumatic
-from cfd_pneumatic.children import start_python
+from cfd_pneumatic.runtime.children import start_python
 
 ROOT = Path(cfd_pneumatic.__file__).parents[1]
 ELSEWHERE = {'numpy', 'numba', 'scipy', 'yaml', 'rich', 'rosbags', 'mcap', 'jinja2', 'dask', 'distributed'}
@@ -20,7 +20,7 @@ import json, subprocess, multiprocessing, {', '.join(sorted(ELSEWHERE - {'dask',
 from cfd_pneumatic import errors
 print(json.dumps([errors.__file__, sys.argv[1:]]))
 """
-PROGRAM = 'import sys\nfrom cfd_pneumatic.start import identify_bag\nsys.exit(identify_bag())\n'
+PROGRAM = 'import sys\nfrom cfd_pneumatic.runtime.start import identify_bag\nsys.exit(identify_bag())\n'
 
 
 def plant(folder: Path, names: set[str], seen: Path) -> None:

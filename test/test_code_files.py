@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from cfd_pneumatic import code_files
+from cfd_pneumatic.runtime import code_files
 
 STRANGER = 12345  # a user and a group that are not the tests'
 CODE = bytes(range(256)) * 40

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 MODULE = """
-from cfd_pneumatic.compiling import announced, compiler
+from cfd_pneumatic.runtime.compiling import announced, compiler
 
 @compiler()
 def twice(number):
@@ -125,7 +125,7 @@ def test_on_a_full_disk_code_stays_in_memory_with_one_warning(module: Path) -> N
 LOST = """
 import os, shutil
 from numba.extending import overload
-from cfd_pneumatic.compiling import compiler
+from cfd_pneumatic.runtime.compiling import compiler
 
 def slow(number):
     return number
@@ -212,7 +212,7 @@ def test_settings_of_numba_s_in_the_working_folder_name_no_cache(module: Path, t
 LONG = """
 import os, sys, time
 from numba.extending import overload
-from cfd_pneumatic.compiling import announced, compiler
+from cfd_pneumatic.runtime.compiling import announced, compiler
 
 def slow(number):
     return number

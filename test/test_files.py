@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from cfd_pneumatic import files
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.file import run_line
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import alone_in, check_folder, made_aside, write_text
+from cfd_pneumatic.files import aside as files
+from cfd_pneumatic.files.aside import alone_in, check_folder, made_aside, write_text
 from cfd_pneumatic.recording import BagWriter
 from studies.trials.crashes import SCENARIOS, calls_of, tried
 
@@ -28,7 +28,7 @@ TABLE_1 = Path(__file__).parents[1] / 'config' / 'table_1.yaml'
 HOLDS = """
 import sys, time
 from pathlib import Path
-from cfd_pneumatic.files import made_aside
+from cfd_pneumatic.files.aside import made_aside
 with made_aside(Path(sys.argv[1])) as made:
     made.mkdir()
     print('made', flush=True)

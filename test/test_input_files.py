@@ -20,7 +20,7 @@ from cfd_pneumatic.commands.plan_experiment import main as plan_experiment
 from cfd_pneumatic.commands.record_rig import main as record_rig
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.input_files import MOST_HOLES, open_input, read_input
+from cfd_pneumatic.files.inputs import MOST_HOLES, open_input, read_input
 
 TABLE_1 = Path(__file__).parents[1] / 'config' / 'table_1.yaml'
 

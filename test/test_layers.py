@@ -51,7 +51,10 @@ BELOW = {
     'messages': set(),
     'rig': set(),
 }
-"""What each layer may import, besides itself and the single modules at the top of the package."""
+"""What each layer may import, besides itself, `GROUND` and the single modules at the top of the package."""
+
+GROUND = ('files', 'runtime')
+"""Packages that all layers may import; they import the single modules at the top, and the second one the first."""
 
 ROOMS = ('data', 'residual', 'channels', 'fit', 'search')
 """Of `identification`, each of which may import those before it; the modules beside them import all."""
@@ -79,7 +82,7 @@ def imports(path: Path) -> set[str]:
 def layer_of(name: str) -> str:
     """Return the layer of a module of ours, or '' for one at the top."""
     part = name.split('.')[1]
-    return part if part in BELOW else ''
+    return part if part in BELOW or part in GROUND else ''
 
 
 MODULES = sorted(PACKAGE.rglob('*.py'))
@@ -96,14 +99,19 @@ def outside(path: Path) -> set[str]:
 
 def test_every_layer_is_known_and_a_package():
     folders = {path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name != '__pycache__'}
-    assert folders - {'help'} == set(BELOW)
+    assert folders - {'help', *GROUND} == set(BELOW)
     assert [layer for layer in BELOW if not (PACKAGE / layer / '__init__.py').is_file()] == []
 
 
 @pytest.mark.parametrize('path', MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_imports_point_downwards(path):
     own = path.relative_to(PACKAGE).parts[0]
-    allowed = {'', own, *BELOW[own]} if own in BELOW else {'', *({'api'} if own == '__init__.py' else ())}
+    if own in GROUND:
+        allowed = {'', *GROUND[: GROUND.index(own) + 1]}
+    elif own in BELOW:
+        allowed = {'', own, *GROUND, *BELOW[own]}
+    else:
+        allowed = {'', *({'api'} if own == '__init__.py' else ())}
     ours = {name for name in imports(path) if name.startswith('cfd_pneumatic.')}
     assert {name for name in ours if layer_of(name) not in allowed} == set()
 

@@ -21,7 +21,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import cfd_pneumatic
-from cfd_pneumatic import start
+from cfd_pneumatic.runtime import start
 from studies.documents.package_facts import programs, setup_arguments
 
 ROOT = Path(__file__).parents[1]
@@ -232,7 +232,7 @@ def test_what_launch_files_import_is_required():
 
 @pytest.mark.parametrize('name', PROGRAMS)
 def test_program_is_there(name):
-    assert PROGRAMS[name] == f'cfd_pneumatic.start:{name}'
+    assert PROGRAMS[name] == f'cfd_pneumatic.runtime.start:{name}'
     module = programs()[name]
     if '.nodes.' in module:
         pytest.importorskip('rclpy', reason='ROS 2 is not to be had here')
@@ -243,7 +243,7 @@ def test_program_is_there(name):
 BEGIN = """
 import sys
 before = set(sys.modules)
-from cfd_pneumatic.start import {name}
+from cfd_pneumatic.runtime.start import {name}
 code = {name}()
 more = {{module.partition('.')[0] for module in set(sys.modules) - before}}
 print(code, *more - sys.stdlib_module_names, file=sys.stderr)
@@ -262,7 +262,7 @@ def test_help_and_version_import_nothing_from_elsewhere(name, asked):
 
 @pytest.mark.parametrize('name', ['record_rig', 'sim_node'])
 def test_where_nothing_can_run_is_one_line(tmp_path, name):
-    command = [sys.executable, '-c', f'import sys; from cfd_pneumatic.start import {name}; sys.exit({name}())']
+    command = [sys.executable, '-c', f'import sys; from cfd_pneumatic.runtime.start import {name}; sys.exit({name}())']
     gone = ['sh', '-c', 'mkdir gone && cd gone && rmdir ../gone && exec "$@"', 'sh', *command]
     environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
     trap = ['sh', '-c', 'echo "S: [x" > .numba_config.yaml && exec "$@"', 'sh', *command]

@@ -13,7 +13,7 @@ import time
 import pytest
 from patience import allowed
 
-from cfd_pneumatic.parallel import LIMIT, each, threads
+from cfd_pneumatic.runtime.parallel import LIMIT, each, threads
 
 
 @pytest.mark.parametrize(('limit', 'count'), [('1', 1), ('3', 3), ('4,2', 4)])
@@ -87,7 +87,7 @@ def test_after_an_error_nobody_goes_on(monkeypatch):
 
 SHARED = """
 import time
-from cfd_pneumatic.parallel import each
+from cfd_pneumatic.runtime.parallel import each
 
 def wait(number):
     print(f'{number}\\n', end='', flush=True)  # in one piece

@@ -18,7 +18,7 @@ NAME = 'compile_kernels'
 
 def compile_all(arguments: Sequence[str] | None = None) -> None:
     """Compile, and say where the machine code is kept."""
-    from cfd_pneumatic.compiling import announced
+    from cfd_pneumatic.runtime.compiling import announced
 
     make_parser().parse_args(arguments)
     told: list[str | None] = []

@@ -222,9 +222,9 @@ def _identify(args: Sequence[str] | None) -> None:
 
 def _check_draft(arguments: argparse.Namespace) -> None:
     """Refuse a draft of an effect that could not come about, before there is any work in it."""
-    from cfd_pneumatic.files import check_folder
+    from cfd_pneumatic.files.aside import check_folder
+    from cfd_pneumatic.files.results import check_replaceable, never
     from cfd_pneumatic.model.effects import EFFECTS
-    from cfd_pneumatic.result_files import check_replaceable, never
 
     draft = arguments.draft_effect
     if draft is None:
@@ -239,12 +239,12 @@ def _check_draft(arguments: argparse.Namespace) -> None:
 
 def _identify_together(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
     """Identify all bags as one."""
-    from cfd_pneumatic.files import make_folder, write_text
+    from cfd_pneumatic.files.aside import make_folder, write_text
+    from cfd_pneumatic.files.results import check_replaceable, never
     from cfd_pneumatic.identification import identify
     from cfd_pneumatic.recording import read_recording
     from cfd_pneumatic.reporting import draft_effect, next_plan, print_report, write_report
     from cfd_pneumatic.reporting.folder import FILES, file_names
-    from cfd_pneumatic.result_files import check_replaceable, never
     from cfd_pneumatic.terminal import terminal
 
     names = file_names(len(arguments.bags), closed=options.close_loop)
@@ -307,7 +307,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         from cfd_pneumatic import plant  # with Dask and PyArrow, which not everybody has
     except ModuleNotFoundError as error:
         raise InputError(f"--each needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
-    from cfd_pneumatic.files import alone_in, check_folder, make_folder
+    from cfd_pneumatic.files.aside import alone_in, check_folder, make_folder
 
     if arguments.begin is not None or arguments.end is not None:
         raise InputError('--from and --until are for recordings that are identified together: leave out --each')

@@ -15,10 +15,10 @@ from importlib import import_module
 from multiprocessing import connection
 from typing import TYPE_CHECKING, Any
 
-from cfd_pneumatic.children import start_python
 from cfd_pneumatic.monitoring.finding import Finding, diagnose
-from cfd_pneumatic.parallel import LIMIT
 from cfd_pneumatic.recording import Recording
+from cfd_pneumatic.runtime.children import start_python
+from cfd_pneumatic.runtime.parallel import LIMIT
 
 if TYPE_CHECKING:
     from cfd_pneumatic.identification import Options

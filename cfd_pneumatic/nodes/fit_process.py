@@ -14,13 +14,13 @@ from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 
-from cfd_pneumatic.children import start_python
 from cfd_pneumatic.commands.identify_bag import CHECKSUM_KEY, PROGRESS_KEY
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError, without_quotations
-from cfd_pneumatic.input_files import read_input
+from cfd_pneumatic.files.inputs import read_input
 from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE
-from cfd_pneumatic.start import BAD_INPUT
+from cfd_pneumatic.runtime.children import start_python
+from cfd_pneumatic.runtime.start import BAD_INPUT
 
 CANCELLED = 'cancelled: earlier outputs are untouched'
 
@@ -42,7 +42,7 @@ class FitProcess:
         self._kill_at = math.inf
         # an interrupt at the terminal reaches the node, which then ends the fit
         self._process = start_python(
-            'from cfd_pneumatic.start import identify_bag; sys.exit(identify_bag())',
+            'from cfd_pneumatic.runtime.start import identify_bag; sys.exit(identify_bag())',
             '--progress=lines',
             *arguments,
             stdout=subprocess.PIPE,

@@ -15,8 +15,8 @@ from typing import Any
 from rclpy.node import Node
 
 from cfd_pneumatic.errors import InputError, printable
-from cfd_pneumatic.input_files import check_input
-from cfd_pneumatic.yaml_files import YamlMapping, read_yaml
+from cfd_pneumatic.files.inputs import check_input
+from cfd_pneumatic.files.yaml_files import YamlMapping, read_yaml
 
 _OPTION = '--params-file'
 _WITH_VALUE = {

@@ -10,8 +10,8 @@ from pathlib import Path
 from distributed.security import Security
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.input_files import read_input
-from cfd_pneumatic.result_files import ResultFiles, never
+from cfd_pneumatic.files.inputs import read_input
+from cfd_pneumatic.files.results import ResultFiles, never
 
 CERTIFICATE, KEY = 'dask.pem', 'dask.key'
 DAYS = 365

@@ -20,9 +20,9 @@ from typing import Any, Literal
 import pyarrow
 from pyarrow import parquet
 
-from cfd_pneumatic.files import write_bytes, write_text
+from cfd_pneumatic.files.aside import write_bytes, write_text
+from cfd_pneumatic.files.results import marked
 from cfd_pneumatic.model import SPECS
-from cfd_pneumatic.result_files import marked
 
 CSV_FILE = 'results.csv'
 PARQUET_FILE = 'results.parquet'

@@ -18,11 +18,11 @@ from typing import Any
 from cfd_pneumatic.arguments import check_path
 from cfd_pneumatic.convention import CYLINDERS, ROLES
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.files.yaml_files import YamlMapping, read_yaml
 from cfd_pneumatic.messages.fields import parse_path
 from cfd_pneumatic.recording.sources import OTHER, SignalSource
 from cfd_pneumatic.recording.table import TableFormat
 from cfd_pneumatic.units import UNITS, Unit
-from cfd_pneumatic.yaml_files import YamlMapping, read_yaml
 
 _OF_CYLINDER = tuple(role.name for role in ROLES.values() if role.of_cylinder)
 _OF_DEVICE = tuple(role.name for role in ROLES.values() if not role.of_cylinder)

@@ -15,7 +15,7 @@ from cfd_pneumatic.arguments import check_numbers, check_path, check_type
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError, printable
-from cfd_pneumatic.input_files import check_input
+from cfd_pneumatic.files.inputs import check_input
 from cfd_pneumatic.messages.types import NANOSECONDS
 from cfd_pneumatic.recording.bags.bag import Bag
 from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean

@@ -24,7 +24,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from cfd_pneumatic.files import made_aside
+from cfd_pneumatic.files.aside import made_aside
+from cfd_pneumatic.files.results import marked
 from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.identification.result import Comparison
 from cfd_pneumatic.messages.form import Form
@@ -32,7 +33,6 @@ from cfd_pneumatic.recording import BagWriter, Recording
 from cfd_pneumatic.recording.bags.writing import Stream
 from cfd_pneumatic.recording.writing import stamps_of, streams_of
 from cfd_pneumatic.reporting.thinning import thinned
-from cfd_pneumatic.result_files import marked
 
 MEASURED = '/measured'
 SIMULATED = ('/simulated_before', '/simulated_after')

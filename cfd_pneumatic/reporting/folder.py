@@ -14,14 +14,14 @@ from typing import NamedTuple
 from cfd_pneumatic.device.file import is_parameter_file, run_line
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.device.live_error import live_errors
-from cfd_pneumatic.files import checksum
+from cfd_pneumatic.files.aside import checksum
+from cfd_pneumatic.files.results import ResultFiles, marked
 from cfd_pneumatic.identification import Identification, PartError
 from cfd_pneumatic.reporting.comparison import is_comparison, write_comparison
 from cfd_pneumatic.reporting.data import report_data
 from cfd_pneumatic.reporting.names import COMPARE_FILE, PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 from cfd_pneumatic.reporting.page import report_page
 from cfd_pneumatic.reporting.template import is_page
-from cfd_pneumatic.result_files import ResultFiles, marked
 
 _COMPARE_FILES = COMPARE_FILE.replace('.', r'(_\d+)?\.')
 _RUN_LENGTH = 16

@@ -10,9 +10,9 @@ from typing import Any
 from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined
 from jinja2.bccache import Bucket
 
-from cfd_pneumatic import code_files
+from cfd_pneumatic.files.results import marked
 from cfd_pneumatic.identification import wording
-from cfd_pneumatic.result_files import marked
+from cfd_pneumatic.runtime import code_files
 
 TEMPLATES = Path(__file__).parent / 'templates'
 _COMPILED = Path(__file__).parent / '__pycache__'

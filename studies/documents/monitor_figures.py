@@ -24,7 +24,7 @@ from scipy.stats import chi2
 
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.device.identified import identified_device
-from cfd_pneumatic.files import write_text
+from cfd_pneumatic.files.aside import write_text
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.model import DIRECTIONS, DeviceModel
 from cfd_pneumatic.monitoring import WatchedSignal

@@ -6,7 +6,7 @@ from __future__ import annotations
 import ast
 from typing import Any
 
-from cfd_pneumatic import start
+from cfd_pneumatic.runtime import start
 from studies.tools.provenance import ROOT
 
 

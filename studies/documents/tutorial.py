@@ -52,7 +52,7 @@ def programs(folder: Path, around: Mapping[str, str] = os.environ) -> dict[str, 
     """Return an environment in which a shell finds the programs of this tree, by way of a folder that is made."""
     folder.mkdir()
     starts = {
-        name: f'-c "import sys; from cfd_pneumatic.start import {name}; sys.exit({name}())" '
+        name: f'-c "import sys; from cfd_pneumatic.runtime.start import {name}; sys.exit({name}())" '
         for name in package_facts.programs()
     }
     for name, option in {**starts, 'python3': ''}.items():

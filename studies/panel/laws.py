@@ -2,10 +2,10 @@
 """
 How often a law that is in no library is drawn where it enters: `make benchmark-laws`.
 
-Laws of the rig (`studies/panel/strange.py`), on devices of the paper's law and with all of their physics, whoever looks for
-them knows none; and effects of the library that is searched without them. A law is *visible* where a device without it
-leaves 1.15 times as much as the true one, and *remains* where the better core, fitted anew, still leaves 1.1 times as
-much.
+Laws of the rig (`studies/panel/strange.py`), on devices of the paper's law and with all of their physics, whoever looks
+for them knows none; and effects of the library that is searched without them. A law is *visible* where a device without
+it leaves 1.15 times as much as the true one, and *remains* where the better core, fitted anew, still leaves 1.1 times
+as much.
 """
 
 from __future__ import annotations

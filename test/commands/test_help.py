@@ -10,7 +10,7 @@ import pytest
 from cfd_pneumatic import __version__
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.examples import EXAMPLES
-from cfd_pneumatic.start import HELP
+from cfd_pneumatic.runtime.start import HELP
 from studies.documents.tutorial import run
 
 COMMANDS = [name for name in EXAMPLES if not name.endswith('_node')]

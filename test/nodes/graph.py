@@ -79,7 +79,8 @@ def unique_namespace() -> str:
 FORKING = """\
 import gc, json, os, signal, socket, sys
 from importlib import import_module
-from cfd_pneumatic import model, monitoring, start
+from cfd_pneumatic import model, monitoring
+from cfd_pneumatic.runtime import start
 
 for name in ('identifier_node', 'monitor_node', 'recorder_node', 'rig_node', 'sim_node'):
     import_module(f'cfd_pneumatic.nodes.{name}')
@@ -175,7 +176,9 @@ class Process:
         self._stderr = TemporaryFile()  # noqa: SIM115
         often = OFTEN.get(module, '')
         if before or environment or folder:
-            start = f'{before}\n{often}\nimport sys; from cfd_pneumatic.start import {module}; sys.exit({module}())'
+            start = (
+                f'{before}\n{often}\nimport sys; from cfd_pneumatic.runtime.start import {module}; sys.exit({module}())'
+            )
             self._process: subprocess.Popen | Forked = subprocess.Popen(
                 [sys.executable, '-c', start, *arguments],
                 stderr=self._stderr,

@@ -9,7 +9,7 @@ pytest.importorskip('pyarrow', reason='Dask is not to be had here, and the colum
 
 from cfd_pneumatic.convention import TOPICS, meaning
 from cfd_pneumatic.model.effects import EFFECTS
-from cfd_pneumatic.start import HELP
+from cfd_pneumatic.runtime.start import HELP
 from studies.documents.help_pages import pages
 from studies.documents.interface import DOCUMENT, document
 from studies.documents.package_facts import programs

@@ -116,7 +116,7 @@ def listener() -> Iterator[Listener]:
 @contextmanager
 def rig(namespace: str = NAMESPACE, **parameters: object) -> Iterator[subprocess.Popen]:
     """Run the node; it ends with the block at the latest."""
-    program = 'import sys; from cfd_pneumatic.start import rig_node; sys.exit(rig_node())'
+    program = 'import sys; from cfd_pneumatic.runtime.start import rig_node; sys.exit(rig_node())'
     command = [sys.executable, '-c', program, '--ros-args', '-r', f'__ns:={namespace}']
     for name, value in parameters.items():
         command += ['-p', f'{name.replace("__", ".")}:={value}']

@@ -24,7 +24,11 @@ SHIFTS = 6
 
 BAGS = 3 * SHIFTS
 
-PROGRAM = [sys.executable, '-c', 'import sys; from cfd_pneumatic.start import identify_bag as run; sys.exit(run())']
+PROGRAM = [
+    sys.executable,
+    '-c',
+    'import sys; from cfd_pneumatic.runtime.start import identify_bag as run; sys.exit(run())',
+]
 
 
 @cache

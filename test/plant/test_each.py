@@ -20,7 +20,7 @@ from patience import LONG_PATIENCE, allowed, wait_until
 from pyarrow import parquet
 
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
-from cfd_pneumatic.files import alone_in
+from cfd_pneumatic.files.aside import alone_in
 from cfd_pneumatic.plant.table import iso_time
 
 DASK = [sys.executable, '-m', 'dask']

@@ -224,7 +224,7 @@ def test_a_bag_that_holds_something_else_is_not_replaced(csv_to_bag, folder):
 @pytest.mark.parametrize('closed', ['>&-', '2>&-', '<&- >&- 2>&-'])
 def test_streams_that_are_closed_are_no_error(folder, closed):
     """A file would get the number of one, and what is printed with it."""
-    begin = 'import sys; from cfd_pneumatic.start import csv_to_bag; sys.exit(csv_to_bag())'
+    begin = 'import sys; from cfd_pneumatic.runtime.start import csv_to_bag; sys.exit(csv_to_bag())'
     arguments = [sys.executable, '-c', begin, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'bag']
     environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
     done = subprocess.run(

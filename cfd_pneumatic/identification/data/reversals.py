@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.compiling import compiler
 from cfd_pneumatic.identification.data.motion import Motion
+from cfd_pneumatic.runtime.compiling import compiler
 
 _WIGGLE = 3.0  # standard deviations of noise that a reversal has to exceed
 _DIFFERENCES = 70.0**0.5  # standard deviation of fourth differences of white noise of unit variance

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from rosbags.interfaces import Connection
 
 from cfd_pneumatic.errors import DamageError, InputError
-from cfd_pneumatic.input_files import check_input, open_input
+from cfd_pneumatic.files.inputs import check_input, open_input
 from cfd_pneumatic.messages.blocks import MessageBlock, OneByOne, Span
 from cfd_pneumatic.messages.layout import Serialization
 from cfd_pneumatic.messages.types import NANOSECONDS

@@ -9,8 +9,8 @@ from pathlib import Path, PurePath
 from typing import Literal, get_args
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.files.yaml_files import read_yaml
 from cfd_pneumatic.recording.bags.storages import StorageName
-from cfd_pneumatic.yaml_files import read_yaml
 
 _LARGEST = 2**20  # bytes; a thousand files take a fifth of that
 _ROOT = 'rosbag2_bagfile_information'

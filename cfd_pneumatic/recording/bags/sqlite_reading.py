@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.input_files import open_input
+from cfd_pneumatic.files.inputs import open_input
 from cfd_pneumatic.messages.blocks import NEVER, OneByOne
 from cfd_pneumatic.messages.definitions import FORMATS
 

@@ -11,11 +11,11 @@ from contextlib import suppress
 from pathlib import Path
 from random import Random
 
-from cfd_pneumatic import code_files
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.files.results import ResultFiles, marked
 from cfd_pneumatic.nodes.folders import Folders
 from cfd_pneumatic.nodes.samples import message_class
-from cfd_pneumatic.result_files import ResultFiles, marked
+from cfd_pneumatic.runtime import code_files
 from studies.trials.fuzzing.campaign import Fault, Input, Kind
 from studies.trials.fuzzing.mutators import BINARY, TEXTS, WORDS, mutated
 

@@ -21,7 +21,7 @@ from numba import njit
 from numba.core import config
 from numba.core.event import Event, Listener, install_listener
 
-from cfd_pneumatic.compile_cache import CompileCache
+from cfd_pneumatic.runtime.compile_cache import CompileCache
 
 config._config_fname = os.devnull  # Numba's settings file in the working folder, which may name a cache with any code
 config.reload_config()

@@ -23,7 +23,7 @@ from typing import NoReturn
 
 from cfd_pneumatic import __version__
 
-HELP = Path(__file__).with_name('help')
+HELP = Path(__file__).parents[1] / 'help'
 BAD_INPUT = 2
 INTERRUPTED = 130
 _NODES = 'cfd_pneumatic.nodes.'
@@ -122,7 +122,7 @@ def _leave_relative_entries() -> None:
     if given == absolute:
         return
     relative = {os.path.abspath(entry) for entry in given.split(os.pathsep) if not os.path.isabs(entry)}
-    kept = {*absolute.split(os.pathsep), str(Path(__file__).parents[1])}
+    kept = {*absolute.split(os.pathsep), str(Path(__file__).parents[2])}
     sys.path[:] = [folder for folder in sys.path if folder not in relative - kept]
     os.environ['PYTHONPATH'] = absolute
 

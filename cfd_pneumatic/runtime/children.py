@@ -16,10 +16,10 @@ from multiprocessing import util
 from pathlib import Path
 from typing import Any
 
-from cfd_pneumatic.start import absolute_python_path
+from cfd_pneumatic.runtime.start import absolute_python_path
 
 _DROP = 'import sys; sys.path[:] = filter(None, sys.path); '  # an empty entry is the working folder
-_IMPORT = f'sys.path.insert(0, {str(Path(__file__).parents[1])!r}); import cfd_pneumatic; del sys.path[0]; '
+_IMPORT = f'sys.path.insert(0, {str(Path(__file__).parents[2])!r}); import cfd_pneumatic; del sys.path[0]; '
 """Imports the package from where it is, whether or not Python would find it, or another version of it, by itself."""
 
 _spawn = util.spawnv_passfds

@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import alone_in, check_folder, is_mount_point, made_aside, make_folder, reported
+from cfd_pneumatic.files.aside import alone_in, check_folder, is_mount_point, made_aside, make_folder, reported
 
 _HEAD = 2**16  # bytes in which a mark is looked for
 

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.input_files import read_input
+from cfd_pneumatic.files.inputs import read_input
 
 LARGEST = 256 * 1024
 """Bytes of a file that people write; most have a hundredth of that."""

@@ -14,8 +14,8 @@ from numba.core.caching import FunctionCache, NullCache
 from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
-from cfd_pneumatic import code_files
 from cfd_pneumatic.lazy import lazy_property
+from cfd_pneumatic.runtime import code_files
 
 _HASH = hashlib.sha256().digest_size  # [bytes]
 
