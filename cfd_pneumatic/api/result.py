@@ -155,7 +155,7 @@ class Result:
         Returns the axes, two for each of them. In a notebook the picture shows; in a program `matplotlib.pyplot.show()`
         shows it.
         """
-        from cfd_pneumatic.reporting.overview import overview  # with Matplotlib, whose import takes its time
+        from cfd_pneumatic.reporting.summary import overview  # with Matplotlib, whose import takes its time
 
         return overview(self.identification, recording)
 

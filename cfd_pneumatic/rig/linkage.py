@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.rig.compiled import compiled
+from cfd_pneumatic.rig.compilation import compiled
 
 
 @compiled

@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.rig.compiled import compiled, inner
+from cfd_pneumatic.rig.compilation import compiled, inner
 from cfd_pneumatic.rig.effects import Effects
 from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
 from cfd_pneumatic.rig.parameters import Air, Cylinder, RigParameters, Seal
