@@ -25,7 +25,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from cfd_pneumatic.commands.identify_bag import main as identify_bag
+from cfd_pneumatic.commands import identify_bag_main as identify_bag
 from cfd_pneumatic.identification.fit.fit import fit
 from cfd_pneumatic.model import Course
 from cfd_pneumatic.recording import read_recording

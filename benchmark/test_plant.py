@@ -15,7 +15,7 @@ import sys
 
 import pytest
 
-from cfd_pneumatic.commands.record_rig import main as record_rig
+from cfd_pneumatic.commands import record_rig_main as record_rig
 
 pytest.importorskip('distributed')
 

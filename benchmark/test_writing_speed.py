@@ -12,7 +12,7 @@ import shutil
 import pytest
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
-from cfd_pneumatic.messages.types import standard_types
+from cfd_pneumatic.messages import standard_types
 from cfd_pneumatic.recording import recording_of, write_recording
 from cfd_pneumatic.rig import record, surface_following
 

@@ -7,8 +7,9 @@ Simulate, identify and watch a pneumatic constant-force device.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
     from cfd_pneumatic.api import (
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
         read_recording,
         write_recording,
     )
+else:
+    __getattr__ = loader_of(__name__)
 
 __version__ = '0.2.0'
 
@@ -51,13 +54,6 @@ __all__ = [
     'write_recording',
 ]
 """Names that are taken from `cfd_pneumatic.api`."""
-
-
-def __getattr__(name: str) -> Any:
-    """Return what is offered under a name."""
-    if name in __all__:
-        return getattr(import_module('cfd_pneumatic.api'), name)
-    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
 
 def __dir__() -> list[str]:

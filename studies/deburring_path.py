@@ -21,11 +21,11 @@ from matplotlib.figure import Figure
 from scipy.interpolate import PchipInterpolator
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.commands import program
+from cfd_pneumatic.commands import run
 from cfd_pneumatic.convention import CYLINDERS, SCHEDULE_COLUMNS, SUPPLY_PRESSURE
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.aside import make_folder, write_text
+from cfd_pneumatic.files import make_folder, write_text
 from cfd_pneumatic.recording import sampled
 from cfd_pneumatic.rig import RigParameters, RigRecord, record, written_schedule
 from cfd_pneumatic.units import PSI
@@ -172,7 +172,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-main = partial(program.run, NAME, follow_path)
+main = partial(run, NAME, follow_path)
 
 if __name__ == '__main__':
     sys.exit(main())

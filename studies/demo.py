@@ -42,7 +42,7 @@ from cfd_pneumatic.convention import (
     pressure_topic,
     setpoint_applied_topic,
 )
-from cfd_pneumatic.nodes.messages import OUTPUT_QOS, nanoseconds
+from cfd_pneumatic.nodes import OUTPUT_QOS, nanoseconds
 from cfd_pneumatic.rig import Sensors, out_and_back
 from studies.tools.provenance import DATA, ROOT
 from studies.tools.ros_environment import isolate

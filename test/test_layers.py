@@ -6,11 +6,16 @@ from __future__ import annotations
 import ast
 import re
 import sys
+from functools import cache
+from importlib import import_module
+from itertools import takewhile
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / 'cfd_pneumatic'
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / 'cfd_pneumatic'
 
 BELOW = {
     'api': {'planning', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
@@ -124,6 +129,80 @@ def test_the_rooms_of_identification_point_one_way(path):
     modules_beside = parts - set(ROOMS)
     assert parts & set(ROOMS) <= allowed
     assert not (modules_beside and here in ROOMS)
+
+
+WITHOUT_DOORS = ('identification', 'model')
+"""Packages whose inner modules others still import."""
+
+IMPORTING = [
+    *MODULES,
+    *sorted(path for room in ('studies', 'scripts', 'benchmark') for path in ROOT.joinpath(room).rglob('*.py')),
+]
+
+
+def module_name(path: Path) -> list[str]:
+    """Return the parts of a module's full name."""
+    parts = list(path.relative_to(ROOT).with_suffix('').parts)
+    return parts[:-1] if parts[-1] == '__init__' else parts
+
+
+def imported_modules(path: Path) -> set[str]:
+    """Return the full names of our modules and packages that a module imports from."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split('.')[0] == PACKAGE.name:
+            for alias in node.names:
+                submodule = ROOT.joinpath(*node.module.split('.'), alias.name)
+                is_module = submodule.with_suffix('.py').is_file() or submodule.is_dir()
+                is_exported = alias.name in exported_by(node.module)
+                found.add(f'{node.module}.{alias.name}' if is_module and not is_exported else node.module)
+    return found
+
+
+@cache
+def exported_by(package: str) -> tuple[str, ...]:
+    """Return the `__all__` of a package, nothing for a module."""
+    face = ROOT.joinpath(*package.split('.'), '__init__.py')
+    if not face.is_file():
+        return ()
+    lists = [
+        node.value
+        for node in ast.parse(face.read_text(encoding='utf-8')).body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == '__all__'
+    ]
+    return tuple(ast.literal_eval(lists[0])) if lists else ()
+
+
+@pytest.mark.parametrize('path', IMPORTING, ids=lambda path: '/'.join(module_name(path)))
+def test_other_packages_are_entered_by_their_doors(path):
+    """An import reaches at most one level below the deepest package that it has in common with its module."""
+    own = module_name(path) if path.name == '__init__.py' else module_name(path)[:-1]
+    own = own if own[0] == PACKAGE.name else [PACKAGE.name]  # studies stand before the doors of the library
+    for name in imported_modules(path):
+        parts = name.split('.')
+        common = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(own, parts)))
+        assert len(parts) - common <= 1 or parts[1] in WITHOUT_DOORS, name
+
+
+def test_no_modules_import_each_other():
+    """Without packages' faces, which load what they export when it is asked for."""
+    graph = {'.'.join(module_name(path)): imported_modules(path) for path in MODULES if path.name != '__init__.py'}
+    remaining = {name: {one for one in names if one in graph} for name, names in graph.items()}
+    while free := [name for name, names in remaining.items() if not names]:
+        for name in free:
+            del remaining[name]
+        for names in remaining.values():
+            names.difference_update(free)
+    assert remaining == {}
+
+
+@pytest.mark.parametrize('path', [path for path in MODULES if path.name == '__init__.py'], ids=str)
+def test_a_door_opens_all_that_it_names(path):
+    package = '.'.join(module_name(path))
+    if package.endswith(('.nodes', '.plant')):
+        pytest.importorskip('rclpy' if package.endswith('.nodes') else 'distributed')
+    face = import_module(package)
+    assert [name for name in exported_by(package) if isinstance(getattr(face, name), ModuleType)] == []
 
 
 def test_only_the_nodes_import_ros():

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from cfd_pneumatic.arguments import check_path, check_switches, check_type
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.device import Device
-from cfd_pneumatic.device.identified import identified_device, identified_recordings
-from cfd_pneumatic.device.live_error import live_errors
+from cfd_pneumatic.device import Device, identified_device, identified_recordings, live_errors
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Identification, Options, PartError
 from cfd_pneumatic.identification import identify as identified
@@ -21,8 +19,7 @@ from cfd_pneumatic.identification.data.split import FRACTIONS
 from cfd_pneumatic.identification.data.tolerance import tolerance_from
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.recording import Recording
-from cfd_pneumatic.reporting import print_report, report_data, write_report
-from cfd_pneumatic.reporting.page import report_page
+from cfd_pneumatic.reporting import print_report, report_data, report_page, write_report
 from cfd_pneumatic.terminal import printed
 
 if TYPE_CHECKING:
@@ -155,7 +152,7 @@ class Result:
         Returns the axes, two for each of them. In a notebook the picture shows; in a program `matplotlib.pyplot.show()`
         shows it.
         """
-        from cfd_pneumatic.reporting.summary import overview  # with Matplotlib, whose import takes its time
+        from cfd_pneumatic.reporting import overview  # with Matplotlib, whose import takes its time
 
         return overview(self.identification, recording)
 

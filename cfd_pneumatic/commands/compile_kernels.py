@@ -18,7 +18,7 @@ NAME = 'compile_kernels'
 
 def compile_all(arguments: Sequence[str] | None = None) -> None:
     """Compile, and say where the machine code is kept."""
-    from cfd_pneumatic.runtime.compiling import announced
+    from cfd_pneumatic.runtime import announced
 
     make_parser().parse_args(arguments)
     told: list[str | None] = []
@@ -46,7 +46,7 @@ def compile_all(arguments: Sequence[str] | None = None) -> None:
 def _use_everything() -> None:
     """Do what the programs do: record, identify, plan, answer live, watch."""
     from cfd_pneumatic import model, monitoring
-    from cfd_pneumatic.device.identified import identified_device
+    from cfd_pneumatic.device import identified_device
     from cfd_pneumatic.identification import Options, identify
     from cfd_pneumatic.planning import Limits, plan
     from cfd_pneumatic.recording import read_recording, recording_of, write_recording

@@ -12,9 +12,15 @@ from pathlib import Path
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import check_bag, read_mapping, read_recording, write_recording
-from cfd_pneumatic.recording.bags.storages import STORAGES
-from cfd_pneumatic.recording.inspection import described, doubts
+from cfd_pneumatic.recording import (
+    STORAGES,
+    check_bag,
+    described,
+    doubts,
+    read_mapping,
+    read_recording,
+    write_recording,
+)
 
 NAME = 'csv_to_bag'
 

@@ -20,7 +20,7 @@ def make(arguments: Sequence[str] | None = None) -> None:
     options = make_parser().parse_args(arguments)
     folder = options.folder
     try:
-        from cfd_pneumatic.plant.certificate import CERTIFICATE, DAYS, KEY, make_certificate
+        from cfd_pneumatic.plant import CERTIFICATE, DAYS, KEY, make_certificate
     except ModuleNotFoundError as error:
         raise InputError(f"it needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
     make_certificate(folder, overwrite=options.overwrite)

@@ -222,8 +222,7 @@ def _identify(args: Sequence[str] | None) -> None:
 
 def _check_draft(arguments: argparse.Namespace) -> None:
     """Refuse a draft of an effect that could not come about, before there is any work in it."""
-    from cfd_pneumatic.files.aside import check_folder
-    from cfd_pneumatic.files.results import check_replaceable, never
+    from cfd_pneumatic.files import check_folder, check_replaceable, never
     from cfd_pneumatic.model.effects import EFFECTS
 
     draft = arguments.draft_effect
@@ -239,12 +238,11 @@ def _check_draft(arguments: argparse.Namespace) -> None:
 
 def _identify_together(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
     """Identify all bags as one."""
-    from cfd_pneumatic.files.aside import make_folder, write_text
-    from cfd_pneumatic.files.results import check_replaceable, never
+    from cfd_pneumatic.files import check_replaceable, make_folder, never, write_text
     from cfd_pneumatic.identification import identify
     from cfd_pneumatic.recording import read_recording
-    from cfd_pneumatic.reporting import draft_effect, next_plan, print_report, write_report
-    from cfd_pneumatic.reporting.folder import FILES, file_names
+    from cfd_pneumatic.reporting import REPORT_FILES as FILES
+    from cfd_pneumatic.reporting import draft_effect, file_names, next_plan, print_report, write_report
     from cfd_pneumatic.terminal import terminal
 
     names = file_names(len(arguments.bags), closed=options.close_loop)
@@ -289,7 +287,7 @@ def _print_recordings(recordings: Sequence[Recording], options: Options) -> None
     """Print what was recorded, and which mistakes that looks like, before minutes are spent on it."""
     from cfd_pneumatic.identification.doubts import of_recordings
     from cfd_pneumatic.notices import WARNING
-    from cfd_pneumatic.recording.inspection import described
+    from cfd_pneumatic.recording import described
 
     for recording in recordings:
         print(f'{recording.name}:', *described(recording, options.ambient_pressure), sep='\n  ')
@@ -307,7 +305,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         from cfd_pneumatic import plant  # with Dask and PyArrow, which not everybody has
     except ModuleNotFoundError as error:
         raise InputError(f"--each needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
-    from cfd_pneumatic.files.aside import alone_in, check_folder, make_folder
+    from cfd_pneumatic.files import alone_in, check_folder, make_folder
 
     if arguments.begin is not None or arguments.end is not None:
         raise InputError('--from and --until are for recordings that are identified together: leave out --each')

@@ -28,7 +28,8 @@ def tell(arguments: Sequence[str] | None = None) -> None:
     """
     from cfd_pneumatic.identification.decay import decay_of
     from cfd_pneumatic.recording import read_recording
-    from cfd_pneumatic.reporting.leaks import FILES, print_decay, write_decays
+    from cfd_pneumatic.reporting import LEAK_FILES as FILES
+    from cfd_pneumatic.reporting import print_decay, write_decays
     from cfd_pneumatic.terminal import terminal
 
     options = make_parser().parse_args(arguments)

@@ -28,10 +28,9 @@ def propose(arguments: Sequence[str] | None = None) -> None:
         If the parameter file can't be read, the limits leave nothing, or the folder can't be written.
 
     """
-    from cfd_pneumatic.device import Device
-    from cfd_pneumatic.device.file import check_run
-    from cfd_pneumatic.planning import Limits, Sensing, plan, read_report, usual_pressures
-    from cfd_pneumatic.planning.report import FILES, print_plan, write_plan
+    from cfd_pneumatic.device import Device, check_run
+    from cfd_pneumatic.planning import PLAN_FILES as FILES
+    from cfd_pneumatic.planning import Limits, Sensing, plan, print_plan, read_report, usual_pressures, write_plan
     from cfd_pneumatic.terminal import terminal
 
     options = make_parser().parse_args(arguments)
@@ -69,8 +68,7 @@ def _slowness(wanted: Sequence[str], sample_rate: float) -> str:
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
     from cfd_pneumatic.model import NAMES
-    from cfd_pneumatic.planning import WANTED, Limits, Sensing
-    from cfd_pneumatic.planning.report import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE
+    from cfd_pneumatic.planning import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE, WANTED, Limits, Sensing
 
     limits = Limits((0.0, 0.0))
     sensing = Sensing()

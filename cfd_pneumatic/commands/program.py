@@ -16,7 +16,7 @@ from cfd_pneumatic import __version__
 from cfd_pneumatic.convention import AMBIENT_PRESSURES
 from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.examples import example_of
-from cfd_pneumatic.runtime.start import BAD_INPUT, INTERRUPTED
+from cfd_pneumatic.runtime import BAD_INPUT, INTERRUPTED
 
 BROKEN_PIPE = 141
 

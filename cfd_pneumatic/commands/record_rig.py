@@ -12,8 +12,7 @@ from pathlib import Path
 
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import check_bag, recording_of, write_recording
-from cfd_pneumatic.recording.bags.storages import STORAGES
+from cfd_pneumatic.recording import STORAGES, check_bag, recording_of, write_recording
 from cfd_pneumatic.rig import DEVICES, SCHEDULES, device_named, record, schedule_named
 
 NAME = 'record_rig'

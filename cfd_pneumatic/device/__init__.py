@@ -1,18 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
 """A device as its parameters describe it: their table, its file, and what it makes of a recording."""
 
-from cfd_pneumatic.device.descriptors import DESCRIPTORS, NO_NAMES, Descriptor, Value
-from cfd_pneumatic.device.device import Device, default_of
-from cfd_pneumatic.device.identified_range import SPEED_INTERVAL, IdentifiedRange, Span
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.device.descriptors import DESCRIPTORS, NO_NAMES, Descriptor, Value
+    from cfd_pneumatic.device.device import Device, default_of
+    from cfd_pneumatic.device.file import REPORT_FILE, check_run, is_parameter_file, report_in, run_line
+    from cfd_pneumatic.device.identified import identified_device, identified_recordings
+    from cfd_pneumatic.device.identified_range import SPEED_INTERVAL, IdentifiedRange, Span
+    from cfd_pneumatic.device.live_error import live_errors
+else:
+    __getattr__ = loader_of(__name__)
 
 __all__ = [
     'DESCRIPTORS',
     'NO_NAMES',
+    'REPORT_FILE',
     'SPEED_INTERVAL',
     'Descriptor',
     'Device',
     'IdentifiedRange',
     'Span',
     'Value',
+    'check_run',
     'default_of',
+    'identified_device',
+    'identified_recordings',
+    'is_parameter_file',
+    'live_errors',
+    'report_in',
+    'run_line',
 ]

@@ -14,8 +14,7 @@ from cfd_pneumatic.device import file
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.device.identified_range import UNKNOWN, IdentifiedRange, Span
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.aside import write_text
-from cfd_pneumatic.files.results import check_replaceable
+from cfd_pneumatic.files import check_replaceable, write_text
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model import NAMES, TABLE_1, Cylinder, DeviceModel, ForceGeometry, OperatingPoints
 from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect

@@ -13,9 +13,7 @@ from typing import Any
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.inputs import open_input, read_input
-from cfd_pneumatic.files.results import marked
-from cfd_pneumatic.files.yaml_files import YamlMapping, read_yaml
+from cfd_pneumatic.files import YamlMapping, marked, open_input, read_input, read_yaml
 
 REPORT_FILE = 'report.json'
 """What `identify_bag` writes beside it."""

@@ -1,2 +1,52 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read files that users name, and write results whole or not at all."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.files.aside import (
+        Aside,
+        alone_in,
+        check_folder,
+        checksum,
+        content,
+        made_aside,
+        make_folder,
+        reported,
+        take_away_left,
+        write_bytes,
+        write_text,
+    )
+    from cfd_pneumatic.files.inputs import check_input, open_input, read_input
+    from cfd_pneumatic.files.results import ADVICE, ResultFiles, check_replaceable, marked, never
+    from cfd_pneumatic.files.yaml_files import YamlMapping, read_yaml
+else:
+    __getattr__ = loader_of(__name__)
+
+__all__ = [
+    'ADVICE',
+    'Aside',
+    'ResultFiles',
+    'YamlMapping',
+    'alone_in',
+    'check_folder',
+    'check_input',
+    'check_replaceable',
+    'checksum',
+    'content',
+    'made_aside',
+    'make_folder',
+    'marked',
+    'never',
+    'open_input',
+    'read_input',
+    'read_yaml',
+    'reported',
+    'take_away_left',
+    'write_bytes',
+    'write_text',
+]

@@ -13,7 +13,7 @@ if __name__ == '__main__':
     bare.__path__ = [str(MODEL)]
     sys.modules['cfd_pneumatic.model'] = bare
 
-    from cfd_pneumatic.files.aside import write_text
+    from cfd_pneumatic.files import write_text
     from cfd_pneumatic.generator.composition import composed
 
     write_text(MODEL / 'composed.py', composed())

@@ -7,8 +7,9 @@ A name is loaded when it is first asked for: a monitor needs the noise's formula
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
     from cfd_pneumatic.identification.channels.channel import Estimate
@@ -17,23 +18,7 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.procedure import identify
     from cfd_pneumatic.identification.result import ChannelResult, Geometry, Identification
     from cfd_pneumatic.identification.verdict import PartError
+else:
+    __getattr__ = loader_of(__name__)
 
 __all__ = ['ChannelResult', 'Estimate', 'Fit', 'Geometry', 'Identification', 'Options', 'PartError', 'identify']
-
-_MODULES = {
-    'ChannelResult': 'result',
-    'Estimate': 'channels.channel',
-    'Fit': 'fit.fit',
-    'Geometry': 'result',
-    'Identification': 'result',
-    'Options': 'data.options',
-    'PartError': 'verdict',
-    'identify': 'procedure',
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Return what is offered under a name."""
-    if name in _MODULES:
-        return getattr(import_module(f'{__name__}.{_MODULES[name]}'), name)
-    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

@@ -20,10 +20,9 @@ from cfd_pneumatic.identification.readings import left_of_force, other_pressure,
 from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
-from cfd_pneumatic.recording import Recording
-from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, LENGTHS, duplicates, in_other_units, shown_length
-from cfd_pneumatic.recording.inspection import doubts as doubts_of_recording
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.recording import CHAMBER_LENGTHS, LENGTHS, Recording, duplicates, in_other_units, shown_length
+from cfd_pneumatic.recording import doubts as doubts_of_recording
+from cfd_pneumatic.runtime import each
 from cfd_pneumatic.units import INCH, UNITS
 
 USUAL_CHAMBERS = (1e-2, 0.1)

@@ -40,7 +40,7 @@ from cfd_pneumatic.identification.verdict import (
     verdict_of,
     within,
 )
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime import each
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
 _MOST_EVALUATIONS = 60

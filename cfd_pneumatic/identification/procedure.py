@@ -25,10 +25,8 @@ from cfd_pneumatic.identification.steps import of_fit, of_pressure
 from cfd_pneumatic.identification.verdict import part_errors
 from cfd_pneumatic.identification.waves import to_leave_out, waves_of
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
-from cfd_pneumatic.recording import Recording
-from cfd_pneumatic.recording.gaps import pieces
-from cfd_pneumatic.recording.inspection import of_motion
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.recording import Recording, of_motion, pieces
+from cfd_pneumatic.runtime import each
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and which share of the whole is done [0 to 1]."""

@@ -32,8 +32,7 @@ from cfd_pneumatic.identification.steps import with_steps
 from cfd_pneumatic.identification.verdict import maybe_more
 from cfd_pneumatic.model.parameters import SPECS
 from cfd_pneumatic.notices import Notice, warning
-from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.inspection import CHAMBER_LENGTHS, GAUGE_PRESSURES, scales
+from cfd_pneumatic.recording import CHAMBER_LENGTHS, GAUGE_PRESSURES, CylinderSignals, Recording, Signal, scales
 
 _DOUBTFUL = 0.3  # share of a pressure's spread that a model may leave of it; what is read rightly leaves far less
 _BETTER = 0.5  # of what the recordings leave as they are read: what another way leaves at most

@@ -4,3 +4,62 @@ Serialised messages: their definitions, where a number is in them, and making th
 
 Bags and nodes share this; nothing here knows a file of a bag, a node, or a signal.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.messages.blocks import NEVER, MessageBlock, OneByOne, Span, earliest_after, gather, join, scatter
+    from cfd_pneumatic.messages.decoding import CounterPath, Decoder, TimePaths
+    from cfd_pneumatic.messages.definitions import FORMATS, Definitions
+    from cfd_pneumatic.messages.fields import (
+        FieldPath,
+        Step,
+        check_number,
+        has_header,
+        is_time,
+        list_numbers,
+        parse_path,
+    )
+    from cfd_pneumatic.messages.form import NANOSECOND, SECOND, Form
+    from cfd_pneumatic.messages.layout import Layout, LayoutError, Place, Serialization
+    from cfd_pneumatic.messages.types import NANOSECONDS, obvious_field, standard_types, types_with
+else:
+    __getattr__ = loader_of(__name__)
+
+__all__ = [
+    'FORMATS',
+    'NANOSECOND',
+    'NANOSECONDS',
+    'NEVER',
+    'SECOND',
+    'CounterPath',
+    'Decoder',
+    'Definitions',
+    'FieldPath',
+    'Form',
+    'Layout',
+    'LayoutError',
+    'MessageBlock',
+    'OneByOne',
+    'Place',
+    'Serialization',
+    'Span',
+    'Step',
+    'TimePaths',
+    'check_number',
+    'earliest_after',
+    'gather',
+    'has_header',
+    'is_time',
+    'join',
+    'list_numbers',
+    'obvious_field',
+    'parse_path',
+    'scatter',
+    'standard_types',
+    'types_with',
+]

@@ -19,7 +19,7 @@ from rosbags.typesys.peg import Failure
 from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.inputs import check_input, read_input
+from cfd_pneumatic.files import check_input, read_input
 from cfd_pneumatic.messages.layout import PLACEHOLDER
 from cfd_pneumatic.messages.types import standard_types
 

@@ -26,7 +26,7 @@ from cfd_pneumatic.model.propagation import (
     propagate,
     propagate_sets,
 )
-from cfd_pneumatic.runtime.parallel import each, threads
+from cfd_pneumatic.runtime import each, threads
 
 _SETPOINTS = 32  # of all cylinders, whose gains are kept
 

@@ -31,7 +31,7 @@ from cfd_pneumatic.model.composed import (
 from cfd_pneumatic.model.effects import MODULES, PRESSURE_PARTS, Effect
 from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.model.places import FOLLOWED, MEASURED, PLACES, STATES, all_parameters, switches
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime import each
 
 STAGE_ROWS = slice(S0 // COUNT, S0 // COUNT + STATES)
 """Rows of the states as effects see them; those that no rate moves have to stand there from the beginning."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from numba.extending import register_jitable
 
-from cfd_pneumatic.runtime.compiling import compiler
+from cfd_pneumatic.runtime import compiler
 
 kernel = compiler(error_model='numpy', nogil=True)
 """

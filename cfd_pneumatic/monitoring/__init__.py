@@ -6,16 +6,17 @@ A `Watch` takes what is measured, says what the model predicts, tests what is le
 closed on an alarm in a process of its own (`Worker`), and tells faults of the feed from those of the device.
 """
 
-from cfd_pneumatic.monitoring.chart import warm_up
+from cfd_pneumatic.monitoring.chart import Chart, warm_up
 from cfd_pneumatic.monitoring.feed import Fault
 from cfd_pneumatic.monitoring.finding import Diagnosis, Finding, News, diagnose, news
 from cfd_pneumatic.monitoring.watch import Alarm, Prediction, Residual, Settings, Watch
-from cfd_pneumatic.monitoring.watched_signal import Departure, WatchedSignal
+from cfd_pneumatic.monitoring.watched_signal import Departure, ResidualBlock, WatchedSignal
 from cfd_pneumatic.monitoring.wording import agreed, departed, diagnosed
 from cfd_pneumatic.monitoring.worker import Worker
 
 __all__ = [
     'Alarm',
+    'Chart',
     'Departure',
     'Diagnosis',
     'Fault',
@@ -23,6 +24,7 @@ __all__ = [
     'News',
     'Prediction',
     'Residual',
+    'ResidualBlock',
     'Settings',
     'Watch',
     'WatchedSignal',

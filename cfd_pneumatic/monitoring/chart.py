@@ -10,7 +10,7 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.autoregression import autoregression, whitened
 from cfd_pneumatic.monitoring.run_length import SLACK, Excursions, as_rare, excursions, threshold_for
-from cfd_pneumatic.runtime.compiling import compiler
+from cfd_pneumatic.runtime import compiler
 
 _CLIP = 4.0  # standard deviations that a single value counts for at most
 _OUTLYING = 5.0  # robust standard deviations

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfd_pneumatic.identification.residual.noise import rounding_step, sample_noise
-from cfd_pneumatic.messages.types import NANOSECONDS
+from cfd_pneumatic.messages import NANOSECONDS
 
 _AHEAD = 0.5  # share of a gap between stamps that has to have passed, or the clock has jumped
 _LONGER = 10  # times the longest run of equal values that was seen

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cfd_pneumatic import convention
-from cfd_pneumatic.messages.types import NANOSECONDS
+from cfd_pneumatic.messages import NANOSECONDS
 from cfd_pneumatic.model import Arrival, DeviceModel, LiveDevice
 from cfd_pneumatic.monitoring.feed import Clock, Fault, Sensor
 from cfd_pneumatic.monitoring.finding import Finding, News, news

@@ -8,7 +8,7 @@ from array import array
 import numpy as np
 
 from cfd_pneumatic.convention import CYLINDERS
-from cfd_pneumatic.messages.types import NANOSECONDS
+from cfd_pneumatic.messages import NANOSECONDS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
 _WHOLE = 0.95  # share of the window that a signal has to cover

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from cfd_pneumatic.monitoring.finding import Finding, diagnose
 from cfd_pneumatic.recording import Recording
-from cfd_pneumatic.runtime.children import start_python
-from cfd_pneumatic.runtime.parallel import LIMIT
+from cfd_pneumatic.runtime import LIMIT, start_python
 
 if TYPE_CHECKING:
     from cfd_pneumatic.identification import Options

@@ -14,13 +14,12 @@ from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 
-from cfd_pneumatic.commands.identify_bag import CHECKSUM_KEY, PROGRESS_KEY
+from cfd_pneumatic.commands import CHECKSUM_KEY, PROGRESS_KEY
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError, without_quotations
-from cfd_pneumatic.files.inputs import read_input
+from cfd_pneumatic.files import read_input
 from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE
-from cfd_pneumatic.runtime.children import start_python
-from cfd_pneumatic.runtime.start import BAD_INPUT
+from cfd_pneumatic.runtime import BAD_INPUT, start_python
 
 CANCELLED = 'cancelled: earlier outputs are untouched'
 

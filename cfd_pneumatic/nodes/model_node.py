@@ -35,7 +35,7 @@ from cfd_pneumatic.nodes.publishers import (
 )
 from cfd_pneumatic.nodes.samples import joint_reader
 from cfd_pneumatic.nodes.topics import Queue, listen_to, listen_to_held
-from cfd_pneumatic.runtime.compiling import announced
+from cfd_pneumatic.runtime import announced
 
 _FARTHEST = 1e3  # what a stroke may end at [m]; a number beyond would take the model out of floating point's range
 _STROKE = 1.0  # no end effector's piston is farther from where it is counted from [m]

@@ -15,8 +15,7 @@ from typing import Any
 from rclpy.node import Node
 
 from cfd_pneumatic.errors import InputError, printable
-from cfd_pneumatic.files.inputs import check_input
-from cfd_pneumatic.files.yaml_files import YamlMapping, read_yaml
+from cfd_pneumatic.files import YamlMapping, check_input, read_yaml
 
 _OPTION = '--params-file'
 _WITH_VALUE = {

@@ -31,7 +31,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.messages import is_time
 from cfd_pneumatic.nodes.parameter_files import check_arguments
 from cfd_pneumatic.nodes.parameters import warn_of_undeclared
-from cfd_pneumatic.runtime.start import BAD_INPUT, told
+from cfd_pneumatic.runtime import BAD_INPUT, told
 
 try:
     from rclpy.experimental import EventsExecutor

@@ -15,15 +15,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cfd_pneumatic.convention import expected_type
 from cfd_pneumatic.errors import InputError, printable
-from cfd_pneumatic.messages.blocks import MessageBlock
+from cfd_pneumatic.messages import MessageBlock
 from cfd_pneumatic.nodes.bounded_node import BoundedNode
 from cfd_pneumatic.nodes.health import Warnings
 from cfd_pneumatic.nodes.parameters import switch, text, texts
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.samples import is_message_type, message_class
 from cfd_pneumatic.nodes.topics import listen_to
-from cfd_pneumatic.recording import BagWriter
-from cfd_pneumatic.recording.bags.storages import STORAGES
+from cfd_pneumatic.recording import STORAGES, BagWriter
 
 _LOOK_PERIOD = 0.1  # how often topics that were not there yet are looked for [s]
 _DEPTH = 10_000  # messages of one topic that may wait while others are written, or the node waits for a core

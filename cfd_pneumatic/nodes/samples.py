@@ -20,10 +20,19 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from cfd_pneumatic.convention import FLUID_PRESSURE, JOINT_STATE, WRENCH_STAMPED
 from cfd_pneumatic.errors import InputError, printable
-from cfd_pneumatic.messages.fields import FieldPath, Step
-from cfd_pneumatic.messages.form import NANOSECOND, SECOND, Form
-from cfd_pneumatic.messages.layout import Layout, LayoutError, Place, Serialization
-from cfd_pneumatic.messages.types import NANOSECONDS, types_with
+from cfd_pneumatic.messages import (
+    NANOSECOND,
+    NANOSECONDS,
+    SECOND,
+    FieldPath,
+    Form,
+    Layout,
+    LayoutError,
+    Place,
+    Serialization,
+    Step,
+    types_with,
+)
 from cfd_pneumatic.nodes.messages import is_time, nanoseconds, stamp_message
 
 Sample = tuple['int | None', float]

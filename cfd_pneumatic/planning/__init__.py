@@ -18,8 +18,14 @@ from cfd_pneumatic.planning.limits import Limits, Sensing
 from cfd_pneumatic.planning.plan import WANTED, Plan, plan
 from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction
 from cfd_pneumatic.planning.proposal import Proposal
+from cfd_pneumatic.planning.report import FILES as PLAN_FILES
+from cfd_pneumatic.planning.report import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE, print_plan, smallest_words, write_plan
 
 __all__ = [
+    'PICTURE_FILE',
+    'PLAN_FILE',
+    'PLAN_FILES',
+    'SCHEDULE_FILE',
     'WANTED',
     'EffectPrediction',
     'Limits',
@@ -28,6 +34,9 @@ __all__ = [
     'Proposal',
     'Sensing',
     'plan',
+    'print_plan',
     'read_report',
+    'smallest_words',
     'usual_pressures',
+    'write_plan',
 ]

@@ -9,8 +9,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
-from cfd_pneumatic.device import Device
-from cfd_pneumatic.device.file import report_in
+from cfd_pneumatic.device import Device, report_in
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.planning.limits import Sensing
 from cfd_pneumatic.units import PSI

@@ -31,7 +31,7 @@ from cfd_pneumatic.model.effects import Effect
 from cfd_pneumatic.planning.device import home_gains
 from cfd_pneumatic.planning.limits import Sensing
 from cfd_pneumatic.planning.proposal import Proposal
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime import each
 
 _ATTEMPTS = 8
 _NEARLY = 1.2  # times as large, or as small

@@ -6,8 +6,24 @@ Needs Dask and PyArrow, which the extra `plant` brings.
 """
 
 from cfd_pneumatic.plant.bags import find_bags
+from cfd_pneumatic.plant.certificate import CERTIFICATE, DAYS, KEY, make_certificate
 from cfd_pneumatic.plant.cluster import existing_cluster, is_open, local_cluster
 from cfd_pneumatic.plant.fingerprint import Settings
 from cfd_pneumatic.plant.survey import survey
+from cfd_pneumatic.plant.table import COLUMNS, CSV_FILE, PARQUET_FILE
 
-__all__ = ['Settings', 'existing_cluster', 'find_bags', 'is_open', 'local_cluster', 'survey']
+__all__ = [
+    'CERTIFICATE',
+    'COLUMNS',
+    'CSV_FILE',
+    'DAYS',
+    'KEY',
+    'PARQUET_FILE',
+    'Settings',
+    'existing_cluster',
+    'find_bags',
+    'is_open',
+    'local_cluster',
+    'make_certificate',
+    'survey',
+]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bags.storages import METADATA, ROS1_SUFFIX, SUFFIXES
+from cfd_pneumatic.recording import METADATA, ROS1_SUFFIX, SUFFIXES
 from cfd_pneumatic.reporting import REPORT_FILE, is_compare_file
 
 BAG_SUFFIXES = (*SUFFIXES, ROS1_SUFFIX, *(f'{suffix}.zstd' for suffix in SUFFIXES))

@@ -10,8 +10,7 @@ from pathlib import Path
 from distributed.security import Security
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.inputs import read_input
-from cfd_pneumatic.files.results import ResultFiles, never
+from cfd_pneumatic.files import ResultFiles, never, read_input
 
 CERTIFICATE, KEY = 'dask.pem', 'dask.key'
 DAYS = 365

@@ -18,8 +18,7 @@ from distributed import Client, Future, KilledWorker, LocalCluster
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.plant.certificate import security_of
-from cfd_pneumatic.runtime.children import guard_multiprocessing
-from cfd_pneumatic.runtime.code_files import WARNED_FOLDER
+from cfd_pneumatic.runtime import WARNED_FOLDER, guard_multiprocessing
 
 Work = TypeVar('Work')
 Result = TypeVar('Result')

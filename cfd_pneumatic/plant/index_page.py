@@ -20,7 +20,7 @@ from cfd_pneumatic.plant.chart import Curve, drift_chart
 from cfd_pneumatic.plant.history import Change, Device, Part, devices, named_by, named_on_all
 from cfd_pneumatic.plant.table import CSV_FILE, PARQUET_FILE, Row, column_of
 from cfd_pneumatic.plant.trend import trend_of
-from cfd_pneumatic.reporting.template import rendered
+from cfd_pneumatic.reporting import rendered
 
 TEMPLATES = Path(__file__).parent / 'templates'
 TEMPLATE = 'index.html.jinja'

@@ -11,9 +11,7 @@ from threading import Lock
 from typing import Any
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.aside import check_folder, write_text
-from cfd_pneumatic.files.inputs import read_input
-from cfd_pneumatic.files.results import ResultFiles, marked
+from cfd_pneumatic.files import ResultFiles, check_folder, marked, read_input, write_text
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.identification.wording import LAW_VARIABLES
 from cfd_pneumatic.model import NAMES
@@ -21,9 +19,7 @@ from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
 from cfd_pneumatic.plant.table import FAILED, FITTED, Row, column_of
 from cfd_pneumatic.recording import read_recording
-from cfd_pneumatic.reporting import PAGE_FILE, REPORT_FILE, write_report
-from cfd_pneumatic.reporting.folder import FILES as REPORT_FILES
-from cfd_pneumatic.reporting.folder import file_names
+from cfd_pneumatic.reporting import PAGE_FILE, REPORT_FILE, REPORT_FILES, file_names, write_report
 
 ROW_FILE = 'row.json'
 """Beside a bag's report: its rows of the table, and what they follow from."""

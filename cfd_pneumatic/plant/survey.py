@@ -13,8 +13,7 @@ from distributed import Client, KilledWorker
 
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.aside import take_away_left, write_text
-from cfd_pneumatic.files.results import ResultFiles
+from cfd_pneumatic.files import ResultFiles, take_away_left, write_text
 from cfd_pneumatic.plant.bags import PlantBag
 from cfd_pneumatic.plant.cluster import results
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
@@ -22,8 +21,8 @@ from cfd_pneumatic.plant.history import devices
 from cfd_pneumatic.plant.index_page import index_page
 from cfd_pneumatic.plant.job import Job, check_files, do, earlier_rows, failure
 from cfd_pneumatic.plant.table import CSV_FILE, FAILED, PARQUET_FILE, Row, is_csv_table, is_parquet_table, write_table
-from cfd_pneumatic.recording.wording import counted
-from cfd_pneumatic.reporting.template import is_page
+from cfd_pneumatic.recording import counted
+from cfd_pneumatic.reporting import is_page
 
 INDEX_FILE = 'index.html'
 

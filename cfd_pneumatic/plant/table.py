@@ -20,8 +20,7 @@ from typing import Any, Literal
 import pyarrow
 from pyarrow import parquet
 
-from cfd_pneumatic.files.aside import write_bytes, write_text
-from cfd_pneumatic.files.results import marked
+from cfd_pneumatic.files import marked, write_bytes, write_text
 from cfd_pneumatic.model import SPECS
 
 CSV_FILE = 'results.csv'

@@ -7,23 +7,93 @@ Recordings: bags and tables to arrays in SI units, and back.
 or a table of another make keeps the signals. `BagWriter` writes a bag block by block.
 """
 
-from cfd_pneumatic.recording.bags.writing import BagWriter, check_bag
-from cfd_pneumatic.recording.mapping import ChannelMapping, read_mapping
-from cfd_pneumatic.recording.reading import read_recording
-from cfd_pneumatic.recording.sampled import recording_of, sampled
-from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.writing import write_recording
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.recording.bags import (
+        METADATA,
+        ROS1_SUFFIX,
+        STORAGES,
+        SUFFIXES,
+        Bag,
+        BagWriter,
+        StorageName,
+        Stream,
+        check_bag,
+    )
+    from cfd_pneumatic.recording.gaps import pieces
+    from cfd_pneumatic.recording.inspection import (
+        CHAMBER_LENGTHS,
+        GAUGE_PRESSURES,
+        LENGTHS,
+        described,
+        doubts,
+        duplicates,
+        in_other_units,
+        of_motion,
+        scales,
+        shown_length,
+    )
+    from cfd_pneumatic.recording.mapping import (
+        COLUMN_KEYS,
+        NUMBER_KEYS,
+        PRESSURE_KEYS,
+        TABLE_KEYS,
+        TOP_KEYS,
+        TOPIC_KEYS,
+        ChannelMapping,
+        read_mapping,
+    )
+    from cfd_pneumatic.recording.reading import read_recording
+    from cfd_pneumatic.recording.recording import Recording
+    from cfd_pneumatic.recording.sampled_signals import recording_of, sampled
+    from cfd_pneumatic.recording.signals import CylinderSignals, Signal
+    from cfd_pneumatic.recording.wording import counted
+    from cfd_pneumatic.recording.writing import stamps_of, streams_of, write_recording
+else:
+    __getattr__ = loader_of(__name__)
 
 __all__ = [
+    'CHAMBER_LENGTHS',
+    'COLUMN_KEYS',
+    'GAUGE_PRESSURES',
+    'LENGTHS',
+    'METADATA',
+    'NUMBER_KEYS',
+    'PRESSURE_KEYS',
+    'ROS1_SUFFIX',
+    'STORAGES',
+    'SUFFIXES',
+    'TABLE_KEYS',
+    'TOPIC_KEYS',
+    'TOP_KEYS',
+    'Bag',
     'BagWriter',
     'ChannelMapping',
     'CylinderSignals',
     'Recording',
     'Signal',
+    'StorageName',
+    'Stream',
     'check_bag',
+    'counted',
+    'described',
+    'doubts',
+    'duplicates',
+    'in_other_units',
+    'of_motion',
+    'pieces',
     'read_mapping',
     'read_recording',
     'recording_of',
     'sampled',
+    'scales',
+    'shown_length',
+    'stamps_of',
+    'streams_of',
     'write_recording',
 ]

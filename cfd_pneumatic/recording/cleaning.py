@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.messages.blocks import earliest_after
-from cfd_pneumatic.messages.types import NANOSECONDS
+from cfd_pneumatic.messages import NANOSECONDS, earliest_after
 from cfd_pneumatic.recording.memory_maps import parts
 from cfd_pneumatic.recording.wording import counted
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.messages.types import NANOSECONDS
+from cfd_pneumatic.messages import NANOSECONDS
 
 _SUDDEN = 20.0  # times the change between samples that three quarters do not exceed
 _SHARE_OF_RANGE = 0.25  # of the usual range that a leap has at least

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any
+from typing import Any, NamedTuple
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -15,9 +15,9 @@ from cfd_pneumatic.arguments import check_type
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.messages.types import NANOSECONDS
+from cfd_pneumatic.messages import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
-from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.signals import CylinderSignals, Signal
 
 _LATEST = 2**62  # [ns]
 
@@ -25,15 +25,25 @@ _COARSEST = 0.5
 """Resolution of times in intervals between samples above which their type cannot hold them."""
 
 
-def recording_from_arrays(
+class ArraySignals(NamedTuple):
+    """The signals of arrays, and what was amiss; of a piston at rest the displacement is zero."""
+
+    epoch: int
+    displacement: Signal
+    cylinders: dict[str, CylinderSignals]
+    force: Signal | None
+    notes: tuple[str, ...]
+
+
+def signals_from_arrays(
     times: ArrayLike,
     displacement: ArrayLike | None,
     pressures: Mapping[str, ArrayLike],
     setpoints: Mapping[str, ArrayLike],
     force: ArrayLike | None,
     name: str,
-) -> Recording:
-    """Do as `Recording.from_arrays`."""
+) -> ArraySignals:
+    """Return the signals of arrays, checked and cleaned, as `Recording.from_arrays` takes them."""
     for what, given in (('pressures', pressures), ('setpoints', setpoints)):
         check_type(what, given, Mapping, f'a dictionary such as {what}={{"cylinder_a": ...}}')
     check_type('name', name, str, 'a text')
@@ -70,14 +80,8 @@ def recording_from_arrays(
         for one, found in measured.items()
     }
     rest = Signal((stamps - epoch) / NANOSECONDS, np.zeros(stamps.size))
-    return Recording(
-        name,
-        epoch,
-        rest if moved is None else signal(moved),
-        cylinders,
-        None if felt is None else signal(felt),
-        tuple(notes),
-        rests=moved is None,
+    return ArraySignals(
+        epoch, rest if moved is None else signal(moved), cylinders, None if felt is None else signal(felt), tuple(notes)
     )
 
 

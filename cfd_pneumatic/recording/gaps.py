@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.recording.signals import Recording, Signal
+from cfd_pneumatic.recording.recording import Recording
+from cfd_pneumatic.recording.signals import Signal
 from cfd_pneumatic.recording.wording import counted
 
 LONGEST = 0.2

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.notices import Notice, note, warning
-from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.recording import Recording
+from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Signal
 from cfd_pneumatic.recording.suspect_samples import at_limit, leaps, shifted, standstill, stuck, two_sources
 from cfd_pneumatic.recording.wording import counted
 from cfd_pneumatic.units import PSI, UNITS

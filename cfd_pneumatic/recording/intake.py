@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.messages.blocks import MessageBlock
-from cfd_pneumatic.messages.decoding import Decoder
-from cfd_pneumatic.messages.fields import FieldPath
+from cfd_pneumatic.messages import Decoder, FieldPath, MessageBlock
 from cfd_pneumatic.recording.memory_maps import allocate, give_back
 from cfd_pneumatic.recording.sources import SignalSource
 from cfd_pneumatic.recording.wording import counted, listed

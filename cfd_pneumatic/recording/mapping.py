@@ -18,8 +18,8 @@ from typing import Any
 from cfd_pneumatic.arguments import check_path
 from cfd_pneumatic.convention import CYLINDERS, ROLES
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.yaml_files import YamlMapping, read_yaml
-from cfd_pneumatic.messages.fields import parse_path
+from cfd_pneumatic.files import YamlMapping, read_yaml
+from cfd_pneumatic.messages import parse_path
 from cfd_pneumatic.recording.sources import OTHER, SignalSource
 from cfd_pneumatic.recording.table import TableFormat
 from cfd_pneumatic.units import UNITS, Unit

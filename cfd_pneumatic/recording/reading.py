@@ -15,15 +15,16 @@ from cfd_pneumatic.arguments import check_numbers, check_path, check_type
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CYLINDERS, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError, printable
-from cfd_pneumatic.files.inputs import check_input
-from cfd_pneumatic.messages.types import NANOSECONDS
-from cfd_pneumatic.recording.bags.bag import Bag
+from cfd_pneumatic.files import check_input
+from cfd_pneumatic.messages import NANOSECONDS
+from cfd_pneumatic.recording.bags import Bag
 from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
 from cfd_pneumatic.recording.dropouts import without_pulses
 from cfd_pneumatic.recording.mapping import ChannelMapping, read_mapping
 from cfd_pneumatic.recording.memory_maps import parts
+from cfd_pneumatic.recording.recording import Recording
 from cfd_pneumatic.recording.sampling import Defaults, read_samples
-from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Signal
 from cfd_pneumatic.recording.sources import OTHER, Samples, SignalSource
 from cfd_pneumatic.recording.table import read_table
 from cfd_pneumatic.recording.topics import convention_channels, resolve

@@ -11,11 +11,21 @@ from tempfile import gettempdir
 from rosbags.typesys.store import Typestore
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.messages.decoding import CounterPath, Decoder, TimePaths
-from cfd_pneumatic.messages.definitions import Definitions
-from cfd_pneumatic.messages.fields import FieldPath, check_number, has_header, is_time, list_numbers, parse_path
-from cfd_pneumatic.messages.types import NANOSECONDS, obvious_field
-from cfd_pneumatic.recording.bags.bag import Bag, Topic
+from cfd_pneumatic.messages import (
+    NANOSECONDS,
+    CounterPath,
+    Decoder,
+    Definitions,
+    FieldPath,
+    TimePaths,
+    check_number,
+    has_header,
+    is_time,
+    list_numbers,
+    obvious_field,
+    parse_path,
+)
+from cfd_pneumatic.recording.bags import Bag, Topic
 from cfd_pneumatic.recording.intake import Content, Intake
 from cfd_pneumatic.recording.memory_maps import give_back, parts
 from cfd_pneumatic.recording.sources import RECEIVE, Samples, SignalSource

@@ -20,8 +20,8 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError, quoted
-from cfd_pneumatic.files.inputs import open_input
-from cfd_pneumatic.messages.types import NANOSECONDS
+from cfd_pneumatic.files import open_input
+from cfd_pneumatic.messages import NANOSECONDS
 from cfd_pneumatic.recording.sources import Samples, SignalSource
 from cfd_pneumatic.recording.wording import counted
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from cfd_pneumatic.convention import CYLINDERS, PISTON_STATE, ROLES, Role, pressure_topic
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.bags.bag import Topic
+from cfd_pneumatic.recording.bags import Topic
 from cfd_pneumatic.recording.sources import SignalSource
 from cfd_pneumatic.recording.wording import listed
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.messages.types import NANOSECONDS
+from cfd_pneumatic.messages import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, keep
 from cfd_pneumatic.recording.dropouts import dropouts
 from cfd_pneumatic.recording.wording import counted

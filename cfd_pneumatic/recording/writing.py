@@ -14,11 +14,9 @@ from cfd_pneumatic.arguments import check_numbers, check_path, check_switches, c
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, PISTON_JOINT, ROLES
 from cfd_pneumatic.errors import InputError, printable
-from cfd_pneumatic.messages.form import Form
-from cfd_pneumatic.messages.types import NANOSECONDS
-from cfd_pneumatic.recording.bags.storages import StorageName
-from cfd_pneumatic.recording.bags.writing import BagWriter, Stream
-from cfd_pneumatic.recording.signals import Recording
+from cfd_pneumatic.messages import NANOSECONDS, Form
+from cfd_pneumatic.recording.bags import BagWriter, StorageName, Stream
+from cfd_pneumatic.recording.recording import Recording
 from cfd_pneumatic.recording.topics import resolve
 
 _NAMESPACE = re.compile(r'/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/?', re.ASCII)

@@ -1,22 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an identification says: data for programs, a parameter file, a page and tables for people, a bag for plots."""
 
-from cfd_pneumatic.reporting.advice import next_plan
-from cfd_pneumatic.reporting.console import print_report
-from cfd_pneumatic.reporting.data import report_data
-from cfd_pneumatic.reporting.draft import draft_effect
-from cfd_pneumatic.reporting.folder import compare_files, is_compare_file, write_report
-from cfd_pneumatic.reporting.names import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.reporting.advice import next_plan
+    from cfd_pneumatic.reporting.comparison import MEASURED, RESIDUAL, SIMULATED
+    from cfd_pneumatic.reporting.console import print_report
+    from cfd_pneumatic.reporting.data import report_data
+    from cfd_pneumatic.reporting.draft import draft_effect
+    from cfd_pneumatic.reporting.folder import FILES as REPORT_FILES
+    from cfd_pneumatic.reporting.folder import compare_files, file_names, is_compare_file, write_report
+    from cfd_pneumatic.reporting.leaks import FILES as LEAK_FILES
+    from cfd_pneumatic.reporting.leaks import print_decay, write_decays
+    from cfd_pneumatic.reporting.names import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
+    from cfd_pneumatic.reporting.page import report_page
+    from cfd_pneumatic.reporting.summary import overview
+    from cfd_pneumatic.reporting.template import is_page, rendered
+else:
+    __getattr__ = loader_of(__name__)
 
 __all__ = [
+    'LEAK_FILES',
+    'MEASURED',
     'PAGE_FILE',
     'PARAMETER_FILE',
     'REPORT_FILE',
+    'REPORT_FILES',
+    'RESIDUAL',
+    'SIMULATED',
     'compare_files',
     'draft_effect',
+    'file_names',
     'is_compare_file',
+    'is_page',
     'next_plan',
+    'overview',
+    'print_decay',
     'print_report',
+    'rendered',
     'report_data',
+    'report_page',
+    'write_decays',
     'write_report',
 ]

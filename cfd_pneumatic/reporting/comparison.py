@@ -24,14 +24,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from cfd_pneumatic.files.aside import made_aside
-from cfd_pneumatic.files.results import marked
+from cfd_pneumatic.files import made_aside, marked
 from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.identification.result import Comparison
-from cfd_pneumatic.messages.form import Form
-from cfd_pneumatic.recording import BagWriter, Recording
-from cfd_pneumatic.recording.bags.writing import Stream
-from cfd_pneumatic.recording.writing import stamps_of, streams_of
+from cfd_pneumatic.messages import Form
+from cfd_pneumatic.recording import BagWriter, Recording, Stream, stamps_of, streams_of
 from cfd_pneumatic.reporting.thinning import thinned
 
 MEASURED = '/measured'

@@ -11,11 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from cfd_pneumatic.device.file import is_parameter_file, run_line
-from cfd_pneumatic.device.identified import identified_device
-from cfd_pneumatic.device.live_error import live_errors
-from cfd_pneumatic.files.aside import checksum
-from cfd_pneumatic.files.results import ResultFiles, marked
+from cfd_pneumatic.device import identified_device, is_parameter_file, live_errors, run_line
+from cfd_pneumatic.files import ResultFiles, checksum, marked
 from cfd_pneumatic.identification import Identification, PartError
 from cfd_pneumatic.reporting.comparison import is_comparison, write_comparison
 from cfd_pneumatic.reporting.data import report_data

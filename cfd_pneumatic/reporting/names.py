@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names of the files of results."""
 
-from cfd_pneumatic.device.file import REPORT_FILE
+from cfd_pneumatic.device import REPORT_FILE
 
 __all__ = ['COMPARE_FILE', 'PAGE_FILE', 'PARAMETER_FILE', 'REPORT_FILE']
 

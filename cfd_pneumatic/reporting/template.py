@@ -10,9 +10,9 @@ from typing import Any
 from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined
 from jinja2.bccache import Bucket
 
-from cfd_pneumatic.files.results import marked
+from cfd_pneumatic.files import marked
 from cfd_pneumatic.identification import wording
-from cfd_pneumatic.runtime import code_files
+from cfd_pneumatic.runtime import is_trusted, read_code, write_code
 
 TEMPLATES = Path(__file__).parent / 'templates'
 _COMPILED = Path(__file__).parent / '__pycache__'
@@ -26,14 +26,14 @@ class _CompiledTemplates(BytecodeCache):
 
     def load_bytecode(self, bucket: Bucket) -> None:
         """Fill a bucket with what is kept for it."""
-        content = code_files.read(self._path(bucket))
+        content = read_code(self._path(bucket))
         if content is not None:
             bucket.bytecode_from_string(content)
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         """Keep what a bucket holds, if that is possible."""
         with suppress(OSError):
-            code_files.write(self._path(bucket), bucket.bytecode_to_string())
+            write_code(self._path(bucket), bucket.bytecode_to_string())
 
     def _path(self, bucket: Bucket) -> Path:
         return _COMPILED / f'{bucket.key}.jbc'
@@ -47,7 +47,7 @@ def rendered(template: str, *folders: Path, **values: Any) -> str:
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
-        bytecode_cache=_CompiledTemplates() if code_files.is_trusted(_COMPILED) else None,
+        bytecode_cache=_CompiledTemplates() if is_trusted(_COMPILED) else None,
     )
     templates.filters.update(
         number=wording.number,

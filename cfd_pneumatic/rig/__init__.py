@@ -14,13 +14,27 @@ A device with something wrong with it has `Effects`; `studies.panel` draws such 
 """
 
 from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record
+from cfd_pneumatic.rig.compilation import compiled
 from cfd_pneumatic.rig.device import Rig, Truth
 from cfd_pneumatic.rig.devices import DEVICES, device_named, with_faults
+from cfd_pneumatic.rig.effects import Effects
 from cfd_pneumatic.rig.naming import SCHEDULES, schedule_named
+from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
 from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
+from cfd_pneumatic.rig.physics import (
+    ADIABATIC_EXPONENT,
+    ELLIPSE,
+    LEAK_CRITICAL_RATIO,
+    ONE_WAY_SPEED,
+    SPECIFIC_HEAT,
+    CylinderState,
+    cylinder_rates,
+    orifice_flow,
+)
 from cfd_pneumatic.rig.piston import CommandedPiston
 from cfd_pneumatic.rig.schedule import (
     LONGEST,
+    MIL,
     Schedule,
     SetPoints,
     lay_out,
@@ -28,20 +42,33 @@ from cfd_pneumatic.rig.schedule import (
     paper_step,
     surface_following,
 )
-from cfd_pneumatic.rig.sensors import Sensors
+from cfd_pneumatic.rig.sensors import Instruments, Readings, Sensors
 from cfd_pneumatic.rig.stroke import Stroke
+from cfd_pneumatic.rig.transmission import Transmission, read_force
 from cfd_pneumatic.rig.written import written_schedule
 
 __all__ = [
+    'ADIABATIC_EXPONENT',
     'DEVICES',
+    'ELLIPSE',
+    'LEAK_CRITICAL_RATIO',
     'LONGEST',
+    'MIL',
+    'ONE_WAY_SPEED',
     'SCHEDULES',
+    'SPECIFIC_HEAT',
     'Air',
     'Bench',
     'CommandedPiston',
     'Cylinder',
+    'CylinderState',
+    'Effects',
+    'ForceOddities',
+    'Instruments',
+    'Oddities',
     'Performance',
     'Piston',
+    'Readings',
     'Rig',
     'RigParameters',
     'RigRecord',
@@ -50,11 +77,16 @@ __all__ = [
     'Sensors',
     'SetPoints',
     'Stroke',
+    'Transmission',
     'Truth',
+    'compiled',
+    'cylinder_rates',
     'device_named',
     'lay_out',
+    'orifice_flow',
     'out_and_back',
     'paper_step',
+    'read_force',
     'record',
     'schedule_named',
     'surface_following',

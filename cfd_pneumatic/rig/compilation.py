@@ -8,7 +8,7 @@ from typing import Any, TypeVar, cast
 
 from numba.extending import register_jitable
 
-from cfd_pneumatic.runtime.compiling import compiler
+from cfd_pneumatic.runtime import compiler
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import SCHEDULE_COLUMNS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.inputs import open_input
+from cfd_pneumatic.files import open_input
 from cfd_pneumatic.rig.schedule import SAMPLING_PERIOD, Schedule, SetPoints, lay_out
 
 _LARGEST = 2**27  # bytes; the longest that the rig plays, at 1 kHz, has 100 MB

@@ -1,2 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
 """Start programs and child processes, compile the kernels and keep their code, and share work among threads."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.runtime.children import guard_multiprocessing, start_python
+    from cfd_pneumatic.runtime.code_files import WARNED_FOLDER, is_trusted
+    from cfd_pneumatic.runtime.code_files import read as read_code
+    from cfd_pneumatic.runtime.code_files import write as write_code
+    from cfd_pneumatic.runtime.compiling import announced, compiler
+    from cfd_pneumatic.runtime.parallel import LIMIT, each, threads
+    from cfd_pneumatic.runtime.start import BAD_INPUT, HELP, INTERRUPTED, told
+else:
+    __getattr__ = loader_of(__name__)
+
+__all__ = [
+    'BAD_INPUT',
+    'HELP',
+    'INTERRUPTED',
+    'LIMIT',
+    'WARNED_FOLDER',
+    'announced',
+    'compiler',
+    'each',
+    'guard_multiprocessing',
+    'is_trusted',
+    'read_code',
+    'start_python',
+    'threads',
+    'told',
+    'write_code',
+]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.files.aside import write_text
+from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification.channels.channel import Estimate
 from cfd_pneumatic.identification.channels.pressure import Pressure
 from cfd_pneumatic.identification.fit.fit import Fit, fit

@@ -22,7 +22,7 @@ from scipy.signal import periodogram
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.files.aside import write_text
+from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import ChannelResult, Options, identify
 from cfd_pneumatic.model.effects import EFFECTS, FAMILIES, FORCE_EFFECTS, FUNCTIONS, MODULES, Effect
 from cfd_pneumatic.rig import Cylinder, Sensors, surface_following

@@ -24,12 +24,12 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cfd_pneumatic.convention import CYLINDERS, EITHER, SCHEDULE_COLUMNS, meaning
-from cfd_pneumatic.files.aside import write_text
+from cfd_pneumatic.files import write_text
 from cfd_pneumatic.model.effects import EFFECTS, FORCE_PARTS, GENERIC
-from cfd_pneumatic.planning.report import PLAN_FILE, SCHEDULE_FILE
-from cfd_pneumatic.plant.table import COLUMNS, CSV_FILE, PARQUET_FILE
+from cfd_pneumatic.planning import PLAN_FILE, SCHEDULE_FILE
+from cfd_pneumatic.plant import COLUMNS, CSV_FILE, PARQUET_FILE
 from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE
-from cfd_pneumatic.runtime.start import HELP
+from cfd_pneumatic.runtime import HELP
 from cfd_pneumatic.units import PSI, PSI_PER_INCH
 from studies.documents import mapping as mapping_document
 from studies.documents.help_pages import node_class, pages

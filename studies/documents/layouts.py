@@ -27,7 +27,7 @@ from cfd_pneumatic.convention import (
     residual_topic,
     setpoint_topic,
 )
-from cfd_pneumatic.reporting.comparison import MEASURED, RESIDUAL, SIMULATED
+from cfd_pneumatic.reporting import MEASURED, RESIDUAL, SIMULATED
 
 FOLDER = Path(__file__).resolve().parents[2] / 'config'
 CELL = '/cfd'

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from cfd_pneumatic.recording import mapping
+from cfd_pneumatic.recording import COLUMN_KEYS, NUMBER_KEYS, PRESSURE_KEYS, TABLE_KEYS, TOP_KEYS, TOPIC_KEYS
 from cfd_pneumatic.units import UNITS
 from studies.documents.markdown import code, table
 from studies.tools.provenance import ROOT
@@ -79,12 +79,12 @@ set-point is taken to be constant, and estimated.
 def document() -> str:
     """Return the page."""
     tables = {
-        'Of the file': mapping.TOP_KEYS,
-        'Of every signal': mapping.NUMBER_KEYS,
-        'Of a pressure or a set-point, too': mapping.PRESSURE_KEYS,
-        'Of a signal in a table, too': mapping.COLUMN_KEYS,
-        'Of a signal in a bag, too': mapping.TOPIC_KEYS,
-        'Of `table`': mapping.TABLE_KEYS,
+        'Of the file': TOP_KEYS,
+        'Of every signal': NUMBER_KEYS,
+        'Of a pressure or a set-point, too': PRESSURE_KEYS,
+        'Of a signal in a table, too': COLUMN_KEYS,
+        'Of a signal in a bag, too': TOPIC_KEYS,
+        'Of `table`': TABLE_KEYS,
     }
     return PAGE.format(
         example=EXAMPLE.relative_to(ROOT),

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.files.aside import write_text
+from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import ChannelResult, Options, identify
 from cfd_pneumatic.identification.decay import decay_of
 from cfd_pneumatic.notices import WARNING, Notice

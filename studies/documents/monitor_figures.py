@@ -23,13 +23,11 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
-from cfd_pneumatic.device.identified import identified_device
-from cfd_pneumatic.files.aside import write_text
+from cfd_pneumatic.device import identified_device
+from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import identify
 from cfd_pneumatic.model import DIRECTIONS, DeviceModel
-from cfd_pneumatic.monitoring import WatchedSignal
-from cfd_pneumatic.monitoring.chart import Chart
-from cfd_pneumatic.monitoring.watched_signal import ResidualBlock
+from cfd_pneumatic.monitoring import Chart, ResidualBlock, WatchedSignal
 from cfd_pneumatic.recording import recording_of
 from cfd_pneumatic.rig import Performance, RigParameters, RigRecord, Sensors, record, surface_following
 from studies.documents.markdown import notes_in, table

@@ -11,7 +11,7 @@ from pathlib import Path
 import nbformat
 from nbclient import NotebookClient
 
-from cfd_pneumatic.files.aside import write_text
+from cfd_pneumatic.files import write_text
 from studies.documents.tutorial import programs
 from studies.tools.provenance import ROOT
 

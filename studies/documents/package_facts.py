@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import ast
+from importlib import import_module
 from typing import Any
 
-from cfd_pneumatic.runtime import start
 from studies.tools.provenance import ROOT
 
 
@@ -26,4 +26,5 @@ def setup_arguments() -> dict[str, Any]:
 def programs() -> dict[str, str]:
     """Return the module of each program, by the program's name."""
     lines = setup_arguments()['entry_points']['console_scripts']
+    start = import_module('cfd_pneumatic.runtime.start')
     return {name: getattr(start, name).args[0] for name, _, _ in (line.partition(' = ') for line in lines)}

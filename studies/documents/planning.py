@@ -25,19 +25,17 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.device import Device
-from cfd_pneumatic.device.descriptors import Value
-from cfd_pneumatic.files.aside import write_text
+from cfd_pneumatic.device import Device, Value
+from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Fit, identify
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.model.effects import EFFECTS as MODELLED
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
-from cfd_pneumatic.planning import EffectPrediction, Limits, Plan, plan
-from cfd_pneumatic.planning.report import smallest_words
+from cfd_pneumatic.planning import EffectPrediction, Limits, Plan, plan, smallest_words
 from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig import Air, RigParameters, Schedule, record, written_schedule
-from cfd_pneumatic.runtime.parallel import LIMIT
+from cfd_pneumatic.runtime import LIMIT
 from cfd_pneumatic.units import PSI
 from studies.documents.markdown import table
 from studies.panel import EFFECTS as ON_RIG

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from cfd_pneumatic.files.aside import write_text
+from cfd_pneumatic.files import write_text
 from studies.documents.markdown import notes_in, table
 from studies.tools.provenance import ROOT
 

@@ -16,7 +16,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cfd_pneumatic.files.aside import write_text
+from cfd_pneumatic.files import write_text
 from studies.documents.markdown import notes_in
 from studies.panel import FOREIGN, LIBRARY, NOISES, ON_FORCE
 from studies.panel.document import document

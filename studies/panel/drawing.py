@@ -13,10 +13,18 @@ from scipy.signal import lfilter
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.rig.device import Truth
-from cfd_pneumatic.rig.parameters import Cylinder
-from cfd_pneumatic.rig.schedule import MIL, Schedule, out_and_back, paper_step, surface_following
-from cfd_pneumatic.rig.sensors import Instruments, Readings, Sensors
+from cfd_pneumatic.rig import (
+    MIL,
+    Cylinder,
+    Instruments,
+    Readings,
+    Schedule,
+    Sensors,
+    Truth,
+    out_and_back,
+    paper_step,
+    surface_following,
+)
 from cfd_pneumatic.units import PSI
 from studies.panel.makes import draw_make
 from studies.panel.situation import Situation

@@ -13,10 +13,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.rig.parameters import Cylinder
-from cfd_pneumatic.rig.schedule import Schedule
-from cfd_pneumatic.rig.sensors import Readings
-from cfd_pneumatic.rig.transmission import read_force
+from cfd_pneumatic.rig import Cylinder, Readings, Schedule, read_force
 from studies.panel.drawing import Draw, at_times, motion_of
 from studies.panel.specimen import Specimen
 from studies.panel.textbook import Gains, pressure_along

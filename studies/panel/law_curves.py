@@ -15,8 +15,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.identification.shape import Shape
-from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
-from cfd_pneumatic.rig.physics import ONE_WAY_SPEED
+from cfd_pneumatic.rig import ONE_WAY_SPEED, ForceOddities, Oddities
 from studies.panel import STRANGE_FORCE, Draw
 
 

@@ -13,8 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal
-from cfd_pneumatic.rig.physics import SPECIFIC_HEAT
+from cfd_pneumatic.rig import SPECIFIC_HEAT, Air, Cylinder, Piston, RigParameters, Seal
 from cfd_pneumatic.units import PSI
 from studies.panel.specimen import Approach, Specimen, gains_of
 from studies.panel.textbook import Gains

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfd_pneumatic.rig.schedule import Schedule
+from cfd_pneumatic.rig import Schedule
 from studies.panel.specimen import Specimen
 from studies.panel.textbook import Gains
 

@@ -8,13 +8,22 @@ from typing import NamedTuple
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.rig import physics
-from cfd_pneumatic.rig.device import Rig, Truth
-from cfd_pneumatic.rig.effects import Effects
-from cfd_pneumatic.rig.oddities import Oddities
-from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
-from cfd_pneumatic.rig.stroke import Stroke
-from cfd_pneumatic.rig.transmission import Transmission
+from cfd_pneumatic.rig import (
+    Air,
+    Cylinder,
+    CylinderState,
+    Effects,
+    Oddities,
+    Piston,
+    Rig,
+    RigParameters,
+    Seal,
+    Stroke,
+    Transmission,
+    Truth,
+    cylinder_rates,
+    with_changes,
+)
 from cfd_pneumatic.units import PSI
 from studies.panel.textbook import Gains, draw_gains
 
@@ -128,9 +137,9 @@ def gains_of(cylinder: Cylinder, air: Air) -> Gains:
     """Return what a cylinder does when little happens about its reference pressure, as the paper's gains."""
     rest = cylinder.reference_pressure
 
-    def rate(outlet: float, sensed: float) -> physics.CylinderState:
-        state = physics.CylinderState(outlet, sensed, outlet, air.temperature, 0.0, 0.0, 0.0, 0.0)
-        return physics.cylinder_rates(state, 0.0, rest, 0.0, 0.0, cylinder, Effects(), Oddities(), air)
+    def rate(outlet: float, sensed: float) -> CylinderState:
+        state = CylinderState(outlet, sensed, outlet, air.temperature, 0.0, 0.0, 0.0, 0.0)
+        return cylinder_rates(state, 0.0, rest, 0.0, 0.0, cylinder, Effects(), Oddities(), air)
 
     sensing = rate(rest + 1.0, rest).sensed
     aspirated = cylinder.control_volume / cylinder.rest_volume * sensing

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.rig.physics import ADIABATIC_EXPONENT, ELLIPSE, LEAK_CRITICAL_RATIO, SPECIFIC_HEAT, orifice_flow
+from cfd_pneumatic.rig import ADIABATIC_EXPONENT, ELLIPSE, LEAK_CRITICAL_RATIO, SPECIFIC_HEAT, orifice_flow
 from studies.panel.situation import Changes, Effect, Situation
 from studies.panel.strange import STRANGE
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.rig.compilation import compiled
+from cfd_pneumatic.rig import compiled
 from cfd_pneumatic.units import PSI_PER_INCH
 
 

@@ -29,7 +29,7 @@ from pathlib import Path
 from rich.progress import track
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.aside import checksum
+from cfd_pneumatic.files import checksum
 from cfd_pneumatic.recording import read_recording
 from studies.documents.markdown import table
 

@@ -24,11 +24,9 @@ from cfd_pneumatic.convention import (
     pressure_topic,
     setpoint_applied_topic,
 )
-from cfd_pneumatic.messages.form import Form
-from cfd_pneumatic.messages.types import NANOSECONDS, standard_types
+from cfd_pneumatic.messages import NANOSECONDS, Form, standard_types
 from cfd_pneumatic.model import DIRECTIONS, Cylinder, OperatingPoints
-from cfd_pneumatic.recording import BagWriter
-from cfd_pneumatic.recording.bags.storages import STORAGES, StorageName
+from cfd_pneumatic.recording import STORAGES, BagWriter, StorageName
 
 AMBIENT = 101_325.0
 GAINS = (4.33e6, 104.0, 19.4, 0.0105)

@@ -26,9 +26,9 @@ import numpy as np
 import yaml
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.commands.identify_bag import main as identify_bag
+from cfd_pneumatic.commands import identify_bag_main as identify_bag
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.files.aside import write_text
+from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.recording import Recording, Signal, recording_of

@@ -53,8 +53,7 @@ from cfd_pneumatic.convention import (
     pressure_topic,
     setpoint_topic,
 )
-from cfd_pneumatic.nodes.health import LOST
-from cfd_pneumatic.nodes.messages import OUTPUT_QOS, SAMPLE_QOS, stamp_message
+from cfd_pneumatic.nodes import LOST, OUTPUT_QOS, SAMPLE_QOS, stamp_message
 from studies.documents.markdown import table
 from studies.tools.processes import WARMING, Heard, seen_of, slope, span, started
 from studies.tools.provenance import ROOT

@@ -30,7 +30,7 @@ from cfd_pneumatic.identification.data.split import MOTION, stroke_times
 from cfd_pneumatic.identification.data.stamps import overlapping, regular_clock
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.recording import Recording, Signal
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime import each
 
 _ORDERS = (2, 3)  # how often white noise is integrated to give the displacement
 _MOST_PIECES = 8  # of one sample step

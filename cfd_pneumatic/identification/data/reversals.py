@@ -12,7 +12,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.data.motion import Motion
-from cfd_pneumatic.runtime.compiling import compiler
+from cfd_pneumatic.runtime import compiler
 
 _WIGGLE = 3.0  # standard deviations of noise that a reversal has to exceed
 _DIFFERENCES = 70.0**0.5  # standard deviation of fourth differences of white noise of unit variance

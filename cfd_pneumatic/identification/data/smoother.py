@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.runtime.compiling import compiler
+from cfd_pneumatic.runtime import compiler
 
 _LOG_BANDWIDTH = (-4.0, 3.0)  # decades of what the smoother lets through, in units of the mean sampling rate
 _COARSE = 8  # bandwidths tried before the search, which finds the nearest optimum only

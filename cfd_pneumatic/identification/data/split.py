@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.runtime.compiling import compiler
+from cfd_pneumatic.runtime import compiler
 
 PARTS = ('train', 'validation', 'test')
 FRACTIONS = (0.6, 0.2, 0.2)

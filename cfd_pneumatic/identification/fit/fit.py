@@ -17,7 +17,7 @@ from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.fit.levenberg import least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, Information, information
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime import each
 
 ROUGH = (1e-4, 40)
 """Tolerance and evaluations of a fit that chooses among starts."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.runtime.compiling import compiler
+from cfd_pneumatic.runtime import compiler
 
 _HIGHEST_ORDER = 12
 _LONGEST_MEMORY = 2000  # samples

@@ -19,7 +19,7 @@ from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.identification.residual.tests import Test, explained
 from cfd_pneumatic.identification.search.complement import Complement, Start
 from cfd_pneumatic.model.effects import Data
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime import each
 
 _REFINED = 2  # of the starts of an effect or a core
 _PROMISING = 4  # effects that are fitted to the end at least

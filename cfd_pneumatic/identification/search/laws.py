@@ -24,7 +24,7 @@ from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.curves import ROUGH, fitted, renewed
 from cfd_pneumatic.identification.search.promises import Promise, beside, promises
 from cfd_pneumatic.identification.search.slots import ranges_of
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime import each
 
 _SKETCHED = 10_000  # and of which the rough fits are
 _FITTED = 4  # of the most promising

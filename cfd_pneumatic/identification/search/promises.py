@@ -23,7 +23,7 @@ from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.slots import Slot, slots
 from cfd_pneumatic.model.effects.knots import KNOTS
 from cfd_pneumatic.model.lanes import COUNT
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime import each
 
 _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
 _RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it

@@ -20,7 +20,7 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.autoregression import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime import each
 
 STRENGTH = 5.0
 """Of an effect that a recording should show, in standard deviations of the noise [-]."""

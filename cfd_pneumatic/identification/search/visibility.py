@@ -16,7 +16,7 @@ from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.search.complement import Complement, Start
 from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime import each
 
 _PLAIN = 10.0  # times what shows: no fit makes up for so much
 _MADE_UP = 2.0  # an effect that loses less than half of itself to the model's parameters keeps what is left

@@ -4,3 +4,29 @@ Bags: files of serialised messages, to blocks of messages and numbers, and back.
 
 Nothing here knows what a signal is.
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.recording.bags.bag import Bag, Topic
+    from cfd_pneumatic.recording.bags.storages import METADATA, ROS1_SUFFIX, STORAGES, SUFFIXES, StorageName
+    from cfd_pneumatic.recording.bags.writing import BagWriter, Stream, check_bag
+else:
+    __getattr__ = loader_of(__name__)
+
+__all__ = [
+    'METADATA',
+    'ROS1_SUFFIX',
+    'STORAGES',
+    'SUFFIXES',
+    'Bag',
+    'BagWriter',
+    'StorageName',
+    'Stream',
+    'Topic',
+    'check_bag',
+]

@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING
 from rosbags.interfaces import Connection
 
 from cfd_pneumatic.errors import DamageError, InputError
-from cfd_pneumatic.files.inputs import check_input, open_input
-from cfd_pneumatic.messages.blocks import MessageBlock, OneByOne, Span
-from cfd_pneumatic.messages.layout import Serialization
-from cfd_pneumatic.messages.types import NANOSECONDS
+from cfd_pneumatic.files import check_input, open_input
+from cfd_pneumatic.messages import NANOSECONDS, MessageBlock, OneByOne, Serialization, Span
 from cfd_pneumatic.recording.bags.compression import most_unpacked, unpack_file, unpacked, unpacker
 from cfd_pneumatic.recording.bags.metadata import Metadata, read_metadata
 from cfd_pneumatic.recording.bags.storages import (

@@ -13,7 +13,7 @@ import lz4.frame
 import zstandard
 
 from cfd_pneumatic.errors import DamageError
-from cfd_pneumatic.files.inputs import open_input
+from cfd_pneumatic.files import open_input
 
 _MOST = 64 * 2**20  # what anything may unpack to, [bytes]
 _RATIO = 32  # and more than that, in times of what is packed; numbers seldom shrink to a tenth

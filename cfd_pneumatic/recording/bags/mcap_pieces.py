@@ -23,7 +23,7 @@ from mcap.records import Chunk, ChunkIndex, Footer
 from mcap.summary import Summary
 
 from cfd_pneumatic.errors import DamageError
-from cfd_pneumatic.files.inputs import open_input
+from cfd_pneumatic.files import open_input
 from cfd_pneumatic.recording.bags.compression import most_unpacked, unpacked
 
 MAGIC = b'\x89MCAP0\r\n'

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
 from cfd_pneumatic.errors import DamageError
-from cfd_pneumatic.files.inputs import open_input
-from cfd_pneumatic.messages.blocks import NEVER, MessageBlock, Span, earliest_after, gather, join
-from cfd_pneumatic.messages.definitions import FORMATS
+from cfd_pneumatic.files import open_input
+from cfd_pneumatic.messages import FORMATS, NEVER, MessageBlock, Span, earliest_after, gather, join
 from cfd_pneumatic.recording.bags.mcap_pieces import ENTRY, HEAD, Piece, find_pieces, summary_of, walk
 
 _MESSAGE_HEAD = HEAD.size + 22

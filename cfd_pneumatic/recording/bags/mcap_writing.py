@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag2 import CompressionMode
 
-from cfd_pneumatic.messages.blocks import MessageBlock, gather, scatter
-from cfd_pneumatic.messages.definitions import FORMATS
+from cfd_pneumatic.messages import FORMATS, MessageBlock, gather, scatter
 from cfd_pneumatic.recording.bags.mcap_pieces import CHUNK, ENTRY, HEAD, MAGIC
 
 _HEAD_OF_MESSAGE = np.dtype(

@@ -9,7 +9,7 @@ from pathlib import Path, PurePath
 from typing import Literal, get_args
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.yaml_files import read_yaml
+from cfd_pneumatic.files import read_yaml
 from cfd_pneumatic.recording.bags.storages import StorageName
 
 _LARGEST = 2**20  # bytes; a thousand files take a fifth of that

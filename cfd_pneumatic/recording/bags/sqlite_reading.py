@@ -14,9 +14,8 @@ from tempfile import TemporaryDirectory
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.inputs import open_input
-from cfd_pneumatic.messages.blocks import NEVER, OneByOne
-from cfd_pneumatic.messages.definitions import FORMATS
+from cfd_pneumatic.files import open_input
+from cfd_pneumatic.messages import FORMATS, NEVER, OneByOne
 
 _SQLITE_MAGIC = b'SQLite format 3\0'
 _SQLITE_HEADER = 32

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rosbags.interfaces import Connection
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
-from cfd_pneumatic.messages.blocks import MessageBlock
+from cfd_pneumatic.messages import MessageBlock
 
 _INSERT = 'INSERT INTO messages (topic_id, timestamp, data) VALUES(?, ?, ?)'
 

@@ -11,7 +11,7 @@ from typing import Literal, Protocol
 
 from rosbags.interfaces import Connection
 
-from cfd_pneumatic.messages.blocks import MessageBlock, Span
+from cfd_pneumatic.messages import MessageBlock, Span
 from cfd_pneumatic.recording.bags.mcap_pieces import flaw as mcap_flaw
 from cfd_pneumatic.recording.bags.mcap_reading import McapFile
 from cfd_pneumatic.recording.bags.mcap_writing import McapWriter

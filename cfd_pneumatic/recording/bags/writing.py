@@ -19,11 +19,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.aside import Aside, check_folder, content, reported
-from cfd_pneumatic.files.results import ADVICE
-from cfd_pneumatic.messages.blocks import MessageBlock, join
-from cfd_pneumatic.messages.form import Form
-from cfd_pneumatic.messages.types import types_with
+from cfd_pneumatic.files import ADVICE, Aside, check_folder, content, reported
+from cfd_pneumatic.messages import Form, MessageBlock, join, types_with
 from cfd_pneumatic.recording.bags.storages import METADATA, STORAGES, SUFFIXES, StorageName, StorageWriter
 
 if TYPE_CHECKING:

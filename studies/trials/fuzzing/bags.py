@@ -25,11 +25,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from cfd_pneumatic.convention import FLOAT64, FLUID_PRESSURE, JOINT_STATE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.messages.blocks import MessageBlock
-from cfd_pneumatic.messages.types import standard_types
-from cfd_pneumatic.recording import BagWriter, Recording, read_recording
-from cfd_pneumatic.recording.bags.bag import Bag
-from cfd_pneumatic.recording.bags.storages import METADATA
+from cfd_pneumatic.messages import MessageBlock, standard_types
+from cfd_pneumatic.recording import METADATA, Bag, BagWriter, Recording, read_recording
 from studies.trials.fuzzing.campaign import Fault, Input, Kind
 from studies.trials.fuzzing.mutators import BINARY, TEXT, mutated
 

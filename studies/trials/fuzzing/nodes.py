@@ -44,15 +44,17 @@ from cfd_pneumatic.convention import (
     setpoint_topic,
 )
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.messages.layout import Layout, LayoutError, Serialization
-from cfd_pneumatic.messages.types import standard_types
-from cfd_pneumatic.nodes.identifier_node import IdentifierNode
-from cfd_pneumatic.nodes.messages import nanoseconds, stamp_message
-from cfd_pneumatic.nodes.monitor_node import MonitorNode
-from cfd_pneumatic.nodes.parameters import warn_of_undeclared
-from cfd_pneumatic.nodes.recorder_node import RecorderNode
-from cfd_pneumatic.nodes.rig_node import RigNode
-from cfd_pneumatic.nodes.sim_node import SimNode
+from cfd_pneumatic.messages import Layout, LayoutError, Serialization, standard_types
+from cfd_pneumatic.nodes import (
+    IdentifierNode,
+    MonitorNode,
+    RecorderNode,
+    RigNode,
+    SimNode,
+    nanoseconds,
+    stamp_message,
+    warn_of_undeclared,
+)
 from studies.trials.fuzzing.campaign import Fault, Input, Kind
 from studies.trials.fuzzing.mutators import BINARY, DOUBLES, TEXTS, mutated
 

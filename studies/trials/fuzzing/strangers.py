@@ -12,10 +12,9 @@ from pathlib import Path
 from random import Random
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.results import ResultFiles, marked
-from cfd_pneumatic.nodes.folders import Folders
-from cfd_pneumatic.nodes.samples import message_class
-from cfd_pneumatic.runtime import code_files
+from cfd_pneumatic.files import ResultFiles, marked
+from cfd_pneumatic.nodes import Folders, message_class
+from cfd_pneumatic.runtime import read_code, write_code
 from studies.trials.fuzzing.campaign import Fault, Input, Kind
 from studies.trials.fuzzing.mutators import BINARY, TEXTS, WORDS, mutated
 
@@ -141,7 +140,7 @@ class KeptCode(Kind):
         """Write one."""
         self._path = folder / 'kept.nbc'
         self._content = bytes(range(256)) * 8
-        code_files.write(self._path, self._content)
+        write_code(self._path, self._content)
         self._written = self._path.read_bytes()
 
     def valid(self, rng: Random) -> Input:
@@ -157,13 +156,13 @@ class KeptCode(Kind):
     def give(self, one: Input) -> str:
         """Let it be read."""
         self._leave(one)
-        content = code_files.read(self._path)
+        content = read_code(self._path)
         is_as_written = one.files['kept.nbc'] == self._written and one.about is None
         if content is not None and not (is_as_written and content == self._content):
             raise Fault(f'{one.about or "what was changed"} is run')
         if content is None:
-            code_files.write(self._path, self._content)  # the next start has it again
-            if code_files.read(self._path) != self._content:
+            write_code(self._path, self._content)  # the next start has it again
+            if read_code(self._path) != self._content:
                 raise Fault('it is not kept again')
             raise InputError('is compiled again')
         return ''

@@ -21,7 +21,7 @@ from cfd_pneumatic.convention import SCHEDULE_COLUMNS
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError, without_quotations
 from cfd_pneumatic.identification import identify
-from cfd_pneumatic.messages.definitions import Definitions
+from cfd_pneumatic.messages import Definitions
 from cfd_pneumatic.planning import Limits, read_report
 from cfd_pneumatic.recording import read_recording, recording_of
 from cfd_pneumatic.reporting import write_report

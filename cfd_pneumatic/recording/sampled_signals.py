@@ -11,7 +11,8 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
-from cfd_pneumatic.recording.signals import CylinderSignals, Recording, Signal
+from cfd_pneumatic.recording.recording import Recording
+from cfd_pneumatic.recording.signals import CylinderSignals, Signal
 
 
 class Sampled(Protocol):
