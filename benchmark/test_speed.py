@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.fit.fit import fit_model
 from cfd_pneumatic.model import Course, Cylinder, OperatingPoints, simulate_parameter_sets
 from cfd_pneumatic.units import PSI
 from studies.documents.strokes import AMBIENT, CHANNEL, CYLINDER, GAINS, SETPOINT, experiment, record
@@ -32,7 +32,7 @@ LENGTHS = (350, 3_600, 3_600_000)
 
 def fitted_here(samples: int) -> np.ndarray:
     start = Model(GAINS * START, {}, np.zeros((1, 3)))
-    return fit(CHANNEL, [experiment(samples)], start).model.parameters
+    return fit_model(CHANNEL, [experiment(samples)], start).model.parameters
 
 
 def simulated_by_scipy(samples: int, gains: np.ndarray = GAINS) -> np.ndarray:

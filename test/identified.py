@@ -13,14 +13,14 @@ import numpy as np
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, Options, PartError, identify
 from cfd_pneumatic.identification.channels.force import Force
+from cfd_pneumatic.identification.conclusion import Conclusion
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.fit.fit import fit_model
 from cfd_pneumatic.identification.procedure import prepared
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
 from cfd_pneumatic.identification.result import Comparison
 from cfd_pneumatic.identification.search.stepwise import Trial
-from cfd_pneumatic.identification.verdict import Conclusion
 from cfd_pneumatic.recording import Recording, recording_of
 from studies.panel import draw
 
@@ -79,7 +79,7 @@ def with_force(identification: Identification) -> Identification:
     data = prepared(identification.recordings)
     channel = Force(AREA, 1.0, AMBIENT_PRESSURE)
     experiments = data.experiments(channel)
-    plain = fit(channel, experiments)
+    plain = fit_model(channel, experiments)
     before = tuple(channel.simulated(experiments, replace(plain.model, parameters=np.array([AREA, 1.0]))))
     after = tuple(0.5 * (one.measured + simulated) for one, simulated in zip(experiments, before))
     errors = [

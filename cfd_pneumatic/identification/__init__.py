@@ -13,11 +13,11 @@ from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
     from cfd_pneumatic.identification.channels.channel import Estimate
+    from cfd_pneumatic.identification.conclusion import PartError
     from cfd_pneumatic.identification.data.options import Options
     from cfd_pneumatic.identification.fit.fit import Fit
     from cfd_pneumatic.identification.procedure import identify
     from cfd_pneumatic.identification.result import ChannelResult, Geometry, Identification
-    from cfd_pneumatic.identification.verdict import PartError
 else:
     __getattr__ = loader_of(__name__)
 

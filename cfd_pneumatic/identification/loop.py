@@ -17,10 +17,19 @@ from functools import cache, partial
 import numpy as np
 
 from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.conclusion import (
+    Conclusion,
+    compared,
+    next_experiment,
+    not_added,
+    shortage_of,
+    verdict_of,
+    within,
+)
 from cfd_pneumatic.identification.data.options import AUTO, LINEAR, PHYSICAL
 from cfd_pneumatic.identification.data.tolerance import Tolerance
 from cfd_pneumatic.identification.fit.data_sheets import as_data_sheets
-from cfd_pneumatic.identification.fit.fit import Fit, search, summary
+from cfd_pneumatic.identification.fit.fit import Fit, find_optimum, summary
 from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.search.candidates import Candidates
@@ -31,15 +40,6 @@ from cfd_pneumatic.identification.search.laws import Drawn, Laws
 from cfd_pneumatic.identification.search.stepwise import SearchResult, Trial
 from cfd_pneumatic.identification.search.visibility import invisible
 from cfd_pneumatic.identification.shape import Shape, centred, shape_of
-from cfd_pneumatic.identification.verdict import (
-    Conclusion,
-    compared,
-    next_experiment,
-    not_added,
-    shortage_of,
-    verdict_of,
-    within,
-)
 from cfd_pneumatic.runtime import each
 
 _NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
@@ -244,7 +244,7 @@ def _fitted(before: Fit, rough: Model) -> Fit:
     """Return what was found fitted to the end; as it was found where that runs away."""
     likelihood = before.likelihood
     how = _NEAR_ENOUGH / likelihood.samples, _MOST_EVALUATIONS
-    found = search(likelihood, rough, *how)
+    found = find_optimum(likelihood, rough, *how)
     model = (as_data_sheets(likelihood, found, *how) if found.model.core else found).model
     if not all(np.all(np.isfinite(values)) for values in likelihood.simulate(model)):
         model = rough

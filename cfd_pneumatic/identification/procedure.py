@@ -12,17 +12,17 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels import Channel, channels_of
+from cfd_pneumatic.identification.conclusion import part_errors
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import Motion, observed_motion
 from cfd_pneumatic.identification.data.options import PHYSICAL, Options
 from cfd_pneumatic.identification.data.split import FRACTIONS, Split, split_recordings
 from cfd_pneumatic.identification.doubts import doubts, of_recordings
-from cfd_pneumatic.identification.fit.fit import Fit, fit
+from cfd_pneumatic.identification.fit.fit import Fit, fit_model
 from cfd_pneumatic.identification.loop import close_loop, with_core
 from cfd_pneumatic.identification.readings import is_doubtful, other_reading
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
 from cfd_pneumatic.identification.steps import of_fit, of_pressure
-from cfd_pneumatic.identification.verdict import part_errors
 from cfd_pneumatic.identification.waves import to_leave_out, waves_of
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.recording import Recording, of_motion, pieces
@@ -207,7 +207,7 @@ def _with_what_it_looks_like(error: InputError, recordings: Sequence[Recording],
 def _fitted(channel: Channel, data: Prepared) -> Fit | InputError:
     """Return a channel's model without effects, fitted, or why it could not be."""
     try:
-        return fit(channel, data.experiments(channel))
+        return fit_model(channel, data.experiments(channel))
     except SuspectError as error:
         return SuspectError(replace(error.notice, message=f'{channel.name}: {error.notice.message}'))
     except InputError as error:
@@ -268,7 +268,7 @@ def _fit_each_setpoint(
         try:
             chosen = [replace(experiments[index], index=rank) for rank, index in enumerate(used)]
             chosen = [replace(one, chosen=one.counts & applies[index]) for one, index in zip(chosen, used)]
-            found = fit(channel, chosen)
+            found = fit_model(channel, chosen)
         except InputError as error:
             notes.append(f'set-point {setpoint:.0f} Pa left out of the schedule: {error}')
             continue

@@ -19,17 +19,17 @@ from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import Channel, Model
 from cfd_pneumatic.identification.channels.pressure import Pressure
+from cfd_pneumatic.identification.conclusion import maybe_more
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import observed_motion
 from cfd_pneumatic.identification.data.options import AUTO, Options
 from cfd_pneumatic.identification.data.split import split_recordings
-from cfd_pneumatic.identification.fit.fit import Fit, fit, search
+from cfd_pneumatic.identification.fit.fit import Fit, find_optimum, fit_model
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.residual.tests import explained
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.identification.steps import with_steps
-from cfd_pneumatic.identification.verdict import maybe_more
 from cfd_pneumatic.model.parameters import SPECS
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import CHAMBER_LENGTHS, GAUGE_PRESSURES, CylinderSignals, Recording, Signal, scales
@@ -104,7 +104,7 @@ def other_pressure(result: ChannelResult, recordings: Sequence[Recording], optio
     def by_core(scale: Scale) -> tuple[bool, float]:
         experiments = [scale.of(one) for one in result.experiments]
         try:
-            alike = result.fit if scale.factor == 1.0 else fit(result.channel, experiments)
+            alike = result.fit if scale.factor == 1.0 else fit_model(result.channel, experiments)
         except InputError:
             return False, math.inf
         candidates = Candidates(replace(alike.likelihood, experiments=tuple(experiments)), alike.model)
@@ -267,7 +267,7 @@ def _left_by(channel: Channel, recordings: Sequence[Recording], options: Options
     experiments = [replace(channel.experiment(*one), index=rank) for rank, one in enumerate(zip(held, motions, splits))]
     likelihood = Likelihood.alike(channel, experiments)
     starts = channel.starts(experiments) if start is None else [start]
-    best = min((search(likelihood, one, *_ROUGH) for one in starts), key=lambda one: one.cost)
+    best = min((find_optimum(likelihood, one, *_ROUGH) for one in starts), key=lambda one: one.cost)
     simulated = likelihood.simulate(best.model)
     left = _left(simulated, likelihood)
     for _ in range(_STEPPED if channel.name in CYLINDERS else 0):
@@ -275,7 +275,7 @@ def _left_by(channel: Channel, recordings: Sequence[Recording], options: Options
             break
         experiments = [with_steps(*one, channel) for one in zip(held, experiments, simulated)]
         likelihood = Likelihood.alike(channel, experiments)
-        best = search(likelihood, best.model, *_ROUGH)
+        best = find_optimum(likelihood, best.model, *_ROUGH)
         simulated = likelihood.simulate(best.model)
         left = _left(simulated, likelihood)
         if best.model.parameters[0] < _PISTON_COUNTS * SPECS[0].lower:

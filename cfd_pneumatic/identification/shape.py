@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.fit.fit import search
+from cfd_pneumatic.identification.fit.fit import find_optimum
 from cfd_pneumatic.identification.fit.levenberg import Quadratic
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.formulas import Formula, formulas
-from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
+from cfd_pneumatic.identification.residual.linear_prediction import autoregression, independent_share
 from cfd_pneumatic.identification.search.curves import heights_of, penalty_of
 from cfd_pneumatic.identification.search.laws import Drawn
 from cfd_pneumatic.identification.search.slots import FROM_NOTHING, Slot
@@ -207,7 +207,7 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
 def _holds(likelihood: Likelihood, model: Model, slot: Slot, formula: Formula, most: float) -> bool:
     """Return whether a formula leaves no more, simulated in its curve's place with the gains fitted anew."""
     formed = slot.drawn(model, formula.told(slot.knots))
-    return search(likelihood, formed, *_ANEW, frozen=formed.parts).cost < most
+    return find_optimum(likelihood, formed, *_ANEW, frozen=formed.parts).cost < most
 
 
 def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from cfd_pneumatic.model.effects import CORES, EFFECTS
 
 if TYPE_CHECKING:
-    from cfd_pneumatic.identification.verdict import Conclusion
+    from cfd_pneumatic.identification.conclusion import Conclusion
 
 TITLES = {'cylinder_a': 'Cylinder A', 'cylinder_b': 'Cylinder B', 'force': 'Contact force'}
 """Of what was identified."""

@@ -43,7 +43,7 @@ from cfd_pneumatic.model.effects import (
     volume_variation,
 )
 from cfd_pneumatic.model.effects.effect import ForceMoment, Moment
-from cfd_pneumatic.model.kernel import inlined, kernel
+from cfd_pneumatic.model.kernels import inlined, kernel
 from cfd_pneumatic.model.lanes import COUNT, floats, load, loads, rows_of, store, where
 
 # states: pressures p and p_f, then the effects' own

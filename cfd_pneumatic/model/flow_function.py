@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 
 CRITICAL = 0.528
 """Pressure ratio below which the flow is choked [-]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 from cfd_pneumatic.model.lanes import exponent, mantissa, power_of_two, where
 
 _SATURATED = 19.0  # where tanh is one, but for rounding

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfd_pneumatic.model.kernel import fused, inlined, inner, kernel
+from cfd_pneumatic.model.kernels import fused, inlined, inner, kernel
 
 SENSITIVITIES = ('k_x', 'k_sv', 'k_v', 'tau', 'setpoint', 'start')
 """What the pressure is differentiated by, in the order of the sensitivities' columns."""

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from cfd_pneumatic import __version__
-from cfd_pneumatic.identification import wording
+from cfd_pneumatic.identification.wording import number, spoken
+from cfd_pneumatic.identification.wording import verdict as verdict_text
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.plant.chart import Curve, drift_chart
@@ -100,9 +101,9 @@ def _common(plant: Sequence[Device]) -> Iterator[str]:
             told = [_sizes(part.now).get(column, {}).get('value') for device in plant for part in device.parts]
             values = [one for one in told if one is not None]
             if values and not parameter.choice:
-                ends = dict.fromkeys(wording.number(one, 3) for one in (min(values), max(values)))
+                ends = dict.fromkeys(number(one, 3) for one in (min(values), max(values)))
                 sizes.append(f'{parameter.name} {" to ".join(ends)} {parameter.unit.strip("-")}'.rstrip())
-        yield wording.spoken(name) + (f' ({", ".join(sizes)})' if sizes else '')
+        yield spoken(name) + (f' ({", ".join(sizes)})' if sizes else '')
 
 
 def _sizes(row: Row) -> dict[str, Any]:
@@ -147,8 +148,8 @@ def _trends(drifts: Sequence[Drift], places: Sequence[float]) -> Iterator[dict[s
 
 def said(row: Row) -> str:
     """Return a verdict in words, with the effects and the law that it names."""
-    effects = ' and '.join(map(wording.spoken, named_by(row)))
-    verdict = wording.verdict(row['verdict'])
+    effects = ' and '.join(map(spoken, named_by(row)))
+    verdict = verdict_text(row['verdict'])
     doubt = f' (in doubt: {row["warnings"].replace(";", ", ")})' if row.get('warnings') else ''
     return f'{verdict}: {effects}{doubt}' if effects else f'{verdict}{doubt}'
 
@@ -233,7 +234,7 @@ def _chart(drift: Drift, places: Sequence[float], changed: Sequence[int]) -> dic
     last = drift.tracks[-1] if drift.tracks[-1].values[-1] is not None else drift.tracks[0]
     value, std = last.values[-1], last.stds[-1]
     values = [one for track in drift.tracks for one in track.told]
-    told = f'{wording.number(min(values), 3)} to {wording.number(max(values), 3)}'
+    told = f'{number(min(values), 3)} to {number(max(values), 3)}'
     label = f'{drift.name} over {len(places)} bags: {told} {drift.unit}'
     return {
         'name': drift.name,

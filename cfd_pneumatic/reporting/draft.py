@@ -117,7 +117,7 @@ def _drafted(law: Shape, name: str, result: ChannelResult) -> str:
     values = [f'{value:.6g}' for value in formula.numbers.values()]
     written = formula.code + ''.join(changed for *_, changed, _ in _FUNCTIONS[law.enters])
     used = [one for one in ('exp', 'tanh', 'wave') if f'{one}(' in written]
-    imports = ['from cfd_pneumatic.model.kernel import inlined']
+    imports = ['from cfd_pneumatic.model.kernels import inlined']
     if used:
         imports.append(f'from cfd_pneumatic.model.lanewise import {", ".join(used)}')
     own, more, last = names, '', ''

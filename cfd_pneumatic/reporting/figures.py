@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification import ChannelResult, wording
+from cfd_pneumatic.identification import ChannelResult
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.residual.autoregression import autocovariance
+from cfd_pneumatic.identification.residual.linear_prediction import autocovariance
 from cfd_pneumatic.identification.residual.tests import SIGNIFICANCE
 from cfd_pneumatic.identification.result import Comparison
 from cfd_pneumatic.identification.shape import Shape
 from cfd_pneumatic.identification.whereabouts import Dependence, dependences
+from cfd_pneumatic.identification.wording import LAW_PLACES, LAW_VARIABLES
 from cfd_pneumatic.reporting.thinning import thinned
 from cfd_pneumatic.svg import Curve, Panel, chart
 
@@ -112,7 +113,7 @@ def law_picture(law: Shape) -> Picture:
         alone = run.size == 1  # a dot
         curves += [Curve(at[run], line[run] / size, AFTER, (1 + 2 * alone) * width, alone) for line, width in lines]
     text = f'The law that was drawn: {law.words}. Thin lines: 95 % at each point; grey: not visited.'
-    place, variable = wording.LAW_PLACES[law.enters], wording.LAW_VARIABLES[law.against]
+    place, variable = LAW_PLACES[law.enters], LAW_VARIABLES[law.against]
 
     def drawn(width: int) -> str:
         panel = Panel(f'{place} [{up}]', 200, curves, levels=[(0.0, 'var(--rule)')])

@@ -10,11 +10,12 @@ from types import MappingProxyType
 from typing import Any
 
 from cfd_pneumatic import __version__
-from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError, wording
+from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.residual.tests import Test
 from cfd_pneumatic.identification.search.stepwise import Trial
 from cfd_pneumatic.identification.whereabouts import remainder
+from cfd_pneumatic.identification.wording import spoken, title
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.model.effects import EFFECTS
 from cfd_pneumatic.notices import NOTE, WARNING
@@ -87,7 +88,7 @@ def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
     drawn = result.comparisons[:_MOST_RECORDINGS]
     return {
         'id': result.name,
-        'title': wording.title(result.name),
+        'title': title(result.name),
         'result': result,
         'findings': findings,
         'bars': list(_bars(result)),
@@ -112,7 +113,7 @@ def _bars(result: ChannelResult) -> Iterator[dict[str, Any]]:
     values['noise'] = result.noise.std
     names = {
         'before': result.quantity.model,
-        'after': f'with {" and ".join(wording.spoken(effect) for effect in result.added)}',
+        'after': f'with {" and ".join(spoken(effect) for effect in result.added)}',
         'noise': 'sensor noise alone',
     }
     longest = max(values.values()) or 1.0

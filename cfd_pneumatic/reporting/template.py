@@ -11,7 +11,9 @@ from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined
 from jinja2.bccache import Bucket
 
 from cfd_pneumatic.files import marked
-from cfd_pneumatic.identification import wording
+from cfd_pneumatic.identification.wording import number, percent, qualified, sentence, spoken, title_of_test, unit
+from cfd_pneumatic.identification.wording import title as title_text
+from cfd_pneumatic.identification.wording import verdict as verdict_text
 from cfd_pneumatic.runtime import is_trusted, read_code, write_code
 
 TEMPLATES = Path(__file__).parent / 'templates'
@@ -50,15 +52,15 @@ def rendered(template: str, *folders: Path, **values: Any) -> str:
         bytecode_cache=_CompiledTemplates() if is_trusted(_COMPILED) else None,
     )
     templates.filters.update(
-        number=wording.number,
-        percent=wording.percent,
-        qualified=wording.qualified,
-        sentence=wording.sentence,
-        spoken=wording.spoken,
-        title=wording.title,
-        title_of_test=wording.title_of_test,
-        unit=wording.unit,
-        verdict=wording.verdict,
+        number=number,
+        percent=percent,
+        qualified=qualified,
+        sentence=sentence,
+        spoken=spoken,
+        title=title_text,
+        title_of_test=title_of_test,
+        unit=unit,
+        verdict=verdict_text,
     )
     page = templates.get_template(template).render(**values)
     return '\n'.join(line.rstrip() for line in page.splitlines() if line.strip()) + '\n'

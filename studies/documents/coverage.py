@@ -24,7 +24,7 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification.channels.channel import Estimate
 from cfd_pneumatic.identification.channels.pressure import Pressure
-from cfd_pneumatic.identification.fit.fit import Fit, fit
+from cfd_pneumatic.identification.fit.fit import Fit, fit_model
 from cfd_pneumatic.identification.loop import with_core
 from cfd_pneumatic.identification.procedure import prepared
 from cfd_pneumatic.model.parameters import NAMES, TABLE_1_ROWS
@@ -216,7 +216,7 @@ def scored(job: tuple[int, int, str]) -> Array:
         moved = Signal(times, sensors.measure_displacement(displacement(times), rng))
         cylinder = CylinderSignals(Signal(times, sensors.measure_pressure(pressure, rng)), None)
         recording = Recording('made', 0, moved, {CHANNEL.name: cylinder}, None, ())
-        estimates, truth = device.told(fit(CHANNEL, prepared([recording]).experiments(CHANNEL)))
+        estimates, truth = device.told(fit_model(CHANNEL, prepared([recording]).experiments(CHANNEL)))
         rows.append(
             [
                 math.nan if one.value is None or not one.std else (one.value - gain) / one.std

@@ -23,7 +23,7 @@ from cfd_pneumatic.arrays import rms
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Fit, Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.fit import search
+from cfd_pneumatic.identification.fit.fit import find_optimum
 from cfd_pneumatic.identification.loop import with_core
 from cfd_pneumatic.model.effects import CORES
 from cfd_pneumatic.recording import Recording, recording_of
@@ -249,7 +249,7 @@ def _beside(pair: Sequence[str], baseline: Fit, found: Fit, floor: float) -> dic
         starts = [replace(begin, effects={other: start}) for start in channel.effects[other].starts(data)]
         if other in found.model.effects:
             starts.append(replace(found.model, effects={other: found.model.effects[other]}))
-        models = [search(likelihood, start, 1e-5, 20).model for start in starts]
+        models = [find_optimum(likelihood, start, 1e-5, 20).model for start in starts]
         errors[effect] = min(rms(measured - np.concatenate(likelihood.simulate(one))) / floor for one in models)
     return errors
 

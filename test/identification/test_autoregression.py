@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from cfd_pneumatic.identification.residual.autoregression import (
+from cfd_pneumatic.identification.residual.linear_prediction import (
     autocovariance,
     autoregression,
     independent_share,

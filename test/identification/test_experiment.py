@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from cfd_pneumatic.identification.data import experiment as module
 from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.fit.fit import fit_model
 from cfd_pneumatic.model import Cylinder, OperatingPoints
 
 AMBIENT = 101_325.0
@@ -107,5 +107,5 @@ def test_a_long_recording_that_is_lively_only_where_nothing_counts_is_fitted():
         times, displacement, np.full(times.size, AMBIENT + 34e3)
     )
     one = made(times, displacement, np.arange(times.size), pressure + np.random.default_rng(0).normal(size=times.size))
-    found = fit(CHANNEL, [replace(one, chosen=times < 180.0)])
+    found = fit_model(CHANNEL, [replace(one, chosen=times < 180.0)])
     np.testing.assert_allclose(found.model.parameters[:3], GAINS[:3], rtol=0.02)

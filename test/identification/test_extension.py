@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from cfd_pneumatic.identification.data import experiment
-from cfd_pneumatic.identification.fit.fit import search
+from cfd_pneumatic.identification.fit.fit import find_optimum
 from cfd_pneumatic.model import TABLE_1, Cylinder, OperatingPoints
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 
@@ -82,7 +82,7 @@ def begun(effects, count=1):
 
 def fitted(experiments, effects):
     """Return a fit to all of some experiments from begun, with its residuals and Jacobian."""
-    found, _ = search(alike(experiments), begun(effects, len(experiments)), 1e-10, 100)
+    found, _ = find_optimum(alike(experiments), begun(effects, len(experiments)), 1e-10, 100)
     return found, slope_of(experiments, found)
 
 
@@ -198,8 +198,8 @@ def test_samples_without_weight_do_not_count():
     experiment = with_pressure(STROKES, truth)
     late = experiment.sample_times > 2.0
     spoilt = replace(experiment, measured=experiment.measured + 5e3 * late)
-    weighted, _ = search(alike([spoilt], [np.where(late, 0.0, 1.0)]), begun(truth.effects), 1e-10, 100)
-    masked, _ = search(alike([replace(spoilt, chosen=~late)]), begun(truth.effects), 1e-10, 100)
+    weighted, _ = find_optimum(alike([spoilt], [np.where(late, 0.0, 1.0)]), begun(truth.effects), 1e-10, 100)
+    masked, _ = find_optimum(alike([replace(spoilt, chosen=~late)]), begun(truth.effects), 1e-10, 100)
     for found in (weighted, masked):
         np.testing.assert_allclose(found.parameters, GAINS, rtol=1e-4)
         assert found.effects['sensor_lag'] == pytest.approx((0.004,), rel=1e-4)

@@ -21,9 +21,9 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import Motion, smooth_motion
-from cfd_pneumatic.identification.data.reversals import travelled
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.fit import fit, search, summary
+from cfd_pneumatic.identification.data.turning_points import travelled
+from cfd_pneumatic.identification.fit.fit import find_optimum, fit_model, summary
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.procedure import prepared
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording, recording_of
@@ -49,11 +49,11 @@ def drawn_experiment(effects, schedule, seed):
 def fit_with(names, experiments, area=AREA):
     """Return the best fit with some effects from all their starting points, test parts kept apart."""
     channel = Force(area, 1.0, AMBIENT)
-    plain = fit(channel, experiments)
+    plain = fit_model(channel, experiments)
     data = channel.data(experiments, plain.model, plain.simulated)
     starts = product(*(channel.effects[name].starts(data) for name in names))
     begins = [replace(plain.model, effects=dict(zip(names, start))) for start in starts]
-    best, _ = min((search(plain.likelihood, begin, 1e-8, 60) for begin in begins), key=lambda found: found[1])
+    best, _ = min((find_optimum(plain.likelihood, begin, 1e-8, 60) for begin in begins), key=lambda found: found[1])
     return summary(plain.likelihood, best)
 
 
@@ -210,7 +210,7 @@ def test_standard_errors_are_what_the_scatter_is():
         effects = {'force_offset': (0.0,), 'seal_friction': (1.0, 1e-6, 1.0, 1e-4)}
         likelihood = Likelihood.alike(channel, [experiment])
         (start,) = channel.starts([experiment])
-        found = summary(likelihood, search(likelihood, replace(start, effects=effects), 1e-8, 60)[0])
+        found = summary(likelihood, find_optimum(likelihood, replace(start, effects=effects), 1e-8, 60)[0])
         told = [one for one in found.estimates if one.name != 'geometric_factor']
         scores.append([(one.value - value) / one.std for one, value in zip(told, truth)])
     spread = np.sqrt(np.mean(np.square(scores), axis=0))

@@ -21,11 +21,11 @@ from reference import AMBIENT
 from cfd_pneumatic.identification import Geometry, Options, identify
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.channels.force import Force
+from cfd_pneumatic.identification.conclusion import VERDICTS, not_added, part_errors, verdict_of
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.fit.fit import fit_model
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.identification.search.stepwise import Trial
-from cfd_pneumatic.identification.verdict import VERDICTS, not_added, part_errors, verdict_of
 from cfd_pneumatic.model.effects import FORCE_EFFECTS
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording, recording_of
 from cfd_pneumatic.rig import device_named, paper_step, record, surface_following
@@ -49,7 +49,7 @@ def close(experiments, area, factor=1.0, library=FORCE_EFFECTS):
     """Return what came of closing the loop on the force: fits before and after, their errors, and the conclusion."""
     channel = Force(area, factor, AMBIENT)
     channel.library = library
-    plain = fit(channel, experiments)
+    plain = fit_model(channel, experiments)
     found, conclusion = close_loop(plain)
     return SimpleNamespace(
         **vars(conclusion),

@@ -16,7 +16,7 @@ from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.identification import ChannelResult, Identification, Options, identify
 from cfd_pneumatic.identification.channels.force import Force
-from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.fit.fit import fit_model
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model.effects import ForceMoment
 from cfd_pneumatic.model.effects.force_curve import FORCE_CURVE
@@ -127,7 +127,7 @@ def test_a_law_is_told_from_friction_and_mass_that_a_real_device_has() -> None:
     device = device_named('real', 'odd_force.bundle=3000 odd_force.bundle_slack=4e-4')
     recording = recording_of(record(surface_following(duration=12.0, seed=0), device, seed=1), 'played')
     channel = Force(None, 1.0, AMBIENT)
-    _, findings = close_loop(fit(channel, experiments_of([recording], channel)))
+    _, findings = close_loop(fit_model(channel, experiments_of([recording], channel)))
     assert findings.verdict == 'shape_found'
     assert findings.unknown is not None
     assert (findings.unknown.enters, findings.unknown.against) == ('force', 'x')

@@ -9,8 +9,8 @@ from drawn import recording_of
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.identification.conclusion import VERDICTS, verdict_of
 from cfd_pneumatic.identification.data.tolerance import tolerance_from, tolerated
-from cfd_pneumatic.identification.verdict import VERDICTS, verdict_of
 from cfd_pneumatic.recording import CylinderSignals, Signal
 from cfd_pneumatic.recording import recording_of as sampled_recording
 from cfd_pneumatic.rig import device_named, out_and_back, record, surface_following

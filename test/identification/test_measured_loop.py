@@ -11,7 +11,7 @@ from reference import AMBIENT
 
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.channels.force import Force
-from cfd_pneumatic.identification.fit.fit import fit, search
+from cfd_pneumatic.identification.fit.fit import find_optimum, fit_model
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
@@ -46,7 +46,7 @@ def errors_with(effect, experiments, gains=GAINS):
     data = CHANNEL.data(experiments, begin, CHANNEL.simulated(experiments, begin))
     likelihood = Likelihood.alike(CHANNEL, experiments)
     fits = [
-        search(likelihood, replace(begin, effects={effect: start}), 1e-6, 60)[0]
+        find_optimum(likelihood, replace(begin, effects={effect: start}), 1e-6, 60)[0]
         for start in PRESSURE_EFFECTS[effect].starts(data)
     ]
     return min(
@@ -58,7 +58,7 @@ def errors_with(effect, experiments, gains=GAINS):
 def test_the_kidney_seal_leaks_at_one_end_while_the_chamber_grows():
     """What the loop says of it stands in the tutorial, which is tested."""
     experiments = experiments_from('friction/Kidney_2bar')
-    (before,) = nrmse_of_test_part(experiments, fit(CHANNEL, experiments).simulated)
+    (before,) = nrmse_of_test_part(experiments, fit_model(CHANNEL, experiments).simulated)
     (after,), (*_, end, direction) = errors_with('positional_leakage', experiments)
     print(f'\nKidney_2bar: {before:.2f} % before, {after:.2f} % with the leak alone')
     assert after <= 3.3
@@ -108,7 +108,7 @@ def test_gains_that_follow_the_pressure_suit_four_pressures_at_once():
 def test_effects_that_do_worse_on_the_validation_part_are_no_alternatives():
     """Seal friction and Stribeck friction are far apart there, however much of the force each of them takes."""
     force = Force(None, 1.0, AMBIENT)
-    _, closure = close_loop(fit(force, experiments_from('friction/O-ring257_3bar', channel=force)))
+    _, closure = close_loop(fit_model(force, experiments_from('friction/O-ring257_3bar', channel=force)))
     assert closure.verdict == 'unexplained'
     assert closure.effects == ('seal_friction',)
     assert closure.alternatives == {'seal_friction': ()}

@@ -16,7 +16,7 @@ import pytest
 from drawn import CHANNEL, model, whole
 from reference import AMBIENT, INCH, PSI, pressure, step_like, step_like_rate
 
-from cfd_pneumatic.identification.fit.fit import fit
+from cfd_pneumatic.identification.fit.fit import fit_model
 from cfd_pneumatic.identification.procedure import prepared
 from cfd_pneumatic.model.parameters import NAMES, TABLE_1_ROWS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
@@ -41,7 +41,7 @@ def step_recording(times, displacement, pressures):
 
 def fit_data(data, initial):
     experiments = [whole(one) for one in data.experiments(CHANNEL)]
-    return fit(CHANNEL, experiments, None if initial is None else model(initial))
+    return fit_model(CHANNEL, experiments, None if initial is None else model(initial))
 
 
 @cache
@@ -132,7 +132,7 @@ def test_a_recording_that_begins_under_way_is_fitted_from_either_side_of_the_set
     sensors = Sensors(bits=0)
     measured = sensors.measure_displacement(moved, rng), sensors.measure_pressure(exact, rng)
     recording = step_recording(times[LEAD:], *(one[LEAD:] for one in measured))
-    found = fit(CHANNEL, prepared([recording]).experiments(CHANNEL))
+    found = fit_model(CHANNEL, prepared([recording]).experiments(CHANNEL))
     left = (recording.cylinders['cylinder_a'].pressure.values - found.simulated[0])[LEAD:]
     assert np.sqrt(np.mean(left**2)) < 1.05 * sensors.pressure_noise
     assert [one.value for one in found.estimates] == pytest.approx(truth, rel=0.02)

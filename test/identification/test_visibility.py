@@ -11,7 +11,7 @@ from drawn import CHANNEL, alike, experiments_of, model, moved, recording_of, wh
 from reference import AMBIENT, PSI, step_like
 
 from cfd_pneumatic.identification.channels.pressure import Pressure
-from cfd_pneumatic.identification.fit.fit import fit, search
+from cfd_pneumatic.identification.fit.fit import find_optimum, fit_model
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.search import visibility as module
 from cfd_pneumatic.identification.search.visibility import invisible
@@ -138,7 +138,7 @@ def test_what_cannot_show_is_what_a_fit_without_it_makes_up_for(name, experiment
     left = []
     for start in PRESSURE_EFFECTS[name].starts(data):
         with_it = with_pressure(experiment, model(GAINS, {name: start}))
-        without, _ = search(alike([with_it]), MODEL, 1e-6, 60)
+        without, _ = find_optimum(alike([with_it]), MODEL, 1e-6, 60)
         left.append(math.sqrt(np.mean((CHANNEL.simulated([with_it], without)[0] - with_it.measured) ** 2)))
     shows = name not in hidden(experiment)
     if shows:
@@ -152,7 +152,7 @@ def test_the_papers_step_hides_what_the_longer_schedule_shows(seed):
     sets = {}
     for schedule in ('paper_step', 'out_and_back'):
         (experiment,) = experiments_of([recording_of(draw(None, schedule, seed))])
-        found = fit(CHANNEL, [whole(experiment)])
+        found = fit_model(CHANNEL, [whole(experiment)])
         sets[schedule] = unseen(experiment, found.model)
     assert {'operating_point', 'heat_transfer', 'lost_motion'} <= set(sets['paper_step'])
     assert not {'transport_delay', 'sensor_lag', 'line_resonance', 'valve_hysteresis'} & set(sets['paper_step'])

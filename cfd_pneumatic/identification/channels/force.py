@@ -26,9 +26,9 @@ from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_st
 from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.options import Options
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES
-from cfd_pneumatic.identification.data.reversals import reversals, travelled
 from cfd_pneumatic.identification.data.split import Split
-from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
+from cfd_pneumatic.identification.data.turning_points import reversals, travelled
+from cfd_pneumatic.identification.residual.linear_prediction import autoregression, independent_share
 from cfd_pneumatic.identification.residual.regressors import Regressors
 from cfd_pneumatic.model.effects import FORCE_EFFECTS, FORCE_PARTS, Data
 from cfd_pneumatic.model.effects.force_curve import AGAINST, ENTERS, FORCE_CURVE

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from cfd_pneumatic.identification.channels.channel import Channel, Model
-from cfd_pneumatic.identification.fit.fit import CONFIDENCE, ROUGH, Optimum, information_of, search
+from cfd_pneumatic.identification.fit.fit import CONFIDENCE, ROUGH, Optimum, find_optimum, information_of
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 
 _NEAR = 2.0  # standard errors
@@ -26,10 +26,10 @@ def as_data_sheets(likelihood: Likelihood, found: Optimum, tolerance: float, eva
     """
     absent = _absent(likelihood.channel, found.model)
     for names in (absent, absent & _near_nothing(likelihood, found.model)):
-        held = search(likelihood, _without(likelihood.channel, found.model, names), *ROUGH)
+        held = find_optimum(likelihood, _without(likelihood.channel, found.model, names), *ROUGH)
         rise = likelihood.samples * math.log(held.cost / max(found.cost, _LEAST))
         if names and rise < chdtri(len(names), 1.0 - CONFIDENCE):
-            return search(likelihood, held.model, tolerance, evaluations)
+            return find_optimum(likelihood, held.model, tolerance, evaluations)
     return found
 
 

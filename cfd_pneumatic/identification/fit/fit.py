@@ -69,7 +69,7 @@ class Fit:
         return bool(levels) and max(levels) > _APART * min(levels)
 
 
-def fit(channel: Channel, experiments: Sequence[Experiment], initial: Model | None = None) -> Fit:
+def fit_model(channel: Channel, experiments: Sequence[Experiment], initial: Model | None = None) -> Fit:
     """
     Fit a channel's model without effects jointly to several recordings.
 
@@ -99,11 +99,11 @@ def fit(channel: Channel, experiments: Sequence[Experiment], initial: Model | No
     if len(starts) > 1 or alike.excerpt(_EXCERPT) is not alike:
         part = alike.excerpt(_EXCERPT)
         # where a recording began is held: the sum has kinks in it, at which the gains would stay far off
-        begun = each(lambda one: search(part, one, *ROUGH, passing=False), starts)
+        begun = each(lambda one: find_optimum(part, one, *ROUGH, passing=False), starts)
         start = min(begun, key=lambda found: found.cost).model
-    first = _begun_on_either_side(alike, search(alike, start, *_WEIGHING).model)
+    first = _begun_on_either_side(alike, find_optimum(alike, start, *_WEIGHING).model)
     weighed = alike.weighed(alike.simulate(first))
-    return summary(weighed, search(weighed, first, *FINE).model)
+    return summary(weighed, find_optimum(weighed, first, *FINE).model)
 
 
 def _begun_on_either_side(likelihood: Likelihood, model: Model) -> Model:
@@ -118,14 +118,14 @@ def _begun_on_either_side(likelihood: Likelihood, model: Model) -> Model:
         return model
     row = channel.row(model)
     row[begun] *= -1.0
-    other = search(likelihood, channel.model(row, tuple(model.parts)), *_WEIGHING).model
+    other = find_optimum(likelihood, channel.model(row, tuple(model.parts)), *_WEIGHING).model
     left = [[float(run @ run) for run in likelihood.residuals(likelihood.simulate(one))] for one in (model, other)]
     is_better = np.array(left[1]) < np.array(left[0])
     own = model.own.copy()
     for one, better in zip(experiments, is_better):
         if better:
             own[one.index] = other.own[one.index]
-    return search(likelihood, replace(other if is_better.all() else model, own=own), *_WEIGHING).model
+    return find_optimum(likelihood, replace(other if is_better.all() else model, own=own), *_WEIGHING).model
 
 
 class Optimum(NamedTuple):
@@ -135,7 +135,7 @@ class Optimum(NamedTuple):
     cost: float
 
 
-def search(
+def find_optimum(
     likelihood: Likelihood,
     start: Model,
     tolerance: float,

@@ -11,7 +11,7 @@ from statistics import NormalDist
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.residual.autoregression import autoregression, independent_share
+from cfd_pneumatic.identification.residual.linear_prediction import autoregression, independent_share
 
 _PIECE = 500_000  # samples
 SLOWEST = 6.0

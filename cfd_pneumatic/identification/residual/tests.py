@@ -19,9 +19,9 @@ from scipy.ndimage import median_filter
 from scipy.special import betaincinv, fdtri
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.residual.autoregression import autocovariance, autoregression, driven, whitened
-from cfd_pneumatic.identification.residual.gram import gram, orthonormal
+from cfd_pneumatic.identification.residual.linear_prediction import autocovariance, autoregression, driven, whitened
 from cfd_pneumatic.identification.residual.noise import SLOWEST, Noise
+from cfd_pneumatic.identification.residual.normal_matrix import gram, orthonormal
 from cfd_pneumatic.identification.residual.regressors import Regressors
 
 SIGNIFICANCE = 0.001

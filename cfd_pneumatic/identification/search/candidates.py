@@ -13,7 +13,7 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Effects, Model
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.fit import Optimum, search
+from cfd_pneumatic.identification.fit.fit import Optimum, find_optimum
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.residual.noise import sample_noise
 from cfd_pneumatic.identification.residual.tests import Test, explained
@@ -100,7 +100,7 @@ class Candidates:
         self._known_cores: dict[tuple[Candidate, str], list[Optimum]] = {}
         self._known_sizes: dict[Candidate, float] = {}
         self._known_explained: dict[Candidate, bool] = {}
-        self.baseline = self.finished(search(self.train, begin, *_FINE).model, begin)
+        self.baseline = self.finished(find_optimum(self.train, begin, *_FINE).model, begin)
         noises = [  # of the residual: what drives the force has noise, too
             sample_noise(one.sample_times, one.measured - values[: one.part.size]) ** 2
             for one, values in zip(self.train.experiments, self.baseline.simulated)
@@ -130,7 +130,7 @@ class Candidates:
             effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}
             starts = core.starts(self._data(candidate))
             begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
-            rough = each(lambda one: search(self.excerpt, one, *_ROUGH), begins)
+            rough = each(lambda one: find_optimum(self.excerpt, one, *_ROUGH), begins)
             self._known_cores[candidate, name] = sorted(rough, key=lambda one: one.cost)
         return self._known_cores[candidate, name]
 
@@ -170,7 +170,7 @@ class Candidates:
         """
         known = candidate.model.parts
         rough = _best_first(
-            _fitted(begins, lambda one: search(self.excerpt, one, *_ROUGH, frozen=known, passing=False))
+            _fitted(begins, lambda one: find_optimum(self.excerpt, one, *_ROUGH, frozen=known, passing=False))
         )
         before = self._cost_of_excerpt(candidate)
         hopeful = {name: some for name, some in rough.items() if some[0].cost <= most * self.excerpt.samples}
@@ -185,7 +185,7 @@ class Candidates:
         if not names:
             return candidate
         fewer = {other: own for other, own in candidate.effects.items() if other not in names}
-        found = search(self.train, replace(candidate.model, effects=fewer), *_FINE)
+        found = find_optimum(self.train, replace(candidate.model, effects=fewer), *_FINE)
         return self.finished(found.model, candidate.model)
 
     def promising(self, candidate: Candidate, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
@@ -313,7 +313,7 @@ class Candidates:
 
     def _best_of(self, likelihood: Likelihood, begins: Sequence[Model]) -> Optimum:
         """Return the best of fits from models."""
-        return min(each(lambda one: search(likelihood, one, *_FINE), begins), key=lambda one: one.cost)
+        return min(each(lambda one: find_optimum(likelihood, one, *_FINE), begins), key=lambda one: one.cost)
 
 
 def _is_finite(simulated: Sequence[Array]) -> bool:

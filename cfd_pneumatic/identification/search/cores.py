@@ -15,7 +15,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from cfd_pneumatic.identification.data.options import LINEAR, PHYSICAL
-from cfd_pneumatic.identification.residual.autoregression import autoregression
+from cfd_pneumatic.identification.residual.linear_prediction import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.laws import OF_VALVES, Drawn, Laws
 from cfd_pneumatic.identification.search.stepwise import ALIKE, HOPELESS, TIE, Search, SearchResult, Step, Trial

@@ -17,7 +17,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.residual.autoregression import independent_share
+from cfd_pneumatic.identification.residual.linear_prediction import independent_share
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.slots import Slot, slots

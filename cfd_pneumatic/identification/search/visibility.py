@@ -11,7 +11,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.fit.fit import search
+from cfd_pneumatic.identification.fit.fit import find_optimum
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.search.complement import Complement, Start
@@ -86,7 +86,7 @@ def _remains(complement: Complement, name: str, start: Start, least: float) -> b
     little = least**2 * likelihood.samples
     likelihood = replace(likelihood, experiments=experiments)
     frozen = (*model.core, likelihood.channel.curve.name)
-    return search(likelihood, model, *_ROUGH, enough=little, frozen=frozen).cost > little
+    return find_optimum(likelihood, model, *_ROUGH, enough=little, frozen=frozen).cost > little
 
 
 def _rms(columns: Array) -> Array:

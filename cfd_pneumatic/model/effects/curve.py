@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from cfd_pneumatic.model.effects.effect import Effect, EffectParameter
 from cfd_pneumatic.model.effects.knots import PARAMETERS, choice, height
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 from cfd_pneumatic.model.lanes import some, where
 from cfd_pneumatic.model.lanewise import tanh
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 
 SHORTEST = 0.02
 """What is less may be a matter of the pressure's clock: that is what `transport_delay` says below zero [s]."""

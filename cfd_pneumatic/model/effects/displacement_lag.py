@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 
 
 @inlined

@@ -10,7 +10,7 @@ from __future__ import annotations
 from cfd_pneumatic.model.effects.effect import Effect, EffectParameter
 from cfd_pneumatic.model.effects.knots import PARAMETERS, choice, height
 from cfd_pneumatic.model.effects.seal_friction import stretched
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 from cfd_pneumatic.model.lanes import where
 
 ENTERS = ('force', 'friction', 'cell')

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from cfd_pneumatic.model.effects.effect import LOADS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 
 GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""

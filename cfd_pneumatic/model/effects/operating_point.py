@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
 from cfd_pneumatic.model.flow_function import passed
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 from cfd_pneumatic.model.lanes import where
 from cfd_pneumatic.model.lanewise import power
 

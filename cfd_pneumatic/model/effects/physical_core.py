@@ -13,7 +13,7 @@ import math
 
 from cfd_pneumatic.model.effects import heat_transfer
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 from cfd_pneumatic.model.lanes import some, where
 from cfd_pneumatic.model.lanewise import exp, log
 

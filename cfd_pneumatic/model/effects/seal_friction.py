@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from cfd_pneumatic.model.effects.effect import FRICTIONS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 
 
 @inlined

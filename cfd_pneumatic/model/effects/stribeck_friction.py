@@ -12,7 +12,7 @@ import math
 
 from cfd_pneumatic.model.effects.effect import FRICTIONS, Data, Effect, EffectParameter
 from cfd_pneumatic.model.effects.seal_friction import stretched
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 
 
 @inlined

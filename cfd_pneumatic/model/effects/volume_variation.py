@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import STIFFNESS, Data, Effect, EffectParameter
-from cfd_pneumatic.model.kernel import inlined
+from cfd_pneumatic.model.kernels import inlined
 
 SMALLEST = 0.05
 """Share of the volume at x = 0 that is always left [-]."""
