@@ -26,7 +26,7 @@ import numpy as np
 import pytest
 
 from cfd_pneumatic.commands import identify_bag_main as identify_bag
-from cfd_pneumatic.identification.fit.fit import fit_model
+from cfd_pneumatic.identification import fit_model
 from cfd_pneumatic.model import Course
 from cfd_pneumatic.recording import read_recording
 from cfd_pneumatic.rig import surface_following

@@ -12,8 +12,7 @@ from functools import cache
 
 import pytest
 
-from cfd_pneumatic.identification import ChannelResult, Options, identify
-from cfd_pneumatic.identification.loop import close_loop
+from cfd_pneumatic.identification import ChannelResult, Options, close_loop, identify
 from cfd_pneumatic.rig import surface_following
 from studies.panel import draw
 from studies.panel.rows import CYLINDER, cylinder_a_of

@@ -18,8 +18,7 @@ from reference import pressure_to_thirty_digits
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.fit.fit import fit_model
+from cfd_pneumatic.identification import Model, fit_model
 from cfd_pneumatic.model import Course, Cylinder, OperatingPoints, simulate_parameter_sets
 from cfd_pneumatic.units import PSI
 from studies.documents.strokes import AMBIENT, CHANNEL, CYLINDER, GAINS, SETPOINT, experiment, record

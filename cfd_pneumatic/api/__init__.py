@@ -4,7 +4,7 @@
 from cfd_pneumatic.api.result import Result, identify
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.decay import Decay, decay_of
+from cfd_pneumatic.identification import Decay, decay_of
 from cfd_pneumatic.planning import Limits, Plan, Sensing, plan
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, read_mapping, read_recording, write_recording
 

@@ -12,11 +12,8 @@ from cfd_pneumatic.arguments import check_path, check_switches, check_type
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.device import Device, identified_device, identified_recordings, live_errors
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import Identification, Options, PartError
+from cfd_pneumatic.identification import AUTO, FRACTIONS, Identification, Options, PartError, tolerance_from
 from cfd_pneumatic.identification import identify as identified
-from cfd_pneumatic.identification.data.options import AUTO
-from cfd_pneumatic.identification.data.split import FRACTIONS
-from cfd_pneumatic.identification.data.tolerance import tolerance_from
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import print_report, report_data, report_page, write_report

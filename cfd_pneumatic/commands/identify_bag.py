@@ -40,8 +40,7 @@ _LONG = 3600.0
 
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
-    from cfd_pneumatic.identification.data.options import AUTO, CORES
-    from cfd_pneumatic.identification.data.split import FRACTIONS
+    from cfd_pneumatic.identification import AUTO, CORES, FRACTIONS
     from cfd_pneumatic.model import SPECS
 
     parser = parser_of(
@@ -180,7 +179,7 @@ def _address(text: str) -> str:
 
 
 def _fractions(text: str) -> tuple[float, float, float]:
-    from cfd_pneumatic.identification.data.split import SMALLEST_FRACTION
+    from cfd_pneumatic.identification import SMALLEST_FRACTION
 
     try:
         train, validation, test = map(number, text.split('/'))
@@ -193,8 +192,7 @@ def _fractions(text: str) -> tuple[float, float, float]:
 
 
 def _identify(args: Sequence[str] | None) -> None:
-    from cfd_pneumatic.identification import Options
-    from cfd_pneumatic.identification.data.tolerance import tolerance_from
+    from cfd_pneumatic.identification import Options, tolerance_from
     from cfd_pneumatic.recording import read_mapping
 
     arguments = make_parser().parse_args(args)
@@ -223,7 +221,7 @@ def _identify(args: Sequence[str] | None) -> None:
 def _check_draft(arguments: argparse.Namespace) -> None:
     """Refuse a draft of an effect that could not come about, before there is any work in it."""
     from cfd_pneumatic.files import check_folder, check_replaceable, never
-    from cfd_pneumatic.model.effects import EFFECTS
+    from cfd_pneumatic.model import EFFECTS
 
     draft = arguments.draft_effect
     if draft is None:
@@ -285,7 +283,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
 
 def _print_recordings(recordings: Sequence[Recording], options: Options) -> None:
     """Print what was recorded, and which mistakes that looks like, before minutes are spent on it."""
-    from cfd_pneumatic.identification.doubts import of_recordings
+    from cfd_pneumatic.identification import of_recordings
     from cfd_pneumatic.notices import WARNING
     from cfd_pneumatic.recording import described
 

@@ -26,7 +26,7 @@ def tell(arguments: Sequence[str] | None = None) -> None:
         If the recording can't be read or tells nothing, or the folder can't be written.
 
     """
-    from cfd_pneumatic.identification.decay import decay_of
+    from cfd_pneumatic.identification import decay_of
     from cfd_pneumatic.recording import read_recording
     from cfd_pneumatic.reporting import LEAK_FILES as FILES
     from cfd_pneumatic.reporting import print_decay, write_decays

@@ -56,7 +56,7 @@ def propose(arguments: Sequence[str] | None = None) -> None:
 
 def _slowness(wanted: Sequence[str], sample_rate: float) -> str:
     """Return which effects a faster sampling than planned for [Hz] would show better, if any."""
-    from cfd_pneumatic.model.effects import EFFECTS
+    from cfd_pneumatic.model import EFFECTS
 
     slow = [EFFECTS[name] for name in wanted if name in EFFECTS and EFFECTS[name].shown_at > sample_rate]
     if not slow:

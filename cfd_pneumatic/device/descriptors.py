@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from cfd_pneumatic import convention
 from cfd_pneumatic.device.identified_range import UNKNOWN
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.model import SPECS, TABLE_1
-from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
+from cfd_pneumatic.model import FORCE_PARTS, PRESSURE_PARTS, SPECS, TABLE_1, Effect
 from cfd_pneumatic.units import PSI
 
 Value = bool | float | tuple[float, ...] | tuple[str, ...]

@@ -16,8 +16,17 @@ from cfd_pneumatic.device.identified_range import UNKNOWN, IdentifiedRange, Span
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import check_replaceable, write_text
 from cfd_pneumatic.lazy import lazy_property
-from cfd_pneumatic.model import NAMES, TABLE_1, Cylinder, DeviceModel, ForceGeometry, OperatingPoints
-from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
+from cfd_pneumatic.model import (
+    FORCE_PARTS,
+    NAMES,
+    PRESSURE_PARTS,
+    TABLE_1,
+    Cylinder,
+    DeviceModel,
+    Effect,
+    ForceGeometry,
+    OperatingPoints,
+)
 from cfd_pneumatic.recording import Recording
 
 _LEAST_SETPOINT = 100.0

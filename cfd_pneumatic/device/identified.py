@@ -13,10 +13,8 @@ from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS, SUPPLY_PRESSURE
 from cfd_pneumatic.device.descriptors import DESCRIPTORS, Value
 from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.device.identified_range import IdentifiedRange
-from cfd_pneumatic.identification import ChannelResult, Estimate, Identification
-from cfd_pneumatic.identification.result import Comparison
-from cfd_pneumatic.model import SPECS
-from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
+from cfd_pneumatic.identification import ChannelResult, Comparison, Estimate, Identification
+from cfd_pneumatic.model import FORCE_PARTS, PRESSURE_PARTS, SPECS, Effect
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
 _SEAL_PLAY = 3.0  # standard deviations of the displacement's noise

@@ -12,11 +12,16 @@ from numpy.typing import NDArray
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import Channel, Model
-from cfd_pneumatic.identification.channels.force import Force
-from cfd_pneumatic.identification.channels.pressure import Pressure
-from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
-from cfd_pneumatic.identification.data.motion import Motion, smooth_motion
+from cfd_pneumatic.identification import (
+    Channel,
+    Experiment,
+    Force,
+    Model,
+    Motion,
+    Pressure,
+    rests_at_start,
+    smooth_motion,
+)
 from cfd_pneumatic.model import Cylinder, CylinderState, DeviceModel, LiveDevice
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 

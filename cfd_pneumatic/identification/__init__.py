@@ -12,13 +12,131 @@ from typing import TYPE_CHECKING
 from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
-    from cfd_pneumatic.identification.channels.channel import Estimate
+    from cfd_pneumatic.identification.channels import Channel, Estimate, Force, Model, Pressure
     from cfd_pneumatic.identification.conclusion import PartError
-    from cfd_pneumatic.identification.data.options import Options
-    from cfd_pneumatic.identification.fit.fit import Fit
-    from cfd_pneumatic.identification.procedure import identify
-    from cfd_pneumatic.identification.result import ChannelResult, Geometry, Identification
+    from cfd_pneumatic.identification.data import (
+        AUTO,
+        CORES,
+        FRACTIONS,
+        PARTS,
+        SMALLEST_FRACTION,
+        Experiment,
+        Motion,
+        Options,
+        Split,
+        rests_at_start,
+        smooth_motion,
+        split_recordings,
+        stroke_times,
+        tolerance_from,
+    )
+    from cfd_pneumatic.identification.decay import LAWS, Decay, Leak, decay_of, rate_of
+    from cfd_pneumatic.identification.doubts import of_recordings
+    from cfd_pneumatic.identification.fit import (
+        LARGEST_RELATIVE_STD,
+        Fit,
+        Information,
+        Likelihood,
+        find_optimum,
+        fit_model,
+    )
+    from cfd_pneumatic.identification.loop import close_loop, with_core
+    from cfd_pneumatic.identification.procedure import identify, prepared
+    from cfd_pneumatic.identification.residual import (
+        SIGNIFICANCE,
+        Test,
+        autocovariance,
+        autoregression,
+        rounding_step,
+        sample_noise,
+        whitened,
+    )
+    from cfd_pneumatic.identification.result import ChannelResult, Comparison, Geometry, Identification
+    from cfd_pneumatic.identification.search import SHOWN, STRENGTH, TIE, Complement, Trial
+    from cfd_pneumatic.identification.shape import Shape
+    from cfd_pneumatic.identification.whereabouts import Dependence, dependences, remainder
+    from cfd_pneumatic.identification.wording import (
+        LAW_PLACES,
+        LAW_VARIABLES,
+        number,
+        percent,
+        qualified,
+        sentence,
+        spoken,
+        title,
+        title_of_test,
+        unit,
+        verdict,
+    )
 else:
     __getattr__ = loader_of(__name__)
 
-__all__ = ['ChannelResult', 'Estimate', 'Fit', 'Geometry', 'Identification', 'Options', 'PartError', 'identify']
+__all__ = [
+    'AUTO',
+    'CORES',
+    'FRACTIONS',
+    'LARGEST_RELATIVE_STD',
+    'LAWS',
+    'LAW_PLACES',
+    'LAW_VARIABLES',
+    'PARTS',
+    'SHOWN',
+    'SIGNIFICANCE',
+    'SMALLEST_FRACTION',
+    'STRENGTH',
+    'TIE',
+    'Channel',
+    'ChannelResult',
+    'Comparison',
+    'Complement',
+    'Decay',
+    'Dependence',
+    'Estimate',
+    'Experiment',
+    'Fit',
+    'Force',
+    'Geometry',
+    'Identification',
+    'Information',
+    'Leak',
+    'Likelihood',
+    'Model',
+    'Motion',
+    'Options',
+    'PartError',
+    'Pressure',
+    'Shape',
+    'Split',
+    'Test',
+    'Trial',
+    'autocovariance',
+    'autoregression',
+    'close_loop',
+    'decay_of',
+    'dependences',
+    'find_optimum',
+    'fit_model',
+    'identify',
+    'number',
+    'of_recordings',
+    'percent',
+    'prepared',
+    'qualified',
+    'rate_of',
+    'remainder',
+    'rests_at_start',
+    'rounding_step',
+    'sample_noise',
+    'sentence',
+    'smooth_motion',
+    'split_recordings',
+    'spoken',
+    'stroke_times',
+    'title',
+    'title_of_test',
+    'tolerance_from',
+    'unit',
+    'verdict',
+    'whitened',
+    'with_core',
+]

@@ -12,15 +12,11 @@ from operator import attrgetter
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.options import PHYSICAL
-from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.data.tolerance import Tolerance, tolerated
-from cfd_pneumatic.identification.residual.noise import Noise
-from cfd_pneumatic.identification.residual.tests import Test, explained
-from cfd_pneumatic.identification.search.stepwise import Trial
+from cfd_pneumatic.identification.data import PARTS, PHYSICAL, Experiment, Tolerance, tolerated
+from cfd_pneumatic.identification.residual import Noise, Test, explained
+from cfd_pneumatic.identification.search import Trial
 from cfd_pneumatic.identification.shape import Shape
-from cfd_pneumatic.model.effects import Effect
+from cfd_pneumatic.model import Effect
 
 VERDICTS = ('effect_added', 'no_missing_effect', 'shape_found', 'unexplained', 'insufficient_data')
 """What the loop may end with."""

@@ -26,8 +26,8 @@ from scipy.special import stdtrit
 from cfd_pneumatic.arguments import check_numbers, check_type
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.fit.uncertainty import information
-from cfd_pneumatic.model.effects import MODULES, Moment
+from cfd_pneumatic.identification.fit import information
+from cfd_pneumatic.model import MODULES, Moment
 from cfd_pneumatic.recording import Signal
 
 LAWS: Mapping[str, float] = MappingProxyType({'gap': 0.0, 'orifice': 1.0})

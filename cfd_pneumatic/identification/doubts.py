@@ -14,10 +14,10 @@ from itertools import chain
 import numpy as np
 
 from cfd_pneumatic.arrays import Array, rms
-from cfd_pneumatic.identification.channels.force import Force
-from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.identification.channels import Force
+from cfd_pneumatic.identification.data import Options
 from cfd_pneumatic.identification.readings import left_of_force, other_pressure, other_scales
-from cfd_pneumatic.identification.residual.noise import sample_noise
+from cfd_pneumatic.identification.residual import sample_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import CHAMBER_LENGTHS, LENGTHS, Recording, duplicates, in_other_units, shown_length

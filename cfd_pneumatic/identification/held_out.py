@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.split import PARTS, stroke_times
+from cfd_pneumatic.identification.data import PARTS, Experiment, stroke_times
 
 _SIGNIFICANCE = 0.001  # chance with which strokes that are alike make a contradiction
 _LARGEST = 1.5  # test RMSE over train RMSE, however much strokes scatter

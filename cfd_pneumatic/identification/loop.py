@@ -16,7 +16,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from cfd_pneumatic.identification.channels.channel import Model
+from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.conclusion import (
     Conclusion,
     compared,
@@ -26,19 +26,21 @@ from cfd_pneumatic.identification.conclusion import (
     verdict_of,
     within,
 )
-from cfd_pneumatic.identification.data.options import AUTO, LINEAR, PHYSICAL
-from cfd_pneumatic.identification.data.tolerance import Tolerance
-from cfd_pneumatic.identification.fit.data_sheets import as_data_sheets
-from cfd_pneumatic.identification.fit.fit import Fit, find_optimum, summary
+from cfd_pneumatic.identification.data import AUTO, LINEAR, PHYSICAL, Tolerance
+from cfd_pneumatic.identification.fit import Fit, as_data_sheets, find_optimum, summary
 from cfd_pneumatic.identification.held_out import contradiction
-from cfd_pneumatic.identification.residual.tests import explained
-from cfd_pneumatic.identification.search.candidates import Candidates
-from cfd_pneumatic.identification.search.complement import Complement
-from cfd_pneumatic.identification.search.cores import Cores
-from cfd_pneumatic.identification.search.curves import fitted as fitted_curve
-from cfd_pneumatic.identification.search.laws import Drawn, Laws
-from cfd_pneumatic.identification.search.stepwise import SearchResult, Trial
-from cfd_pneumatic.identification.search.visibility import invisible
+from cfd_pneumatic.identification.residual import explained
+from cfd_pneumatic.identification.search import (
+    Candidates,
+    Complement,
+    Cores,
+    Drawn,
+    Laws,
+    SearchResult,
+    Trial,
+    invisible,
+)
+from cfd_pneumatic.identification.search import fitted as fitted_curve
 from cfd_pneumatic.identification.shape import Shape, centred, shape_of
 from cfd_pneumatic.runtime import each
 

@@ -13,12 +13,18 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels import Channel, channels_of
 from cfd_pneumatic.identification.conclusion import part_errors
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.motion import Motion, observed_motion
-from cfd_pneumatic.identification.data.options import PHYSICAL, Options
-from cfd_pneumatic.identification.data.split import FRACTIONS, Split, split_recordings
+from cfd_pneumatic.identification.data import (
+    FRACTIONS,
+    PHYSICAL,
+    Experiment,
+    Motion,
+    Options,
+    Split,
+    observed_motion,
+    split_recordings,
+)
 from cfd_pneumatic.identification.doubts import doubts, of_recordings
-from cfd_pneumatic.identification.fit.fit import Fit, fit_model
+from cfd_pneumatic.identification.fit import Fit, fit_model
 from cfd_pneumatic.identification.loop import close_loop, with_core
 from cfd_pneumatic.identification.readings import is_doubtful, other_reading
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint

@@ -17,20 +17,15 @@ import numpy as np
 
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import Channel, Model
-from cfd_pneumatic.identification.channels.pressure import Pressure
+from cfd_pneumatic.identification.channels import Channel, Model, Pressure
 from cfd_pneumatic.identification.conclusion import maybe_more
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.motion import observed_motion
-from cfd_pneumatic.identification.data.options import AUTO, Options
-from cfd_pneumatic.identification.data.split import split_recordings
-from cfd_pneumatic.identification.fit.fit import Fit, find_optimum, fit_model
-from cfd_pneumatic.identification.fit.likelihood import Likelihood
-from cfd_pneumatic.identification.residual.tests import explained
+from cfd_pneumatic.identification.data import AUTO, Experiment, Options, observed_motion, split_recordings
+from cfd_pneumatic.identification.fit import Fit, Likelihood, find_optimum, fit_model
+from cfd_pneumatic.identification.residual import explained
 from cfd_pneumatic.identification.result import ChannelResult
-from cfd_pneumatic.identification.search.candidates import Candidates
+from cfd_pneumatic.identification.search import Candidates
 from cfd_pneumatic.identification.steps import with_steps
-from cfd_pneumatic.model.parameters import SPECS
+from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import CHAMBER_LENGTHS, GAUGE_PRESSURES, CylinderSignals, Recording, Signal, scales
 

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.convention import CYLINDERS
-from cfd_pneumatic.identification.channels.channel import Channel, Estimate, Quantity
+from cfd_pneumatic.identification.channels import Channel, Estimate, Quantity
 from cfd_pneumatic.identification.conclusion import Conclusion, PartError
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.options import Options
-from cfd_pneumatic.identification.data.split import PARTS, Split
-from cfd_pneumatic.identification.fit.fit import Fit
-from cfd_pneumatic.identification.residual.noise import Noise
+from cfd_pneumatic.identification.data import PARTS, Experiment, Options, Split
+from cfd_pneumatic.identification.fit import Fit
+from cfd_pneumatic.identification.residual import Noise
 from cfd_pneumatic.notices import Notice
 from cfd_pneumatic.recording import Recording, Signal
 

@@ -9,17 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.fit.fit import find_optimum
-from cfd_pneumatic.identification.fit.levenberg import Quadratic
-from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
+from cfd_pneumatic.identification.channels import Model
+from cfd_pneumatic.identification.fit import Likelihood, Quadratic, Unknowns, find_optimum
 from cfd_pneumatic.identification.formulas import Formula, formulas
-from cfd_pneumatic.identification.residual.linear_prediction import autoregression, independent_share
-from cfd_pneumatic.identification.search.curves import heights_of, penalty_of
-from cfd_pneumatic.identification.search.laws import Drawn
-from cfd_pneumatic.identification.search.slots import FROM_NOTHING, Slot
-from cfd_pneumatic.model.effects.curve import ONE_WAY
-from cfd_pneumatic.model.effects.knots import KNOTS
+from cfd_pneumatic.identification.residual import autoregression, independent_share
+from cfd_pneumatic.identification.search import FROM_NOTHING, Drawn, Slot, heights_of, penalty_of
+from cfd_pneumatic.model import KNOTS, ONE_WAY
 
 _POINTS = 41  # of a curve that is shown
 _CORNER = 1.0 / 24.0  # of a bend: by how much a straight line that was fitted lies beside an even curve midway

@@ -10,10 +10,10 @@ from itertools import pairwise
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Channel
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.fit.fit import Fit
-from cfd_pneumatic.identification.residual.noise import sample_noise
+from cfd_pneumatic.identification.channels import Channel
+from cfd_pneumatic.identification.data import Experiment
+from cfd_pneumatic.identification.fit import Fit
+from cfd_pneumatic.identification.residual import sample_noise
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import Recording
 

@@ -16,10 +16,8 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from cfd_pneumatic.arrays import Array, rms
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.motion import Motion
-from cfd_pneumatic.identification.data.split import stroke_times
-from cfd_pneumatic.identification.fit.fit import Fit
+from cfd_pneumatic.identification.data import Experiment, Motion, stroke_times
+from cfd_pneumatic.identification.fit import Fit
 from cfd_pneumatic.notices import Notice, note
 from cfd_pneumatic.recording import Recording
 

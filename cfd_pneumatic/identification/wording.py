@@ -7,7 +7,7 @@ import math
 import re
 from typing import TYPE_CHECKING
 
-from cfd_pneumatic.model.effects import CORES, EFFECTS
+from cfd_pneumatic.model import CORES, EFFECTS
 
 if TYPE_CHECKING:
     from cfd_pneumatic.identification.conclusion import Conclusion

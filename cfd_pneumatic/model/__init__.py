@@ -1,18 +1,90 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's pneumatic model: parameters, exact propagation, the two-cylinder device. No input or output."""
 
-from cfd_pneumatic.model.cylinder import Course, Cylinder, CylinderState, simulate_parameter_sets
-from cfd_pneumatic.model.device import DIRECTIONS, DeviceModel, DeviceState, ForceGeometry
-from cfd_pneumatic.model.extended import ExtendedCylinder, Movement
-from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
-from cfd_pneumatic.model.live import Arrival, Committed, LiveDevice, warm_up
-from cfd_pneumatic.model.parameters import NAMES, SPECS, TABLE_1, TABLE_2, OperatingPoints
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.model.baseline import (
+        HINTS,
+        displacement_sensitivity,
+        flows,
+        other_gains,
+        slowest,
+        starting_gains,
+        told_gains,
+    )
+    from cfd_pneumatic.model.cylinder import Course, Cylinder, CylinderState, simulate_parameter_sets
+    from cfd_pneumatic.model.device import DIRECTIONS, DeviceModel, DeviceState, ForceGeometry
+    from cfd_pneumatic.model.effects import (
+        BOTH_WAYS,
+        CORES,
+        CURVE,
+        CURVE_AGAINST,
+        CURVE_ENTERS,
+        EFFECTS,
+        FAMILIES,
+        FORCE_CURVE,
+        FORCE_CURVE_AGAINST,
+        FORCE_CURVE_ENTERS,
+        FORCE_EFFECTS,
+        FORCE_PARTS,
+        FUNCTIONS,
+        GENERIC,
+        KNOTS,
+        LIFTING,
+        MODULES,
+        ONE_WAY,
+        PRESSURE_EFFECTS,
+        PRESSURE_PARTS,
+        Data,
+        Effect,
+        EffectParameter,
+        Moment,
+        is_of_flow,
+    )
+    from cfd_pneumatic.model.extended import MOVING, ExtendedCylinder, Movement, SideBySide, extremes
+    from cfd_pneumatic.model.extended_force import ExtendedForce
+    from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
+    from cfd_pneumatic.model.kernels import kernel, summed
+    from cfd_pneumatic.model.lanes import COUNT
+    from cfd_pneumatic.model.live import Arrival, Committed, LiveDevice, warm_up
+    from cfd_pneumatic.model.parameters import NAMES, SPECS, TABLE_1, TABLE_1_ROWS, TABLE_2, OperatingPoints
+else:
+    __getattr__ = loader_of(__name__)
 
 __all__ = [
+    'BOTH_WAYS',
+    'CORES',
+    'COUNT',
+    'CURVE',
+    'CURVE_AGAINST',
+    'CURVE_ENTERS',
     'DIRECTIONS',
+    'EFFECTS',
+    'FAMILIES',
+    'FORCE_CURVE',
+    'FORCE_CURVE_AGAINST',
+    'FORCE_CURVE_ENTERS',
+    'FORCE_EFFECTS',
+    'FORCE_PARTS',
+    'FUNCTIONS',
+    'GENERIC',
+    'HINTS',
+    'KNOTS',
+    'LIFTING',
+    'MODULES',
+    'MOVING',
     'NAMES',
+    'ONE_WAY',
+    'PRESSURE_EFFECTS',
+    'PRESSURE_PARTS',
     'SPECS',
     'TABLE_1',
+    'TABLE_1_ROWS',
     'TABLE_2',
     'Arrival',
     'AspiratorTube',
@@ -20,15 +92,31 @@ __all__ = [
     'Course',
     'Cylinder',
     'CylinderState',
+    'Data',
     'DeviceModel',
     'DeviceState',
+    'Effect',
+    'EffectParameter',
     'ExtendedCylinder',
+    'ExtendedForce',
     'ForceGeometry',
     'LiveDevice',
+    'Moment',
     'Movement',
     'OperatingPoints',
     'Regulator',
+    'SideBySide',
+    'displacement_sensitivity',
+    'extremes',
     'first_guess',
+    'flows',
+    'is_of_flow',
+    'kernel',
+    'other_gains',
     'simulate_parameter_sets',
+    'slowest',
+    'starting_gains',
+    'summed',
+    'told_gains',
     'warm_up',
 ]

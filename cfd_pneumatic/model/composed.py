@@ -6,7 +6,7 @@ Eight cylinders that differ in their parameters alone are simulated side by side
 once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
 number of each lane.
 
-Made by `make kernel` from the effects, fingerprint 28c0b2e937098239; changes by hand are lost.
+Made by `make kernel` from the effects, fingerprint ada0c28a00a5b984; changes by hand are lost.
 """
 
 from __future__ import annotations

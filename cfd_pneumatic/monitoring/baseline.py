@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.residual.linear_prediction import autoregression, whitened
+from cfd_pneumatic.identification import autoregression, whitened
 from cfd_pneumatic.monitoring.chart import LEAST_SPREAD, Series, usual
 
 _FAST = 0.1  # share of the samples, those where the signal changes fastest, that tell what its timing is worth

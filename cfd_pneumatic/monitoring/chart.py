@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.residual.linear_prediction import autoregression, whitened
+from cfd_pneumatic.identification import autoregression, whitened
 from cfd_pneumatic.monitoring.run_length import SLACK, Excursions, as_rare, excursions, threshold_for
 from cfd_pneumatic.runtime import compiler
 

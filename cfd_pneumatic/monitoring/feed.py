@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfd_pneumatic.identification.residual.noise import rounding_step, sample_noise
+from cfd_pneumatic.identification import rounding_step, sample_noise
 from cfd_pneumatic.messages import NANOSECONDS
 
 _AHEAD = 0.5  # share of a gap between stamps that has to have passed, or the clock has jumped

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from cfd_pneumatic.convention import CONTACT_FORCE
-from cfd_pneumatic.identification.wording import number, spoken, title
+from cfd_pneumatic.identification import number, spoken, title
 from cfd_pneumatic.monitoring.finding import News
 from cfd_pneumatic.monitoring.watch import Alarm
 from cfd_pneumatic.monitoring.watched_signal import Departure, WatchedSignal

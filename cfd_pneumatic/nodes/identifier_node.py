@@ -22,8 +22,7 @@ from std_srvs.srv import Trigger
 from cfd_pneumatic import convention
 from cfd_pneumatic.device import DESCRIPTORS, NO_NAMES, Device, Value
 from cfd_pneumatic.errors import InputError, printable, without_quotations
-from cfd_pneumatic.identification.data.options import AUTO, CORES
-from cfd_pneumatic.identification.wording import sentence, title
+from cfd_pneumatic.identification import AUTO, CORES, sentence, title
 from cfd_pneumatic.nodes.bounded_node import BoundedNode
 from cfd_pneumatic.nodes.fit_process import CANCELLED, FitProcess
 from cfd_pneumatic.nodes.folders import INPUTS, OUTPUT, Folders

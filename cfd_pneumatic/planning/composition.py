@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.model import EFFECTS
 from cfd_pneumatic.planning.evidence import Evidence
 from cfd_pneumatic.planning.family import Move, Segment
 from cfd_pneumatic.planning.proposal import Drawing

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array, Indices
-from cfd_pneumatic.identification.fit.uncertainty import Information
-from cfd_pneumatic.identification.search.stepwise import SHOWN, TIE
+from cfd_pneumatic.identification import SHOWN, TIE, Information
 from cfd_pneumatic.lazy import lazy_property
-from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.model import EFFECTS
 from cfd_pneumatic.planning.signatures import Signatures
 
 _SINGULAR = 1e-10  # share of a combination's size, squared, below which it is another's

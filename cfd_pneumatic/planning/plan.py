@@ -12,10 +12,8 @@ import numpy as np
 from cfd_pneumatic.arguments import check_path, check_switches, check_type
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.model import NAMES, SPECS
-from cfd_pneumatic.model.baseline import slowest
-from cfd_pneumatic.model.effects import CORES, EFFECTS
+from cfd_pneumatic.identification import PARTS
+from cfd_pneumatic.model import CORES, EFFECTS, NAMES, SPECS, slowest
 from cfd_pneumatic.planning.composition import LONGEST_ROUND, ROUNDS, Menu, compose
 from cfd_pneumatic.planning.device import at_home, home_gains, home_setpoints
 from cfd_pneumatic.planning.evidence import Evidence, of_samples

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD
+from cfd_pneumatic.identification import LARGEST_RELATIVE_STD
 from cfd_pneumatic.planning.family import Segment
 from cfd_pneumatic.planning.proposal import Proposal
 

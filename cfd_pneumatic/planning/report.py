@@ -15,7 +15,7 @@ from rich.table import Table
 
 from cfd_pneumatic.convention import CYLINDERS, SCHEDULE_COLUMNS
 from cfd_pneumatic.files import ResultFiles, marked
-from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.model import EFFECTS
 from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction, Planned
 from cfd_pneumatic.svg import Curve, Panel, chart
 from cfd_pneumatic.terminal import table

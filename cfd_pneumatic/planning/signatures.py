@@ -17,17 +17,22 @@ from numpy.typing import NDArray
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.device import Device
-from cfd_pneumatic.identification.channels.channel import Channel, Model
-from cfd_pneumatic.identification.channels.force import Force
-from cfd_pneumatic.identification.channels.pressure import Pressure
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.motion import Motion
-from cfd_pneumatic.identification.data.split import Split, split_recordings, stroke_times
-from cfd_pneumatic.identification.fit.likelihood import Likelihood
-from cfd_pneumatic.identification.search.complement import Complement
-from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH
-from cfd_pneumatic.model import DIRECTIONS
-from cfd_pneumatic.model.effects import Effect
+from cfd_pneumatic.identification import (
+    SHOWN,
+    STRENGTH,
+    Channel,
+    Complement,
+    Experiment,
+    Force,
+    Likelihood,
+    Model,
+    Motion,
+    Pressure,
+    Split,
+    split_recordings,
+    stroke_times,
+)
+from cfd_pneumatic.model import DIRECTIONS, Effect
 from cfd_pneumatic.planning.device import home_gains
 from cfd_pneumatic.planning.limits import Sensing
 from cfd_pneumatic.planning.proposal import Proposal

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from cfd_pneumatic import __version__
-from cfd_pneumatic.identification.wording import number, spoken
-from cfd_pneumatic.identification.wording import verdict as verdict_text
-from cfd_pneumatic.model import SPECS
-from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.identification import number, spoken
+from cfd_pneumatic.identification import verdict as verdict_text
+from cfd_pneumatic.model import EFFECTS, SPECS
 from cfd_pneumatic.plant.chart import Curve, drift_chart
 from cfd_pneumatic.plant.history import Change, Device, Part, devices, named_by, named_on_all
 from cfd_pneumatic.plant.table import CSV_FILE, PARQUET_FILE, Row, column_of

@@ -12,8 +12,7 @@ from typing import Any
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import ResultFiles, check_folder, marked, read_input, write_text
-from cfd_pneumatic.identification import identify
-from cfd_pneumatic.identification.wording import LAW_VARIABLES
+from cfd_pneumatic.identification import LAW_VARIABLES, identify
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint

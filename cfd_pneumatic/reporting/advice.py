@@ -7,8 +7,7 @@ import shlex
 from pathlib import Path
 
 from cfd_pneumatic.identification import Identification
-from cfd_pneumatic.model import NAMES
-from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.model import EFFECTS, NAMES
 from cfd_pneumatic.reporting.names import PARAMETER_FILE, REPORT_FILE
 
 _NEXT = 'next'  # folder of the plan, beside the results

@@ -25,8 +25,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cfd_pneumatic.files import made_aside, marked
-from cfd_pneumatic.identification import Identification
-from cfd_pneumatic.identification.result import Comparison
+from cfd_pneumatic.identification import Comparison, Identification
 from cfd_pneumatic.messages import Form
 from cfd_pneumatic.recording import BagWriter, Recording, Stream, stamps_of, streams_of
 from cfd_pneumatic.reporting.thinning import thinned

@@ -10,10 +10,18 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
-from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.whereabouts import remainder
-from cfd_pneumatic.identification.wording import percent, qualified, sentence, verdict
+from cfd_pneumatic.identification import (
+    PARTS,
+    ChannelResult,
+    Estimate,
+    Identification,
+    PartError,
+    percent,
+    qualified,
+    remainder,
+    sentence,
+    verdict,
+)
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.terminal import table

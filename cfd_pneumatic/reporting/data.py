@@ -9,11 +9,16 @@ from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any
 
-from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
-from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.residual.tests import Test
-from cfd_pneumatic.identification.shape import Shape
-from cfd_pneumatic.identification.whereabouts import dependences
+from cfd_pneumatic.identification import (
+    PARTS,
+    ChannelResult,
+    Estimate,
+    Identification,
+    PartError,
+    Shape,
+    Test,
+    dependences,
+)
 from cfd_pneumatic.reporting.advice import next_plan
 
 SCHEMA = 1

@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import ChannelResult, Identification
-from cfd_pneumatic.identification.shape import Shape
-from cfd_pneumatic.model.effects.curve import LIFTING
+from cfd_pneumatic.identification import ChannelResult, Identification, Shape
+from cfd_pneumatic.model import LIFTING
 
 _FLOW = ('flow', 'q', 'q * (1.0 + {})', "the pressure rate that the valves' flow makes [Pa/s]")
 _GAIN = ('velocity_gain', 'gain', 'gain * (1.0 + {})', 'K_x [Pa/m]')

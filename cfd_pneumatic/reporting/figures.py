@@ -16,14 +16,18 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification import ChannelResult
-from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.residual.linear_prediction import autocovariance
-from cfd_pneumatic.identification.residual.tests import SIGNIFICANCE
-from cfd_pneumatic.identification.result import Comparison
-from cfd_pneumatic.identification.shape import Shape
-from cfd_pneumatic.identification.whereabouts import Dependence, dependences
-from cfd_pneumatic.identification.wording import LAW_PLACES, LAW_VARIABLES
+from cfd_pneumatic.identification import (
+    LAW_PLACES,
+    LAW_VARIABLES,
+    PARTS,
+    SIGNIFICANCE,
+    ChannelResult,
+    Comparison,
+    Dependence,
+    Shape,
+    autocovariance,
+    dependences,
+)
 from cfd_pneumatic.reporting.thinning import thinned
 from cfd_pneumatic.svg import Curve, Panel, chart
 

@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Console
 
 from cfd_pneumatic.files import ResultFiles, marked
-from cfd_pneumatic.identification.decay import LAWS, Decay, Leak, rate_of
+from cfd_pneumatic.identification import LAWS, Decay, Leak, rate_of
 from cfd_pneumatic.svg import Curve, Panel, chart
 from cfd_pneumatic.terminal import table
 

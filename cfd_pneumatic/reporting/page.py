@@ -10,14 +10,19 @@ from types import MappingProxyType
 from typing import Any
 
 from cfd_pneumatic import __version__
-from cfd_pneumatic.identification import ChannelResult, Estimate, Identification, PartError
-from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.residual.tests import Test
-from cfd_pneumatic.identification.search.stepwise import Trial
-from cfd_pneumatic.identification.whereabouts import remainder
-from cfd_pneumatic.identification.wording import spoken, title
-from cfd_pneumatic.model import SPECS
-from cfd_pneumatic.model.effects import EFFECTS
+from cfd_pneumatic.identification import (
+    PARTS,
+    ChannelResult,
+    Estimate,
+    Identification,
+    PartError,
+    Test,
+    Trial,
+    remainder,
+    spoken,
+    title,
+)
+from cfd_pneumatic.model import EFFECTS, SPECS
 from cfd_pneumatic.notices import NOTE, WARNING
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import figures

@@ -6,10 +6,7 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from cfd_pneumatic.identification import ChannelResult, Identification
-from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.result import Comparison
-from cfd_pneumatic.identification.wording import spoken, title
+from cfd_pneumatic.identification import PARTS, ChannelResult, Comparison, Identification, spoken, title
 from cfd_pneumatic.reporting.thinning import thinned
 
 _COLUMNS = 2_000  # of pixels

@@ -11,9 +11,9 @@ from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined
 from jinja2.bccache import Bucket
 
 from cfd_pneumatic.files import marked
-from cfd_pneumatic.identification.wording import number, percent, qualified, sentence, spoken, title_of_test, unit
-from cfd_pneumatic.identification.wording import title as title_text
-from cfd_pneumatic.identification.wording import verdict as verdict_text
+from cfd_pneumatic.identification import number, percent, qualified, sentence, spoken, title_of_test, unit
+from cfd_pneumatic.identification import title as title_text
+from cfd_pneumatic.identification import verdict as verdict_text
 from cfd_pneumatic.runtime import is_trusted, read_code, write_code
 
 TEMPLATES = Path(__file__).parent / 'templates'

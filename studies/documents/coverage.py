@@ -22,12 +22,8 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.identification.channels.channel import Estimate
-from cfd_pneumatic.identification.channels.pressure import Pressure
-from cfd_pneumatic.identification.fit.fit import Fit, fit_model
-from cfd_pneumatic.identification.loop import with_core
-from cfd_pneumatic.identification.procedure import prepared
-from cfd_pneumatic.model.parameters import NAMES, TABLE_1_ROWS
+from cfd_pneumatic.identification import Estimate, Fit, Pressure, fit_model, prepared, with_core
+from cfd_pneumatic.model import NAMES, TABLE_1_ROWS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Sensors
 from cfd_pneumatic.units import INCH, PSI, PSI_PER_INCH

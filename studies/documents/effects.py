@@ -24,7 +24,7 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import ChannelResult, Options, identify
-from cfd_pneumatic.model.effects import EFFECTS, FAMILIES, FORCE_EFFECTS, FUNCTIONS, MODULES, Effect
+from cfd_pneumatic.model import EFFECTS, FAMILIES, FORCE_EFFECTS, FUNCTIONS, MODULES, Effect
 from cfd_pneumatic.rig import Cylinder, Sensors, surface_following
 from cfd_pneumatic.units import PSI
 from studies.documents.markdown import code, table

@@ -25,7 +25,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from cfd_pneumatic.convention import CYLINDERS, EITHER, SCHEDULE_COLUMNS, meaning
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.model.effects import EFFECTS, FORCE_PARTS, GENERIC
+from cfd_pneumatic.model import EFFECTS, FORCE_PARTS, GENERIC
 from cfd_pneumatic.planning import PLAN_FILE, SCHEDULE_FILE
 from cfd_pneumatic.plant import COLUMNS, CSV_FILE, PARQUET_FILE
 from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE

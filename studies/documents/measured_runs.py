@@ -13,8 +13,7 @@ import numpy as np
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.identification import ChannelResult, Options, identify
-from cfd_pneumatic.identification.decay import decay_of
+from cfd_pneumatic.identification import ChannelResult, Options, decay_of, identify
 from cfd_pneumatic.notices import WARNING, Notice
 from cfd_pneumatic.recording import read_mapping, read_recording
 from studies.documents import predictions

@@ -27,11 +27,9 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.device import Device, Value
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.identification import Fit, identify
-from cfd_pneumatic.identification.loop import close_loop
-from cfd_pneumatic.model import NAMES
-from cfd_pneumatic.model.effects import EFFECTS as MODELLED
-from cfd_pneumatic.model.effects import FORCE_EFFECTS
+from cfd_pneumatic.identification import Fit, close_loop, identify
+from cfd_pneumatic.model import EFFECTS as MODELLED
+from cfd_pneumatic.model import FORCE_EFFECTS, NAMES
 from cfd_pneumatic.planning import EffectPrediction, Limits, Plan, plan, smallest_words
 from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig import Air, RigParameters, Schedule, record, written_schedule

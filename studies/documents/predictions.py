@@ -15,8 +15,7 @@ from scipy.optimize import least_squares
 from scipy.signal import find_peaks
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification import ChannelResult, Identification, Options, identify
-from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification import ChannelResult, Experiment, Identification, Options, identify
 from cfd_pneumatic.recording import Recording, read_mapping, read_recording
 from studies.documents.markdown import table
 from studies.tools.provenance import ROOT

@@ -12,9 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from cfd_pneumatic.identification.channels.pressure import Pressure
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.procedure import prepared
+from cfd_pneumatic.identification import Experiment, Pressure, prepared
 from cfd_pneumatic.model import Cylinder, OperatingPoints
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cfd_pneumatic.arrays import Array, rms
-from cfd_pneumatic.identification.shape import Shape
+from cfd_pneumatic.identification import Shape
 from cfd_pneumatic.rig import ONE_WAY_SPEED, ForceOddities, Oddities
 from studies.panel import STRANGE_FORCE, Draw
 

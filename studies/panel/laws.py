@@ -24,10 +24,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import rms
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.loop import close_loop, with_core
-from cfd_pneumatic.identification.wording import spoken
+from cfd_pneumatic.identification import PARTS, Options, close_loop, identify, spoken, with_core
 from cfd_pneumatic.recording import recording_of
 from studies.documents.markdown import table
 from studies.panel import (

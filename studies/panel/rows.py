@@ -21,11 +21,8 @@ import numpy as np
 
 from cfd_pneumatic.arrays import rms
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import Fit, Options, identify
-from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.fit import find_optimum
-from cfd_pneumatic.identification.loop import with_core
-from cfd_pneumatic.model.effects import CORES
+from cfd_pneumatic.identification import PARTS, Fit, Options, find_optimum, identify, with_core
+from cfd_pneumatic.model import CORES
 from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig import Cylinder
 from studies.panel import (

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from scipy.stats import binomtest
 
-from cfd_pneumatic.model.effects import FAMILIES
+from cfd_pneumatic.model import FAMILIES
 from studies.panel import NOISES, OWN_WAYS
 from studies.panel.rows import SCHEDULES, Row, make_of
 

@@ -11,8 +11,11 @@ import importlib
 import pkgutil
 from collections.abc import Iterable, Iterator, Sequence
 
-from cfd_pneumatic.identification.channels.channel import Channel
-from cfd_pneumatic.identification.data.options import Options
+from cfd_pneumatic.identification.channels.channel import UNTOLD, Channel, Curve, Effects, Estimate, Model, Quantity
+from cfd_pneumatic.identification.channels.force import Force
+from cfd_pneumatic.identification.channels.pressure import Pressure
+from cfd_pneumatic.identification.channels.unknown import Unknown
+from cfd_pneumatic.identification.data import Options
 from cfd_pneumatic.recording import Recording
 
 for _found in pkgutil.iter_modules(__path__):
@@ -32,4 +35,16 @@ def _kinds(classes: Iterable[type[Channel]]) -> Iterator[type[Channel]]:
         yield from _kinds(kind.__subclasses__())
 
 
-__all__ = ['Channel', 'channels_of']
+__all__ = [
+    'UNTOLD',
+    'Channel',
+    'Curve',
+    'Effects',
+    'Estimate',
+    'Force',
+    'Model',
+    'Pressure',
+    'Quantity',
+    'Unknown',
+    'channels_of',
+]

@@ -14,16 +14,10 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array, Indices
 from cfd_pneumatic.identification.channels.unknown import Unknown, bounds_of
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.motion import Motion
-from cfd_pneumatic.identification.data.options import Options
-from cfd_pneumatic.identification.data.split import Split
-from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, sample_noise
-from cfd_pneumatic.identification.residual.regressors import Regressors
-from cfd_pneumatic.identification.residual.rests import runs_at_rest
+from cfd_pneumatic.identification.data import Experiment, Motion, Options, Split
+from cfd_pneumatic.identification.residual import Noise, Regressors, noise_of, rounding_step, runs_at_rest, sample_noise
 from cfd_pneumatic.lazy import lazy_property
-from cfd_pneumatic.model.effects import CORES, Data, Effect
-from cfd_pneumatic.model.effects.knots import KNOTS
+from cfd_pneumatic.model import CORES, KNOTS, Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
 
 EVEN = 1e6

@@ -22,17 +22,20 @@ from cfd_pneumatic.convention import AREAS, CONTACT_FORCE, CYLINDERS, MEASURED_F
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import EVEN, Channel, Curve, Estimate, Model, Quantity, Scale
 from cfd_pneumatic.identification.channels.unknown import Unknown
-from cfd_pneumatic.identification.data.experiment import Experiment, rests_at_start
-from cfd_pneumatic.identification.data.motion import Motion
-from cfd_pneumatic.identification.data.options import Options
-from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES
-from cfd_pneumatic.identification.data.split import Split
-from cfd_pneumatic.identification.data.turning_points import reversals, travelled
-from cfd_pneumatic.identification.residual.linear_prediction import autoregression, independent_share
-from cfd_pneumatic.identification.residual.regressors import Regressors
-from cfd_pneumatic.model.effects import FORCE_EFFECTS, FORCE_PARTS, Data
-from cfd_pneumatic.model.effects.force_curve import AGAINST, ENTERS, FORCE_CURVE
-from cfd_pneumatic.model.extended_force import ExtendedForce
+from cfd_pneumatic.identification.data import (
+    FEWEST_SAMPLES,
+    Experiment,
+    Motion,
+    Options,
+    Split,
+    rests_at_start,
+    reversals,
+    travelled,
+)
+from cfd_pneumatic.identification.residual import Regressors, autoregression, independent_share
+from cfd_pneumatic.model import FORCE_CURVE, FORCE_EFFECTS, FORCE_PARTS, Data, ExtendedForce
+from cfd_pneumatic.model import FORCE_CURVE_AGAINST as AGAINST
+from cfd_pneumatic.model import FORCE_CURVE_ENTERS as ENTERS
 from cfd_pneumatic.notices import SuspectError, warning
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import POUND_FORCE

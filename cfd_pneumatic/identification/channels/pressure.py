@@ -25,19 +25,50 @@ from cfd_pneumatic.identification.channels.channel import (
     stepped,
 )
 from cfd_pneumatic.identification.channels.unknown import Unknown
-from cfd_pneumatic.identification.data.experiment import Block, Experiment, rests_at_start, shortest_period
-from cfd_pneumatic.identification.data.motion import Motion
-from cfd_pneumatic.identification.data.options import Options
-from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_range
-from cfd_pneumatic.identification.data.split import PARTS, Split
-from cfd_pneumatic.identification.residual.noise import sample_noise, stamp_jitter
-from cfd_pneumatic.identification.residual.regressors import Regressors
-from cfd_pneumatic.identification.residual.shape import lag_of, speed_of, strongest_frequency
-from cfd_pneumatic.model import DIRECTIONS, SPECS, Course
-from cfd_pneumatic.model.baseline import HINTS, displacement_sensitivity, flows, other_gains, starting_gains, told_gains
-from cfd_pneumatic.model.effects import CORES, PRESSURE_EFFECTS, PRESSURE_PARTS, Data
-from cfd_pneumatic.model.effects.curve import AGAINST, BOTH_WAYS, CURVE, ENTERS, ONE_WAY, is_of_flow
-from cfd_pneumatic.model.extended import MOVING, ExtendedCylinder, SideBySide
+from cfd_pneumatic.identification.data import (
+    FEWEST_SAMPLES,
+    PARTS,
+    Block,
+    Experiment,
+    Motion,
+    Options,
+    Split,
+    check_range,
+    rests_at_start,
+    shortest_period,
+)
+from cfd_pneumatic.identification.residual import (
+    Regressors,
+    lag_of,
+    sample_noise,
+    speed_of,
+    stamp_jitter,
+    strongest_frequency,
+)
+from cfd_pneumatic.model import (
+    BOTH_WAYS,
+    CORES,
+    CURVE,
+    DIRECTIONS,
+    HINTS,
+    MOVING,
+    ONE_WAY,
+    PRESSURE_EFFECTS,
+    PRESSURE_PARTS,
+    SPECS,
+    Course,
+    Data,
+    ExtendedCylinder,
+    SideBySide,
+    displacement_sensitivity,
+    flows,
+    is_of_flow,
+    other_gains,
+    starting_gains,
+    told_gains,
+)
+from cfd_pneumatic.model import CURVE_AGAINST as AGAINST
+from cfd_pneumatic.model import CURVE_ENTERS as ENTERS
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfd_pneumatic.identification.data.experiment import Experiment, shortest_period
-from cfd_pneumatic.model.effects import EffectParameter
+from cfd_pneumatic.identification.data import Experiment, shortest_period
+from cfd_pneumatic.model import EffectParameter
 
 _SHORTEST_LAG = 0.15  # of a sample: what is faster can't be told from nothing, and would cost steps
 _NYQUIST = 0.5  # periods in a sample: what swings faster passes for something slower, and would cost steps

@@ -1,2 +1,54 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was measured, made ready: stamps, the smoothed motion, train, validation and test."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.identification.data.experiment import Block, Experiment, rests_at_start, shortest_period
+    from cfd_pneumatic.identification.data.motion import Motion, observed_motion, smooth_motion
+    from cfd_pneumatic.identification.data.options import AUTO, CORES, LINEAR, PHYSICAL, Options
+    from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_range
+    from cfd_pneumatic.identification.data.split import (
+        FRACTIONS,
+        PARTS,
+        SMALLEST_FRACTION,
+        Split,
+        split_recordings,
+        stroke_times,
+    )
+    from cfd_pneumatic.identification.data.tolerance import Tolerance, tolerance_from, tolerated
+    from cfd_pneumatic.identification.data.turning_points import reversals, travelled
+else:
+    __getattr__ = loader_of(__name__)
+
+__all__ = [
+    'AUTO',
+    'CORES',
+    'FEWEST_SAMPLES',
+    'FRACTIONS',
+    'LINEAR',
+    'PARTS',
+    'PHYSICAL',
+    'SMALLEST_FRACTION',
+    'Block',
+    'Experiment',
+    'Motion',
+    'Options',
+    'Split',
+    'Tolerance',
+    'check_range',
+    'observed_motion',
+    'rests_at_start',
+    'reversals',
+    'shortest_period',
+    'smooth_motion',
+    'split_recordings',
+    'stroke_times',
+    'tolerance_from',
+    'tolerated',
+    'travelled',
+]

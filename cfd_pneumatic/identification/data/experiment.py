@@ -15,7 +15,7 @@ from cfd_pneumatic.identification.data.motion import Motion
 from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES
 from cfd_pneumatic.identification.data.split import MOTION, PARTS
 from cfd_pneumatic.lazy import lazy_property
-from cfd_pneumatic.model.extended import extremes
+from cfd_pneumatic.model import extremes
 
 _BEYOND = 0.5  # longest time by which a signal may be read early [s]
 _BLOCK = 4096  # samples: what is simulated of them stays in a processor's cache

@@ -12,7 +12,10 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.data.split import FRACTIONS, SMALLEST_FRACTION
 from cfd_pneumatic.identification.data.tolerance import Tolerance
 
-AUTO, LINEAR, PHYSICAL = CORES = ('auto', 'linear', 'physical')
+AUTO: str = 'auto'
+LINEAR: str = 'linear'
+PHYSICAL: str = 'physical'
+CORES: tuple[str, ...] = (AUTO, LINEAR, PHYSICAL)
 """Which core a model of a cylinder has; `auto`: closing the loop asks which one the recordings need."""
 
 

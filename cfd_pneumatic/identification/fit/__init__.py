@@ -1,2 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """The fit of a model to recordings, and what it tells of its parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.identification.fit.data_sheets import as_data_sheets
+    from cfd_pneumatic.identification.fit.fit import Fit, Optimum, find_optimum, fit_model, summary
+    from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
+    from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
+    from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, Information, information
+else:
+    __getattr__ = loader_of(__name__)
+
+__all__ = [
+    'LARGEST_RELATIVE_STD',
+    'Fit',
+    'Information',
+    'Likelihood',
+    'Optimum',
+    'Quadratic',
+    'Unknowns',
+    'as_data_sheets',
+    'find_optimum',
+    'fit_model',
+    'information',
+    'least_squares',
+    'summary',
+]

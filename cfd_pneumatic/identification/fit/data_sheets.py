@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from cfd_pneumatic.identification.channels.channel import Channel, Model
+from cfd_pneumatic.identification.channels import Channel, Model
 from cfd_pneumatic.identification.fit.fit import CONFIDENCE, ROUGH, Optimum, find_optimum, information_of
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 

@@ -12,8 +12,8 @@ from scipy.special import stdtrit
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels.channel import UNTOLD, Channel, Estimate, Model
-from cfd_pneumatic.identification.data.experiment import Experiment
+from cfd_pneumatic.identification.channels import UNTOLD, Channel, Estimate, Model
+from cfd_pneumatic.identification.data import Experiment
 from cfd_pneumatic.identification.fit.levenberg import least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
 from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, Information, information

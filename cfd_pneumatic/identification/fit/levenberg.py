@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.residual.normal_matrix import gram
+from cfd_pneumatic.identification.residual import gram
 
 _FIRST_DAMPING = 1e-3
 _LARGEST_DAMPING = 1e12

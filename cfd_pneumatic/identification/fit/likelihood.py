@@ -18,15 +18,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from cfd_pneumatic.arrays import Array, Indices, Mask
-from cfd_pneumatic.identification.channels.channel import Channel, Model
-from cfd_pneumatic.identification.channels.unknown import Unknown
-from cfd_pneumatic.identification.data.experiment import Experiment
-from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.channels import Channel, Model, Unknown
+from cfd_pneumatic.identification.data import PARTS, Experiment
 from cfd_pneumatic.identification.fit.levenberg import Quadratic
-from cfd_pneumatic.identification.residual.linear_prediction import independent_share, whitened
-from cfd_pneumatic.identification.residual.noise import Noise
-from cfd_pneumatic.identification.residual.tests import Test, tests_of
-from cfd_pneumatic.model.kernels import kernel
+from cfd_pneumatic.identification.residual import Noise, Test, independent_share, tests_of, whitened
+from cfd_pneumatic.model import kernel
 
 _DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's scale
 _LONGEST_STEP = 2.0

@@ -1,2 +1,47 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a fit leaves: its noise, its autoregression, and the tests that ask whether it is noise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.identification.residual.linear_prediction import (
+        autocovariance,
+        autoregression,
+        independent_share,
+        whitened,
+    )
+    from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, sample_noise, stamp_jitter
+    from cfd_pneumatic.identification.residual.normal_matrix import gram, orthonormal
+    from cfd_pneumatic.identification.residual.regressors import Regressors
+    from cfd_pneumatic.identification.residual.rests import runs_at_rest
+    from cfd_pneumatic.identification.residual.shape import lag_of, speed_of, strongest_frequency
+    from cfd_pneumatic.identification.residual.tests import SIGNIFICANCE, Test, explained, tests_of
+else:
+    __getattr__ = loader_of(__name__)
+
+__all__ = [
+    'SIGNIFICANCE',
+    'Noise',
+    'Regressors',
+    'Test',
+    'autocovariance',
+    'autoregression',
+    'explained',
+    'gram',
+    'independent_share',
+    'lag_of',
+    'noise_of',
+    'orthonormal',
+    'rounding_step',
+    'runs_at_rest',
+    'sample_noise',
+    'speed_of',
+    'stamp_jitter',
+    'strongest_frequency',
+    'tests_of',
+    'whitened',
+]

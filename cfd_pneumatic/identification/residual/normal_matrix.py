@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.model.kernels import summed
+from cfd_pneumatic.model import summed
 
 
 def gram(rows: Array) -> Array:

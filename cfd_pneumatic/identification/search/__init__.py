@@ -1,2 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which effects a model lacks: stepwise regression, and which effects could not have shown."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.identification.search.candidates import Candidates
+    from cfd_pneumatic.identification.search.complement import Complement
+    from cfd_pneumatic.identification.search.cores import Cores
+    from cfd_pneumatic.identification.search.curves import fitted, heights_of, penalty_of
+    from cfd_pneumatic.identification.search.laws import Drawn, Laws
+    from cfd_pneumatic.identification.search.slots import FROM_NOTHING, Slot
+    from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH, TIE, SearchResult, Trial
+    from cfd_pneumatic.identification.search.visibility import invisible
+else:
+    __getattr__ = loader_of(__name__)
+
+__all__ = [
+    'FROM_NOTHING',
+    'SHOWN',
+    'STRENGTH',
+    'TIE',
+    'Candidates',
+    'Complement',
+    'Cores',
+    'Drawn',
+    'Laws',
+    'SearchResult',
+    'Slot',
+    'Trial',
+    'fitted',
+    'heights_of',
+    'invisible',
+    'penalty_of',
+]

@@ -11,14 +11,12 @@ from itertools import chain
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Effects, Model
-from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.fit.fit import Optimum, find_optimum
-from cfd_pneumatic.identification.fit.likelihood import Likelihood
-from cfd_pneumatic.identification.residual.noise import sample_noise
-from cfd_pneumatic.identification.residual.tests import Test, explained
+from cfd_pneumatic.identification.channels import Effects, Model
+from cfd_pneumatic.identification.data import PARTS
+from cfd_pneumatic.identification.fit import Likelihood, Optimum, find_optimum
+from cfd_pneumatic.identification.residual import Test, explained, sample_noise
 from cfd_pneumatic.identification.search.complement import Complement, Start
-from cfd_pneumatic.model.effects import Data
+from cfd_pneumatic.model import Data
 from cfd_pneumatic.runtime import each
 
 _REFINED = 2  # of the starts of an effect or a core

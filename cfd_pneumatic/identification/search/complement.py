@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
-from cfd_pneumatic.identification.residual.normal_matrix import orthonormal
+from cfd_pneumatic.identification.channels import Model
+from cfd_pneumatic.identification.fit import Likelihood, Unknowns
+from cfd_pneumatic.identification.residual import orthonormal
 from cfd_pneumatic.lazy import lazy_property
 
 Start = tuple[float, ...]

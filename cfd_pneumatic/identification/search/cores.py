@@ -14,8 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
-from cfd_pneumatic.identification.data.options import LINEAR, PHYSICAL
-from cfd_pneumatic.identification.residual.linear_prediction import autoregression
+from cfd_pneumatic.identification.data import LINEAR, PHYSICAL
+from cfd_pneumatic.identification.residual import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.laws import OF_VALVES, Drawn, Laws
 from cfd_pneumatic.identification.search.stepwise import ALIKE, HOPELESS, TIE, Search, SearchResult, Step, Trial

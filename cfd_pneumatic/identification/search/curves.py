@@ -8,13 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.fit.fit import Optimum
-from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
-from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
+from cfd_pneumatic.identification.channels import Model
+from cfd_pneumatic.identification.fit import Likelihood, Optimum, Quadratic, Unknowns, least_squares
 from cfd_pneumatic.identification.search.promises import Promise, roughness
 from cfd_pneumatic.identification.search.slots import Slot
-from cfd_pneumatic.model.effects.knots import KNOTS
+from cfd_pneumatic.model import KNOTS
 
 ROUGH = (1e-3, 25)
 """Tolerance and evaluations of a fit that tells what a curve may come to."""

@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.fit.fit import Optimum
-from cfd_pneumatic.identification.residual.linear_prediction import autoregression, independent_share
+from cfd_pneumatic.identification.channels import Model
+from cfd_pneumatic.identification.fit import Optimum
+from cfd_pneumatic.identification.residual import autoregression, independent_share
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.curves import ROUGH, fitted, renewed
 from cfd_pneumatic.identification.search.promises import Promise, beside, promises

@@ -16,13 +16,12 @@ from itertools import chain
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.residual.linear_prediction import independent_share
+from cfd_pneumatic.identification.channels import Model
+from cfd_pneumatic.identification.residual import independent_share
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.slots import Slot, slots
-from cfd_pneumatic.model.effects.knots import KNOTS
-from cfd_pneumatic.model.lanes import COUNT
+from cfd_pneumatic.model import COUNT, KNOTS
 from cfd_pneumatic.runtime import each
 
 _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it

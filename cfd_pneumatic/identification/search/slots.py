@@ -11,10 +11,9 @@ from itertools import product
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Curve, Model
+from cfd_pneumatic.identification.channels import Curve, Model
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.model.effects.curve import ONE_WAY
-from cfd_pneumatic.model.effects.knots import KNOTS
+from cfd_pneumatic.model import KNOTS, ONE_WAY
 
 _CROWDS = (0.3, 0.1, 0.03)  # how knots lie about nothing moving, and where a curve bends
 _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not

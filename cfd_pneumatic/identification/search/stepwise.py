@@ -18,7 +18,7 @@ from functools import partial
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.residual.linear_prediction import autoregression
+from cfd_pneumatic.identification.residual import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.runtime import each
 

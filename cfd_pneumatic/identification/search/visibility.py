@@ -10,10 +10,9 @@ from functools import partial
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels.channel import Model
-from cfd_pneumatic.identification.fit.fit import find_optimum
-from cfd_pneumatic.identification.fit.likelihood import Likelihood
-from cfd_pneumatic.identification.residual.noise import Noise
+from cfd_pneumatic.identification.channels import Model
+from cfd_pneumatic.identification.fit import Likelihood, find_optimum
+from cfd_pneumatic.identification.residual import Noise
 from cfd_pneumatic.identification.search.complement import Complement, Start
 from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH
 from cfd_pneumatic.runtime import each

@@ -7,7 +7,14 @@ import importlib
 import pkgutil
 from types import ModuleType
 
+from cfd_pneumatic.model.effects.curve import AGAINST as CURVE_AGAINST
+from cfd_pneumatic.model.effects.curve import BOTH_WAYS, CURVE, LIFTING, ONE_WAY, is_of_flow
+from cfd_pneumatic.model.effects.curve import ENTERS as CURVE_ENTERS
 from cfd_pneumatic.model.effects.effect import FUNCTIONS, Data, Effect, EffectParameter, ForceMoment, Moment
+from cfd_pneumatic.model.effects.force_curve import AGAINST as FORCE_CURVE_AGAINST
+from cfd_pneumatic.model.effects.force_curve import ENTERS as FORCE_CURVE_ENTERS
+from cfd_pneumatic.model.effects.force_curve import FORCE_CURVE
+from cfd_pneumatic.model.effects.knots import KNOTS
 
 
 def _modules() -> dict[str, ModuleType]:
@@ -22,42 +29,52 @@ def _modules() -> dict[str, ModuleType]:
 MODULES = _modules()
 """Module of each effect, by name."""
 
-CORES = {name: module.EFFECT for name, module in MODULES.items() if module.EFFECT.core}
+CORES: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if module.EFFECT.core}
 """What stands in the linear core's place, by name."""
 
-GENERIC = {name: module.EFFECT for name, module in MODULES.items() if module.EFFECT.generic}
+GENERIC: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if module.EFFECT.generic}
 """What is drawn from data where none of the effects explains them, by name."""
 
-EFFECTS = {name: module.EFFECT for name, module in MODULES.items() if name not in {*CORES, *GENERIC}}
+EFFECTS: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if name not in {*CORES, *GENERIC}}
 """Each effect, by name, in the order in which they enter the model."""
 
-FORCE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if hasattr(MODULES[name], 'force')}
+FORCE_EFFECTS: dict[str, Effect] = {name: effect for name, effect in EFFECTS.items() if hasattr(MODULES[name], 'force')}
 """Those on the contact force, in that order."""
 
-PRESSURE_EFFECTS = {name: effect for name, effect in EFFECTS.items() if name not in FORCE_EFFECTS}
+PRESSURE_EFFECTS: dict[str, Effect] = {name: effect for name, effect in EFFECTS.items() if name not in FORCE_EFFECTS}
 """Those on a cylinder's pressure, in that order."""
 
-FORCE_PARTS = {name: module.EFFECT for name, module in MODULES.items() if hasattr(module, 'force')}
+FORCE_PARTS: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if hasattr(module, 'force')}
 """Those on the force and what is drawn from data, in that order: what can be switched on in the contact force."""
 
-PRESSURE_PARTS = {name: module.EFFECT for name, module in MODULES.items() if name not in FORCE_PARTS}
+PRESSURE_PARTS: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if name not in FORCE_PARTS}
 """Those, the cores and what is drawn from data, in that order: what can be switched on in a cylinder."""
 
-FAMILIES = {
+FAMILIES: dict[str, tuple[str, ...]] = {
     family: tuple(name for name, effect in EFFECTS.items() if family in effect.families)
     for family in dict.fromkeys(family for effect in EFFECTS.values() for family in effect.families)
 }
 """Effects that a recording may not tell from each other, by the name of what they have in common."""
 
 __all__ = [
+    'BOTH_WAYS',
     'CORES',
+    'CURVE',
+    'CURVE_AGAINST',
+    'CURVE_ENTERS',
     'EFFECTS',
     'FAMILIES',
+    'FORCE_CURVE',
+    'FORCE_CURVE_AGAINST',
+    'FORCE_CURVE_ENTERS',
     'FORCE_EFFECTS',
     'FORCE_PARTS',
     'FUNCTIONS',
     'GENERIC',
+    'KNOTS',
+    'LIFTING',
     'MODULES',
+    'ONE_WAY',
     'PRESSURE_EFFECTS',
     'PRESSURE_PARTS',
     'Data',
@@ -65,4 +82,5 @@ __all__ = [
     'EffectParameter',
     'ForceMoment',
     'Moment',
+    'is_of_flow',
 ]
