@@ -293,6 +293,9 @@ class Mistake:
 
 UNIT, REFERENCE, SETPOINT = ('unit_suspect',), ('reference_suspect',), ('setpoint_suspect',)
 SAMPLES = ('samples_suspect',)
+LEFT_OUT = 'left out'
+"""Stands for a code if the wrong samples are left out, and a note of the recording reports it."""
+
 SIGN, SWAPPED, ERROR = ('sign_suspect', 'cylinders_swapped'), ('cylinders_swapped', 'setpoint_suspect'), ('error',)
 
 
@@ -319,7 +322,7 @@ def _of_both() -> Iterator[Mistake]:
         yield Mistake(on, 'upside down', rows(lambda _: slice(None, None, -1)), ERROR)
         yield Mistake(on, 'the same twice', entries(), ('duplicate_recording',), twice=True)
         yield Mistake(on, 'another device from two thirds on', other_device, ('changed_during_recording',))
-        yield Mistake(on, 'a loose plug', loose_plug, SAMPLES)
+        yield Mistake(on, 'a loose plug', loose_plug, (*SAMPLES, LEFT_OUT))
         yield Mistake(on, 'a sensor at its limit', out_of_range, SAMPLES)
         yield Mistake(on, 'a logger that hangs', stuck, SAMPLES)
         yield Mistake(on, 'every fortieth row', rows(lambda _: slice(None, None, 40)), ('sampling_slow',))
@@ -433,13 +436,19 @@ def answer(mistake: Mistake) -> Answer:
     warnings = [one for one in report['warnings'] if one['level'] == WARNING]
     first = next((one for one in warnings if one['code'] in mistake.codes), warnings[0] if warnings else None)
     text = f'{first["message"]}: {first["fix"]}' if first else ''
-    return Answer(tuple(dict.fromkeys(one['code'] for one in warnings)), text, tuple(confident))
+    codes = [one['code'] for one in warnings]
+    notes = [note for one in report['recordings'] for note in one['notes'] if LEFT_OUT in note]
+    if notes and LEFT_OUT in mistake.codes:
+        codes, text = [*codes, LEFT_OUT], text or notes[0]
+    return Answer(tuple(dict.fromkeys(codes)), text, tuple(confident))
 
 
 def is_told(mistake: Mistake, said: Answer) -> bool:
-    """Return whether a mistake is noticed, and nothing is claimed."""
+    """Return whether a mistake is noticed, and nothing is claimed; without the wrong samples a verdict may be sure."""
     if 'error' in said.codes:
         return any(WORDS[code] in said.text for code in mistake.codes)
+    if LEFT_OUT in said.codes:
+        return True
     return not said.confident and bool({*said.codes} & {*mistake.codes})
 
 
