@@ -14,11 +14,16 @@ from cfd_pneumatic.recording.recording import Recording
 from cfd_pneumatic.recording.signals import Signal
 from cfd_pneumatic.recording.wording import counted
 
-LONGEST = 0.2
-"""Time in which the piston may have done anything [s]: a model that goes on over it has forgotten where it was."""
+SHORTEST, LONGEST = 0.2, 0.5
+"""
+Intervals that are no gap, and that are one in any case [s].
 
-_TIMES = 10.0  # the usual interval
-_SHORTEST = 1.0  # a piece that tells something [s]
+After 0.2 s the model has forgotten where the piston was. Between the two, 40 samples that are missing are a gap:
+measured runs at 100 Hz that lack 30 are simulated better in one piece, as each piece has an offset and a drift.
+"""
+
+_SOME, _MANY = 10.0, 40.0  # times the usual interval
+_SHORTEST_PIECE = 1.0  # a piece that tells something [s]
 _LEAPS = 5.0  # times the change from sample to sample that a hundredth exceed
 
 
@@ -43,7 +48,7 @@ def pieces(recording: Recording) -> list[Recording]:
             name=f'{recording.name} from {float(times[begin]):.4g} s' if begin else recording.name,
         )
         for begin, end in zip(begins, ends)
-        if times[end] - times[begin] >= _SHORTEST
+        if times[end] - times[begin] >= _SHORTEST_PIECE
     ]
     if not found:
         return [recording]
@@ -58,7 +63,8 @@ def _gaps_of(times: Array) -> NDArray[np.intp]:
     intervals = np.diff(times)
     if not intervals.size:
         return np.empty(0, np.intp)
-    return np.flatnonzero(intervals > max(LONGEST, _TIMES * float(np.median(intervals))))
+    usual = float(np.median(intervals))
+    return np.flatnonzero(intervals > max(SHORTEST, min(_MANY * usual, max(LONGEST, _SOME * usual))))
 
 
 def _without_repeated_rows(recording: Recording) -> Recording:
@@ -67,7 +73,7 @@ def _without_repeated_rows(recording: Recording) -> Recording:
     values, times = recording.displacement.values, recording.displacement.times
     begins = np.flatnonzero(np.append(True, np.diff(values) != 0.0))
     ends = np.append(begins[1:], len(values)) - 1
-    long = times[ends] - times[begins] > LONGEST
+    long = times[ends] - times[begins] > SHORTEST
     repeated = [
         (float(begin), float(end))
         for begin, end in zip(times[begins[long]], times[ends[long]])

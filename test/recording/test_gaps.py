@@ -43,7 +43,7 @@ STEADY = np.arange(0.0, 10.0, 0.01)
     'times',
     [
         STEADY,
-        STEADY[(STEADY < 4.0) | (STEADY > 4.15)],
+        STEADY[(STEADY < 4.0) | (STEADY > 4.35)],
         np.arange(0.0, 100.0, 1.0),
         STEADY[::7] + 0.001 * np.sin(STEADY[::7]),
     ],
