@@ -224,7 +224,7 @@ def test_another_user_s_file_in_a_sticky_folder_is_refused_before_the_work(bag, 
         os.chown(path, 1234, 1234)
     folder.chmod(0o1777)
     code, out, err = run_as_a_user('identify_bag', bag, '--output', folder, '--overwrite')
-    assert err.startswith(f'identify_bag: error: {folder}/report.json is a mount point or another user')
+    assert err.startswith(f'identify_bag: error: {folder}/report.json is a mount point, immutable or another user')
     assert (code, out) == (2, '')
 
 
@@ -240,6 +240,6 @@ def test_a_result_that_is_a_mount_of_a_file_beside_it_is_refused_before_the_work
         code, out, err = run('identify_bag', bag, '--output', folder, '--overwrite')
     finally:
         subprocess.run(['umount', folder / 'report.json'], check=True)
-    assert err.startswith(f'identify_bag: error: {folder}/report.json is a mount point or another user')
+    assert err.startswith(f'identify_bag: error: {folder}/report.json is a mount point, immutable or another user')
     assert (code, out) == (2, '')
     assert sorted(os.listdir(tmp_path)) == ['o u t', 'source.json']

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import subprocess
 
 import pytest
 
@@ -78,6 +80,21 @@ def test_it_is_replaced_with_overwrite_and_afterwards_without(arguments, tmp_pat
         assert program([*arguments[program], '--output', str(tmp_path), *overwrite]) == 0
         assert all((tmp_path / name).read_bytes() != b'mine' for name in RESULTS[program])
     assert (tmp_path / 'notes').read_text() == (tmp_path / 'compare_7.mcap').read_text() == 'mine'
+
+
+def test_an_immutable_result_is_refused_and_nothing_is_left(arguments, results, tmp_path, capsys):
+    folder = tmp_path / 'out'
+    shutil.copytree(results, folder)
+    report = folder / 'report.json'
+    made = subprocess.run(['chattr', '+i', report], capture_output=True, check=False)
+    if made.returncode:
+        pytest.skip('files cannot be made immutable here')
+    try:
+        said = refusal(capsys, identify_bag, *arguments[identify_bag], '--output', folder)
+    finally:
+        subprocess.run(['chattr', '-i', report], check=True)
+    assert f'{report} is a mount point, immutable or another user' in said
+    assert os.listdir(tmp_path) == ['out']
 
 
 @pytest.mark.parametrize('kind', ['pipe', 'link', 'link to nowhere', 'link to earlier results', 'folder'])

@@ -167,7 +167,9 @@ def check_replaceable(path: Path, is_ours: Recognition, *, overwrite: bool) -> N
         if path.is_dir() and not path.is_symlink():
             raise InputError(f'{path} is a folder and is not replaced: move it, or choose another folder')
         if is_mount_point(path) or not _may_be_removed(path):
-            raise InputError(f"{path} is a mount point or another user's and cannot be replaced: choose another folder")
+            raise InputError(
+                f"{path} is a mount point, immutable or another user's and cannot be replaced: choose another folder"
+            )
         if not overwrite and not (_is_file(path) and is_ours(path)):
             raise InputError(f'{path} exists and may be yours: move it, choose another folder, or {ADVICE}')
 
@@ -178,9 +180,10 @@ def _is_file(path: Path) -> bool:
 
 
 def _may_be_removed(path: Path) -> bool:
-    """Return whether a file may be removed; from a sticky folder only the owner of either may remove it."""
+    """Return whether a file may be removed: it is not immutable, and in a sticky folder it or the folder is ours."""
     folder, found = path.parent.stat(), path.lstat()
-    if not folder.st_mode & stat.S_ISVTX or os.geteuid() == folder.st_uid:
+    is_ours = os.geteuid() in (0, found.st_uid)
+    if not is_ours and (not folder.st_mode & stat.S_ISVTX or os.geteuid() == folder.st_uid):
         return True
     try:
         os.utime(path, ns=(found.st_atime_ns, found.st_mtime_ns), follow_symlinks=False)  # only the owner may

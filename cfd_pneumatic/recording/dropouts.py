@@ -16,6 +16,7 @@ _SPIKE = 2  # samples that leap out and back with any values
 _QUICK = 0.011  # between the samples before and behind them: a piston needs longer [s]
 _CODE = 3  # samples of exactly one value between two leaps
 _SAME_CODE = 3  # spikes of exactly one value: no impact of a tool repeats another one
+_BOTH_WAYS = 3  # spikes up and as many down: impacts of a tool go one way
 _PULSE = 0.02  # no regulator answers a set-point that lasts so short [s]
 _TURNS = 0.5  # share of small changes that turn back: two thirds of noise, few of a motion
 _MOST_LOOKED_AT = 100_000  # samples
@@ -25,10 +26,10 @@ def dropouts(times: NDArray[np.int64], values: Array, role: str) -> NDArray[np.b
     """
     Return which samples leap out and back as no piston, pressure or tool does, shape (n,).
 
-    A displacement does so in one or two samples; a force only if the same value comes again and again, since an impact
-    leaps, too. All samples of a value that comes again and again are dropped. Runs of exactly one value between two
-    leaps are codes for "nothing measured", of any length; a force without noise may rest at zero, though. A signal
-    that rests mostly without noise is not judged.
+    A displacement does so in one or two samples; a force only if the same value comes again and again, or if spikes
+    go both ways, since an impact leaps, too. All samples of a value that comes again and again are dropped. Runs of
+    exactly one value between two leaps are codes for "nothing measured", of any length; a force without noise may rest
+    at zero, though. A signal that rests mostly without noise is not judged.
 
     Parameters
     ----------
@@ -67,9 +68,13 @@ def dropouts(times: NDArray[np.int64], values: Array, role: str) -> NDArray[np.b
             continue
         found[run] = role != 'force' or is_code
         index += 2  # behind the leap back the signal goes on
+    ups = [changes[run.start - 1] > 0.0 for runs in spikes.values() for run in runs]
+    are_both_ways = min(sum(ups), len(ups) - sum(ups)) >= _BOTH_WAYS
     for value, runs in spikes.items():
         if len(runs) >= _SAME_CODE:
             found[values == value] = True
+        for run in runs if are_both_ways else ():
+            found[run] = True
     return found
 
 

@@ -118,6 +118,48 @@ def test_what_a_piston_really_does_stays(name):
     np.testing.assert_array_equal(found.values, REAL[name])
 
 
+DROPPED = {
+    'single zeros': lambda one: one.__setitem__(slice(50, None, 120), 0.0),
+    'runs of zeros': lambda one: [one.__setitem__(slice(at, at + 250), 0.0) for at in (2000, 6000)],
+    'spikes within the range': lambda one: one.__setitem__(slice(40, None, 66), one[40::66] + 0.6 * np.ptp(one)),
+    'a code within the range': lambda one: one.__setitem__(slice(3000, 3400), 6.5535e-3),
+}
+
+
+@pytest.mark.parametrize('kind', DROPPED)
+@pytest.mark.parametrize('seed', [1, 2])
+def test_samples_within_the_range_that_leap_out_and_back_are_left_out(kind, seed):
+    clean = strokes(seed)
+    values = clean.copy()
+    DROPPED[kind](values)
+    _, kept = screen(values)
+    leaps = np.abs(values - clean) > 2e-3  # nearer samples disturb no fit
+    assert not np.any(kept & leaps)
+    assert np.all(kept[values == clean])
+
+
+@pytest.mark.parametrize('kind', ['spikes of one value', 'spikes both ways', 'runs of zeros'])
+def test_a_force_that_was_not_measured_is_left_out(kind):
+    clean = force()
+    values = clean.copy()
+    if kind == 'runs of zeros':
+        values[2000:3500] = values[6000:6300] = 0.0
+    elif kind == 'spikes both ways':
+        values[30::500] += 150.0 + np.arange(20.0)
+        values[280::500] -= 150.0 + np.arange(20.0)
+    else:
+        values[30::500] = 327.67
+    np.testing.assert_array_equal(screen(values, 'force')[1], values == clean)
+
+
+def test_a_pressure_that_reads_a_code_for_a_while_is_left_out():
+    clean = 2e5 + 1e7 * strokes() + 50.0 * NOISE
+    values = clean.copy()
+    values[4000:4400] = 0.0
+    np.testing.assert_array_equal(screen(values, 'pressure')[1], values == clean)
+    assert screen(clean, 'pressure')[1].all()
+
+
 @pytest.mark.parametrize(('bits', 'step'), [(14, 1e-7), (12, 1e-6), (16, 1e-7), (10, 2e-6)])
 def test_a_counter_that_wraps_is_made_continuous(bits, step):
     motion = 2.5 * strokes() - 5e-3
