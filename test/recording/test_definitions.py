@@ -129,3 +129,14 @@ def test_links_and_hidden_folders_are_not_followed(tmp_path):
     (package / '.hidden' / 'B.msg').write_text('float64 x')
     with pytest.raises(InputError, match=r'holds no \.msg files'):
         Definitions(package)
+
+
+def test_of_a_file_only_the_type_in_its_name_counts(tmp_path):
+    """Further parts, which .msg files have in bags only, are neither read nor named."""
+    file = tmp_path / 'a' / 'msg' / 'B.msg'
+    file.parent.mkdir(parents=True)
+    file.write_text(f'float64 x\n{SEPARATOR}MSG: a/Secret\nfloat64 y\nfloat64 y\n')
+    undefined = MessageDefinition(MessageDefinitionFormat.NONE, '')
+    types = Definitions(tmp_path).of([Connection(1, '/x', 'a/msg/B', undefined, '', 1, None, None)])
+    assert [name for name, _ in types.fielddefs['a/msg/B'][1]] == ['x']
+    assert 'a/msg/Secret' not in types.fielddefs
