@@ -23,7 +23,7 @@ measured runs at 100 Hz that lack 30 are simulated better in one piece, as each 
 """
 
 _SOME, _MANY = 10.0, 40.0  # times the usual interval
-_SHORTEST_PIECE = 1.0  # a piece that tells something [s]
+_SHORTEST_PIECE = 1.0  # shorter pieces are left out [s]
 _LEAPS = 5.0  # times the change from sample to sample that a hundredth exceed
 
 
@@ -77,7 +77,8 @@ def _without_repeated_rows(recording: Recording) -> Recording:
     repeated = [
         (float(begin), float(end))
         for begin, end in zip(times[begins[long]], times[ends[long]])
-        if all(_holds(one, begin, end) for one in signals) and any(_leaps_behind(one, end) for one in signals)
+        if all(_holds(signal, begin, end) for signal in signals)
+        and any(_leaps_behind(signal, end) for signal in signals)
     ]
     if not repeated:
         return recording
@@ -102,7 +103,7 @@ def _without_force_in_gaps(recording: Recording) -> Recording:
         return recording
     gaps = [
         (float(times[index]), float(times[index + 1]))
-        for times in (one.pressure.times for one in recording.cylinders.values())
+        for times in (cylinder.pressure.times for cylinder in recording.cylinders.values())
         for index in _gaps_of(times)
     ]
     return replace(recording, force=_outside(recording.force, gaps)) if gaps else recording

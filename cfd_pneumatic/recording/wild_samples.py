@@ -81,7 +81,10 @@ def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
         if np.max(np.abs(np.diff(values))) > _UNSURE * period:
             notes.append(f'{name}: that is unsure, as the piston moves by half of it between samples: sample faster')
     wild = _wild(cleaned.times, values, screen)
-    dropped = dropouts(cleaned.times, values, role)
+    dropped = np.zeros(len(values), bool)
+    for begin in range(0, len(values), _PART):  # of a long recording, in memory for a part only
+        part = slice(begin, begin + _PART)
+        dropped[part] = dropouts(cleaned.times[part], values[part], role)
     if np.mean(wild | dropped) <= _MOST_LEFT_OUT:
         wild |= dropped
     number = int(np.count_nonzero(wild))
