@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -43,6 +44,7 @@ os._exit(run('rig_node', partial(RigNode, specimen.rig)))
 """
 """A program: `rig_node` with a device drawn at random, and something wrong with it."""
 DRAWN = 7
+ROOT = Path(__file__).parents[2]
 
 SENSORS = Sensors()
 NOISE = math.hypot(SENSORS.pressure_noise, SENSORS.step(SENSORS.pressure_range) / math.sqrt(12.0))
@@ -59,7 +61,7 @@ pressure rises by 300 Pa when the set-point steps."""
 
 
 @contextmanager
-def device(namespace: str) -> Iterator[None]:
+def device(namespace: str) -> Iterator[subprocess.Popen]:
     """Run the device, which plays its schedule over and over once simulator, recorder and the test listen."""
     settings = {
         'schedule': 'surface_following',
@@ -70,9 +72,10 @@ def device(namespace: str) -> Iterator[None]:
     }
     told = [str(DRAWN), json.dumps(UNDECLARED)]
     program = [sys.executable, '-c', DEVICE, *told, *ros_arguments(namespace, settings)]
-    process = subprocess.Popen(program, stderr=subprocess.DEVNULL)
+    paths = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])])  # for `studies`
+    process = subprocess.Popen(program, env=os.environ | {'PYTHONPATH': paths})
     try:
-        yield
+        yield process
         process.terminate()
         assert process.wait(allowed()) == 0
     finally:
@@ -160,12 +163,13 @@ def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found
         graph.run('sim_node', ros_arguments(simulator, remaps=inputs)),
         graph.run('identifier_node', ros_arguments(own, identify)),
         graph.run('recorder_node', ros_arguments(parameters=record)) as recorder,
-        device(real),
+        device(real) as rig,
     ):
         graph.get(sim, 'area')  # it has started
         identified('report.json')
         graph.listen(JointState, f'{real}/{PISTON_STATE}')
-        graph.until(lambda: residual.samples > RECORDED * SCHEDULE.samples)
+        graph.until(lambda: residual.samples > RECORDED * SCHEDULE.samples or rig.poll() is not None)
+        assert rig.poll() is None
         recorder.stop()
         before_a, before_b = residual.over_noise(residual.first)
         assert graph.set_atomically(identifier, bags=[str(bag)], close_loop=True).successful
