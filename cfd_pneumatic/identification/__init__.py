@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
-    from cfd_pneumatic.identification.channels import Channel, Estimate, Force, Model, Pressure
+    from cfd_pneumatic.identification.channels import PLACES, VARIABLES, Channel, Estimate, Force, Model, Pressure
     from cfd_pneumatic.identification.conclusion import PartError
     from cfd_pneumatic.identification.data import (
         AUTO,
@@ -56,8 +56,6 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.shape import Shape
     from cfd_pneumatic.identification.whereabouts import Dependence, dependences, remainder
     from cfd_pneumatic.identification.wording import (
-        LAW_PLACES,
-        LAW_VARIABLES,
         number,
         percent,
         qualified,
@@ -77,14 +75,14 @@ __all__ = [
     'FRACTIONS',
     'LARGEST_RELATIVE_STD',
     'LAWS',
-    'LAW_PLACES',
-    'LAW_VARIABLES',
     'PARTS',
+    'PLACES',
     'SHOWN',
     'SIGNIFICANCE',
     'SMALLEST_FRACTION',
     'STRENGTH',
     'TIE',
+    'VARIABLES',
     'Channel',
     'ChannelResult',
     'Comparison',

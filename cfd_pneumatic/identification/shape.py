@@ -9,79 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels import Model
+from cfd_pneumatic.identification.channels import PLACES, VARIABLES, Model
 from cfd_pneumatic.identification.fit import Likelihood, Quadratic, Unknowns, find_optimum
 from cfd_pneumatic.identification.formulas import Formula, formulas
 from cfd_pneumatic.identification.residual import autoregression, independent_share
-from cfd_pneumatic.identification.search import FROM_NOTHING, Drawn, Slot, heights_of, penalty_of
-from cfd_pneumatic.model import KNOTS, ONE_WAY
+from cfd_pneumatic.identification.search import Drawn, Slot, heights_of, penalty_of
+from cfd_pneumatic.model import KNOTS
 
 _POINTS = 41  # of a curve that is shown
 _CORNER = 1.0 / 24.0  # of a bend: by how much a straight line that was fitted lies beside an even curve midway
 _INEXACT = 0.004  # of its range, which no noise tells: what the model beside it is wrong by
 _EVENT = 2, 0.6  # points of a law of the time between which this share of its change is an event
 _BAND = 1.96  # standard errors: 95 % at each point
-# gains of the model that have what is even of a curve
-_GAINS = {'gain': slice(0, 1), 'flow': slice(1, 3), 'stiffness': slice(0, 3)}
 _AS_WELL = 1.05  # times the curve's squares, which a formula may leave when it is simulated
 _ANEW = (1e-4, 10)  # tolerance and evaluations of that
 _FEWEST = 20  # samples near a point that has been visited: what a piston jumps past is hardly told
-
-UNITS = {
-    'set_point': 'Pa',
-    'flow': '1',
-    'gain': '1',
-    'chamber': 'Pa/s',
-    **dict.fromkeys(('leak', *ONE_WAY), '1/s'),
-    'sensing': 'Pa',
-    'stiffness': '1',
-    'force': 'N',
-    'friction': 'N',
-    'cell': '1',
-}
-"""Of a curve's height, by where it enters."""
-
-UNITS_AGAINST = {'x': 'm', 'speed': 'm/s', 'p': 'Pa', 'error': 'Pa', 'flow': 'Pa/s', 'time': 's', 'force': 'N'}
-"""Of what it depends on."""
-
-_VARIABLES = {'speed': 'v', 'error': 'e', 'flow': 'q', 'time': 't', 'force': 'F'}
-"""How what it depends on is written in a formula; x and p as they are."""
-
-_ENTERS = {
-    'set_point': 'the pressure that the regulator holds is off by up to {} Pa',
-    'flow': 'the valves pass up to {} % more or less',
-    'gain': 'the piston sweeps up to {} % more or less volume',
-    'chamber': 'air that nobody has ordered changes the pressure by up to {} Pa a second',
-    'leak': 'the chamber loses up to {} % of its gauge pressure a second',
-    'leak_while_growing': 'while it grows the chamber loses up to {} % of its gauge pressure a second',
-    'leak_while_shrinking': 'while it shrinks the chamber loses up to {} % of its gauge pressure a second',
-    'sensing': 'the pressure sensor reads up to {} Pa too much or too little',
-    'stiffness': 'the air in the chamber is up to {} % stiffer or softer',
-    'force': 'something beside the air adds or takes up to {} N',
-    'friction': 'something rubs with up to {} N',
-    'cell': 'the load cell reads up to {} % too much or too little',
-}
-_AGAINST = {
-    'x': 'depending on the place along the stroke',
-    'speed': 'depending on the speed of the piston',
-    'p': 'depending on the pressure',
-    'error': 'depending on how far the valves are open',
-    'flow': 'the more, or the less, air has flowed lately',
-    'time': 'as time goes by',
-    'force': 'depending on the force',
-}
-_LOOK = {
-    'set_point': 'the regulator, its control line and what it hangs on',
-    'flow': 'the supply line, the valve seats and the silencer',
-    'gain': 'the bore, the seal and the chamber walls',
-    **dict.fromkeys(('chamber', 'leak'), 'the seal and the fittings'),
-    **dict.fromkeys(ONE_WAY, 'the lip of the seal'),
-    'sensing': 'the pressure sensor, its line and its supply',
-    'stiffness': 'the chamber walls, hoses and what else is joined to the chamber',
-    'force': 'cables and hoses that the piston moves, stops, and the zero of the load cell',
-    'friction': 'the bore, the rod and its seals and guides',
-    'cell': 'the load cell, how it is mounted, and the linkage',
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,12 +64,12 @@ class Shape:
     @property
     def unit(self) -> str:
         """Of the curve's height."""
-        return UNITS[self.enters]
+        return PLACES[self.enters].unit
 
     @property
     def unit_against(self) -> str:
         """Of what it depends on."""
-        return UNITS_AGAINST[self.against]
+        return VARIABLES[self.against].unit
 
     @property
     def event(self) -> str:
@@ -148,11 +90,12 @@ class Shape:
         Of what is told but for a constant the size is by how much it changes.
         """
         seen = self.value[self.visited] if np.count_nonzero(self.visited) > 1 else self.value
-        most = float(np.max(np.abs(seen)) if self.enters in FROM_NOTHING else np.ptp(seen))
+        place = PLACES[self.enters]
+        most = float(np.max(np.abs(seen)) if place.keeps_constant else np.ptp(seen))
         size = 100.0 * most if self.unit in ('1', '1/s') else most
         shown = float(f'{size:.2g}')
-        what = f'{_ENTERS[self.enters].format(f"{shown:g}")}, {_AGAINST[self.against]}'
-        return f'{what}: look at {_LOOK[self.enters]}'
+        what = f'{place.sentence.format(f"{shown:g}")}, {VARIABLES[self.against].sentence}'
+        return f'{what}: look at {place.inspect}'
 
 
 def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Model) -> Shape:
@@ -192,7 +135,7 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
             value[seen],
             low[seen],
             high[seen],
-            _VARIABLES.get(slot.against, slot.against),
+            VARIABLES[slot.against].symbol,
             free=slot.absorbed.size > 0,
             holds=lambda one: _holds(likelihood, model, slot, one, _AS_WELL * here.total),
         ),
@@ -213,8 +156,9 @@ def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:
     parameters, own = model.parameters.copy(), model.own.copy()
     if slot.name == ('flow', 'error'):
         return model
-    if slot.enters in _GAINS:
-        parameters[_GAINS[slot.enters]] *= 1.0 + mean
+    gains = PLACES[slot.enters].gains
+    if gains is not None:
+        parameters[gains] *= 1.0 + mean
         heights = (heights - mean) / (1.0 + mean)
     elif slot.enters == 'set_point':
         own[:, 0] += mean
@@ -224,7 +168,8 @@ def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:
 
 def _own(slot: Slot, values: Array, heights: Array) -> Array:
     """Return what takes from changes of heights all that the model's own numbers make up for, where samples are."""
-    absorbed = slot.absorbed * (1.0 + heights[:, None]) if slot.enters in (*_GAINS, 'cell') else slot.absorbed
+    is_share = PLACES[slot.enters].unit == '1'
+    absorbed = slot.absorbed * (1.0 + heights[:, None]) if is_share else slot.absorbed
     weights = slot.along(values).sum(axis=0)[:, None] * absorbed
     known = np.linalg.pinv(absorbed.T @ weights)
     return np.asarray(np.eye(KNOTS) - absorbed @ known @ weights.T)

@@ -24,33 +24,6 @@ VERDICTS = {
 }
 """Verdicts of the loop in two words."""
 
-LAW_PLACES = {
-    'set_point': 'set-point, off by',
-    'flow': 'flow, more by',
-    'gain': 'stiffness K_x, more by',
-    'chamber': 'rate of the pressure, more by',
-    'leak': 'leak, share of the gauge pressure',
-    'leak_while_growing': 'leak while the chamber grows, share of the gauge pressure',
-    'leak_while_shrinking': 'leak while the chamber shrinks, share of the gauge pressure',
-    'sensing': 'reading, off by',
-    'stiffness': 'stiffness of the air, more by',
-    'force': 'force, more by',
-    'friction': 'friction',
-    'cell': 'reading of the load cell, more by',
-}
-"""Where a law enters, for the axis of its picture."""
-
-LAW_VARIABLES = {
-    'x': 'displacement',
-    'speed': 'speed of the piston',
-    'p': 'gauge pressure',
-    'error': 'valve error',
-    'flow': 'flow, lagged',
-    'time': 'time',
-    'force': 'force',
-}
-"""What it depends on, likewise."""
-
 TESTS = {
     'inputs': 'Independent of the inputs',
     'slow_inputs': 'Independent of the inputs in its slow parts, too',

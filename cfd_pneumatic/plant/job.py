@@ -12,7 +12,7 @@ from typing import Any
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import ResultFiles, check_folder, marked, read_input, write_text
-from cfd_pneumatic.identification import LAW_VARIABLES, identify
+from cfd_pneumatic.identification import VARIABLES, identify
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
@@ -180,7 +180,7 @@ def _findings(part: Mapping[str, Any]) -> Row:
         'reason': part['why'],
         'effects': ';'.join(part['effects']),
         'alternatives': ';'.join(rivals),
-        'law': law and f'{law["enters"]} by {LAW_VARIABLES[law["against"]]}',
+        'law': law and f'{law["enters"]} by {VARIABLES[law["against"]].axis}',
         'effect_parameters': json.dumps(parameters) if parameters else None,
         'after_over_before': ratio and ratio['ratio'],
     }

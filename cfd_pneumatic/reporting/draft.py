@@ -4,39 +4,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import ChannelResult, Identification, Shape
-from cfd_pneumatic.model import LIFTING
-
-_FLOW = ('flow', 'q', 'q * (1.0 + {})', "the pressure rate that the valves' flow makes [Pa/s]")
-_GAIN = ('velocity_gain', 'gain', 'gain * (1.0 + {})', 'K_x [Pa/m]')
-_RATE = "the outlet pressure's rate [Pa/s]"
-_LEAK = 'rate - {} * (moment.p - moment.ambient)'
-_LIFTED = f'tanh(moment.rate / {LIFTING:g})'
-_FUNCTIONS = {
-    'set_point': (('setpoint', 'p_d', 'p_d + {}', 'the set-point that acts [Pa]'),),
-    'flow': (_FLOW,),
-    'gain': (_GAIN,),
-    'chamber': (('chamber', 'rate', 'rate + {}', _RATE),),
-    'leak': (('chamber', 'rate', _LEAK, _RATE),),
-    'leak_while_growing': (('chamber', 'rate', f'{_LEAK} * 0.5 * (1.0 + {_LIFTED})', _RATE),),
-    'leak_while_shrinking': (('chamber', 'rate', f'{_LEAK} * 0.5 * (1.0 - {_LIFTED})', _RATE),),
-    'sensing': (('signal', 'p', 'p + {}', 'what the sensor reads [Pa]'),),
-    'stiffness': (_GAIN, _FLOW),
-    'force': (('force', 'value', 'value + {}', 'the contact force [N]'),),
-    'friction': (('force', 'value', 'value - {} * stretch', 'the contact force, less what rubs [N]'),),
-    'cell': (('force', 'value', 'value * (1.0 + {})', 'what the load cell reads [N]'),),
-}
-"""An effect's functions by where a law enters, what each takes and returns, and what that is."""
-
-_VARIABLES = {
-    'x': ('moment.x', 'displacement'),
-    'speed': ('moment.rate', 'speed'),
-    'p': ('moment.p - moment.ambient', 'pressure'),
-    'error': ('moment.setpoint - moment.p_f', 'valve error'),
-    'time': ('moment.time', 'time'),
-    'force': ('value', 'pressure'),
-}
-"""What a law depends on, of a `Moment`, and against what a residual shows it."""
+from cfd_pneumatic.identification import PLACES, VARIABLES, ChannelResult, Identification, Shape
 
 _BOTH_PRESSURES = 'moment.p - moment.ambient + moment.opposing - moment.ambient'
 """What the pressure is in a law of the force."""
@@ -104,23 +72,23 @@ def draft_effect(identification: Identification, name: str) -> str:
     """
     for result in identification.closed:
         law = result.findings.unknown
-        if law is not None and law.formulas and law.against in _VARIABLES:
+        if law is not None and law.formulas and VARIABLES[law.against].effect:
             return _drafted(law, name, result)
     raise InputError('no effect is drafted: no law was drawn that has a formula in what it depends on')
 
 
 def _drafted(law: Shape, name: str, result: ChannelResult) -> str:
     formula = law.formulas[0]
-    variable, against = _VARIABLES[law.against]
+    functions_of_place, variable = PLACES[law.enters].effect, VARIABLES[law.against].effect
     names = [_NUMBERS[letter][0] for letter in formula.numbers]
     values = [f'{value:.6g}' for value in formula.numbers.values()]
-    written = formula.code + ''.join(changed for *_, changed, _ in _FUNCTIONS[law.enters])
+    written = formula.code + ''.join(function.result for function in functions_of_place)
     used = [one for one in ('exp', 'tanh', 'wave') if f'{one}(' in written]
     imports = ['from cfd_pneumatic.model.kernels import inlined']
     if used:
         imports.append(f'from cfd_pneumatic.model.lanewise import {", ".join(used)}')
     own, more, last = names, '', ''
-    if _FUNCTIONS[law.enters][0][0] != 'force':
+    if functions_of_place[0].name != 'force':
         more = '    moves_rest=True,\n'
     elif law.against == 'p':
         variable = _BOTH_PRESSURES
@@ -134,16 +102,16 @@ def _drafted(law: Shape, name: str, result: ChannelResult) -> str:
     parameters = '\n'.join(_parameter(letter, units.get(letter, law.unit_against), law) for letter in formula.numbers)
     functions = [
         _FUNCTION.format(
-            function=function,
-            taken=taken,
+            function=function.name,
+            taken=function.argument,
             parameters=', '.join(own),
             names=', '.join(names),
             letters=', '.join(formula.numbers),
-            what=what,
+            what=function.returned,
             variable=variable,
-            result=changed.format(f'({formula.code})'),
+            result=function.result.format(f'({formula.code})'),
         )
-        for function, taken, changed, what in _FUNCTIONS[law.enters]
+        for function in functions_of_place
     ]
     if law.enters == 'friction':
         functions.append(_SLIDE.format(parameters=', '.join(own)))
@@ -157,7 +125,7 @@ def _drafted(law: Shape, name: str, result: ChannelResult) -> str:
         otherwise=f'({", ".join([_turned(values[0]), *values[1:]])},)',
         name=name,
         parameters=parameters + last,
-        against=against,
+        against=VARIABLES[law.against].seen_against,
         more=more,
     )
 

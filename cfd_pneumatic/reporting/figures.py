@@ -17,10 +17,10 @@ from scipy.special import ndtri
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification import (
-    LAW_PLACES,
-    LAW_VARIABLES,
     PARTS,
+    PLACES,
     SIGNIFICANCE,
+    VARIABLES,
     ChannelResult,
     Comparison,
     Dependence,
@@ -117,7 +117,7 @@ def law_picture(law: Shape) -> Picture:
         alone = run.size == 1  # a dot
         curves += [Curve(at[run], line[run] / size, AFTER, (1 + 2 * alone) * width, alone) for line, width in lines]
     text = f'The law that was drawn: {law.words}. Thin lines: 95 % at each point; grey: not visited.'
-    place, variable = LAW_PLACES[law.enters], LAW_VARIABLES[law.against]
+    place, variable = PLACES[law.enters].axis, VARIABLES[law.against].axis
 
     def drawn(width: int) -> str:
         panel = Panel(f'{place} [{up}]', 200, curves, levels=[(0.0, 'var(--rule)')])

@@ -12,6 +12,7 @@ import pkgutil
 from collections.abc import Iterable, Iterator, Sequence
 
 from cfd_pneumatic.identification.channels.channel import UNTOLD, Channel, Curve, Effects, Estimate, Model, Quantity
+from cfd_pneumatic.identification.channels.characteristics import PLACES, VARIABLES
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.channels.pressure import Pressure
 from cfd_pneumatic.identification.channels.unknown import Unknown
@@ -36,7 +37,9 @@ def _kinds(classes: Iterable[type[Channel]]) -> Iterator[type[Channel]]:
 
 
 __all__ = [
+    'PLACES',
     'UNTOLD',
+    'VARIABLES',
     'Channel',
     'Curve',
     'Effects',

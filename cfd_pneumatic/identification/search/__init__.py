@@ -13,14 +13,13 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.search.cores import Cores
     from cfd_pneumatic.identification.search.curves import fitted, heights_of, penalty_of
     from cfd_pneumatic.identification.search.laws import Drawn, Laws
-    from cfd_pneumatic.identification.search.slots import FROM_NOTHING, Slot
+    from cfd_pneumatic.identification.search.slots import Slot
     from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH, TIE, SearchResult, Trial
     from cfd_pneumatic.identification.search.visibility import invisible
 else:
     __getattr__ = loader_of(__name__)
 
 __all__ = [
-    'FROM_NOTHING',
     'SHOWN',
     'STRENGTH',
     'TIE',

@@ -11,16 +11,13 @@ from itertools import product
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.identification.channels import Curve, Model
+from cfd_pneumatic.identification.channels import PLACES, Curve, Model
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.model import KNOTS, ONE_WAY
+from cfd_pneumatic.model import KNOTS
 
 _CROWDS = (0.3, 0.1, 0.03)  # how knots lie about nothing moving, and where a curve bends
 _LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
 _VISITED = 0.002  # share of the samples at either end of a range that does not count
-
-FROM_NOTHING = ('chamber', 'leak', *ONE_WAY, 'friction')
-"""Where a law enters of which no other number has what is even."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +85,7 @@ class Slot:
     @property
     def absorbed(self) -> Array:
         """Heights that the model's own numbers make up for, shape (knots, k): what is even, on either side of zero."""
-        if self.enters in FROM_NOTHING:
+        if PLACES[self.enters].keeps_constant:
             return np.zeros((KNOTS, 0))
         if self.name == ('flow', 'error'):
             charging = np.heaviside(self.knots, 0.5)

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Where an unknown characteristic may enter a model, and on which variable it may depend: a row for each.
+
+Search, report, console and the draft of an effect read these tables. The kernels of `model/effects/curve.py` and
+`force_curve.py` compute what the rows describe.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+from cfd_pneumatic.model import LIFTING
+
+
+class EffectFunction(NamedTuple):
+    """
+    A function of an effect's file.
+
+    Attributes
+    ----------
+    name, argument
+        As `model/effects/effect.py` wants them.
+    result
+        Expression that the function returns, with a blank for the characteristic's formula.
+    returned
+        What that is, with its unit.
+
+    """
+
+    name: str
+    argument: str
+    result: str
+    returned: str
+
+
+@dataclass(frozen=True)
+class Place:
+    """
+    A place at which a characteristic may enter.
+
+    Attributes
+    ----------
+    unit
+        Of the characteristic's value.
+    axis
+        Label of the value in a plot.
+    sentence
+        What the characteristic does, with a blank for its largest value; shares are in percent there.
+    inspect
+        What to look at on the machine.
+    effect
+        Functions of an effect's file that has the characteristic.
+    gains
+        Which of the model's gains make up for a constant value; None where none does.
+    keeps_constant
+        Whether no parameter of the model makes up for a constant value.
+
+    """
+
+    unit: str
+    axis: str
+    sentence: str
+    inspect: str
+    effect: tuple[EffectFunction, ...]
+    gains: slice | None = None
+    keeps_constant: bool = False
+
+
+@dataclass(frozen=True)
+class Variable:
+    """
+    A variable on which a characteristic may depend.
+
+    Attributes
+    ----------
+    unit
+        Of the variable.
+    axis
+        Label of the variable in a plot.
+    symbol
+        Of the variable in a formula.
+    sentence
+        The dependence in a clause.
+    effect
+        Expression for the variable in an effect's file; empty where an effect cannot have it.
+    seen_against
+        Signal against which a residual shows the dependence, as `Effect.seen_against` names it.
+
+    """
+
+    unit: str
+    axis: str
+    symbol: str
+    sentence: str
+    effect: str = ''
+    seen_against: str = ''
+
+
+_FLOW = EffectFunction('flow', 'q', 'q * (1.0 + {})', "the pressure rate that the valves' flow makes [Pa/s]")
+_GAIN = EffectFunction('velocity_gain', 'gain', 'gain * (1.0 + {})', 'K_x [Pa/m]')
+_LEAK = 'rate - {} * (moment.p - moment.ambient)'
+_LIFTED = f'tanh(moment.rate / {LIFTING:g})'
+
+
+def _of_chamber(result: str) -> tuple[EffectFunction, ...]:
+    return (EffectFunction('chamber', 'rate', result, "the outlet pressure's rate [Pa/s]"),)
+
+
+def _of_force(result: str, returned: str) -> tuple[EffectFunction, ...]:
+    return (EffectFunction('force', 'value', result, returned),)
+
+
+PLACES: Mapping[str, Place] = MappingProxyType(
+    {
+        'set_point': Place(
+            'Pa',
+            'set-point, off by',
+            'the pressure that the regulator holds is off by up to {} Pa',
+            'the regulator, its control line and what it hangs on',
+            (EffectFunction('setpoint', 'p_d', 'p_d + {}', 'the set-point that acts [Pa]'),),
+        ),
+        'flow': Place(
+            '1',
+            'flow, more by',
+            'the valves pass up to {} % more or less',
+            'the supply line, the valve seats and the silencer',
+            (_FLOW,),
+            gains=slice(1, 3),
+        ),
+        'gain': Place(
+            '1',
+            'stiffness K_x, more by',
+            'the piston sweeps up to {} % more or less volume',
+            'the bore, the seal and the chamber walls',
+            (_GAIN,),
+            gains=slice(0, 1),
+        ),
+        'chamber': Place(
+            'Pa/s',
+            'rate of the pressure, more by',
+            'air that nobody has ordered changes the pressure by up to {} Pa a second',
+            'the seal and the fittings',
+            _of_chamber('rate + {}'),
+            keeps_constant=True,
+        ),
+        'leak': Place(
+            '1/s',
+            'leak, share of the gauge pressure',
+            'the chamber loses up to {} % of its gauge pressure a second',
+            'the seal and the fittings',
+            _of_chamber(_LEAK),
+            keeps_constant=True,
+        ),
+        'leak_while_growing': Place(
+            '1/s',
+            'leak while the chamber grows, share of the gauge pressure',
+            'while it grows the chamber loses up to {} % of its gauge pressure a second',
+            'the lip of the seal',
+            _of_chamber(f'{_LEAK} * 0.5 * (1.0 + {_LIFTED})'),
+            keeps_constant=True,
+        ),
+        'leak_while_shrinking': Place(
+            '1/s',
+            'leak while the chamber shrinks, share of the gauge pressure',
+            'while it shrinks the chamber loses up to {} % of its gauge pressure a second',
+            'the lip of the seal',
+            _of_chamber(f'{_LEAK} * 0.5 * (1.0 - {_LIFTED})'),
+            keeps_constant=True,
+        ),
+        'sensing': Place(
+            'Pa',
+            'reading, off by',
+            'the pressure sensor reads up to {} Pa too much or too little',
+            'the pressure sensor, its line and its supply',
+            (EffectFunction('signal', 'p', 'p + {}', 'what the sensor reads [Pa]'),),
+        ),
+        'stiffness': Place(
+            '1',
+            'stiffness of the air, more by',
+            'the air in the chamber is up to {} % stiffer or softer',
+            'the chamber walls, hoses and what else is joined to the chamber',
+            (_GAIN, _FLOW),
+            gains=slice(0, 3),
+        ),
+        'force': Place(
+            'N',
+            'force, more by',
+            'something beside the air adds or takes up to {} N',
+            'cables and hoses that the piston moves, stops, and the zero of the load cell',
+            _of_force('value + {}', 'the contact force [N]'),
+        ),
+        'friction': Place(
+            'N',
+            'friction',
+            'something rubs with up to {} N',
+            'the bore, the rod and its seals and guides',
+            _of_force('value - {} * stretch', 'the contact force, less what rubs [N]'),
+            keeps_constant=True,
+        ),
+        'cell': Place(
+            '1',
+            'reading of the load cell, more by',
+            'the load cell reads up to {} % too much or too little',
+            'the load cell, how it is mounted, and the linkage',
+            _of_force('value * (1.0 + {})', 'what the load cell reads [N]'),
+        ),
+    }
+)
+"""By the name of `enters` of an effect that is a curve."""
+
+VARIABLES: Mapping[str, Variable] = MappingProxyType(
+    {
+        'x': Variable('m', 'displacement', 'x', 'depending on the place along the stroke', 'moment.x', 'displacement'),
+        'speed': Variable(
+            'm/s', 'speed of the piston', 'v', 'depending on the speed of the piston', 'moment.rate', 'speed'
+        ),
+        'p': Variable(
+            'Pa', 'gauge pressure', 'p', 'depending on the pressure', 'moment.p - moment.ambient', 'pressure'
+        ),
+        'error': Variable(
+            'Pa',
+            'valve error',
+            'e',
+            'depending on how far the valves are open',
+            'moment.setpoint - moment.p_f',
+            'valve error',
+        ),
+        'flow': Variable('Pa/s', 'flow, lagged', 'q', 'the more, or the less, air has flowed lately'),
+        'time': Variable('s', 'time', 't', 'as time goes by', 'moment.time', 'time'),
+        'force': Variable('N', 'force', 'F', 'depending on the force', 'value', 'pressure'),
+    }
+)
+"""By the name of `against` of an effect that is a curve."""
