@@ -63,7 +63,7 @@ LONG = (
     'nodes/test_sim_node.py',
     'plant/test_each.py',
     'identification/test_cores.py',
-    'identification/test_readings.py',
+    'identification/test_alternative_readings.py',
     'identification/test_measured_loop.py',
     'test_mistakes.py',
     'identification/test_loop.py',

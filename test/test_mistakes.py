@@ -20,7 +20,7 @@ TRIED = {
 """
 One of each code that tells of a mistake; a sample of the others comes on top, and `make mistakes` makes all.
 
-What only the physical core sees of devices of full physics is for `identification/test_readings.py`.
+What only the physical core sees of devices of full physics is for `identification/test_alternative_readings.py`.
 """
 
 SAMPLED = 3

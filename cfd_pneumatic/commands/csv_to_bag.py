@@ -12,15 +12,8 @@ from pathlib import Path
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording import (
-    STORAGES,
-    check_bag,
-    described,
-    doubts,
-    read_mapping,
-    read_recording,
-    write_recording,
-)
+from cfd_pneumatic.identification import check_recording, describe
+from cfd_pneumatic.recording import STORAGES, check_bag, read_mapping, read_recording, write_recording
 
 NAME = 'csv_to_bag'
 
@@ -42,9 +35,9 @@ def convert(arguments: Sequence[str] | None = None) -> None:
         raise InputError(f'{options.mapping} maps the topics of a bag: for a table it needs the entry `table`')
     recording = read_recording(options.file, mapping=mapping, ambient_pressure=options.ambient_pressure)
     print(f'{recording.name}:')
-    for line in described(recording, options.ambient_pressure):
-        print(f'  {line}')
-    for line in (*recording.health, *(f'{one.level}: {one}' for one in doubts(recording, options.ambient_pressure))):
+    found = check_recording(recording, options.ambient_pressure)
+    notices = [f'{notice.level}: {notice}' for notice in found]
+    for line in (*describe(recording, options.ambient_pressure), *recording.health, *notices):
         print(f'  {line}')
     write_recording(
         options.output,

@@ -283,13 +283,12 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
 
 def _print_recordings(recordings: Sequence[Recording], options: Options) -> None:
     """Print what was recorded, and which mistakes that looks like, before minutes are spent on it."""
-    from cfd_pneumatic.identification import of_recordings
+    from cfd_pneumatic.identification import check_recordings, describe
     from cfd_pneumatic.notices import WARNING
-    from cfd_pneumatic.recording import described
 
     for recording in recordings:
-        print(f'{recording.name}:', *described(recording, options.ambient_pressure), sep='\n  ')
-    warnings = [one for one in of_recordings(recordings, options) if one.level == WARNING]
+        print(f'{recording.name}:', *describe(recording, options.ambient_pressure), sep='\n  ')
+    warnings = [one for one in check_recordings(recordings, options) if one.level == WARNING]
     for one in warnings:
         print(f'warning: {one}')
     if warnings:

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
         tolerance_from,
     )
     from cfd_pneumatic.identification.decay import LAWS, Decay, Leak, decay_of, rate_of
-    from cfd_pneumatic.identification.doubts import of_recordings
     from cfd_pneumatic.identification.fit import (
         LARGEST_RELATIVE_STD,
         Fit,
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
         find_optimum,
         fit_model,
     )
+    from cfd_pneumatic.identification.input_checks import check_recording, check_recordings, describe
     from cfd_pneumatic.identification.loop import close_loop, with_core
     from cfd_pneumatic.identification.procedure import identify, prepared
     from cfd_pneumatic.identification.residual import (
@@ -109,14 +109,16 @@ __all__ = [
     'Trial',
     'autocovariance',
     'autoregression',
+    'check_recording',
+    'check_recordings',
     'close_loop',
     'decay_of',
     'dependences',
+    'describe',
     'find_optimum',
     'fit_model',
     'identify',
     'number',
-    'of_recordings',
     'percent',
     'prepared',
     'qualified',

@@ -23,15 +23,22 @@ from cfd_pneumatic.identification.data import (
     observed_motion,
     split_recordings,
 )
-from cfd_pneumatic.identification.doubts import doubts, of_recordings
 from cfd_pneumatic.identification.fit import Fit, fit_model
+from cfd_pneumatic.identification.input_checks import (
+    alternative_reading,
+    check_motion,
+    check_recordings,
+    check_results,
+    is_misread,
+    ripple_notice,
+    ripple_of,
+    steps_of_fit,
+    steps_of_pressure,
+)
 from cfd_pneumatic.identification.loop import close_loop, with_core
-from cfd_pneumatic.identification.readings import is_doubtful, other_reading
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
-from cfd_pneumatic.identification.steps import of_fit, of_pressure
-from cfd_pneumatic.identification.waves import to_leave_out, waves_of
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
-from cfd_pneumatic.recording import Recording, of_motion, pieces
+from cfd_pneumatic.recording import Recording, pieces
 from cfd_pneumatic.runtime import each
 
 Progress = Callable[[str, float], None]
@@ -126,11 +133,11 @@ def identify(
     fitted = {channel: one for channel in channels if isinstance(one := fits[channel.name], Fit)}
     needed = {channel: fits[channel.name] for channel in channels if channel.needed}
     untold = [one for one in needed.values() if isinstance(one, InputError)]
-    doubtful = bool(untold) or is_doubtful([one for one in needed.values() if isinstance(one, Fit)])
-    other = other_reading(recordings, options) if doubtful else None
+    doubtful = bool(untold) or is_misread([one for one in needed.values() if isinstance(one, Fit)])
+    other = alternative_reading(recordings, options) if doubtful else None
     seen = {name: [other] for name in waiting} if other else _steps(needed, data, options)
     seen_in_any = list(dict.fromkeys(chain(*seen.values())))
-    if any(one.code == 'unit_suspect' for held in recordings for one in of_motion(held.displacement)):
+    if any(one.code == 'unit_suspect' for held in recordings for one in check_motion(held.displacement)):
         in_vain = {*waiting}  # a device whose millisecond is a second has no effects: to seek them would take minutes
     else:
         in_vain = {*seen}
@@ -147,7 +154,7 @@ def identify(
 
     results = {one.channel.name: one for one in together(result_of, fitted)}
     unidentified = {name: str(error) for name, error in failed.items()}
-    notices = (*doubts(recordings, results, options, seen_in_any), *uneven)
+    notices = (*check_results(recordings, results, options, seen_in_any), *uneven)
     misread = any_warning([one for one in notices if one.code != 'size_suspect'])
     notices += tuple(_notice_of(one, misread) for one in failed.values())
     results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}
@@ -160,7 +167,7 @@ def _without_waves(
     data: Prepared, fits: Mapping[str, Fit | InputError], channels: Sequence[Channel], options: Options
 ) -> tuple[Prepared, tuple[Notice, ...]]:
     """Return the recordings without waves of the displacement that no pressure follows, and what to say of them."""
-    found = [waves_of(*one) for one in zip(data.recordings, data.motions)]
+    found = [ripple_of(*one) for one in zip(data.recordings, data.motions)]
     if not any(found):
         return data, ()
     recordings = tuple(one if waves is None else waves.without for one, waves in zip(data.recordings, found))
@@ -174,7 +181,7 @@ def _without_waves(
         )
         if (waves := found[index])
     ]
-    said = to_leave_out(pressures)
+    said = ripple_notice(pressures)
     return (data, ()) if said is None else (even, (said,))
 
 
@@ -183,9 +190,9 @@ def _steps(needed: Mapping[Channel, Fit | InputError], data: Prepared, options: 
     found = {}
     for channel, one in needed.items():
         if isinstance(one, Fit):
-            steps = of_fit(one, data.recordings)
+            steps = steps_of_fit(one, data.recordings)
         else:
-            steps = of_pressure(channel, data.experiments(channel), data.recordings, options.ambient_pressure)
+            steps = steps_of_pressure(channel, data.experiments(channel), data.recordings, options.ambient_pressure)
         found[channel.name] = list(steps)
     return {name: steps for name, steps in found.items() if steps}
 
@@ -202,7 +209,7 @@ def _notice_of(error: InputError, doubted: bool) -> Notice:
 
 def _with_what_it_looks_like(error: InputError, recordings: Sequence[Recording], options: Options) -> InputError:
     """Return the mistakes that recordings look like, and the error that they end in if nothing is mended."""
-    seen = [one for one in of_recordings(recordings, options) if one.level == WARNING]
+    seen = [one for one in check_recordings(recordings, options) if one.level == WARNING]
     if not seen:
         return error
     first, *others = seen

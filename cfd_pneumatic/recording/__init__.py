@@ -25,19 +25,8 @@ if TYPE_CHECKING:
         Stream,
         check_bag,
     )
+    from cfd_pneumatic.recording.dropouts import is_noisy
     from cfd_pneumatic.recording.gaps import pieces
-    from cfd_pneumatic.recording.inspection import (
-        CHAMBER_LENGTHS,
-        GAUGE_PRESSURES,
-        LENGTHS,
-        described,
-        doubts,
-        duplicates,
-        in_other_units,
-        of_motion,
-        scales,
-        shown_length,
-    )
     from cfd_pneumatic.recording.mapping import (
         COLUMN_KEYS,
         NUMBER_KEYS,
@@ -51,17 +40,16 @@ if TYPE_CHECKING:
     from cfd_pneumatic.recording.reading import read_recording
     from cfd_pneumatic.recording.recording import Recording
     from cfd_pneumatic.recording.sampled_signals import recording_of, sampled
-    from cfd_pneumatic.recording.signals import CylinderSignals, Signal
+    from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Signal
     from cfd_pneumatic.recording.wording import counted
     from cfd_pneumatic.recording.writing import stamps_of, streams_of, write_recording
 else:
     __getattr__ = loader_of(__name__)
 
 __all__ = [
-    'CHAMBER_LENGTHS',
+    'ABSOLUTE',
     'COLUMN_KEYS',
-    'GAUGE_PRESSURES',
-    'LENGTHS',
+    'GAUGE',
     'METADATA',
     'NUMBER_KEYS',
     'PRESSURE_KEYS',
@@ -81,18 +69,12 @@ __all__ = [
     'Stream',
     'check_bag',
     'counted',
-    'described',
-    'doubts',
-    'duplicates',
-    'in_other_units',
-    'of_motion',
+    'is_noisy',
     'pieces',
     'read_mapping',
     'read_recording',
     'recording_of',
     'sampled',
-    'scales',
-    'shown_length',
     'stamps_of',
     'streams_of',
     'write_recording',

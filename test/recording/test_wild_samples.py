@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cfd_pneumatic.identification.input_checks.samples import at_limit, shifted, stuck, two_sources
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.recording.cleaning import Cleaned
 from cfd_pneumatic.recording.dropouts import without_pulses
-from cfd_pneumatic.recording.suspect_samples import at_limit, shifted, stuck, two_sources
 from cfd_pneumatic.recording.wild_samples import screened
 
 RATE = 500.0

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Waves of the displacement that the pressure does not follow: its sensor makes them, not the piston.
+Ripple of the displacement that the pressure does not follow: its sensor makes them, not the piston.
 
 Where a piston is driven evenly from one reversal to the next, a sensor may see it wave: its target is no plane, or
 sways. Whether the piston does, the pressure tells, which follows its speed.
@@ -31,9 +31,9 @@ _SURE = 50.0  # times a sample's square, by which less must be left without wave
 
 
 @dataclass(frozen=True)
-class Waves:
+class Ripple:
     """
-    Waves of a recording's displacement in even motion.
+    Ripple of a recording's displacement in even motion.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Waves:
     size: float
 
 
-def waves_of(recording: Recording, motion: Motion) -> Waves | None:
+def ripple_of(recording: Recording, motion: Motion) -> Ripple | None:
     """Return the waves of a displacement; None where no motion is even for long, or none stick out of the noise."""
     if not motion.reach:
         return None
@@ -80,10 +80,10 @@ def waves_of(recording: Recording, motion: Motion) -> Waves | None:
     for inside, one in waves:
         values[inside] -= one
     without = replace(recording, displacement=replace(recording.displacement, values=values))
-    return Waves(without, tuple(spans), size)
+    return Ripple(without, tuple(spans), size)
 
 
-def to_leave_out(pressures: Sequence[tuple[Waves, Fit, Experiment, Experiment]]) -> Notice | None:
+def ripple_notice(pressures: Sequence[tuple[Ripple, Fit, Experiment, Experiment]]) -> Notice | None:
     """
     Return what to say of waves that the pressures do not follow; None where they do, or nothing tells.
 
@@ -115,7 +115,7 @@ def to_leave_out(pressures: Sequence[tuple[Waves, Fit, Experiment, Experiment]])
     )
 
 
-def _told(waves: Waves, fit: Fit, recorded: Experiment, even: Experiment) -> Iterator[Array]:
+def _told(waves: Ripple, fit: Fit, recorded: Experiment, even: Experiment) -> Iterator[Array]:
     """Yield what waves would make of a pressure, its slope, and what is left without them, shape (3, n) [residuals]."""
     times, known = recorded.sample_times, recorded.sample_times[recorded.fitted]
     if not known.size:

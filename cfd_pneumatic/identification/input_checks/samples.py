@@ -8,9 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cfd_pneumatic.notices import Notice, warning
-from cfd_pneumatic.recording.dropouts import is_noisy
-from cfd_pneumatic.recording.signals import Signal
-from cfd_pneumatic.recording.wording import counted
+from cfd_pneumatic.recording import Signal, counted, is_noisy
 
 _SPIKE = 3  # samples that a leap out and back may last
 _LEAP = 0.25  # of the absolute pressure: what leaps by less may be the piston's doing

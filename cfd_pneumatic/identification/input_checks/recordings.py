@@ -14,16 +14,13 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.data import Options
+from cfd_pneumatic.identification.input_checks.samples import at_limit, leaps, shifted, standstill, stuck, two_sources
 from cfd_pneumatic.notices import Notice, note, warning
-from cfd_pneumatic.recording.recording import Recording
-from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Signal
-from cfd_pneumatic.recording.suspect_samples import at_limit, leaps, shifted, standstill, stuck, two_sources
-from cfd_pneumatic.recording.wording import counted
+from cfd_pneumatic.recording import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal, counted
 from cfd_pneumatic.units import PSI, UNITS
-
-Array = NDArray[np.float64]
 
 STROKES = (2e-5, 0.5)
 """What a piston moves [m]."""
@@ -58,7 +55,7 @@ _MOST_GUESSES = 3
 _ROUGHEST = 0.6  # change from sample to sample, as a share of the spread; 1.4 of independent samples
 
 
-def described(recording: Recording, ambient_pressure: float) -> list[str]:
+def describe(recording: Recording, ambient_pressure: float) -> list[str]:
     """Return a line for each signal, in units of people: range, level, and how it was sampled."""
     lines = []
     for role, cylinder, signal in recording.signals():
@@ -85,9 +82,15 @@ def _sampling(role: str, signal: Signal) -> str:
     return f'{counted(len(signal), "sample")}{rate} in {float(np.ptp(signal.times)):.4g} s'
 
 
-def doubts(recording: Recording, ambient_pressure: float) -> list[Notice]:
+def check_recordings(recordings: Sequence[Recording], options: Options) -> tuple[Notice, ...]:
+    """Return which mistakes recordings look like, and what has to be assumed of them."""
+    alone = (notice for one in recordings for notice in check_recording(one, options.ambient_pressure))
+    return (*dict.fromkeys(alone), *duplicates(recordings))
+
+
+def check_recording(recording: Recording, ambient_pressure: float) -> list[Notice]:
     """Return which mistakes a recording looks like, and what has to be assumed of it."""
-    found = [] if recording.rests else [*of_motion(recording.displacement), *at_limit(recording.displacement)]
+    found = [] if recording.rests else [*check_motion(recording.displacement), *at_limit(recording.displacement)]
     for role, cylinder, signal in recording.signals():
         found += [
             *leaps(role, cylinder, signal),
@@ -116,7 +119,7 @@ def duplicates(recordings: Sequence[Recording]) -> Iterator[Notice]:
                 )
 
 
-def of_motion(displacement: Signal) -> Iterator[Notice]:
+def check_motion(displacement: Signal) -> Iterator[Notice]:
     """Yield which mistakes a displacement and its times look like."""
     stroke, period = float(np.ptp(_some(displacement.values))), _period(displacement)
     if stroke > STROKES[1] or 0.0 < stroke < STROKES[0]:

@@ -9,7 +9,7 @@ from measured import MAPPING, ROOT, needs_measured_data
 
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data.motion import observed_motion
-from cfd_pneumatic.identification.waves import waves_of
+from cfd_pneumatic.identification.input_checks.sensor_ripple import ripple_of
 from cfd_pneumatic.recording import read_mapping, read_recording, recording_of
 from cfd_pneumatic.rig import SetPoints, device_named, lay_out, out_and_back, paper_step, record, surface_following
 
@@ -67,7 +67,7 @@ def test_waves_of_the_sensor_are_left_out_and_said():
 @pytest.mark.parametrize('faults', ['', 'pickup.displacement_delay=0.05', 'effects_a.sensor_lag=0.02'])
 def test_waves_of_the_piston_stay(faults):
     one = recorded(waving, faults)
-    assert waves_of(one, observed_motion(one)[0]) is not None
+    assert ripple_of(one, observed_motion(one)[0]) is not None
     told, *_ = identified(one)
     assert told == []
 
@@ -81,7 +81,7 @@ def test_what_was_recorded_stays_as_it_is():
 @pytest.mark.parametrize('schedule', [out_and_back(), paper_step(), surface_following(duration=10.0, seed=1)])
 def test_what_never_moves_evenly_for_long_has_no_waves(schedule):
     one = recording_of(record(schedule, device_named('real', ''), seed=1))
-    assert waves_of(one, observed_motion(one)[0]) is None
+    assert ripple_of(one, observed_motion(one)[0]) is None
 
 
 def test_a_piston_that_rests_most_of_the_time_does_not_move_evenly():
@@ -89,12 +89,12 @@ def test_a_piston_that_rests_most_of_the_time_does_not_move_evenly():
     one = recorded(even)
     moved = np.interp(times % 4.0, [0.0, 1.9, 2.0, 3.9, 4.0], [0.0, 0.0, STROKE, STROKE, 0.0])
     still = replace(one, displacement=replace(one.displacement, times=times, values=moved))
-    assert waves_of(still, observed_motion(still)[0]) is None
+    assert ripple_of(still, observed_motion(still)[0]) is None
 
 
 def test_waves_are_told_from_even_motion():
     one = as_a_swaying_target_has_it(recorded(even))
-    waves = waves_of(one, observed_motion(one)[0])
+    waves = ripple_of(one, observed_motion(one)[0])
     assert waves.size == pytest.approx(SIZE / np.sqrt(2.0), rel=0.1)  # they fade in and out
     times, moved = waves.without.displacement.times, waves.without.displacement.values
     inside = np.any([(begin <= times) & (times <= end) for begin, end in waves.spans], axis=0)

@@ -16,12 +16,22 @@ import numpy as np
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.identification.channels import Force
 from cfd_pneumatic.identification.data import Options
-from cfd_pneumatic.identification.readings import left_of_force, other_pressure, other_scales
+from cfd_pneumatic.identification.input_checks.alternative_readings import (
+    alternative_scales,
+    force_error_share,
+    pressure_readings,
+)
+from cfd_pneumatic.identification.input_checks.recordings import (
+    CHAMBER_LENGTHS,
+    LENGTHS,
+    check_recordings,
+    in_other_units,
+    shown_length,
+)
 from cfd_pneumatic.identification.residual import sample_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
-from cfd_pneumatic.recording import CHAMBER_LENGTHS, LENGTHS, Recording, duplicates, in_other_units, shown_length
-from cfd_pneumatic.recording import doubts as doubts_of_recording
+from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.runtime import each
 from cfd_pneumatic.units import INCH, UNITS
 
@@ -49,7 +59,7 @@ _LAG = 'displacement_lag'  # as good as a delay
 _TOLD_BY_FORCE = 0.05  # change of the force's error
 
 
-def doubts(
+def check_results(
     recordings: Sequence[Recording], results: Mapping[str, ChannelResult], options: Options, seen: Sequence[Notice] = ()
 ) -> tuple[Notice, ...]:
     """
@@ -57,7 +67,7 @@ def doubts(
 
     What was `seen` before effects were searched for is not looked for again.
     """
-    found = [*of_recordings(recordings, options)]
+    found = [*check_recordings(recordings, options)]
     odd = any(one.code == 'unit_suspect' for one in found)
     cylinders = {name: one for name, one in results.items() if not isinstance(one.channel, Force)}
     forces = [one for one in results.values() if isinstance(one.channel, Force)]
@@ -66,7 +76,7 @@ def doubts(
     if not odd:  # in a wrong unit signs and levels look wrong, too
         found += seen
     if not any_warning(found):
-        others = each(lambda one: [*other_pressure(one, recordings, options)], cylinders.values())
+        others = each(lambda one: [*pressure_readings(one, recordings, options)], cylinders.values())
         found += chain.from_iterable(others)
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in _of_long_chamber(one, recordings, options)]
@@ -80,12 +90,6 @@ def doubts(
     found += [notice for one in cylinders.values() for notice in _of_drift(one)]
     found += [notice for one in forces for notice in _of_force(one, recordings, options)]
     return tuple(found)
-
-
-def of_recordings(recordings: Sequence[Recording], options: Options) -> tuple[Notice, ...]:
-    """Return which mistakes recordings look like, and what has to be assumed of them."""
-    alone = (notice for one in recordings for notice in doubts_of_recording(one, options.ambient_pressure))
-    return (*dict.fromkeys(alone), *duplicates(recordings))
 
 
 def _of_drift(result: ChannelResult) -> Iterator[Notice]:
@@ -114,7 +118,7 @@ def _of_chamber(result: ChannelResult, recordings: Sequence[Recording], options:
             + in_other_units(length, CHAMBER_LENGTHS, displacement.unit, LENGTHS, shown_length)
             + ''.join(
                 f'; {shown_length(scale.chamber)} if the pressures are {scale.true}'
-                for scale in other_scales(result, recordings, options.ambient_pressure)
+                for scale in alternative_scales(result, recordings, options.ambient_pressure)
             ),
         )
         return
@@ -150,7 +154,7 @@ def _usual_chambers(
 ) -> Iterator[str]:
     """Yield how long the chamber would be in units and references of pressures that make it a usual one."""
     own = next(signal for one in recordings if (signal := result.channel.signal(one)) is not None)
-    for scale in other_scales(result, recordings, options.ambient_pressure):
+    for scale in alternative_scales(result, recordings, options.ambient_pressure):
         is_meant = in_other_units or (own.reference is not None and 'unit' not in scale.entries)
         if is_meant and USUAL_CHAMBERS[0] <= scale.chamber <= USUAL_CHAMBERS[1]:
             yield f'{shown_length(scale.chamber)} if the pressures are {scale.true}'
@@ -227,7 +231,7 @@ def _of_delay(
         if early:
             message = f'{result.name}: a delay of {-1e3 * late:.3g} ms has the pressure come before the piston'
         ratios = [
-            left_of_force(recordings, force, options, -late) / left_of_force(recordings, force, options)
+            force_error_share(recordings, force, options, -late) / force_error_share(recordings, force, options)
             for force in forces
         ]
         yield warning('size_suspect', message, _of_late_displacement(*ratios))

@@ -27,7 +27,7 @@ _LEAST_SHARE = 0.01  # of the sum of squares, that each further step explains
 _MOST_TOLD = 20
 
 
-def of_fit(fit: Fit, recordings: Sequence[Recording]) -> Iterator[Notice]:
+def steps_of_fit(fit: Fit, recordings: Sequence[Recording]) -> Iterator[Notice]:
     """Ask whether what a cylinder's fit leaves is a staircase where no set-point was recorded."""
     channel, experiments = fit.likelihood.channel, fit.likelihood.experiments
     noise = fit.likelihood.noise(fit.model).std
@@ -39,7 +39,7 @@ def of_fit(fit: Fit, recordings: Sequence[Recording]) -> Iterator[Notice]:
             yield from _steps(channel, one, one.measured - simulated + level - level[0], float(level[0]), noise)
 
 
-def of_pressure(
+def steps_of_pressure(
     channel: Channel, experiments: Sequence[Experiment], recordings: Sequence[Recording], ambient_pressure: float
 ) -> Iterator[Notice]:
     """Ask the same of a pressure that nothing could be fitted to, since it does not follow the piston."""

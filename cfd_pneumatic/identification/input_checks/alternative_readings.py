@@ -21,13 +21,14 @@ from cfd_pneumatic.identification.channels import Channel, Model, Pressure
 from cfd_pneumatic.identification.conclusion import maybe_more
 from cfd_pneumatic.identification.data import AUTO, Experiment, Options, observed_motion, split_recordings
 from cfd_pneumatic.identification.fit import Fit, Likelihood, find_optimum, fit_model
+from cfd_pneumatic.identification.input_checks.recordings import CHAMBER_LENGTHS, GAUGE_PRESSURES, scales
+from cfd_pneumatic.identification.input_checks.setpoint_steps import with_steps
 from cfd_pneumatic.identification.residual import explained
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.identification.search import Candidates
-from cfd_pneumatic.identification.steps import with_steps
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.notices import Notice, warning
-from cfd_pneumatic.recording import CHAMBER_LENGTHS, GAUGE_PRESSURES, CylinderSignals, Recording, Signal, scales
+from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
 _DOUBTFUL = 0.3  # share of a pressure's spread that a model may leave of it; what is read rightly leaves far less
 _BETTER = 0.5  # of what the recordings leave as they are read: what another way leaves at most
@@ -42,7 +43,7 @@ _ROUGH = (1e-3, 30)  # tolerance and evaluations
 Reading = Callable[[Recording], Recording]
 
 
-def is_doubtful(fits: Sequence[Fit]) -> bool:
+def is_misread(fits: Sequence[Fit]) -> bool:
     """
     Return whether a pressure hardly follows the piston, or not at all, in cylinders' fits without effects.
 
@@ -55,7 +56,7 @@ def is_doubtful(fits: Sequence[Fit]) -> bool:
     return any(not one.estimates[0].identifiable or hardly(one) for one in fits)
 
 
-def other_reading(recordings: Sequence[Recording], options: Options) -> Notice | None:
+def alternative_reading(recordings: Sequence[Recording], options: Options) -> Notice | None:
     """Return which other way of reading recordings fits, where theirs does not; None where none does."""
     some = [_beginning(one) for one in recordings]
     here = _worst(some, options)
@@ -75,7 +76,7 @@ def other_reading(recordings: Sequence[Recording], options: Options) -> Notice |
     return warning(code, 'the pressures do not follow the piston as it is read', fix)
 
 
-def other_pressure(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[Notice]:
+def pressure_readings(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[Notice]:
     """
     Ask whether a pressure is a whole device's in another unit, or against another zero.
 
@@ -108,7 +109,7 @@ def other_pressure(result: ChannelResult, recordings: Sequence[Recording], optio
         return candidates.leaves_noise(fitted), fitted.rss / scale.factor**2
 
     left = {}
-    for scale in other_scales(result, recordings, options.ambient_pressure):
+    for scale in alternative_scales(result, recordings, options.ambient_pressure):
         is_explained, squares = by_core(scale)
         if is_explained:
             left[scale] = squares
@@ -161,7 +162,7 @@ class Scale:
         return replace(experiment, measured=measured, inputs={**experiment.inputs, 'setpoint': setpoint})
 
 
-def other_scales(result: ChannelResult, recordings: Sequence[Recording], ambient: float) -> Iterator[Scale]:
+def alternative_scales(result: ChannelResult, recordings: Sequence[Recording], ambient: float) -> Iterator[Scale]:
     """Yield the units and references that would make usual pressures and a usual chamber of a cylinder's."""
     signal = next(own for one in recordings if (own := result.channel.signal(one)) is not None)
     pressure = float(np.median(np.concatenate([one.measured for one in result.experiments])))
@@ -182,7 +183,9 @@ def other_scales(result: ChannelResult, recordings: Sequence[Recording], ambient
             yield Scale(*names, entries, factor, shift, chamber)
 
 
-def left_of_force(recordings: Sequence[Recording], result: ChannelResult, options: Options, by: float = 0.0) -> float:
+def force_error_share(
+    recordings: Sequence[Recording], result: ChannelResult, options: Options, by: float = 0.0
+) -> float:
     """Return which share of its spread a force's model leaves with the displacement's stamps moved [s]."""
     some = [_moved(_beginning(one), by) for one in recordings]
     return _left_by(result.channel, some, options, result.found.model)

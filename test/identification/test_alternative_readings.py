@@ -7,7 +7,7 @@ import pytest
 from reference import AMBIENT, PSI
 
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.identification.readings import other_reading
+from cfd_pneumatic.identification.input_checks.alternative_readings import alternative_reading
 from cfd_pneumatic.identification.whereabouts import remainder
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.recording import CylinderSignals, Signal, recording_of
@@ -99,8 +99,8 @@ def test_a_sign_is_told_beside_steps_of_a_set_point_that_was_not_recorded(schedu
     one = recording_of(record(schedule, device_named('real', ''), seed=17202))
     cylinders = {'cylinder_a': CylinderSignals(one.cylinders['cylinder_a'].pressure, None)}
     turned = Signal(one.displacement.times, -one.displacement.values)
-    assert other_reading([replace(one, cylinders=cylinders, force=None)], Options()) is None
-    found = other_reading([replace(one, cylinders=cylinders, force=None, displacement=turned)], Options())
+    assert alternative_reading([replace(one, cylinders=cylinders, force=None)], Options()) is None
+    found = alternative_reading([replace(one, cylinders=cylinders, force=None, displacement=turned)], Options())
     assert found.code == 'sign_suspect'
 
 
@@ -109,7 +109,7 @@ def test_steps_of_a_set_point_alone_tell_no_sign():
     one = recording_of(record(surface_following(duration=30.0, seed=14), device, seed=14))
     pressure = one.cylinders['cylinder_a'].pressure
     as_kpa = CylinderSignals(Signal(pressure.times, 1e3 / PSI * pressure.values + AMBIENT), None)
-    assert other_reading([replace(one, cylinders={'cylinder_a': as_kpa}, force=None)], Options()) is None
+    assert alternative_reading([replace(one, cylinders={'cylinder_a': as_kpa}, force=None)], Options()) is None
 
 
 def test_where_the_unit_of_the_time_is_wrong_nothing_is_searched_for():

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.identification.input_checks.recordings import GAUGE_PRESSURES, check_recording
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-from cfd_pneumatic.recording.inspection import GAUGE_PRESSURES, doubts
 from cfd_pneumatic.units import PSI, UNITS
 
 TIMES = np.linspace(0.0, 10.0, 1001)
@@ -24,7 +24,7 @@ def fixes(displacement=None, pressure=None, setpoint=None):
     setpoint = setpoint or Signal(TIMES[:1], np.array([ambient + LEVEL]))
     cylinders = {'cylinder_a': CylinderSignals(pressure, setpoint)}
     recording = Recording('made', 0, displacement or Signal(TIMES, PISTON), cylinders, None, ())
-    return {one.code: one.fix for one in doubts(recording, ambient) if one.level == 'warning'}
+    return {one.code: one.fix for one in check_recording(recording, ambient) if one.level == 'warning'}
 
 
 def test_a_recording_as_it_should_be_raises_no_doubt():
@@ -123,7 +123,7 @@ def of_moving(pressure, displacement=STROKES):
     recording = Recording(
         'made', 0, Signal(MOVING, displacement), {'cylinder_a': CylinderSignals(signal, None)}, None, ()
     )
-    return [(one.code, one.message) for one in doubts(recording, AMBIENT_PRESSURE) if one.level == 'warning']
+    return [(one.code, one.message) for one in check_recording(recording, AMBIENT_PRESSURE) if one.level == 'warning']
 
 
 @pytest.mark.parametrize('noise', [0.0, 20.0, 200.0])

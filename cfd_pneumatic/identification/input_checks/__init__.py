@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Input checks: whether units, references, signs, columns, sensors and clocks of recordings can be right.
+
+`check_recordings` looks at recordings alone. `check_results` looks at what was identified of them, too.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.identification.input_checks.alternative_readings import alternative_reading, is_misread
+    from cfd_pneumatic.identification.input_checks.recordings import (
+        check_motion,
+        check_recording,
+        check_recordings,
+        describe,
+    )
+    from cfd_pneumatic.identification.input_checks.results import check_results
+    from cfd_pneumatic.identification.input_checks.sensor_ripple import ripple_notice, ripple_of
+    from cfd_pneumatic.identification.input_checks.setpoint_steps import steps_of_fit, steps_of_pressure
+else:
+    __getattr__ = loader_of(__name__)
+
+__all__ = [
+    'alternative_reading',
+    'check_motion',
+    'check_recording',
+    'check_recordings',
+    'check_results',
+    'describe',
+    'is_misread',
+    'ripple_notice',
+    'ripple_of',
+    'steps_of_fit',
+    'steps_of_pressure',
+]
