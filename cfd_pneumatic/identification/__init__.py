@@ -40,7 +40,7 @@ if TYPE_CHECKING:
         fit_model,
     )
     from cfd_pneumatic.identification.input_checks import check_recording, check_recordings, describe
-    from cfd_pneumatic.identification.loop import close_loop, with_core
+    from cfd_pneumatic.identification.loop import close_loop
     from cfd_pneumatic.identification.procedure import identify, prepared
     from cfd_pneumatic.identification.residual import (
         SIGNIFICANCE,
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
         whitened,
     )
     from cfd_pneumatic.identification.result import ChannelResult, Comparison, Geometry, Identification
-    from cfd_pneumatic.identification.search import SHOWN, STRENGTH, TIE, Complement, Trial
+    from cfd_pneumatic.identification.search import SHOWN, STRENGTH, TIE, Complement, Trial, with_core
     from cfd_pneumatic.identification.shape import Shape
     from cfd_pneumatic.identification.whereabouts import Dependence, dependences, remainder
     from cfd_pneumatic.identification.wording import (

@@ -35,8 +35,9 @@ from cfd_pneumatic.identification.input_checks import (
     steps_of_fit,
     steps_of_pressure,
 )
-from cfd_pneumatic.identification.loop import close_loop, with_core
+from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
+from cfd_pneumatic.identification.search import with_core
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.recording import Recording, pieces
 from cfd_pneumatic.runtime import each

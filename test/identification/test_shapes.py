@@ -16,7 +16,8 @@ from drawn import recording_of
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.identification import ChannelResult, Identification, Options, identify
 from cfd_pneumatic.identification.data.options import AUTO, LINEAR
-from cfd_pneumatic.identification.loop import close_loop, with_core
+from cfd_pneumatic.identification.loop import close_loop
+from cfd_pneumatic.identification.search import with_core
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.model.effects import Moment
 from cfd_pneumatic.model.effects.curve import CURVE

@@ -10,11 +10,12 @@ from cfd_pneumatic.lazy import loader_of
 if TYPE_CHECKING:
     from cfd_pneumatic.identification.search.candidates import Candidates
     from cfd_pneumatic.identification.search.complement import Complement
-    from cfd_pneumatic.identification.search.cores import Cores
     from cfd_pneumatic.identification.search.curves import fitted, heights_of, penalty_of
-    from cfd_pneumatic.identification.search.laws import Drawn, Laws
+    from cfd_pneumatic.identification.search.final_fit import with_core
+    from cfd_pneumatic.identification.search.laws import Drawn
     from cfd_pneumatic.identification.search.slots import Slot
-    from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH, TIE, SearchResult, Trial
+    from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH, TIE, Trial
+    from cfd_pneumatic.identification.search.strategy import Strategy
     from cfd_pneumatic.identification.search.visibility import invisible
 else:
     __getattr__ = loader_of(__name__)
@@ -25,14 +26,13 @@ __all__ = [
     'TIE',
     'Candidates',
     'Complement',
-    'Cores',
     'Drawn',
-    'Laws',
-    'SearchResult',
     'Slot',
+    'Strategy',
     'Trial',
     'fitted',
     'heights_of',
     'invisible',
     'penalty_of',
+    'with_core',
 ]

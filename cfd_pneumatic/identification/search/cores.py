@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Which core a recording needs: the linear one, or one with the physics that it leaves out.
+The cores that a model may have: the linear one, and the one with the physics that the linear one leaves out.
 
-Full physics is no missing effect. Where the linear core leaves more than noise, the other core is fitted, and both are
-searched for effects as far as that may change the answer; the criterion decides. The linear core keeps what it explains
-as well, unless by effects that the other core holds anyway.
+Models with either are proposed here and compared; `strategy` says when which is asked for.
 """
 
 from __future__ import annotations
@@ -17,12 +15,11 @@ from types import MappingProxyType
 from cfd_pneumatic.identification.data import LINEAR, PHYSICAL
 from cfd_pneumatic.identification.residual import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.laws import OF_VALVES, Drawn, Laws
+from cfd_pneumatic.identification.search.laws import Drawn, Laws
 from cfd_pneumatic.identification.search.stepwise import ALIKE, HOPELESS, TIE, Search, SearchResult, Step, Trial
 from cfd_pneumatic.lazy import lazy_property
 
 _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
-_MUCH = 3.0  # times the noise
 _HOPEFUL = 1.2  # times what another leaves: what leaves more roughly will not come down to it in the end
 _RIVALLING = 30.0  # times a law's squares: an effect that leaves more roughly will not come near it
 _CLEARLY = 0.95  # of another's squares, of which those of the validation part were not fitted
@@ -30,7 +27,7 @@ _CLEARLY = 0.95  # of another's squares, of which those of the validation part w
 
 class Cores:
     """
-    The cores that a model may have, and what is found beside them; none is fitted twice.
+    Models with each core, alone and with effects; none is fitted twice.
 
     Parameters
     ----------
@@ -45,178 +42,148 @@ class Cores:
         names = list(candidates.channel.cores)
         self.candidates = candidates
         self._name = names[0] if names and core != LINEAR else None
-        self._only = self._name is not None and core == PHYSICAL
+        self._is_given = self._name is not None and core == PHYSICAL
         self._linear = Search(candidates, candidates.baseline)
-        self._led: list[Candidate] = []  # what a law led to: an effect that does as well
 
     @property
-    def begins(self) -> list[Candidate]:
-        """Every core that is asked for, without effects."""
+    def is_chosen_here(self) -> bool:
+        """Whether both cores are possible, so that the recordings choose."""
+        return self._name is not None and not self._is_given
+
+    @property
+    def alone(self) -> list[Candidate]:
+        """Every core that is possible, without effects."""
         if self._name is None:
             return [self.candidates.baseline]
-        return [self._alone] if self._only else [self.candidates.baseline, self._alone]
+        return [self.physical] if self._is_given else [self.candidates.baseline, self.physical]
 
     @property
     def tried(self) -> tuple[Trial, ...]:
-        """What came of each effect beside the linear core."""
-        return () if self._only else self._first.trials()
+        """Every effect as it was tried with the linear core alone."""
+        return () if self._is_given else self._linear_step.trials()
+
+    @property
+    def single_effects(self) -> list[Candidate]:
+        """The linear core with each effect alone, the best first; none if the physical core is given."""
+        fits = [] if self._is_given else self._linear_step.candidates.values()
+        return sorted(fits, key=lambda candidate: candidate.rss)
 
     @lazy_property
-    def _first(self) -> Step:
-        """Each effect beside the linear core, to the end only where it may do as well as the other core."""
+    def _linear_step(self) -> Step:
+        """Each effect with the linear core, fitted to the end only if it may do as well as the physical core."""
         baseline, most = self.candidates.baseline, math.inf
         if self._name is not None:
             most = HOPELESS * self.candidates.roughly_left_with_core(baseline, self._name)
         return self._linear.step(baseline, most)
 
     @lazy_property
-    def _alone(self) -> Candidate:
-        """The other core, fitted to the end only where it may do as well as the linear one with an effect."""
+    def physical(self) -> Candidate:
+        """The physical core alone, fitted to the end only if it may do as well as the linear one with an effect."""
         assert self._name is not None
         most = math.inf
-        if not self._only:
-            best = min(self._first.candidates.values(), key=lambda one: one.rss, default=self.candidates.baseline)
+        if not self._is_given:
+            best = min(self._linear_step.candidates.values(), key=lambda fit: fit.rss, default=self.candidates.baseline)
             most = self._hopeful(best)
         return self.candidates.with_core(self.candidates.baseline, self._name, most)
 
-    def searched(self) -> SearchResult:
-        """Return what is found beside a core; by default beside that which the recordings need."""
-        if self._name is None:
-            return self._linear.run()
-        if self._only:
-            return self._beside(self._alone)
-        if self._is_full_physics():
-            return SearchResult(self._alone, {}, ())
-        found = self._linear.run()
-        enough = self.candidates.leaves_noise(found.model) and len(found.model.effects) <= 1
-        begins = [self._alone]
-        if found.model.effects:
-            most = self._hopeful(found.model) if enough else math.inf
-            begins.append(self.candidates.with_core(found.model, self._name, most))
-        if enough and not any(_preferred(self.candidates, one, found.model, found.alternatives) for one in begins):
-            return found  # what the linear core explains with one effect is not looked for elsewhere
-        fresh = [] if enough else begins
-        begins = [self._alone, *(Search(self.candidates, self._alone).pruned(one) for one in begins[1:]), *self._led]
-        begins.sort(key=lambda one: one.rss)
-        begin = begins[0]
-        beside = SearchResult(begin, {}, ()) if self.candidates.leaves_noise(begin) else self._beside(begin, fresh)
-        for other in begins[1:]:
-            if self.candidates.size(beside.model) > _MUCH:  # the way there may have led astray
-                again = self._beside(other, fresh)
-                begin, beside = min((begin, beside), (other, again), key=lambda pair: pair[1].model.rss)
-        if not _preferred(self.candidates, beside.model, found.model, found.alternatives):
-            return found
-        known = {name: others for name, others in found.alternatives.items() if name in begin.effects}
-        return SearchResult(beside.model, {**known, **beside.alternatives}, found.tried + beside.tried)
+    def physical_to_end(self) -> Candidate | None:
+        """Return the physical core alone, fitted to the end however it compares; None if the channel has none."""
+        return None if self._name is None else self.candidates.with_core(self.candidates.baseline, self._name)
 
-    def for_memory(self) -> SearchResult:
+    def is_full_physics(self) -> bool:
+        """Return whether the physical core alone leaves noise, and no effect with the linear one does as well."""
+        return self.candidates.leaves_noise(self.physical) and all(
+            self.prefers(self.physical, single) for single in self._linear_step.candidates.values()
+        )
+
+    def search_linear(self) -> SearchResult:
+        """Return the effects that are found with the linear core."""
+        return self._linear.run()
+
+    def search_only_core(self) -> SearchResult:
+        """Return the effects that are found with the core that is given, or the only one."""
+        return self.search_linear() if self._name is None else self.search_physical(self.physical)
+
+    def search_physical(self, begin: Candidate, fresh: Sequence[Candidate] = ()) -> SearchResult:
         """
-        Return the core of what looks like noise with a memory beside the linear one.
+        Return the effects that are found with the physical core.
 
-        Sensors have such noise, and so has physics that no test of the inputs names: where the other core takes it
-        away, it was no noise.
-        """
-        baseline = self.candidates.baseline
-        if self._name is not None:
-            alone = self.candidates.with_core(baseline, self._name)
-            if self.candidates.leaves_noise(alone) and _preferred(self.candidates, alone, baseline):
-                return SearchResult(alone, {}, ())
-        return SearchResult(baseline, {}, ())
-
-    def law(self, laws: Laws) -> Drawn | None:
-        """
-        Return a law that leaves noise beside a core alone, or hardly more, where no single effect comes near it.
-
-        So much is known before effects are looked for in company, which takes longest where none is the answer. An
-        effect that does as well beside the core is where `searched` goes on from.
-        """
-        if self._name is not None and not self._only and self._is_full_physics():
-            return None
-        singles = [] if self._only else list(self._first.candidates.values())
-        if any(laws.is_noise(one) for one in sorted(singles, key=lambda one: one.rss)[:1]):
-            return None
-        if not any(laws.may_explain(begin) for begin in self.begins):
-            return None
-        drawing = laws.best(self.begins, singles) or self.beside_law(laws, singles)
-        if drawing is None or drawing.name == OF_VALVES:
-            return None
-        rivals = self._rivals(drawing)
-        near = [one for one in rivals if laws.is_near(drawing, one)]
-        self._led = sorted((one for one in near if one.model.core), key=self.candidates.squares)[:1]
-        alone = self.candidates.leaves_noise(drawing.candidate) or laws.is_far_better(drawing, [*singles, *rivals])
-        return drawing if alone and not near else None
-
-    def beside_law(self, laws: Laws, known: Sequence[Candidate]) -> Drawn | None:
-        """Return a law beside the other core, which finds its place only beside the law; see `Laws.beside_core`."""
-        if self._name is None or self._only:
-            return None
-        return laws.beside_core(self._alone, self.candidates.baseline, self._name, known)
-
-    def _rivals(self, drawing: Drawn) -> list[Candidate]:
-        """
-        Return single effects in a law's place.
-
-        They begin beside the core as it stands beside the law: one that was fitted without either is astray.
-        """
-        model = drawing.candidate.model
-        there = self.candidates.finished(replace(model, effects=drawing.begin.effects), drawing.begin.model)
-        names, _ = self.candidates.promising(there, self.candidates.names(there))
-        most = _RIVALLING * self.candidates.roughly_left(drawing.candidate)
-        return list(self.candidates.beside(there, names, most).values())
-
-    def _is_full_physics(self) -> bool:
-        """Return whether the other core alone leaves noise, and no effect beside the linear one does as well."""
-        singles = self._first.candidates.values()
-        alone = self._alone
-        return self.candidates.leaves_noise(alone) and all(_preferred(self.candidates, alone, one) for one in singles)
-
-    def _beside(self, begin: Candidate, fresh: Sequence[Candidate] = ()) -> SearchResult:
-        """
-        Return what is found beside a core.
-
-        Where more than noise is left beside effects, the core is fitted once more from its starts: its many numbers may
-        be stuck, unless they are `fresh` from there.
+        If more than noise is left with effects, the core is fitted once more from its starts: its many parameters may
+        be stuck, unless the model is among those that are `fresh` from there.
         """
         assert self._name is not None
         found = Search(self.candidates, begin).run()
         if not found.model.effects or found.model in fresh or self.candidates.leaves_noise(found.model):
             return found
         again = self.candidates.with_core(found.model, self._name)
-        return replace(found, model=min(found.model, again, key=lambda one: one.rss))
+        return replace(found, model=min(found.model, again, key=lambda candidate: candidate.rss))
 
-    def _hopeful(self, other: Candidate) -> float:
+    def begins_after(self, linear: SearchResult, *, is_enough: bool) -> list[Candidate]:
+        """Return the physical core alone, and with the effects of the linear one, fitted to the end if need be."""
+        assert self._name is not None
+        if not linear.model.effects:
+            return [self.physical]
+        most = self._hopeful(linear.model) if is_enough else math.inf
+        return [self.physical, self.candidates.with_core(linear.model, self._name, most)]
+
+    def pruned(self, candidate: Candidate) -> Candidate:
+        """Return a model with the physical core without the effects that it does not need."""
+        return Search(self.candidates, self.physical).pruned(candidate)
+
+    def curve_before_core(self, curves: Laws, known: Sequence[Candidate]) -> Drawn | None:
+        """Return a curve with the physical core, which is fitted with the curve: see `Laws.beside_core`."""
+        if self._name is None or self._is_given:
+            return None
+        return curves.beside_core(self.physical, self.candidates.baseline, self._name, known)
+
+    def rivals(self, curve: Drawn) -> list[Candidate]:
+        """
+        Return single effects in a curve's place.
+
+        They begin with the core as it is with the curve: a core that was fitted without either is astray.
+        """
+        model = curve.candidate.model
+        there = self.candidates.finished(replace(model, effects=curve.begin.effects), curve.begin.model)
+        names, _ = self.candidates.promising(there, self.candidates.names(there))
+        most = _RIVALLING * self.candidates.roughly_left(curve.candidate)
+        return list(self.candidates.beside(there, names, most).values())
+
+    def prefers(
+        self, physical: Candidate, linear: Candidate, alternatives: Mapping[str, tuple[str, ...]] = _NONE
+    ) -> bool:
+        """
+        Return whether a model with the physical core is preferred to one with the linear core.
+
+        It is if the validation part prefers it, and either the criterion or both parts together do. A tie is enough,
+        and the core's own parameters, which data sheets have, do not count, if the core holds the effects that it
+        replaces or their `alternatives`. The same holds if the physical core leaves noise, and the linear one needs
+        several effects or leaves more than noise.
+        """
+        if not physical.model.core:  # its fit ran away
+            return False
+        candidates, train = self.candidates, self.candidates.train
+        errors = physical.validation_rmse, linear.validation_rmse
+        predicts_better = errors[0] is not None and errors[1] is not None and errors[0] < errors[1]
+        squares = candidates.squares(physical), candidates.squares(linear)
+        if predicts_better and squares[0] < _CLEARLY * squares[1]:
+            return True
+        (core,) = (candidates.channel.effects[name] for name in physical.model.core)
+        replaced = set(linear.effects) - set(physical.effects)
+        is_held = bool(replaced) and all({name, *alternatives.get(name, ())} & set(core.covers) for name in replaced)
+        needs_several = len(linear.effects) > max(len(physical.effects), 1)
+        is_instead = is_held or (
+            (needs_several or not candidates.leaves_noise(linear)) and candidates.leaves_noise(physical)
+        )
+        charged = physical.unknowns - (len(core.parameters) if is_instead else 0)
+        coefficients = autoregression(min((physical, linear), key=lambda model: model.rss).residuals)
+        criterion, criterion_of_linear = (
+            train.criterion(model.residuals, unknowns, coefficients)
+            for model, unknowns in ((physical, charged), (linear, linear.unknowns))
+        )
+        if is_instead:
+            return criterion < criterion_of_linear + TIE and squares[0] < ALIKE**2 * squares[1]
+        return (predicts_better or None in errors) and criterion < criterion_of_linear
+
+    def _hopeful(self, model: Candidate) -> float:
         """Return the mean square above which a rough fit will not come to do as well as a model that leaves noise."""
-        return _HOPEFUL * self.candidates.roughly_left(other) if self.candidates.leaves_noise(other) else math.inf
-
-
-def _preferred(
-    candidates: Candidates, one: Candidate, other: Candidate, alternatives: Mapping[str, tuple[str, ...]] = _NONE
-) -> bool:
-    """
-    Return whether a model with another core is preferred to one with the linear core.
-
-    It is where the validation part says so, and either the criterion or both parts together do. A tie will do, and the
-    core is not charged for its own numbers, which data sheets have, where it holds the effects that it takes the place
-    of, or their `alternatives`; and where it leaves noise instead of one of several effects, or of more than noise.
-    """
-    if not one.model.core:  # it ran away
-        return False
-    errors = one.validation_rmse, other.validation_rmse
-    foretells = errors[0] is not None and errors[1] is not None and errors[0] < errors[1]
-    if foretells and candidates.squares(one) < _CLEARLY * candidates.squares(other):
-        return True
-    train = candidates.train
-    (core,) = (candidates.channel.effects[name] for name in one.model.core)
-    coefficients = autoregression(min((one, other), key=lambda model: model.rss).residuals)
-    more = set(other.effects) - set(one.effects)
-    is_held = bool(more) and all({name, *alternatives.get(name, ())} & set(core.covers) for name in more)
-    several = len(other.effects) > max(len(one.effects), 1)
-    is_instead = is_held or ((several or not candidates.leaves_noise(other)) and candidates.leaves_noise(one))
-    charged = one.unknowns - (len(core.parameters) if is_instead else 0)
-    criteria = [
-        train.criterion(model.residuals, unknowns, coefficients)
-        for model, unknowns in ((one, charged), (other, other.unknowns))
-    ]
-    if is_instead:
-        return criteria[0] < criteria[1] + TIE and candidates.squares(one) < ALIKE**2 * candidates.squares(other)
-    return (foretells or None in errors) and criteria[0] < criteria[1]
+        return _HOPEFUL * self.candidates.roughly_left(model) if self.candidates.leaves_noise(model) else math.inf
