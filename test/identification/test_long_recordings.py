@@ -49,7 +49,7 @@ def both():
     options = Options(close_loop=True)
     whole = identify([recording], options).channels['cylinder_a']
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(likelihood, '_STRETCH', whole.fit.simulated[0].size // 90)
+        patch.setattr(likelihood, 'STRETCH_SAMPLES', whole.fit.simulated[0].size // 90)
         found = identify([recording], options).channels['cylinder_a']
         return Both(whole, found, whole.fit.likelihood.representative())
 

@@ -195,15 +195,15 @@ HIGHEST_SUPPLY_FREQUENCY = 3.0
 """Highest frequency of a supply's variation [Hz]. Origin: not known."""
 
 MOST_FREQUENCIES = 100
-"""Frequencies, the highest of the periodogram, that are compared closely [1]. Origin: not known."""
+"""Frequencies, the strongest of the periodogram, that are compared closely [1]. Origin: not known."""
 
 FEWEST_ORDINATES = 1024
 """Fewest samples of the padded series whose periodogram is computed [samples]. Origin: not known."""
 
 AVERAGING_TIME = 0.05
 """
-Time over which residuals are averaged before the search for a frequency [s]. It is short compared with the shortest
-period. Origin: a seventh of the period of `HIGHEST_SUPPLY_FREQUENCY` (commit bf95838).
+Time over which residuals are averaged before the search for a frequency [s]. Origin: short compared with the period of
+`HIGHEST_SUPPLY_FREQUENCY` (commit bf95838).
 """
 
 LARGEST_LAG = 0.2
