@@ -8,7 +8,8 @@ from __future__ import annotations
 FEWEST_SAMPLES = 20
 """
 Fewest samples of a signal that can be fitted [samples]. A fit has four gains and a set-point, and needs samples to
-judge them. Origin: the number of unknowns (commit f1faaa5).
+judge them.
+Origin: the number of unknowns (commit f1faaa5).
 """
 
 LONGEST_PERIOD = 100.0
@@ -22,7 +23,8 @@ LARGEST_DISPLACEMENT = 1e3
 
 LARGEST_TOLERANCE = 1e9
 """
-Largest tolerance that a user may give [Pa, N or %]. Errors could never exceed a larger tolerance. Origin: not known.
+Largest tolerance that a user may give [Pa, N or %]. Errors could never exceed a larger tolerance.
+Origin: not known.
 """
 
 LONGEST_SHOWN_TEXT = 40
@@ -56,7 +58,8 @@ REST_SAMPLES = 10
 
 LARGEST_MOTION_AT_REST = 2e-3
 """
-Largest range of the first samples of a piston at rest [share of the range of the displacement]. Origin: not known.
+Largest range of the first samples of a piston at rest [share of the range of the displacement].
+Origin: not known.
 """
 
 # Clock of the stamps
@@ -69,8 +72,8 @@ Origin: not known.
 
 STAMPS_TOGETHER = 65_536
 """
-Stamps whose clock is estimated together [samples]. The limit keeps memory small in long recordings. Origin: the number
-of samples that are read together (docs/design.md, commit c30da50).
+Stamps whose clock is estimated together [samples]. The limit keeps memory small in long recordings.
+Origin: the number of samples that are read together (docs/design.md, commit c30da50).
 """
 
 CLOCK_WINDOW = 101
@@ -81,8 +84,8 @@ LARGEST_JITTER = 0.2
 
 STAMP_RESOLUTION = 1e-9
 """
-Least jitter that is corrected [s]. Smaller jitter is rounding. Origin: the resolution of ROS's stamps, 1 ns (commit
-7f1feb9).
+Least jitter that is corrected [s]. Smaller jitter is rounding.
+Origin: the resolution of ROS's stamps, 1 ns (commit 7f1feb9).
 """
 
 LARGEST_STEP_CORRELATION = -0.3
@@ -119,7 +122,8 @@ USUAL_STEPS = 0.8
 
 USUAL_STEPS_POWER = 0.44
 """
-Mean square of this share, `USUAL_STEPS`, of a standard normal distribution [-]. Origin: follows from `USUAL_STEPS`.
+Mean square of this share, `USUAL_STEPS`, of a standard normal distribution [-].
+Origin: follows from `USUAL_STEPS`.
 """
 
 LEAST_STRAY = 4.0
@@ -139,8 +143,8 @@ Origin: not known.
 
 LEAST_VARIANCE = 1e-300
 """
-Least noise variance whose logarithm is taken [squares of the unit that the smoother uses]. Origin: a guard against the
-logarithm of zero.
+Least noise variance whose logarithm is taken [squares of the unit that the smoother uses].
+Origin: a guard against the logarithm of zero.
 """
 
 LONGEST_SMOOTHED_WHOLE = 200_000
@@ -151,14 +155,14 @@ Origin: not known.
 
 SMOOTHING_WINDOW = 65_536
 """
-Samples that are smoothed together in long recordings [samples]. Origin: four hours at 1 kHz have to fit into the memory
-of one hour (commit b7b776a; 131,072 before).
+Samples that are smoothed together in long recordings [samples].
+Origin: four hours at 1 kHz have to fit into the memory of one hour (commit b7b776a; 131,072 before).
 """
 
 SMOOTHING_MARGIN = 4_096
 """
-Samples on either side of a smoothing window [samples]. A smoother forgets within the margin. Origin: the comment of
-commit 7f1feb9, without a measurement.
+Samples on either side of a smoothing window [samples]. A smoother forgets within the margin.
+Origin: the comment of commit 7f1feb9, without a measurement.
 """
 
 TRAVEL_STRIDE = 64
@@ -171,8 +175,8 @@ Origin: not known.
 
 GRID_PIECE = 65_536
 """
-Samples whose grid is made together [samples]. Splines need several times the memory of their samples. Origin: the
-number of samples that are read together (docs/design.md, commit c30da50).
+Samples whose grid is made together [samples]. Splines need several times the memory of their samples.
+Origin: the number of samples that are read together (docs/design.md, commit c30da50).
 """
 
 MOST_LINES_PER_STEP = 8
@@ -180,15 +184,16 @@ MOST_LINES_PER_STEP = 8
 
 LARGEST_BEND_OF_NOISE = 0.1
 """
-Largest distance between a straight line and the displacement [standard deviations of the displacement's noise]. Origin:
-lines that were off by half the noise moved k_v by 0.4 standard errors; at this limit the means of all kinds of
+Largest distance between a straight line and the displacement [standard deviations of the displacement's noise].
+Origin: lines that were off by half the noise moved k_v by 0.4 standard errors; at this limit the means of all kinds of
 recordings are within 0.2 standard errors (commit db06866).
 """
 
 LARGEST_BEND_OF_STROKE = 3e-5
 """
 Largest distance between a straight line and the displacement [share of the range of the displacement]. The larger of
-both limits applies. Origin: not known (3e-4 before commit db06866).
+both limits applies.
+Origin: not known (3e-4 before commit db06866).
 """
 
 MOST_PARABOLA_LINES = 4
@@ -199,8 +204,8 @@ Origin: not known.
 
 LONGEST_PARABOLIC = 1_000_000
 """
-Longest grid of which parabolas are kept [grid steps]. Origin: at four hours parabolas would take a gigabyte of memory
-(commit 3322fd3).
+Longest grid of which parabolas are kept [grid steps].
+Origin: at four hours parabolas would take a gigabyte of memory (commit 3322fd3).
 """
 
 # Reversals that a seal follows
@@ -212,8 +217,8 @@ LEAST_REVERSAL = 3.0
 
 INPUT_MARGIN = 0.5
 """
-Time for which inputs go on after the last sample [s]. A model may read the inputs later by this time. Origin: the upper
-bound of the effect `displacement_delay`.
+Time for which inputs go on after the last sample [s]. A model may read the inputs later by this time.
+Origin: the upper bound of the effect `displacement_delay`.
 """
 
 START_SAMPLES = 3
@@ -221,6 +226,6 @@ START_SAMPLES = 3
 
 BLOCK_SAMPLES = 4096
 """
-Samples that are simulated together [samples]. The block stays in a processor's cache. Origin: the size of the cache
-(docs/design.md, commit 1f99ac2).
+Samples that are simulated together [samples]. The block stays in a processor's cache.
+Origin: the size of the cache (docs/design.md, commit 1f99ac2).
 """

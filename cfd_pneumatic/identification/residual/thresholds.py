@@ -6,7 +6,10 @@ from __future__ import annotations
 # Significance
 
 SIGNIFICANCE = 0.001
-"""Chance with which a test fails although nothing is missing [-]. Origin: not known."""
+"""
+Chance with which a test of a residual, the one on the test part included, fails although nothing is missing [-].
+Origin: not known.
+"""
 
 SHIFT_SIGNIFICANCE = 0.005
 """
@@ -16,8 +19,8 @@ Origin: not known.
 
 NOISE_ALLOWANCE = 3.0
 """
-Allowance for the uncertainty of the noise [standard errors]. The limits of size and likeness grow by it. Origin: not
-known.
+Allowance for the uncertainty of the noise [standard errors]. The limits of size and likeness grow by it.
+Origin: not known.
 """
 
 # Deviations that a test tolerates
@@ -39,8 +42,9 @@ LARGEST_SLOW_SHARE = 0.015
 
 LARGEST_LINE_SHARE = 0.01
 """
-Largest share of the residual's power in one line of the spectrum [-]. Origin: lines of a thousandth of the power stood
-out in long records and ended seven of twelve minutes of the rig with a leak as unexplained (commit 8dd0420).
+Largest share of the residual's power in one line of the spectrum [-].
+Origin: lines of a thousandth of the power stood out in long records and ended seven of twelve minutes of the rig with a
+leak as unexplained (commit 8dd0420).
 """
 
 LARGEST_SIZE_RATIO = 1.10
@@ -48,7 +52,8 @@ LARGEST_SIZE_RATIO = 1.10
 
 LARGEST_SIZE_RATIO_LONG = 1.05
 """
-Largest residual of long records, from `LONG_RECORD` samples on [standard deviations of the noise]. Origin: not known.
+Largest residual of long records, from `LONG_RECORD` samples on [standard deviations of the noise].
+Origin: not known.
 """
 
 LONG_RECORD = 5000
@@ -57,7 +62,8 @@ LONG_RECORD = 5000
 ROUNDING_ALLOWANCE = 1.25
 """
 Factor on the largest residual where the noise is rounding above all [-]. The noise that is rounded adds to the
-rounding. Origin: not known.
+rounding.
+Origin: not known.
 """
 
 # Regression on the inputs
@@ -76,8 +82,8 @@ MOST_REGRESSED_SAMPLES = 60_000
 
 REGRESSION_STRETCH = 2000
 """
-Stretch of a long record in the regression on the inputs [samples]. It is long compared with all lags. Origin: the
-largest of `REGRESSOR_LAGS` (commit 78f70d0).
+Stretch of a long record in the regression on the inputs [samples]. It is long compared with all lags.
+Origin: the largest of `REGRESSOR_LAGS` (commit 78f70d0).
 """
 
 LEAST_SINGULAR_VALUE = 1e-6
@@ -124,19 +130,21 @@ SIMULATION_LEAD = 200
 
 NOISE_PIECE = 500_000
 """
-Piece of a long signal whose noise is estimated at once [samples]. The limit keeps memory small. Origin: not known.
+Piece of a long signal whose noise is estimated at once [samples]. The limit keeps memory small.
+Origin: not known.
 """
 
 KEPT_DIFFERENCES = 0.9
 """
 Share of the differences of neighbouring samples, the smallest ones, that counts as noise [-]. The others may be
-transients. Origin: not known.
+transients.
+Origin: not known.
 """
 
 LARGEST_COLOURED_NOISE = 6.0
 """
-Largest noise of a sensor [standard deviations of its white part]. Larger residuals at rest are no noise. Origin: noise
-with a memory of 25 samples (commit 387ab95).
+Largest noise of a sensor [standard deviations of its white part]. Larger residuals at rest are no noise.
+Origin: noise with a memory of 25 samples (commit 387ab95).
 """
 
 LEAST_COLOURED_NOISE = 1.1
@@ -147,7 +155,8 @@ FEWEST_SAMPLES_AT_REST = 100
 
 INDEPENDENT_DISTANCE = 50
 """
-Distance of samples whose noise is independent [samples]. Origin: longer than the memory of a sensor (commit bf95838).
+Distance of samples whose noise is independent [samples].
+Origin: longer than the memory of a sensor (commit bf95838).
 """
 
 LEAST_ROUNDING = 0.6
@@ -175,7 +184,8 @@ LEAST_INDEPENDENT_SHARE = 1e-3
 
 LEAST_INNOVATION = 1e-300
 """
-Least variance that is divided by, or whose logarithm is taken [signal's unit squared]. Origin: a guard against zero.
+Least variance that is divided by, or whose logarithm is taken [signal's unit squared].
+Origin: a guard against zero.
 """
 
 # Rests
@@ -202,8 +212,8 @@ FEWEST_ORDINATES = 1024
 
 AVERAGING_TIME = 0.05
 """
-Time over which residuals are averaged before the search for a frequency [s]. Origin: short compared with the period of
-`HIGHEST_SUPPLY_FREQUENCY` (commit bf95838).
+Time over which residuals are averaged before the search for a frequency [s].
+Origin: short compared with the period of `HIGHEST_SUPPLY_FREQUENCY` (commit bf95838).
 """
 
 LARGEST_LAG = 0.2
