@@ -78,8 +78,8 @@ MOST_FORMULAS = 3
 
 REFINED_STARTS = 2
 """
-Starts of a formula's search that are refined, the ones with the smallest errors [1]. A form has up to ten starts.
-Origin: the time of a search (commit 004ac49).
+Starts of a formula's search that are refined, the ones with the smallest errors [1].
+Origin: not known (all starts before commit 004ac49).
 """
 
 MOST_FORMULA_EVALUATIONS = 60

@@ -218,7 +218,7 @@ LEAST_REVERSAL = 3.0
 INPUT_MARGIN = 0.5
 """
 Time for which inputs go on after the last sample [s]. A model may read the inputs later by this time.
-Origin: the upper bound of the effect `displacement_delay`.
+Origin: the bound of `transport_delay` in commit bf95838; today the upper bound of `displacement_delay`.
 """
 
 START_SAMPLES = 3

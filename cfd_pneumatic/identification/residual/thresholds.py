@@ -98,7 +98,10 @@ SLOW_ORDINATES = 4
 """Slowest ordinates of the spectrum, which determine the level [ordinates]. Origin: not known."""
 
 LEVEL_ORDINATES = 48
-"""Ordinates of the spectrum, the slowest excluded, up to which the level is compared [ordinates]. Origin: not known."""
+"""
+Ordinates, counted from the slowest, up to which the level is compared with the spectrum [ordinates].
+Origin: not known.
+"""
 
 LINE_WINDOW = 61
 """Window of the median that a line of the spectrum is compared with [ordinates]. Origin: not known."""
@@ -121,7 +124,7 @@ LIKENESS_QUANTILE = 4.0
 """Significant likeness, above the mean of the simulations [standard deviations]. Origin: not known."""
 
 LONGEST_SIMULATED = 5000
-"""Longest record whose likeness is tested [samples]. Origin: not known."""
+"""Most samples of a record in the test of the likeness [samples]. Origin: not known."""
 
 SIMULATION_LEAD = 200
 """Samples of simulated noise before those that count [samples]. The start at rest is forgotten. Origin: not known."""
@@ -143,7 +146,8 @@ Origin: not known.
 
 LARGEST_COLOURED_NOISE = 6.0
 """
-Largest noise of a sensor [standard deviations of its white part]. Larger residuals at rest are no noise.
+Largest noise of a sensor [standard deviations of its white part]. Larger residuals at rest are no noise; without rests
+the residual may be as large.
 Origin: noise with a memory of 25 samples (commit 387ab95).
 """
 
