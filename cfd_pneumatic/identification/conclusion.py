@@ -16,6 +16,13 @@ from cfd_pneumatic.identification.data import PARTS, PHYSICAL, Experiment, Toler
 from cfd_pneumatic.identification.residual import Noise, Test, explained
 from cfd_pneumatic.identification.search import Trial
 from cfd_pneumatic.identification.shape import Shape
+from cfd_pneumatic.identification.thresholds import (
+    BOOTSTRAP_BLOCKS,
+    BOOTSTRAP_QUANTILES,
+    BOOTSTRAP_RESAMPLINGS,
+    FEWEST_TRAIN_SAMPLES,
+    LARGEST_RATIO_WITHOUT_RESTS,
+)
 from cfd_pneumatic.model import Effect
 
 VERDICTS = ('effect_added', 'no_missing_effect', 'shape_found', 'unexplained', 'insufficient_data')
@@ -35,10 +42,6 @@ _FAILINGS = {
 _UNSOUGHT = 'effects are searched for once what the warning names is mended'
 _WHOLE = 'flows, stiffness and sensing follow pressure and position, as the physical core has it'
 _UNKNOWN = 'the model lacks something that is none of the effects known here'
-_MAYBE_MORE = 1.25  # times the noise from sample to sample: more is left than most sensors' noise
-_FEWEST_SAMPLES = 100  # of the train part: below, a dozen unknowns and a noise floor are not to be told apart
-_BLOCKS = 20
-_RESAMPLINGS = 2000
 _SEED = 2
 
 
@@ -146,20 +149,22 @@ def compared(
         judged[:] = True
     measured = np.concatenate([one.measured for one in experiments])
     squares = [(measured - np.concatenate(one))[judged] ** 2 for one in (before, after)]
-    edges = np.linspace(0, squares[0].size, min(_BLOCKS, squares[0].size) + 1).astype(np.intp)[:-1]
+    edges = np.linspace(0, squares[0].size, min(BOOTSTRAP_BLOCKS, squares[0].size) + 1).astype(np.intp)[:-1]
     sums_before, sums_after = (np.add.reduceat(one, edges) for one in squares)
     rng = np.random.default_rng(_SEED)
-    drawn = rng.integers(0, edges.size, (_RESAMPLINGS, edges.size))
+    drawn = rng.integers(0, edges.size, (BOOTSTRAP_RESAMPLINGS, edges.size))
     ratios = np.sqrt(sums_after[drawn].sum(axis=1) / sums_before[drawn].sum(axis=1))
-    low, high = np.quantile(ratios, [0.025, 0.975])
+    low, high = np.quantile(ratios, BOOTSTRAP_QUANTILES)
     return math.sqrt(float(squares[1].sum() / squares[0].sum())), (float(low), float(high))
 
 
 def shortage_of(experiments: Sequence[Experiment]) -> str | None:
     """Return what the recordings lack for a search, or None."""
     samples = sum(int(np.count_nonzero(one.part == PARTS.index('train'))) for one in experiments)
-    if samples < _FEWEST_SAMPLES:
-        return f'{samples} samples to learn from are too few to tell effects apart: record at least {_FEWEST_SAMPLES}'
+    if samples < FEWEST_TRAIN_SAMPLES:
+        return (
+            f'{samples} samples to learn from are too few to tell effects apart: record at least {FEWEST_TRAIN_SAMPLES}'
+        )
     return None
 
 
@@ -224,7 +229,7 @@ def verdict_of(
 def maybe_more(tests: Sequence[Test], rested: bool) -> float | None:
     """Return what is left, over the noise from sample to sample, where that may be more: nothing `rested`."""
     size = max((test.statistic for test in tests if test.name == 'noise_floor'), default=1.0)
-    return size if not rested and size > _MAYBE_MORE else None
+    return size if not rested and size > LARGEST_RATIO_WITHOUT_RESTS else None
 
 
 def within(tolerance: Tolerance, unit: str, experiments: Sequence[Experiment], simulated: Sequence[Array]) -> str:

@@ -26,28 +26,28 @@ from scipy.special import stdtrit
 from cfd_pneumatic.arguments import check_numbers, check_type
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.fit import information
+from cfd_pneumatic.identification.fit import CONFIDENCE, information
+from cfd_pneumatic.identification.thresholds import (
+    DECAY_TOLERANCE,
+    FEWEST_DECAY_SAMPLES,
+    LARGEST_LAW_ERROR,
+    LARGEST_LAW_ERROR_RATIO,
+    LARGEST_SETTLING,
+    LARGEST_SETTLING_RATIO,
+    LARGEST_START_PRESSURE,
+    LEAST_DECAY_NOISE,
+    LEAST_GAUGE_PRESSURE,
+    LEAST_LAW_DISTANCE,
+    LEAST_TABULATED_PRESSURE,
+    LEAST_TIME_CONSTANT,
+    SETTLING_STARTS,
+    TABULATED_PRESSURES,
+)
 from cfd_pneumatic.model import MODULES, Moment
 from cfd_pneumatic.recording import Signal
 
 LAWS: Mapping[str, float] = MappingProxyType({'gap': 0.0, 'orifice': 1.0})
 """Laws of the effect `leakage`, by what its parameter `orifice` is."""
-
-LARGEST_ERROR, LARGEST_RATIO = 2.0, 1.5
-"""Times the noise, and times the least error of a law, beyond which an error on the second half excludes a law."""
-
-_FEWEST_SAMPLES = 50
-_LEAST_NOISE = 1e-3  # of a pressure that was computed, and not measured [Pa]
-_LOWEST = 1e3  # that the pressure has to lie above ambient [Pa]
-_HEADROOM = 1.2  # times the highest gauge pressure
-_NEAR_AMBIENT = 1e-4  # times the highest gauge pressure, down to which a fall is computed
-_PRESSURES = 4000  # at which it is
-_GAIN = 0.9  # times the error of a leak alone: more has settling to mend
-_MOST_SETTLING = 0.2  # of the highest gauge pressure: more would pass for a leak
-_TIME_CONSTANTS = 4  # of settling, that a fit starts from
-_TOLERANCES = {'ftol': 1e-12, 'xtol': 1e-12, 'gtol': 1e-12}
-_APART = 25.0  # times the noise, from which on two laws can be told: settling makes up for most of it
-_CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
@@ -145,21 +145,21 @@ def decay_of(signal: Signal, ambient_pressure: float) -> Decay:
     """
     check_type('signal', signal, Signal, 'a signal, such as recording.cylinders["cylinder_a"].pressure')
     check_numbers(ambient_pressure=ambient_pressure)
-    if len(signal) < _FEWEST_SAMPLES:
-        raise InputError(f'{len(signal)} samples are too few: record at least {_FEWEST_SAMPLES}')
+    if len(signal) < FEWEST_DECAY_SAMPLES:
+        raise InputError(f'{len(signal)} samples are too few: record at least {FEWEST_DECAY_SAMPLES}')
     times, pressure = signal.times - signal.times[0], np.asarray(signal.values)
     if np.ptp(pressure) == 0.0:
         raise InputError(f'never changes ({pressure[0]:g} Pa): is its sensor connected?')
     gauge = pressure - ambient_pressure
-    if float(np.median(gauge)) < _LOWEST:
+    if float(np.median(gauge)) < LEAST_GAUGE_PRESSURE:
         raise InputError(
             f'is mostly {1e-3 * float(np.median(gauge)):.4g} kPa above ambient: check its reference and its unit, '
             'or take the part before the chamber is empty'
         )
-    noise = max(float(np.std(np.diff(pressure))) / math.sqrt(2.0), _LEAST_NOISE)
+    noise = max(float(np.std(np.diff(pressure))) / math.sqrt(2.0), LEAST_DECAY_NOISE)
     falls = {law: _Fall(law, ambient_pressure, float(np.max(gauge))) for law in LAWS}
     fits = [_fitted(fall, times, pressure) for fall in falls.values()]
-    limit = min(LARGEST_ERROR * noise, LARGEST_RATIO * max(min(one.error for one in fits), noise))
+    limit = min(LARGEST_LAW_ERROR * noise, LARGEST_LAW_ERROR_RATIO * max(min(one.error for one in fits), noise))
     leaks = sorted((_summed_up(one, times, pressure, limit) for one in fits), key=lambda one: one.error)
     apart = None
     if not any(one.excluded for one in leaks):
@@ -182,7 +182,8 @@ class _Fall:
 
     def __init__(self, law: str, ambient_pressure: float, highest: float) -> None:
         self.law, self.ambient = law, ambient_pressure
-        self.pressures = ambient_pressure + np.geomspace(_HEADROOM, _NEAR_AMBIENT, _PRESSURES) * highest
+        shares = np.geomspace(LARGEST_START_PRESSURE, LEAST_TABULATED_PRESSURE, TABULATED_PRESSURES)
+        self.pressures = ambient_pressure + shares * highest
         self.rates = np.array([rate_of(law, one, ambient_pressure) for one in self.pressures.tolist()])
         self.took = cumulative_trapezoid(1.0 / self.rates, -self.pressures, initial=0.0)
 
@@ -221,20 +222,20 @@ def _fitted(fall: _Fall, times: Array, pressure: Array) -> _Fit:
     """Return a law fitted to the first half, with settling where the second half is the better for it."""
     first = times <= 0.5 * times[-1]
     alone, settling = (_fit_of(fall, times, pressure, first, settles) for settles in (False, True))
-    return settling if settling.error < _GAIN * alone.error else alone
+    return settling if settling.error < LARGEST_SETTLING_RATIO * alone.error else alone
 
 
 def _fit_of(fall: _Fall, times: Array, pressure: Array, first: NDArray[np.bool_], settles: bool) -> _Fit:
     scale, duration = float(np.max(pressure)) - fall.ambient, float(times[-1])
     period = float(np.median(np.diff(times)))
-    lower, upper = np.array([0.0, 0.0]), np.array([_HEADROOM, np.inf])
+    lower, upper = np.array([0.0, 0.0]), np.array([LARGEST_START_PRESSURE, np.inf])
     begins = [np.array([float(np.median(pressure[:5]) - fall.ambient) / scale, 1e-2])]
     if settles:
         lower, upper = (
-            np.append(lower, [-_MOST_SETTLING, math.log(3.0 * period)]),
-            np.append(upper, [_MOST_SETTLING, math.log(duration)]),
+            np.append(lower, [-LARGEST_SETTLING, math.log(LEAST_TIME_CONSTANT * period)]),
+            np.append(upper, [LARGEST_SETTLING, math.log(duration)]),
         )
-        constants = np.geomspace(10.0 * period, 0.9 * duration, _TIME_CONSTANTS)
+        constants = np.geomspace(10.0 * period, 0.9 * duration, SETTLING_STARTS)
         begins = [np.append(begins[0], [1e-3, math.log(one)]) for one in constants]
     blank = _Fit(fall, begins[0], lower, upper, scale, math.inf)
     searched = [_searched(blank, times, pressure, first, begin) for begin in begins]
@@ -250,7 +251,13 @@ def _searched(fit: _Fit, times: Array, pressure: Array, counts: NDArray[np.bool_
         return np.asarray((fit.simulated(times, unknowns) - pressure)[counts] / fit.scale)
 
     return least_squares(
-        left, np.clip(begin, fit.lower, fit.upper), bounds=(fit.lower, fit.upper), x_scale='jac', **_TOLERANCES
+        left,
+        np.clip(begin, fit.lower, fit.upper),
+        bounds=(fit.lower, fit.upper),
+        x_scale='jac',
+        ftol=DECAY_TOLERANCE,
+        xtol=DECAY_TOLERANCE,
+        gtol=DECAY_TOLERANCE,
     )
 
 
@@ -264,7 +271,7 @@ def _summed_up(fit: _Fit, times: Array, pressure: Array, largest_error: float) -
     duration = float(times[-1])
     std = math.sqrt(max(float(covariance[1, 1]), 0.0)) / duration
     conductance = float(unknowns[1]) / duration
-    reach = float(stdtrit(degrees, 0.5 + 0.5 * _CONFIDENCE)) * std
+    reach = float(stdtrit(degrees, 0.5 + 0.5 * CONFIDENCE)) * std
     settling = (fit.scale * float(unknowns[2]), math.exp(float(unknowns[3]))) if fit.settles else (0.0, 0.0)
     return Leak(
         law=fit.fall.law,
@@ -289,7 +296,7 @@ def _told_below(falls: list[_Fall], leak: Leak, noise: float) -> tuple[float, fl
     began = float(at_start(-own.pressures, own.took))
     times = (own.took[own.took > began] - began) / leak.conductance
     courses = [fall.at(times, leak.start, rate / float(at_start(-fall.pressures, fall.rates))) for fall in falls]
-    apart = np.ptp(courses, axis=0) > _APART * noise
+    apart = np.ptp(courses, axis=0) > LEAST_LAW_DISTANCE * noise
     if not apart.any():
         return None
     first = int(np.argmax(apart))

@@ -15,12 +15,18 @@ from itertools import product
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.thresholds import (
+    FEWEST_CURVE_POINTS,
+    LEAST_BAND,
+    LEAST_CURVE_RANGE,
+    LENGTH_BOUNDS,
+    MOST_FORMULA_EVALUATIONS,
+    MOST_FORMULAS,
+    PLACE_BOUNDS,
+    REFINED_STARTS,
+)
 
 Function = Callable[..., Array]
-
-_MOST = 3  # formulas that are told
-_REFINED = 2  # starts of a form, those that come nearest
-_EVALUATIONS = 60  # from each
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ class Form:
 
 _PLACES = (-0.6, -0.2, 0.2, 0.6)
 _LENGTHS = (0.2, 0.6)
-_LIMITS = {'b': (-1.2, 1.2), 'c': (0.05, 4.0)}  # a place is hardly beyond the range
+_LIMITS = {'b': PLACE_BOUNDS, 'c': LENGTH_BOUNDS}
 
 _HUMPS = (-0.6, -0.3, 0.0, 0.3, 0.6)
 _WAVES = (0.5, 0.8, 1.2, 1.8)
@@ -149,10 +155,10 @@ def formulas(
         Tells whether one does when it is simulated in the curve's place.
 
     """
-    if at.size < 5:
+    if at.size < FEWEST_CURVE_POINTS:
         return ()
     middle, half = 0.5 * (at[0] + at[-1]), 0.5 * (at[-1] - at[0])
-    u, weights = (at - middle) / half, 2.0 / np.maximum(high - low, 1e-12 * max(np.ptp(value), 1e-300))
+    u, weights = (at - middle) / half, 2.0 / np.maximum(high - low, LEAST_BAND * max(np.ptp(value), LEAST_CURVE_RANGE))
     found: list[tuple[int, float, Formula]] = []
     for form in GRAMMAR:
         if form.constant and not free:
@@ -165,7 +171,7 @@ def formulas(
         if np.all((told >= low) & (told <= high)) and holds(formula):
             found.append((1 + len(numbers), float(np.sum(((told - value) * weights) ** 2)), formula))
     found.sort(key=lambda one: one[1])
-    return tuple(formula for _, _, formula in found[:_MOST])
+    return tuple(formula for _, _, formula in found[:MOST_FORMULAS])
 
 
 def _fitted(form: Form, u: Array, value: Array, weights: Array, free: bool) -> tuple[Sequence[float], float, float]:
@@ -182,10 +188,10 @@ def _fitted(form: Form, u: Array, value: Array, weights: Array, free: bool) -> t
 
     def refined(start: Sequence[float]) -> Sequence[float]:
         lower, upper = ([_LIMITS[one][side] for one in form.has] for side in (0, 1))
-        found = least_squares(lambda at: linear(at)[1], start, bounds=(lower, upper), max_nfev=_EVALUATIONS)
+        found = least_squares(lambda at: linear(at)[1], start, bounds=(lower, upper), max_nfev=MOST_FORMULA_EVALUATIONS)
         return tuple(found.x.tolist())
 
-    starts = sorted(product(*form.starts), key=misfit)[:_REFINED]
+    starts = sorted(product(*form.starts), key=misfit)[:REFINED_STARTS]
     numbers = min(map(refined, starts), key=misfit) if form.has else ()
     known, _ = linear(numbers)
     return numbers, float(known[0]), float(known[1]) if free else 0.0

@@ -13,11 +13,10 @@ from scipy.special import stdtrit
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.data import PARTS, Experiment, stroke_times
+from cfd_pneumatic.identification.residual import SIGNIFICANCE
+from cfd_pneumatic.identification.thresholds import LARGEST_TEST_RATIO, LEAST_TEST_RISE
 
-_SIGNIFICANCE = 0.001  # chance with which strokes that are alike make a contradiction
-_LARGEST = 1.5  # test RMSE over train RMSE, however much strokes scatter
 _TINY = float(np.finfo(np.float64).tiny)
-_IMMATERIAL = 1.10  # an error that grows by less is near the noise yet, in recordings whose strokes hardly scatter
 
 
 class _Strokes(NamedTuple):
@@ -52,7 +51,7 @@ def contradiction(experiments: Sequence[Experiment], residuals: Sequence[Array],
     if not train.counts.size or not test.counts.size:
         return []
     error = _rmse(test)
-    if error <= noise or (error <= _LARGEST * _rmse(train) and not _differ(train, test)):
+    if error <= noise or (error <= LARGEST_TEST_RATIO * _rmse(train) and not _differ(train, test)):
         return []
     worst = int(np.argmax([_rmse(_within(one, 'test')) for one in each]))
     where = f'in {experiments[worst].recording} ' if len(experiments) > 1 else ''
@@ -92,10 +91,10 @@ def _differ(train: _Strokes, test: _Strokes) -> bool:
     shares, other_shares = (one.counts / one.counts.sum() for one in (train, test))
     excess = float(other_shares @ others) - float(shares @ logs)
     scatter = float(np.average((logs - shares @ logs) ** 2, weights=train.counts)) * strokes / (strokes - 1)
-    allowed = float(stdtrit(strokes - 1, 1.0 - _SIGNIFICANCE)) * math.sqrt(
+    allowed = float(stdtrit(strokes - 1, 1.0 - SIGNIFICANCE)) * math.sqrt(
         scatter * (float(shares @ shares) + float(other_shares @ other_shares))
     )
-    return excess > max(allowed, 2.0 * math.log(_IMMATERIAL))
+    return excess > max(allowed, 2.0 * math.log(LEAST_TEST_RISE))
 
 
 def _rise(strokes: _Strokes) -> tuple[float, float]:

@@ -38,6 +38,7 @@ from cfd_pneumatic.identification.input_checks import (
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
 from cfd_pneumatic.identification.search import with_core
+from cfd_pneumatic.identification.thresholds import LARGEST_SETPOINT_GAP, MOST_SAMPLES_TOGETHER
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.recording import Recording, pieces
 from cfd_pneumatic.runtime import each
@@ -46,8 +47,6 @@ Progress = Callable[[str, float], None]
 """Called with what is being done and which share of the whole is done [0 to 1]."""
 
 _SMOOTHED = 0.06  # share of the whole
-_TOGETHER = 1_000_000  # samples whose channels are identified side by side
-_LEVEL_GAP = 0.03  # set-points closer than this share of the absolute pressure are one operating point
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ def identify(
     progress(f'fitting {", ".join(waiting)}', _SMOOTHED)
 
     samples = sum(len(recording.displacement.times) for recording in recordings)
-    together = each if samples <= _TOGETHER else map  # one after the other where memory counts
+    together = each if samples <= MOST_SAMPLES_TOGETHER else map  # one after the other where memory counts
     fits = dict(zip(waiting, together(lambda channel: _fitted(channel, data), channels)))
     even, uneven = _without_waves(data, fits, channels, options)
     if uneven:
@@ -297,5 +296,5 @@ def _fit_each_setpoint(
 def _bands(levels: Array, ambient_pressure: float) -> list[tuple[float, float]]:
     """Return lowest and highest level [Pa] of each group of neighbouring set-points, ascending."""
     values = np.unique(levels)
-    gaps = np.flatnonzero(np.diff(values) > _LEVEL_GAP * (values[:-1] + ambient_pressure)) + 1
+    gaps = np.flatnonzero(np.diff(values) > LARGEST_SETPOINT_GAP * (values[:-1] + ambient_pressure)) + 1
     return [(float(group[0]), float(group[-1])) for group in np.split(values, gaps)]

@@ -11,12 +11,14 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.result import ChannelResult, Comparison
+from cfd_pneumatic.identification.thresholds import (
+    DEPENDENCE_BINS,
+    LEAST_DEPENDENCE,
+    LEAST_MOVING_SPEED,
+    LEAST_POWER,
+    MOST_DEPENDENCES,
+)
 from cfd_pneumatic.identification.wording import number, percent
-
-_BINS = 24  # of equally many samples
-_LEAST_SHARE = 0.02  # of the residual's power: less is not told
-_MOST_SIGNALS = 3  # that are told
-_STANDS = 0.05  # of the usual speed: slower has no direction
 
 SUGGESTIONS: Mapping[str, str] = MappingProxyType(
     {
@@ -67,7 +69,7 @@ def dependences(result: ChannelResult) -> list[Dependence]:
     signals = [dict(_signals(result, one)) for one in result.comparisons]
     shared = [name for name in signals[0] if all(name in one for one in signals)]
     found = [_dependence(name, np.concatenate([one[name] for one in signals]), residual) for name in shared]
-    return sorted((one for one in found if one.share >= _LEAST_SHARE), key=lambda one: -one.share)
+    return sorted((one for one in found if one.share >= LEAST_DEPENDENCE), key=lambda one: -one.share)
 
 
 def remainder(result: ChannelResult) -> str:
@@ -81,7 +83,7 @@ def remainder(result: ChannelResult) -> str:
     found = dependences(result)
     if not found:
         return f'{text} It goes with none of position, speed, pressure and time alone.'
-    others = ', '.join(f'{one.on} ({percent(one.share)})' for one in found[1:_MOST_SIGNALS])
+    others = ', '.join(f'{one.on} ({percent(one.share)})' for one in found[1:MOST_DEPENDENCES])
     text += f' It goes most with {found[0].on} ({percent(found[0].share)} of its power)'
     return f'{text}{f", then with {others}" if others else ""}: look at {found[0].suggestion}.'
 
@@ -94,7 +96,7 @@ def _signals(result: ChannelResult, comparison: Comparison) -> Iterator[tuple[st
     if 'piston speed' in inputs:
         speed = inputs['piston speed']
         yield 'piston speed', speed
-        yield 'direction', np.sign(speed) * (np.abs(speed) > _STANDS * np.std(speed))
+        yield 'direction', np.sign(speed) * (np.abs(speed) > LEAST_MOVING_SPEED * np.std(speed))
     yield result.quantity.name, comparison.after
     for name in ('pressure difference', 'set-point'):
         if name in inputs:
@@ -106,14 +108,14 @@ def _signals(result: ChannelResult, comparison: Comparison) -> Iterator[tuple[st
 
 def _dependence(name: str, signal: Array, residual: Array) -> Dependence:
     """Return how a residual depends on a signal: its correlation ratio, less what chance makes of so many bins."""
-    edges = np.unique(np.quantile(signal, np.linspace(0.0, 1.0, _BINS + 1)))
+    edges = np.unique(np.quantile(signal, np.linspace(0.0, 1.0, DEPENDENCE_BINS + 1)))
     place = np.clip(np.searchsorted(edges, signal, side='right') - 1, 0, max(edges.size - 2, 0))
     counts = np.bincount(place)
     held = counts > 0
     means = np.bincount(place, residual)[held] / counts[held]
     at = np.bincount(place, signal)[held] / counts[held]
     centred = residual - np.mean(residual)
-    power = max(float(centred @ centred), 1e-300)
+    power = max(float(centred @ centred), LEAST_POWER)
     between = float(counts[held] @ (means - np.mean(residual)) ** 2)
     chance = (int(np.count_nonzero(held)) - 1) / residual.size
     return Dependence(name, max(between / power - chance, 0.0), at, means)

@@ -36,11 +36,11 @@ def made(times, displacement, samples, pressure=None):
 def test_blocks_hold_each_sample_once_and_every_step_up_to_the_last(samples, size):
     times = np.arange(61.0)
     one = made(times, 0.0 * times, samples)
-    before, module._BLOCK = module._BLOCK, size
+    before, module.BLOCK_SAMPLES = module.BLOCK_SAMPLES, size
     try:
         blocks = list(one.blocks())
     finally:
-        module._BLOCK = before
+        module.BLOCK_SAMPLES = before
     at = np.concatenate([block.times[block.at] for block in blocks])
     np.testing.assert_array_equal(at, times[samples])
     np.testing.assert_array_equal(np.concatenate([one.measured[block.samples] for block in blocks]), one.measured)

@@ -259,7 +259,7 @@ def test_reading_late_is_exact(delay):
 @given(samples=st.integers(-150, 150), fraction=st.floats(0.01, 0.99) | st.just(0.0))
 def test_reading_late_changes_when_samples_are_taken_and_nothing_else(samples, fraction):
     delay = (samples + fraction) * 0.002
-    with patch.object(experiment, '_BLOCK', 500):
+    with patch.object(experiment, 'BLOCK_SAMPLES', 500):
         blocks = list(STROKES.blocks(delay=delay))
     wanted = np.clip(STROKES.sample_times - delay, STROKES.times[0], STROKES.times[-1])
     np.testing.assert_array_equal(np.concatenate([block.times[block.at] for block in blocks]), wanted)

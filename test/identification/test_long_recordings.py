@@ -24,8 +24,8 @@ from studies.trials.long_bag import GAINS, write_long_bag
 def test_in_small_parts_the_same_is_identified(monkeypatch):
     recording = recording_of(draw(None, 'out_and_back', 66))
     whole = identify([recording]).channels['cylinder_a']
-    monkeypatch.setattr(motion, '_PIECE', 128)
-    monkeypatch.setattr(experiment, '_BLOCK', 128)
+    monkeypatch.setattr(motion, 'GRID_PIECE', 128)
+    monkeypatch.setattr(experiment, 'BLOCK_SAMPLES', 128)
     parts = identify([recording]).channels['cylinder_a']
     for one, other in zip(whole.experiments, parts.experiments):
         np.testing.assert_allclose(one.times, other.times, rtol=1e-14)
@@ -49,7 +49,7 @@ def both():
     options = Options(close_loop=True)
     whole = identify([recording], options).channels['cylinder_a']
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(likelihood, '_STRETCH', whole.fit.simulated[0].size // 90)
+        patch.setattr(likelihood, 'STRETCH_SAMPLES', whole.fit.simulated[0].size // 90)
         found = identify([recording], options).channels['cylinder_a']
         return Both(whole, found, whole.fit.likelihood.representative())
 

@@ -69,14 +69,14 @@ def test_rests_are_found_where_they_are():
         assert not np.any((np.arange(0.4, 3.8, 0.4) > begin) & (np.arange(0.4, 3.8, 0.4) + 0.012 < end))
         assert not begin < 3.0 < end
     rested = sum(end - begin for begin, end in found)
-    free = 0.4 + 8 * (0.4 - 0.012 - module._SETTLING)  # after a stroke the pressure settles
+    free = 0.4 + 8 * (0.4 - 0.012 - module.REST_SETTLING_TIME)  # after a stroke the pressure settles
     assert rested == pytest.approx(free, rel=0.02)
 
 
 def test_settling_is_left_out_after_motion_and_not_before():
     first, second = runs_of(STROKES)[:2]
     assert first == pytest.approx((0.0, 0.4), abs=0.01)
-    assert second[0] == pytest.approx(0.412 + module._SETTLING, abs=0.01)
+    assert second[0] == pytest.approx(0.412 + module.REST_SETTLING_TIME, abs=0.01)
     assert second[1] == pytest.approx(0.8, abs=0.01)
 
 

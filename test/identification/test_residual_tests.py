@@ -13,9 +13,9 @@ from scipy.signal import lfilter
 
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.residual import tests as module
-from cfd_pneumatic.identification.residual.noise import SLOWEST
 from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
 from cfd_pneumatic.identification.residual.tests import explained
+from cfd_pneumatic.identification.residual.thresholds import LARGEST_COLOURED_NOISE
 from studies.panel import draw_textbook
 
 SEEDS = range(50)
@@ -67,7 +67,8 @@ def rate(lag):
 def power(name, lacking, kind='white', seeds=range(10)):
     """Return how often a test finds what a model lacks."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, '_SIMULATIONS', 3)  # the thresholds of a test that is not asked for its power here
+        # These simulations set the threshold of a test whose power is not measured here.
+        patch.setattr(module, 'LIKENESS_SIMULATIONS', 3)
         return np.mean([not asked(kind, seed, lacking)[name].passed for seed in seeds])
 
 
@@ -95,12 +96,12 @@ def test_statistics_of_noise_stay_well_below_their_thresholds(kind):
 @pytest.mark.parametrize('lag', [0, 4, 16])
 def test_a_dependence_on_the_speed_is_found(lag, kind):
     """Twice the share that matters; of once that share 0.6 to 1.0 are found."""
-    assert power('inputs', scaled(rate(lag), 2.0 * module._MATERIAL), kind) >= 0.9
+    assert power('inputs', scaled(rate(lag), 2.0 * module.LARGEST_EXPLAINED), kind) >= 0.9
 
 
 def test_an_immaterial_dependence_on_the_speed_is_left_alone():
     """On many samples a share of a hundredth is certain and still of no matter."""
-    assert power('inputs', scaled(rate(0), 0.25 * module._MATERIAL), seeds=range(20)) <= 0.1
+    assert power('inputs', scaled(rate(0), 0.25 * module.LARGEST_EXPLAINED), seeds=range(20)) <= 0.1
 
 
 def test_a_dependence_on_the_set_point_is_found():
@@ -168,7 +169,7 @@ def test_a_residual_larger_than_the_noise_at_rest_is_found(larger):
     alike = Likelihood.alike(CHANNEL, [measured])
     found = {test.name: test for test in alike.tested([simulated], replace(level, std=STD))}
     size = found['noise_floor']
-    assert size.threshold == pytest.approx(module._LARGEST * (1.0 + 3.0 * level.uncertainty))
+    assert size.threshold == pytest.approx(module.LARGEST_SIZE_RATIO * (1.0 + 3.0 * level.uncertainty))
     assert size.passed == (larger < size.threshold)
     assert size.decisive
 
@@ -178,7 +179,7 @@ def test_where_the_noise_is_not_known_it_may_be_as_large_as_a_sensors_noise_can_
     measured = replace(experiment, measured=simulated + noise('white', 0))
     level = replace(level_of([measured], [simulated]), known=False)
     found = {test.name: test for test in Likelihood.alike(CHANNEL, [measured]).tested([simulated], level)}
-    assert found['noise_floor'].threshold == SLOWEST
+    assert found['noise_floor'].threshold == LARGEST_COLOURED_NOISE
     assert found['noise_floor'].decisive
     assert found['inputs'].decisive
 

@@ -12,16 +12,20 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array, Mask
 from cfd_pneumatic.identification.data.motion import Motion
-from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES
-from cfd_pneumatic.identification.data.split import MOTION, PARTS
+from cfd_pneumatic.identification.data.split import PARTS
+from cfd_pneumatic.identification.data.thresholds import (
+    BLOCK_SAMPLES,
+    FEWEST_SAMPLES,
+    INPUT_MARGIN,
+    LARGEST_MOTION_AT_REST,
+    LEAST_MOTION,
+    LONGEST_PARABOLIC,
+    MOST_PARABOLA_LINES,
+    REST_SAMPLES,
+    START_SAMPLES,
+)
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model import extremes
-
-_BEYOND = 0.5  # longest time by which a signal may be read early [s]
-_BLOCK = 4096  # samples: what is simulated of them stays in a processor's cache
-_LONG = 1_000_000  # grid steps
-_MOST_LINES = 4  # that a parabola stands for: where more are needed, the piston moves too suddenly for one
-_STARTING = 3  # samples whose median a cut begins with
 
 
 class Block(NamedTuple):
@@ -134,13 +138,13 @@ class Experiment:
         Its inputs hold the `acceleration` on the step that ends at each grid time, too [m/s^2]: the one by which the
         mean displacement of the step stays what it is. None where no line goes, and of what is long: it takes memory.
         """
-        if self.times.size > _LONG:
+        if self.times.size > LONGEST_PARABOLIC:
             return None
         held, moved = self.inputs['setpoint'], self.inputs['displacement']
         needed = np.append(held[1:] != held[:-1], True)
         needed[0] = needed[self.samples] = True
         lines = np.diff(np.flatnonzero(needed))
-        needed[1:] |= np.repeat(lines > _MOST_LINES, lines)
+        needed[1:] |= np.repeat(lines > MOST_PARABOLA_LINES, lines)
         kept = np.flatnonzero(needed)
         if kept.size == self.times.size:
             return None
@@ -173,7 +177,7 @@ class Experiment:
     @property
     def first(self) -> float:
         """The signal where the experiment begins: the median of a few samples [SI]."""
-        return float(np.median(self.measured[:_STARTING]))
+        return float(np.median(self.measured[:START_SAMPLES]))
 
     @property
     def span(self) -> float:
@@ -188,7 +192,7 @@ class Experiment:
         A few samples are left where all come after it; these don't count.
         """
         last = int(np.max(np.flatnonzero(self.part <= PARTS.index(part)), initial=FEWEST_SAMPLES - 1))
-        end = self.sample_times[last] + _BEYOND
+        end = self.sample_times[last] + INPUT_MARGIN
         grid = int(np.searchsorted(self.times, end, side='right'))
         cut = self._cut(slice(0, grid), slice(0, last + 1))
         return replace(cut, chosen=cut.counts & (cut.part <= PARTS.index(part)))
@@ -224,8 +228,8 @@ class Experiment:
         displacement is stamped `late` seconds after the piston was there.
         """
         last = self.times[0]
-        for begin in range(0, self.samples.size if count is None else count, _BLOCK):
-            samples = slice(begin, min(begin + _BLOCK, self.samples.size))
+        for begin in range(0, self.samples.size if count is None else count, BLOCK_SAMPLES):
+            samples = slice(begin, min(begin + BLOCK_SAMPLES, self.samples.size))
             block = self._early(samples, delay, last) if delay else self._block(samples)
             last = block.times[-1]
             if late:
@@ -281,5 +285,6 @@ def rests_at_start(motion: Motion) -> bool:
 
     One that never does may begin anywhere: what moves there is the set-point, perhaps a moment before.
     """
-    opening = motion.displacement[:10]
-    return motion.reach > 0.0 and bool(np.ptp(opening) <= max(MOTION * motion.noise, 2e-3 * motion.reach))
+    opening = motion.displacement[:REST_SAMPLES]
+    largest = max(LEAST_MOTION * motion.noise, LARGEST_MOTION_AT_REST * motion.reach)
+    return motion.reach > 0.0 and bool(np.ptp(opening) <= largest)

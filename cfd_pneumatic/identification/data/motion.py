@@ -24,25 +24,29 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.data.plausible import FEWEST_SAMPLES, check_range
+from cfd_pneumatic.identification.data.plausible import check_range
 from cfd_pneumatic.identification.data.smoother import Samples, likeliest
-from cfd_pneumatic.identification.data.split import MOTION, stroke_times
+from cfd_pneumatic.identification.data.split import stroke_times
 from cfd_pneumatic.identification.data.stamps import overlapping, regular_clock
+from cfd_pneumatic.identification.data.thresholds import (
+    FEWEST_SAMPLES,
+    GRID_PIECE,
+    LARGEST_BEND_OF_NOISE,
+    LARGEST_BEND_OF_STROKE,
+    LARGEST_DISPLACEMENT,
+    LEAST_MOTION,
+    LONGEST_PERIOD,
+    LONGEST_SMOOTHED_WHOLE,
+    MOST_LINES_PER_STEP,
+    SMOOTHING_MARGIN,
+    SMOOTHING_WINDOW,
+    TRAVEL_STRIDE,
+)
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.runtime import each
 
 _ORDERS = (2, 3)  # how often white noise is integrated to give the displacement
-_MOST_PIECES = 8  # of one sample step
-_BEND_OF_NOISE = 0.1  # that a straight line may be off: it is the same in all samples, which noise is not
-_BEND_OF_STROKE = 3e-5
-_LONG = 200_000  # samples, more than which are smoothed in windows
-_WINDOW = 65_536  # samples that are smoothed together
-_MARGIN = 4_096  # samples on either side of them, more than a smoother remembers
-_PIECE = 65_536  # samples
-_LARGEST = 1e3  # [m]
-_SLOWEST = 100.0  # between samples: whatever moves has settled long before the next one [s]
-_COARSELY = 64  # samples, between which a piston travels farther than its sensor's noise
 
 
 @dataclass(frozen=True)
@@ -116,8 +120,8 @@ class Motion:
         """
         grids, displacements = [], []
         begin = float(np.nextafter(self.times[0], -np.inf))
-        for first in range(0, self.times.size - 1, _PIECE):  # splines take several times the room of their samples
-            piece = self.part(slice(first, first + _PIECE + 1))
+        for first in range(0, self.times.size - 1, GRID_PIECE):  # splines take several times the room of their samples
+            piece = self.part(slice(first, first + GRID_PIECE + 1))
             end = min(float(piece.times[-1]), float(sampled[-1]))
             knots = np.unique(np.concatenate([piece.knots(), _after(begin, end, sampled), _after(begin, end, others)]))
             grids.append(_after(begin, end, knots))
@@ -151,10 +155,10 @@ class Motion:
         acceleration = _derivative(self._pieces, 2)
         sharpest = np.maximum(np.abs(acceleration[-1]), np.abs(np.polyval(acceleration, steps)))
         bend = sharpest * steps**2 / 8.0
-        tolerance = max(_BEND_OF_NOISE * self.noise, _BEND_OF_STROKE * self.reach)
+        tolerance = max(LARGEST_BEND_OF_NOISE * self.noise, LARGEST_BEND_OF_STROKE * self.reach)
         pieces = np.ones(steps.size, dtype=np.intp)
         if tolerance > 0.0:
-            pieces = np.clip(np.ceil(np.sqrt(bend / tolerance)), 1, _MOST_PIECES).astype(np.intp)
+            pieces = np.clip(np.ceil(np.sqrt(bend / tolerance)), 1, MOST_LINES_PER_STEP).astype(np.intp)
         step_of = np.repeat(np.arange(steps.size), pieces)
         rank = np.arange(step_of.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
         return np.append(self.times[step_of] + steps[step_of] * rank / pieces[step_of], self.times[-1])
@@ -228,9 +232,9 @@ def smooth_motion(stamps: Array, measured: Array) -> Motion:
 
     """
     clock = regular_clock(stamps)
-    if stamps.size <= _LONG:
+    if stamps.size <= LONGEST_SMOOTHED_WHOLE:
         return _likeliest_motion(stamps, clock, measured)
-    windows = list(overlapping(stamps.size, _WINDOW, _MARGIN))
+    windows = list(overlapping(stamps.size, SMOOTHING_WINDOW, SMOOTHING_MARGIN))
     liveliest = max((window for _, window in windows), key=partial(_travel, measured))
     known = _likeliest_motion(stamps[liveliest], None if clock is None else clock[liveliest], measured[liveliest])
     times = stamps if clock is None or known.stamps is known.times else clock
@@ -246,7 +250,7 @@ def _likeliest_motion(stamps: Array, clock: Array | None, measured: Array) -> Mo
 
 
 def _travel(measured: Array, window: slice) -> float:
-    return float(np.sum(np.abs(np.diff(measured[window][::_COARSELY]))))
+    return float(np.sum(np.abs(np.diff(measured[window][::TRAVEL_STRIDE]))))
 
 
 def _joined(
@@ -321,18 +325,18 @@ def observed_motion(recording: Recording) -> tuple[Motion, Array]:
             f'record at least {FEWEST_SAMPLES}'
         )
     period = float(np.median(np.diff(signal.times)))
-    if period > _SLOWEST:
+    if period > LONGEST_PERIOD:
         raise InputError(
             f'{recording.name}: a sample every {period:.3g} s tells nothing of a pressure, which settles in seconds: '
             'record at least two a second'
         )
-    check_range(f'{recording.name}: the displacement', signal.values, _LARGEST, 'm')
+    check_range(f'{recording.name}: the displacement', signal.values, LARGEST_DISPLACEMENT, 'm')
     if recording.rests:
         return _resting(signal), np.append(_changes(recording), signal.times[-1])
     motion = smooth_motion(signal.times, signal.values)
     strokes = stroke_times(motion.times, motion.displacement, motion.noise)
     travel = float(np.ptp(signal.values))
-    if strokes.size == 0 or travel <= MOTION * motion.noise:
+    if strokes.size == 0 or travel <= LEAST_MOTION * motion.noise:
         raise InputError(
             f'{recording.name}: the piston does not move (range {travel * 1e3:.3g} mm, '
             f'noise {motion.noise * 1e3:.3g} mm): record strokes of the piston, or leave the displacement out of the '

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from cfd_pneumatic.arguments import check_number, check_numbers, check_switches, check_type
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, AMBIENT_PRESSURES, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.data.split import FRACTIONS, SMALLEST_FRACTION
+from cfd_pneumatic.identification.data.split import FRACTIONS
+from cfd_pneumatic.identification.data.thresholds import FRACTIONS_TOLERANCE, SMALLEST_FRACTION
 from cfd_pneumatic.identification.data.tolerance import Tolerance
 
 AUTO: str = 'auto'
@@ -81,5 +82,5 @@ class Options:
             raise InputError(
                 f'fractions {self.fractions}: give three shares of {SMALLEST_FRACTION:g} or more, as (0.6, 0.2, 0.2)'
             )
-        if abs(sum(self.fractions) - 1.0) > 1e-6:
+        if abs(sum(self.fractions) - 1.0) > FRACTIONS_TOLERANCE:
             raise InputError(f'fractions {self.fractions}: their sum must be 1')

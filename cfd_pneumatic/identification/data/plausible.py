@@ -8,9 +8,6 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 
-FEWEST_SAMPLES = 20
-"""Of a signal that anything can be fitted to: four gains, a set-point, and something left to judge them by."""
-
 
 def check_range(what: str, values: Array, largest: float, unit: str) -> None:
     """Raise InputError where a signal goes beyond anything physical; `what` names the recording and the signal."""

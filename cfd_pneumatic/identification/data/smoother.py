@@ -18,20 +18,23 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.data.thresholds import (
+    BANDWIDTH_DECADES,
+    BANDWIDTH_TOLERANCE,
+    COARSE_BANDWIDTHS,
+    LARGEST_BOOST,
+    LARGEST_DIGIT_ERROR,
+    LEAST_STRAY,
+    LEAST_SUDDEN_DRIVE,
+    LEAST_VARIANCE,
+    MOST_BOOST_ROUNDS,
+    USUAL_STEPS,
+    USUAL_STEPS_POWER,
+)
 from cfd_pneumatic.runtime import compiler
 
-_LOG_BANDWIDTH = (-4.0, 3.0)  # decades of what the smoother lets through, in units of the mean sampling rate
-_COARSE = 8  # bandwidths tried before the search, which finds the nearest optimum only
-_FINE = 0.005  # decades, to which the search is taken
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 _FIXED = 3  # samples that fix the state of the highest order, and tell nothing of how likely an order is
-_OFF_A_MULTIPLE = 0.05  # what readings of a rounding sensor may be, for they are recorded with few digits themselves
-_SUDDEN = 6.0  # standard deviations of what drives the motion otherwise
-_OTHERWISE = 0.8  # share of the steps, the least driven ones, that tell what drives the motion otherwise
-_OTHERWISE_POWER = 0.44  # mean square of that share of a normal distribution
-_STRAY = 4.0  # times what its neighbours are off a line is a reading off it that is no motion; a sharp corner is 3
-_LARGEST_BOOST = 1e18
-_ROUNDS = 5  # of finding sudden steps: with each the others are smoother and show more of them
 
 
 @compiler(error_model='numpy')
@@ -163,7 +166,7 @@ class Samples:
         """Return samples whose noise is no less than that of rounding, where all are multiples of one difference."""
         gaps = np.diff(np.unique(values))
         multiples = gaps / np.min(gaps, initial=math.inf)
-        rounded = gaps.size > 0 and np.all(np.abs(multiples - np.round(multiples)) < _OFF_A_MULTIPLE)
+        rounded = gaps.size > 0 and np.all(np.abs(multiples - np.round(multiples)) < LARGEST_DIGIT_ERROR)
         least_noise = float(np.min(gaps)) / math.sqrt(12.0) if rounded else 0.0
         return cls(steps, values, least_noise, np.empty((values.size, 3)), np.empty((values.size, 6)))
 
@@ -171,7 +174,7 @@ class Samples:
 def likeliest(order: int, samples: Samples) -> Smoother:
     """Return the likeliest smoother of an order, with sudden steps or without."""
     best = Smoother(order, samples, np.ones_like(samples.steps))
-    for _ in range(_ROUNDS):
+    for _ in range(MOST_BOOST_ROUNDS):
         boost = best.sudden()
         if not np.any(boost > 1.0):
             break
@@ -210,10 +213,10 @@ class Smoother:
         self._samples = samples
         self._boost = boost
         self._degrees = samples.values.size - _FIXED
-        coarse = np.linspace(*_LOG_BANDWIDTH, _COARSE)
+        coarse = np.linspace(*BANDWIDTH_DECADES, COARSE_BANDWIDTHS)
         nearest = int(np.argmin([self._deviance(log_bandwidth) for log_bandwidth in coarse]))
-        bounds = coarse[max(nearest - 1, 0)], coarse[min(nearest + 1, _COARSE - 1)]
-        deviance, log_bandwidth = _least(self._deviance, *bounds, _FINE)
+        bounds = coarse[max(nearest - 1, 0)], coarse[min(nearest + 1, COARSE_BANDWIDTHS - 1)]
+        deviance, log_bandwidth = _least(self._deviance, *bounds, BANDWIDTH_TOLERANCE)
         spent = math.log(samples.values.size) * np.count_nonzero(boost > 1.0)
         self.deviance = deviance + spent
         self._density = self._density_at(log_bandwidth)
@@ -235,7 +238,7 @@ class Smoother:
         )
         variance = max(square_sum / self._degrees, samples.least_noise**2)
         misfit = square_sum / variance if variance > 0.0 else 0.0
-        return float(log_sum + self._degrees * math.log(max(variance, 1e-300)) + misfit), math.sqrt(variance)
+        return float(log_sum + self._degrees * math.log(max(variance, LEAST_VARIANCE)) + misfit), math.sqrt(variance)
 
     def smooth(self) -> tuple[Array, Array]:
         """Return the smoothed (x, x', x''), shape (n, 3), and variances of x and x' by the noise's, shape (n, 2)."""
@@ -255,13 +258,13 @@ class Smoother:
         """
         mean, _ = self.smooth()
         power = (np.diff(mean[:, self.order - 1]) / self._samples.steps) ** 2
-        least = np.sort(power)[: max(1, int(_OTHERWISE * power.size))]
-        otherwise = float(np.mean(least)) / _OTHERWISE_POWER
+        least = np.sort(power)[: max(1, int(USUAL_STEPS * power.size))]
+        otherwise = float(np.mean(least)) / USUAL_STEPS_POWER
         boost = np.ones_like(power)
         if otherwise > 0.0:
-            stray = _stray(self._samples.steps, self._samples.values, _SUDDEN * self.noise)
-            sudden = (power > _SUDDEN**2 * otherwise) & ~_beside(stray)
-            boost[sudden] = np.minimum(power[sudden] / otherwise, _LARGEST_BOOST)
+            stray = _stray(self._samples.steps, self._samples.values, LEAST_SUDDEN_DRIVE * self.noise)
+            sudden = (power > LEAST_SUDDEN_DRIVE**2 * otherwise) & ~_beside(stray)
+            boost[sudden] = np.minimum(power[sudden] / otherwise, LARGEST_BOOST)
         return np.asarray(maximum_filter1d(boost, 3), dtype=np.float64)
 
 
@@ -277,7 +280,7 @@ def _stray(steps: Array, values: Array, least: float) -> NDArray[np.bool_]:
     bend = np.max(np.abs(beside - level[:, None] - slope[:, None] * since), axis=1)
     off = np.abs(values[2:-2] - level)
     stray = np.zeros(values.size, dtype=np.bool_)
-    stray[2:-2] = (off > least) & (off > _STRAY * bend)
+    stray[2:-2] = (off > least) & (off > LEAST_STRAY * bend)
     return stray
 
 

@@ -9,18 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.data.thresholds import FEWEST_STROKES, LEAST_MOTION, LEAST_STROKE
 from cfd_pneumatic.runtime import compiler
 
 PARTS = ('train', 'validation', 'test')
 FRACTIONS = (0.6, 0.2, 0.2)
-
-SMALLEST_FRACTION = 0.01
-"""Of a recording that a part is; a smaller one holds no motion."""
-
-MOTION = 8.0
-"""What counts as motion, in standard deviations of the displacement's noise: an hour's noise spans less."""
-
-_FEWEST_STROKES = 5  # below this no cut leaves three parts with motion that resembles the rest
 
 
 @dataclass(frozen=True)
@@ -85,9 +78,9 @@ def stroke_times(times: Array, displacement: Array, noise: float) -> Array:
     """
     Return the times at which strokes begin and end, shape (strokes + 1,); empty where nothing moves.
 
-    What counts as motion is more than `MOTION` times the displacement's noise [m] and 2 % of its whole range.
+    Motion is more than `LEAST_MOTION` times the displacement's noise [m] and `LEAST_STROKE` of its whole range.
     """
-    threshold = max(MOTION * noise, 0.02 * float(np.ptp(displacement)))
+    threshold = max(LEAST_MOTION * noise, LEAST_STROKE * float(np.ptp(displacement)))
     return times[turning_points(displacement, threshold)]
 
 
@@ -133,9 +126,9 @@ def split_recordings(
         Shares of train, validation and test.
 
     """
-    if any(times.size - 1 >= _FEWEST_STROKES for times in strokes):
+    if any(times.size - 1 >= FEWEST_STROKES for times in strokes):
         splits = [
-            _cut(times, fractions) if times.size - 1 >= _FEWEST_STROKES else _whole('train', times) for times in strokes
+            _cut(times, fractions) if times.size - 1 >= FEWEST_STROKES else _whole('train', times) for times in strokes
         ]
         return splits, None
     count = len(strokes)

@@ -10,13 +10,14 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from cfd_pneumatic.arrays import Array
-
-_FEWEST = 100  # of fewer, steps drawn anew are anticorrelated by chance
-_TOGETHER = 65_536  # samples that are looked at together
-_WINDOW = 101  # samples over which the clock may drift
-_LARGEST_JITTER = 0.2  # of a period
-_RESOLUTION = 1e-9  # of ROS's stamps [s]; finer jitter is rounding
-_ANTICORRELATED = -0.3  # of neighbouring steps; jitter about a clock makes -0.5, steps drawn anew make 0
+from cfd_pneumatic.identification.data.thresholds import (
+    CLOCK_WINDOW,
+    FEWEST_STAMPS,
+    LARGEST_JITTER,
+    LARGEST_STEP_CORRELATION,
+    STAMP_RESOLUTION,
+    STAMPS_TOGETHER,
+)
 
 
 def overlapping(count: int, size: int, margin: int) -> Iterator[tuple[slice, slice]]:
@@ -32,10 +33,10 @@ def regular_clock(stamps: Array) -> Array | None:
 
     None where there is no jitter, or the sampling itself is irregular: then neighbouring steps aren't anticorrelated.
     """
-    if stamps.size < _FEWEST:
+    if stamps.size < FEWEST_STAMPS:
         return None
     taken = []
-    for own, window in overlapping(stamps.size, _TOGETHER, _WINDOW):
+    for own, window in overlapping(stamps.size, STAMPS_TOGETHER, CLOCK_WINDOW):
         clock = _clock(stamps[window])
         if clock is None:
             return None
@@ -51,13 +52,13 @@ def _clock(stamps: Array) -> Array | None:
         return None
     slope, begin = np.polyfit(ticks, stamps, 1)
     late = stamps - (begin + slope * ticks)
-    drift = uniform_filter1d(late, min(_WINDOW, stamps.size // 4), mode='nearest')
+    drift = uniform_filter1d(late, min(CLOCK_WINDOW, stamps.size // 4), mode='nearest')
     jitter = late - drift
     changes = np.diff(jitter)
     power = float(changes @ changes)
-    if not _RESOLUTION < np.std(jitter) <= _LARGEST_JITTER * period:
+    if not STAMP_RESOLUTION < np.std(jitter) <= LARGEST_JITTER * period:
         return None
-    if float(changes[1:] @ changes[:-1]) > _ANTICORRELATED * power:
+    if float(changes[1:] @ changes[:-1]) > LARGEST_STEP_CORRELATION * power:
         return None
     clock: Array = stamps - jitter
     return clock if np.all(np.diff(clock) > 0.0) else None

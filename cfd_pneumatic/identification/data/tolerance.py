@@ -8,12 +8,11 @@ from collections.abc import Iterable
 
 from cfd_pneumatic.arguments import check_type
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.data.thresholds import LARGEST_TOLERANCE, LONGEST_SHOWN_TEXT
 
 Tolerance = tuple[tuple[float, str], ...]
 """Errors that do not matter, each with its unit: `Pa`, `N`, or `%` of a signal's span; without any every one does."""
 
-_LARGEST = 1e9
-_LONGEST_SHOWN = 40  # characters
 _SIZE = re.compile(r'([0-9]+(?:\.[0-9]*)?) *(Pa|N|%)')
 
 
@@ -34,11 +33,13 @@ def tolerance_from(sizes: Iterable[str]) -> Tolerance:
         written = _SIZE.fullmatch(text.strip())
         if written is None:
             raise InputError(
-                f'tolerance {text[:_LONGEST_SHOWN]!r}: give Pa, N or percent of the span, as 300Pa, 2N or 1%'
+                f'tolerance {text[:LONGEST_SHOWN_TEXT]!r}: give Pa, N or percent of the span, as 300Pa, 2N or 1%'
             )
         size = float(written[1])
-        if size > _LARGEST:
-            raise InputError(f'a tolerance of more than {_LARGEST:g} {written[2]}: give one that errors can exceed')
+        if size > LARGEST_TOLERANCE:
+            raise InputError(
+                f'a tolerance of more than {LARGEST_TOLERANCE:g} {written[2]}: give one that errors can exceed'
+            )
         tolerance.append((size, written[2]))
     return tuple(tolerance)
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.data.motion import Motion
+from cfd_pneumatic.identification.data.thresholds import LEAST_REVERSAL
 from cfd_pneumatic.runtime import compiler
 
-_WIGGLE = 3.0  # standard deviations of noise that a reversal has to exceed
 _DIFFERENCES = 70.0**0.5  # standard deviation of fourth differences of white noise of unit variance
 _MEDIAN_OF_NORMAL = 0.6745  # of its absolute value
 
@@ -59,7 +59,7 @@ def _is_smooth(motion: Motion) -> bool:
 
 def _wiggle(displacement: Array) -> float:
     """Return how far noise moves a smoothed displacement from sample to sample [m]."""
-    return _WIGGLE / _DIFFERENCES / _MEDIAN_OF_NORMAL * float(np.median(np.abs(np.diff(displacement, 4))))
+    return LEAST_REVERSAL / _DIFFERENCES / _MEDIAN_OF_NORMAL * float(np.median(np.abs(np.diff(displacement, 4))))
 
 
 def _resolution(measured: Array) -> float:

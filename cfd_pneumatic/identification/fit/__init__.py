@@ -12,11 +12,13 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.fit.fit import Fit, Optimum, find_optimum, fit_model, summary
     from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
     from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
-    from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, Information, information
+    from cfd_pneumatic.identification.fit.thresholds import CONFIDENCE, LARGEST_RELATIVE_STD
+    from cfd_pneumatic.identification.fit.uncertainty import Information, information
 else:
     __getattr__ = loader_of(__name__)
 
 __all__ = [
+    'CONFIDENCE',
     'LARGEST_RELATIVE_STD',
     'Fit',
     'Information',

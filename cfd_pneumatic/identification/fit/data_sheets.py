@@ -10,11 +10,14 @@ import numpy as np
 from scipy.special import chdtri
 
 from cfd_pneumatic.identification.channels import Channel, Model
-from cfd_pneumatic.identification.fit.fit import CONFIDENCE, ROUGH, Optimum, find_optimum, information_of
+from cfd_pneumatic.identification.fit.fit import Optimum, find_optimum, information_of
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
-
-_NEAR = 2.0  # standard errors
-_LEAST = 1e-300  # sum of squares whose logarithm is taken
+from cfd_pneumatic.identification.fit.thresholds import (
+    CONFIDENCE,
+    LARGEST_NULL_DISTANCE,
+    LEAST_SUM_OF_SQUARES,
+    ROUGH_SEARCH,
+)
 
 
 def as_data_sheets(likelihood: Likelihood, found: Optimum, tolerance: float, evaluations: int) -> Optimum:
@@ -26,8 +29,8 @@ def as_data_sheets(likelihood: Likelihood, found: Optimum, tolerance: float, eva
     """
     absent = _absent(likelihood.channel, found.model)
     for names in (absent, absent & _near_nothing(likelihood, found.model)):
-        held = find_optimum(likelihood, _without(likelihood.channel, found.model, names), *ROUGH)
-        rise = likelihood.samples * math.log(held.cost / max(found.cost, _LEAST))
+        held = find_optimum(likelihood, _without(likelihood.channel, found.model, names), *ROUGH_SEARCH)
+        rise = likelihood.samples * math.log(held.cost / max(found.cost, LEAST_SUM_OF_SQUARES))
         if names and rise < chdtri(len(names), 1.0 - CONFIDENCE):
             return find_optimum(likelihood, held.model, tolerance, evaluations)
     return found
@@ -58,5 +61,5 @@ def _near_nothing(likelihood: Likelihood, model: Model) -> frozenset[str]:
     free = np.flatnonzero(unknowns.start > unknowns.lower)
     stds = np.zeros(unknowns.start.size)
     stds[free] = np.sqrt(np.diag(fisher.covariance(max(fisher.size - free.size, 1), free)))
-    near = (stds == 0.0) | (unknowns.start <= _NEAR * stds)  # at nothing, or nothing depends on it
+    near = (stds == 0.0) | (unknowns.start <= LARGEST_NULL_DISTANCE * stds)  # at nothing, or nothing depends on it
     return frozenset(one.name for one, is_near in zip(unknowns.table, near.tolist()) if is_near)

@@ -16,24 +16,20 @@ from cfd_pneumatic.identification.channels import UNTOLD, Channel, Estimate, Mod
 from cfd_pneumatic.identification.data import Experiment
 from cfd_pneumatic.identification.fit.levenberg import least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
-from cfd_pneumatic.identification.fit.uncertainty import LARGEST_RELATIVE_STD, Information, information
+from cfd_pneumatic.identification.fit.thresholds import (
+    CONFIDENCE,
+    EXCERPT_STEPS,
+    FINE_SEARCH,
+    LARGEST_PRESSURE_RATIO,
+    LARGEST_RELATIVE_STD,
+    LARGEST_SPREAD_RATIO,
+    LEAST_BOUND_DISTANCE,
+    LEAST_SINGULAR_VALUE,
+    ROUGH_SEARCH,
+    WEIGHING_SEARCH,
+)
+from cfd_pneumatic.identification.fit.uncertainty import Information, information
 from cfd_pneumatic.runtime import each
-
-ROUGH = (1e-4, 40)
-"""Tolerance and evaluations of a fit that chooses among starts."""
-
-FINE = (1e-9, 60)
-"""The same of a fit whose numbers are reported."""
-
-CONFIDENCE = 0.95
-"""Of intervals and tests [-]."""
-
-_WEIGHING = (1e-6, 40)  # the same of a fit that says what samples weigh
-_EXCERPT = 10_000  # grid steps that starts are chosen on
-_AS_KNOWN = 0.7  # of the spread that is known beforehand: a number that recordings tell no better, they don't tell
-_AT_BOUND = 1e-3  # of what is searched
-_APART = 1.5  # times another gauge pressure
-_SINGULAR = 1e-4  # share of the largest singular value below which a combination of unknowns is not determined
 
 
 @dataclass(frozen=True)
@@ -66,7 +62,7 @@ class Fit:
     def spans_pressures(self) -> bool:
         """Whether recordings begin at pressures so far apart that the gains of none of them hold for all."""
         levels = [float(one[0]) for one in self.likelihood.channel.levels(self.likelihood.experiments, self.model)]
-        return bool(levels) and max(levels) > _APART * min(levels)
+        return bool(levels) and max(levels) > LARGEST_PRESSURE_RATIO * min(levels)
 
 
 def fit_model(channel: Channel, experiments: Sequence[Experiment], initial: Model | None = None) -> Fit:
@@ -96,14 +92,14 @@ def fit_model(channel: Channel, experiments: Sequence[Experiment], initial: Mode
         )
     starts = channel.starts(experiments) if initial is None else [initial]
     start = starts[0]
-    if len(starts) > 1 or alike.excerpt(_EXCERPT) is not alike:
-        part = alike.excerpt(_EXCERPT)
+    if len(starts) > 1 or alike.excerpt(EXCERPT_STEPS) is not alike:
+        part = alike.excerpt(EXCERPT_STEPS)
         # where a recording began is held: the sum has kinks in it, at which the gains would stay far off
-        begun = each(lambda one: find_optimum(part, one, *ROUGH, passing=False), starts)
+        begun = each(lambda one: find_optimum(part, one, *ROUGH_SEARCH, passing=False), starts)
         start = min(begun, key=lambda found: found.cost).model
-    first = _begun_on_either_side(alike, find_optimum(alike, start, *_WEIGHING).model)
+    first = _begun_on_either_side(alike, find_optimum(alike, start, *WEIGHING_SEARCH).model)
     weighed = alike.weighed(alike.simulate(first))
-    return summary(weighed, find_optimum(weighed, first, *FINE).model)
+    return summary(weighed, find_optimum(weighed, first, *FINE_SEARCH).model)
 
 
 def _begun_on_either_side(likelihood: Likelihood, model: Model) -> Model:
@@ -118,14 +114,14 @@ def _begun_on_either_side(likelihood: Likelihood, model: Model) -> Model:
         return model
     row = channel.row(model)
     row[begun] *= -1.0
-    other = find_optimum(likelihood, channel.model(row, tuple(model.parts)), *_WEIGHING).model
+    other = find_optimum(likelihood, channel.model(row, tuple(model.parts)), *WEIGHING_SEARCH).model
     left = [[float(run @ run) for run in likelihood.residuals(likelihood.simulate(one))] for one in (model, other)]
     is_better = np.array(left[1]) < np.array(left[0])
     own = model.own.copy()
     for one, better in zip(experiments, is_better):
         if better:
             own[one.index] = other.own[one.index]
-    return find_optimum(likelihood, replace(other if is_better.all() else model, own=own), *_WEIGHING).model
+    return find_optimum(likelihood, replace(other if is_better.all() else model, own=own), *WEIGHING_SEARCH).model
 
 
 class Optimum(NamedTuple):
@@ -233,15 +229,15 @@ def _unidentifiable(likelihood: Likelihood, unknowns: Unknowns, fisher: Informat
         reason = channel.unidentifiable(likelihood.experiments, effect) if effect in channel.effects else None
         if size[index] == 0.0:
             reason = f'nothing in the recordings depends on it{hint}'
-        elif one.name and value - unknowns.lower[index] < _AT_BOUND:
+        elif one.name and value - unknowns.lower[index] < LEAST_BOUND_DISTANCE:
             reason = f'the fit ends at its lower bound {one.lower:g} {one.unit}{hint}'
-        elif one.name and unknowns.upper[index] - value < _AT_BOUND:
+        elif one.name and unknowns.upper[index] - value < LEAST_BOUND_DISTANCE:
             reason = f'the fit ends at its upper bound {one.upper:g} {one.unit}{hint}'
         if reason is not None:
             reasons[index] = reason
     free = np.array([index for index in range(size.size) if index not in reasons], dtype=np.intp)
     powers, directions = np.linalg.eigh(fisher.normal[np.ix_(free, free)] / np.outer(size[free], size[free]))
-    blind = np.abs(directions[:, powers < _SINGULAR**2 * np.max(powers, initial=0.0)]) > LARGEST_RELATIVE_STD
+    blind = np.abs(directions[:, powers < LEAST_SINGULAR_VALUE**2 * np.max(powers, initial=0.0)]) > LARGEST_RELATIVE_STD
     for index in free[np.any(blind, axis=1)].tolist():
         reasons[index] = 'it can not be told from other unknowns: let the piston reverse, or change the set-point'
     return reasons
@@ -269,7 +265,7 @@ def _standard_errors(
     errors = stds * unknowns.scales(unknowns.start)
     values = unknowns.row(unknowns.start)[unknowns.slots]
     for index, one in enumerate(unknowns.table):
-        if stds[index] > _AS_KNOWN * one.spread / (1.0 if one.logarithmic else one.scale):
+        if stds[index] > LARGEST_SPREAD_RATIO * one.spread / (1.0 if one.logarithmic else one.scale):
             reasons.setdefault(index, UNTOLD)
         elif '.' in one.name and errors[index] > abs(values[index]):
             reasons.setdefault(index, 'these recordings tell the effect, but not this parameter')

@@ -15,14 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.fit.thresholds import (
+    FIRST_DAMPING,
+    LARGEST_DAMPING,
+    LARGEST_SHORTENING,
+    LEAST_DAMPING_FACTOR,
+    LEAST_PIVOT,
+    LEAST_SCALE,
+    LEAST_SHORTENING,
+    MOST_ACTIVE_SET_CHANGES,
+)
 from cfd_pneumatic.identification.residual import gram
-
-_FIRST_DAMPING = 1e-3
-_LARGEST_DAMPING = 1e12
-_LEAST_SCALE = 1e-12  # of the largest: of an unknown with a millionth of another's influence slopes are mostly rounding
-_LEAST_SHARE, _LARGEST_SHARE = 0.1, 0.5  # of a step that raised the sum
-_LEAST = 1e-200  # of what may be inverted, where nothing depends on any
-_MOST_CHANGES = 4  # of what is held, for each unknown
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,7 @@ def least_squares(
     here = evaluate(point)
     if not here.is_finite:
         return point, replace(here, total=math.inf)
-    damping = _FIRST_DAMPING
+    damping = FIRST_DAMPING
     for _ in range(evaluations - 1):
         if here.total <= enough:
             break
@@ -133,13 +136,13 @@ def least_squares(
         fell = here.total - there.total
         if not (fell > 0.0 and there.is_finite):
             shorter = _shortening(here, step, there.total) * here.size(step)
-            while here.size(step) > shorter and damping < _LARGEST_DAMPING:
+            while here.size(step) > shorter and damping < LARGEST_DAMPING:
                 damping *= 2.0
                 step, _ = _step(here, damping, lower - point, upper - point, longest)
-            if damping >= _LARGEST_DAMPING:
+            if damping >= LARGEST_DAMPING:
                 break
             continue
-        damping *= max(1.0 / 3.0, 1.0 - (2.0 * fell / predicted - 1.0) ** 3)
+        damping *= max(LEAST_DAMPING_FACTOR, 1.0 - (2.0 * fell / predicted - 1.0) ** 3)
         point, here = trial, there
         if fell <= tolerance * here.total:
             break
@@ -149,9 +152,9 @@ def least_squares(
 def _shortening(here: Quadratic, step: Array, risen: float) -> float:
     """Return by how much a step that raised the sum is to be shortened: to the least of a parabola through both."""
     if not math.isfinite(risen):
-        return _LEAST_SHARE
+        return LEAST_SHORTENING
     fall = -2.0 * float(here.gradient @ step)
-    return min(max(0.5 * fall / (risen - here.total + fall), _LEAST_SHARE), _LARGEST_SHARE)
+    return min(max(0.5 * fall / (risen - here.total + fall), LEAST_SHORTENING), LARGEST_SHORTENING)
 
 
 def _step(here: Quadratic, damping: float, down: Array, up: Array, longest: Array) -> tuple[Array, float]:
@@ -164,10 +167,10 @@ def _step(here: Quadratic, damping: float, down: Array, up: Array, longest: Arra
     normal, gradient = here.normal, here.gradient
     size = gradient.size
     scale = np.diag(normal)
-    inner = normal + damping * np.diag(np.maximum(scale, _LEAST_SCALE * max(np.max(scale), _LEAST)))
+    inner = normal + damping * np.diag(np.maximum(scale, LEAST_SCALE * max(np.max(scale), LEAST_PIVOT)))
     step = np.zeros(size)
     held = ((down >= 0.0) & (gradient > 0.0)) | ((up <= 0.0) & (gradient < 0.0))
-    for _ in range(_MOST_CHANGES * size):
+    for _ in range(MOST_ACTIVE_SET_CHANGES * size):
         free = np.flatnonzero(~held)
         slope = gradient + inner @ step
         move = -np.linalg.solve(inner[free][:, free], slope[free])

@@ -21,19 +21,21 @@ from cfd_pneumatic.arrays import Array, Indices, Mask
 from cfd_pneumatic.identification.channels import Channel, Model, Unknown
 from cfd_pneumatic.identification.data import PARTS, Experiment
 from cfd_pneumatic.identification.fit.levenberg import Quadratic
+from cfd_pneumatic.identification.fit.thresholds import (
+    DIFFERENCE_STEP,
+    FEWEST_EXCERPT_STEPS,
+    FULL_EXCERPTS,
+    LARGEST_LOG_STEP,
+    LEAST_RMS,
+    LEAST_SUM_OF_SQUARES,
+    SHORT_STRETCH_LEAD,
+    SHORT_STRETCHES,
+    STRETCH_LEAD,
+    STRETCH_SAMPLES,
+    STRETCHES,
+)
 from cfd_pneumatic.identification.residual import Noise, Test, independent_share, tests_of, whitened
 from cfd_pneumatic.model import kernel
-
-_DIFFERENCE = 1e-5  # step of a forward difference, as a share of an unknown's scale
-_LONGEST_STEP = 2.0
-_STRETCHES = 32  # of long recordings, which a search reads
-_STRETCH = 16_384  # samples
-_FEW = 4  # experiments that give as much to an excerpt as one would alone
-_LEAST_EXCERPT = 1000  # grid steps of each
-_SPREAD = 8  # short ones: so few that each is longer than the walls' warmth lasts
-_LEAD = 0.1  # share of a stretch that does not count: how warm the air is where it begins nobody knows
-_LONGER_LEAD = 0.25  # likewise, of a short one
-_LEAST = 1e-300  # sum of squares whose logarithm is taken
 
 
 class Unknowns:
@@ -96,7 +98,7 @@ class Unknowns:
     @property
     def longest_step(self) -> Array:
         """Farthest that a search may go at once: a factor of seven where it searches a logarithm, shape (k,)."""
-        return np.where(self._logarithmic, _LONGEST_STEP, np.inf)
+        return np.where(self._logarithmic, LARGEST_LOG_STEP, np.inf)
 
     def away(self, point: Array) -> Array:
         """Return how far each is from what is expected of it, where something is, shape (k,)."""
@@ -157,7 +159,7 @@ class Likelihood:
             for one, values, own in zip(self.experiments, simulated, precisions)
         ]
         rms = np.array([math.sqrt(float(run @ run) / run.size) if run.size else math.nan for run in left])
-        scales = np.nan_to_num(np.nanmean(rms) / np.maximum(rms, 1e-9), nan=1.0)
+        scales = np.nan_to_num(np.nanmean(rms) / np.maximum(rms, LEAST_RMS), nan=1.0)
         weights = tuple(own * scale for own, scale in zip(precisions, scales.tolist()))
         return self if all(map(np.array_equal, weights, self.weights)) else replace(self, weights=weights)
 
@@ -177,7 +179,7 @@ class Likelihood:
 
         Of many experiments each gives less, so that together they hardly take longer than a few.
         """
-        steps = min(steps, max(_FEW * steps // len(self.experiments), _LEAST_EXCERPT))
+        steps = min(steps, max(FULL_EXCERPTS * steps // len(self.experiments), FEWEST_EXCERPT_STEPS))
         if max(one.times.size for one in self.experiments) <= steps:
             return self
         return self._cut([(rank, one.liveliest(steps)) for rank, one in enumerate(self.experiments)])
@@ -189,13 +191,13 @@ class Likelihood:
         Which they are depends on the number of samples only, so that they favour no effect.
         """
         count = sum(int(np.count_nonzero(one.fitted)) for one in self.experiments)
-        if count <= 2 * _STRETCHES * _STRETCH:
+        if count <= 2 * STRETCHES * STRETCH_SAMPLES:
             return self
         places = []
         for rank, one in enumerate(self.experiments):
             for begin, end in pairwise(np.searchsorted(one.part, range(PARTS.index('test') + 1)).tolist()):
-                number = math.ceil(_STRETCHES * (end - begin) / count)
-                length = min(_STRETCH, (end - begin) // max(number, 1))
+                number = math.ceil(STRETCHES * (end - begin) / count)
+                length = min(STRETCH_SAMPLES, (end - begin) // max(number, 1))
                 firsts = np.linspace(begin, end - length, number).astype(int).tolist()
                 places += [(rank, slice(first, first + length)) for first in firsts]
         return self._cut(places)
@@ -209,15 +211,15 @@ class Likelihood:
         share = steps / self.steps
         if share >= 1.0:
             return self
-        number = math.ceil(_SPREAD / len(self.experiments))
+        number = math.ceil(SHORT_STRETCHES / len(self.experiments))
         places = []
         for rank, one in enumerate(self.experiments):
             length = max(int(share * one.part.size / number), 1)
             firsts = np.linspace(0, one.part.size - length, number).astype(int).tolist()
             places += [(rank, slice(first, first + length)) for first in firsts]
-        return self._cut(places, _LONGER_LEAD)
+        return self._cut(places, SHORT_STRETCH_LEAD)
 
-    def _cut(self, places: Sequence[tuple[int, slice]], lead: float = _LEAD) -> Likelihood:
+    def _cut(self, places: Sequence[tuple[int, slice]], lead: float = STRETCH_LEAD) -> Likelihood:
         """
         Return some stretches of some experiments.
 
@@ -303,7 +305,7 @@ class Likelihood:
 
         """
         row, scales = unknowns.row(point), unknowns.scales(point)
-        steps = np.where(point + _DIFFERENCE <= unknowns.upper, _DIFFERENCE, -_DIFFERENCE) * scales
+        steps = np.where(point + DIFFERENCE_STEP <= unknowns.upper, DIFFERENCE_STEP, -DIFFERENCE_STEP) * scales
         for experiment, weight in zip(self.experiments, self.weights):
             counts = experiment.counts
             own, slots = unknowns.of(experiment)
@@ -329,7 +331,7 @@ class Likelihood:
     def criterion(self, residuals: Sequence[Array], unknowns: int, coefficients: Array) -> float:
         """Return the Bayesian information criterion of what a model leaves, whitened by an autoregression."""
         squares = sum(float(np.sum(whitened(residual, coefficients) ** 2)) for residual in residuals)
-        return self.samples * math.log(max(squares, _LEAST)) + unknowns * math.log(self.samples)
+        return self.samples * math.log(max(squares, LEAST_SUM_OF_SQUARES)) + unknowns * math.log(self.samples)
 
     def evidence(self, before: float, after: float, unknowns: int, coefficients: Array) -> float:
         """
@@ -338,7 +340,7 @@ class Likelihood:
         A slow effect, a sine for one, suits slow noise too, and whitening alone doesn't see that.
         """
         samples = self.samples * independent_share(coefficients)
-        return samples * math.log(before / max(after, _LEAST)) - unknowns * math.log(self.samples)
+        return samples * math.log(before / max(after, LEAST_SUM_OF_SQUARES)) - unknowns * math.log(self.samples)
 
 
 @kernel

@@ -11,12 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
-
-LARGEST_RELATIVE_STD = 1.0 / 3.0
-"""Standard error over its value above which a parameter is not identifiable: zero lies within three of them [-]."""
-
-_LEAST_DETERMINED = 1e-14  # of what is determined best
-_FINEST_LAGS = 64  # up to which a window is taken sample by sample
+from cfd_pneumatic.identification.fit.thresholds import FINEST_LAGS, LEAST_CORRELATION, LEAST_DETERMINED
 
 
 @dataclass(frozen=True)
@@ -63,7 +58,7 @@ class Information:
         size[size == 0.0] = 1.0  # metres and hertz side by side would pass for a matrix without full rank
         units = np.outer(size, size)
         values, vectors = np.linalg.eigh(normal / units)
-        determined = values > _LEAST_DETERMINED * np.max(values, initial=0.0)
+        determined = values > LEAST_DETERMINED * np.max(values, initial=0.0)
         inverse = (vectors[:, determined] / values[determined]) @ vectors[:, determined].T / units
         if self.scores is None:
             return np.asarray(inverse * self.power / degrees)
@@ -111,7 +106,7 @@ class _Window:
     """
 
     def __init__(self, lags: int) -> None:
-        self.group = max(1, lags // _FINEST_LAGS)
+        self.group = max(1, lags // FINEST_LAGS)
         self.lags = max(1, lags // self.group)
         self.last: Array | None = None
 
@@ -130,7 +125,7 @@ class _Window:
 
 def _correlation_length(runs: Sequence[Array], power: float) -> int:
     """Return over how many samples residuals are correlated, 0 where the first lag's correlation is noise."""
-    significance = 3.0 / math.sqrt(sum(run.size for run in runs))
+    significance = LEAST_CORRELATION / math.sqrt(sum(run.size for run in runs))
     longest = max(1, min(run.size for run in runs) // 4)
 
     def correlation(lag: int) -> float:

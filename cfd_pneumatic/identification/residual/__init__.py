@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.residual.regressors import Regressors
     from cfd_pneumatic.identification.residual.rests import runs_at_rest
     from cfd_pneumatic.identification.residual.shape import lag_of, speed_of, strongest_frequency
-    from cfd_pneumatic.identification.residual.tests import SIGNIFICANCE, Test, explained, tests_of
+    from cfd_pneumatic.identification.residual.tests import Test, explained, tests_of
+    from cfd_pneumatic.identification.residual.thresholds import SIGNIFICANCE
 else:
     __getattr__ = loader_of(__name__)
 

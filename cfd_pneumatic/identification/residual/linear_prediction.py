@@ -8,10 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.residual.thresholds import (
+    FEWEST_SAMPLES_PER_ORDER,
+    HIGHEST_ORDER,
+    LEAST_INDEPENDENT_SHARE,
+    LEAST_INNOVATION,
+    LONGEST_RESPONSE,
+)
 from cfd_pneumatic.runtime import compiler
-
-_HIGHEST_ORDER = 12
-_LONGEST_MEMORY = 2000  # samples
 
 
 def autocovariance(series: Sequence[Array], lags: int) -> Array:
@@ -29,10 +33,10 @@ def autoregression(series: Sequence[Array]) -> Array:
     Return coefficients c of e_t = sum c_k e_(t-k) + white noise, shape (order,), by Yule and Walker.
 
     Each order follows from the one before (Durbin, 1960).
-    The order, up to 12, is the one with the least Bayesian information criterion; white noise, and none, have none.
+    The order, up to `HIGHEST_ORDER`, has the least Bayesian information criterion; white noise, and none, have none.
     """
     count = sum(one.size for one in series)
-    highest = min(_HIGHEST_ORDER, count // 20)
+    highest = min(HIGHEST_ORDER, count // FEWEST_SAMPLES_PER_ORDER)
     covariance = autocovariance(series, highest)
     best = coefficients = np.empty(0)
     innovation = float(covariance[0])
@@ -40,10 +44,11 @@ def autoregression(series: Sequence[Array]) -> Array:
         return best
     lowest = count * np.log(innovation)
     for order in range(1, highest + 1):
-        reflection = (covariance[order] - coefficients @ covariance[order - 1 : 0 : -1]) / max(innovation, 1e-300)
+        unexplained = covariance[order] - coefficients @ covariance[order - 1 : 0 : -1]
+        reflection = unexplained / max(innovation, LEAST_INNOVATION)
         coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
         innovation *= 1.0 - reflection**2
-        criterion = count * np.log(max(innovation, 1e-300)) + order * np.log(count)
+        criterion = count * np.log(max(innovation, LEAST_INNOVATION)) + order * np.log(count)
         if criterion < lowest:
             best, lowest = coefficients, criterion
     return best
@@ -73,7 +78,7 @@ def driven(innovations: Array, coefficients: Array) -> Array:
 
 def independent_share(coefficients: Array) -> float:
     """Return how many independent samples a sample of autoregressive noise is worth, at most one [-]."""
-    impulse = np.zeros(_LONGEST_MEMORY)
+    impulse = np.zeros(LONGEST_RESPONSE)
     impulse[0] = 1.0
     response = driven(impulse, np.asarray(coefficients))
-    return float(np.clip(np.sum(response**2) * (1.0 - np.sum(coefficients)) ** 2, 1e-3, 1.0))
+    return float(np.clip(np.sum(response**2) * (1.0 - np.sum(coefficients)) ** 2, LEAST_INDEPENDENT_SHARE, 1.0))

@@ -12,16 +12,18 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.linear_prediction import autoregression, independent_share
+from cfd_pneumatic.identification.residual.thresholds import (
+    FEWEST_SAMPLES_AT_REST,
+    INDEPENDENT_DISTANCE,
+    KEPT_DIFFERENCES,
+    LARGEST_COLOURED_NOISE,
+    LARGEST_DISTINCT_SHARE,
+    LEAST_COLOURED_NOISE,
+    LEAST_ROUNDING,
+    LEAST_ROUNDING_STEP,
+    NOISE_PIECE,
+)
 
-_PIECE = 500_000  # samples
-SLOWEST = 6.0
-"""Noise of a sensor over its white part, at most: with a memory of 25 samples [-]."""
-
-_APART = 50  # samples: longer than the memory of a sensor
-_ENOUGH_AT_REST = 100  # samples
-_MEMORY = 1.1  # standard deviation over that of neighbours' differences, from which on noise has a memory
-_MOSTLY_ROUNDING = 0.6  # rounding over all of the noise, from which on it is rounding above all
-_KEPT = 0.9  # share of the smallest differences that is taken for noise; the rest may be transients
 _NORMAL = NormalDist()
 _NORMAL_PER_MEDIAN = 1.4826  # standard deviation over median absolute deviation
 
@@ -42,17 +44,17 @@ def sample_noise(times: Array, values: Array) -> float:
         The signal, shape (n,).
 
     """
-    if times.size > 2 * _PIECE:
-        pieces = zip(*(np.array_split(series, times.size // _PIECE) for series in (times, values)))
+    if times.size > 2 * NOISE_PIECE:
+        pieces = zip(*(np.array_split(series, times.size // NOISE_PIECE) for series in (times, values)))
         return math.sqrt(float(np.mean([sample_noise(*piece) ** 2 for piece in pieces])))
     left = (times[2:] - times[1:-1]) / (times[2:] - times[:-2])
     right = 1.0 - left
     differences = values[1:-1] - left * values[:-2] - right * values[2:]
     squares = np.sort(differences**2 / (1.0 + left**2 + right**2))
-    kept = squares[: max(1, int(_KEPT * squares.size))]
-    limit = _NORMAL.inv_cdf(0.5 + 0.5 * _KEPT)
+    kept = squares[: max(1, int(KEPT_DIFFERENCES * squares.size))]
+    limit = _NORMAL.inv_cdf(0.5 + 0.5 * KEPT_DIFFERENCES)
     density = _NORMAL.pdf(limit)
-    share_of_variance = 1.0 - 2.0 * limit * density / _KEPT
+    share_of_variance = 1.0 - 2.0 * limit * density / KEPT_DIFFERENCES
     return math.sqrt(float(np.mean(kept)) / share_of_variance)
 
 
@@ -106,23 +108,28 @@ def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) 
         Standard deviation of the converter's rounding.
 
     """
-    known = sum(rest.size for rest in rests) >= _ENOUGH_AT_REST
-    remembers = known and _quiet(rests) > _MEMORY * white and 0.0 < _spread(rests) <= SLOWEST * white
+    known = sum(rest.size for rest in rests) >= FEWEST_SAMPLES_AT_REST
+    remembers = (
+        known
+        and _quiet(rests) > LEAST_COLOURED_NOISE * white
+        and 0.0 < _spread(rests) <= LARGEST_COLOURED_NOISE * white
+    )
     coefficients = autoregression(rests) if remembers else np.empty(0)
     if coefficients.size:
         count = sum(rest.size for rest in rests)
     std = _spread(rests) if coefficients.size else white
     uncertainty = 1.0 / math.sqrt(2.0 * count * independent_share(coefficients))
-    return Noise(max(std, rounding), coefficients, uncertainty, known, rounding > _MOSTLY_ROUNDING * std)
+    return Noise(max(std, rounding), coefficients, uncertainty, known, rounding > LEAST_ROUNDING * std)
 
 
 def rounding_step(values: Array) -> float:
     """Return the step of the converter that a signal's values are multiples of, 0 where there is none to be seen."""
     distinct = np.unique(values)
-    if distinct.size < 2 or distinct.size > values.size // 2:
+    if distinct.size < 2 or distinct.size > LARGEST_DISTINCT_SHARE * values.size:
         return 0.0
     steps = np.diff(distinct)
-    return float(np.min(steps[steps > 1e-6 * np.ptp(distinct)], initial=np.inf)) if np.ptp(distinct) > 0.0 else 0.0
+    least = LEAST_ROUNDING_STEP * np.ptp(distinct)
+    return float(np.min(steps[steps > least], initial=np.inf)) if np.ptp(distinct) > 0.0 else 0.0
 
 
 def _quiet(rests: Sequence[Array]) -> float:
@@ -139,7 +146,7 @@ def _spread(rests: Sequence[Array]) -> float:
 
     In short runs of noise with a memory a mean takes much of the noise with it.
     """
-    apart = min(_APART, max(rest.size for rest in rests) // 2)
+    apart = min(INDEPENDENT_DISTANCE, max(rest.size for rest in rests) // 2)
     differences = np.concatenate([rest[apart:] - rest[:-apart] for rest in rests if rest.size > apart])
     return math.sqrt(0.5 * float(np.mean(differences**2)))
 

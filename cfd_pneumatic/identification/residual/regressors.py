@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
-
-_LAGS = (0, -1, 1, -2, 2, 4, 8, 16, 32)  # [samples], in the order in which they are left out last
-_FEWEST_PER_SIGNAL = 10  # samples
-_CHUNK = 16_384  # samples whose values are made together
+from cfd_pneumatic.identification.residual.thresholds import (
+    FEWEST_SAMPLES_PER_REGRESSOR,
+    REGRESSOR_CHUNK,
+    REGRESSOR_LAGS,
+)
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,8 @@ class Regressors:
 
     def width(self, samples: int) -> int:
         """Return how many signals so many samples bear, a constant among them."""
-        return min(1 + len(self.once) + len(_LAGS) * len(self.lagged), max(1, samples // _FEWEST_PER_SIGNAL))
+        most = max(1, samples // FEWEST_SAMPLES_PER_REGRESSOR)
+        return min(1 + len(self.once) + len(REGRESSOR_LAGS) * len(self.lagged), most)
 
     def values(self, begin: int, end: int, width: int) -> Array:
         """Return a constant and the first signals, weighted, from one residual to before another, shape (width, n)."""
@@ -57,7 +59,7 @@ class Regressors:
         parts = []
         begin = 0
         while begin < len(edges) - 1:
-            end = max(begin + 1, int(np.searchsorted(edges, edges[begin] + _CHUNK, side='right')) - 1)
+            end = max(begin + 1, int(np.searchsorted(edges, edges[begin] + REGRESSOR_CHUNK, side='right')) - 1)
             inner = edges[begin:end] - edges[begin]
             parts.append(np.add.reduceat(self.values(edges[begin], edges[end], width), inner, axis=1))
             begin = end
@@ -68,6 +70,6 @@ class Regressors:
         yield None, 0
         for signal in self.once:
             yield signal, 0
-        for lag in _LAGS:
+        for lag in REGRESSOR_LAGS:
             for signal in self.lagged:
                 yield signal, lag

@@ -7,15 +7,17 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from cfd_pneumatic.arrays import Array
-
-_SETTLING = 0.15  # after which a pressure is at rest [s]
-_SHORTEST_REST = 30  # samples
+from cfd_pneumatic.identification.residual.thresholds import (
+    FEWEST_REST_SAMPLES,
+    LARGEST_REST_MOTION,
+    REST_SETTLING_TIME,
+)
 
 
 def runs_at_rest(times: Array, x: Array, setpoint: Array, slack: float, values: Array) -> list[Array]:
     """Return the runs of values while a displacement has stayed within some slack, and a set-point, for a while."""
     period = float(np.median(np.diff(times)))
-    window = max(int(_SETTLING / period), 2)
+    window = max(int(REST_SETTLING_TIME / period), 2)
     if window >= times.size:
         return []
 
@@ -24,7 +26,7 @@ def runs_at_rest(times: Array, x: Array, setpoint: Array, slack: float, values: 
         most = maximum_filter1d(series, window, origin=(window - 1) // 2)
         return np.asarray(most - minimum_filter1d(series, window, origin=(window - 1) // 2))
 
-    still = (spread(x) <= max(slack, 1e-3 * float(np.ptp(x)))) & (spread(setpoint) == 0.0)
+    still = (spread(x) <= max(slack, LARGEST_REST_MOTION * float(np.ptp(x)))) & (spread(setpoint) == 0.0)
     cuts = np.flatnonzero(np.diff(still)) + 1
     runs = zip(np.split(values, cuts), np.split(still, cuts))
-    return [run for run, flags in runs if flags[0] and run.size >= _SHORTEST_REST]
+    return [run for run, flags in runs if flags[0] and run.size >= FEWEST_REST_SAMPLES]

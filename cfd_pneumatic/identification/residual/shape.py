@@ -6,20 +6,23 @@ from __future__ import annotations
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-
-_FASTEST_SUPPLY = 3.0  # highest frequency of a supply's variation [Hz]
-_MOST_FREQUENCIES = 100  # that are looked at closely
-_FEWEST_ORDINATES = 1024
-_LONGEST_LAG = 0.2  # [s]
-_BIN = 0.05  # over which residuals are averaged, short beside the fastest period [s]
+from cfd_pneumatic.identification.residual.thresholds import (
+    AVERAGING_TIME,
+    FEWEST_ORDINATES,
+    HIGHEST_SUPPLY_FREQUENCY,
+    LARGEST_LAG,
+    LEAST_DURATION,
+    LEAST_SPEED,
+    MOST_FREQUENCIES,
+)
 
 
 def strongest_frequency(times: Array, residual: Array) -> float:
     """Return the frequency [Hz], of those a supply's variation may have, that explains most of the residual."""
-    slowest = 1.0 / max(float(np.ptp(times)), 1e-9)
-    if slowest >= _FASTEST_SUPPLY:
-        return _FASTEST_SUPPLY
-    bins = ((times - times[0]) / _BIN).astype(np.intp)
+    slowest = 1.0 / max(float(np.ptp(times)), LEAST_DURATION)
+    if slowest >= HIGHEST_SUPPLY_FREQUENCY:
+        return HIGHEST_SUPPLY_FREQUENCY
+    bins = ((times - times[0]) / AVERAGING_TIME).astype(np.intp)
     present, rank = np.unique(bins, return_inverse=True)
     counts = np.bincount(rank)
     centres = np.bincount(rank, times) / counts
@@ -27,11 +30,11 @@ def strongest_frequency(times: Array, residual: Array) -> float:
     # the periodogram finds where to look, four times as fine as lines are wide
     filled = np.zeros(int(present[-1]) + 1)
     filled[present] = means
-    length = max(4 * filled.size, _FEWEST_ORDINATES)
-    frequencies = np.fft.rfftfreq(length, _BIN)
+    length = max(4 * filled.size, FEWEST_ORDINATES)
+    frequencies = np.fft.rfftfreq(length, AVERAGING_TIME)
     power = np.abs(np.fft.rfft(filled, length)) ** 2
-    within = np.flatnonzero((frequencies >= slowest) & (frequencies <= _FASTEST_SUPPLY))
-    tallest = np.asarray(frequencies[within[np.argsort(power[within])[-_MOST_FREQUENCIES:]]], dtype=np.float64)
+    within = np.flatnonzero((frequencies >= slowest) & (frequencies <= HIGHEST_SUPPLY_FREQUENCY))
+    tallest = np.asarray(frequencies[within[np.argsort(power[within])[-MOST_FREQUENCIES:]]], dtype=np.float64)
     return float(tallest[int(np.argmax(_explained(centres, means, tallest)))])
 
 
@@ -46,7 +49,7 @@ def _explained(times: Array, values: Array, frequencies: Array) -> Array:
 def speed_of(times: Array, displacement: Array) -> float:
     """Return the root mean square of the piston's speed while it moves [m/s]."""
     speed = np.abs(np.gradient(displacement, times))
-    return max(float(np.sqrt(np.mean(speed[speed >= np.median(speed)] ** 2))), 1e-5)
+    return max(float(np.sqrt(np.mean(speed[speed >= np.median(speed)] ** 2))), LEAST_SPEED)
 
 
 def _correlation(long: Array, short: Array) -> Array:
@@ -59,7 +62,7 @@ def _correlation(long: Array, short: Array) -> Array:
 def lag_of(times: Array, measured: Array, simulated: Array) -> float:
     """Return by how much a measured signal comes later than a simulated one, by their correlation [s]."""
     period = float(np.median(np.diff(times)))
-    reach = min(int(_LONGEST_LAG / period), times.size // 4)
+    reach = min(int(LARGEST_LAG / period), times.size // 4)
     centred = measured - np.mean(measured)
     expected = simulated - np.mean(simulated)
     inner = centred[reach : measured.size - reach]

@@ -20,34 +20,39 @@ from scipy.special import betaincinv, fdtri
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual.linear_prediction import autocovariance, autoregression, driven, whitened
-from cfd_pneumatic.identification.residual.noise import SLOWEST, Noise
+from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.normal_matrix import gram, orthonormal
 from cfd_pneumatic.identification.residual.regressors import Regressors
+from cfd_pneumatic.identification.residual.thresholds import (
+    LARGEST_COLOURED_NOISE,
+    LARGEST_EXPLAINED,
+    LARGEST_EXPLAINED_NOISE,
+    LARGEST_LIKENESS,
+    LARGEST_LINE_SHARE,
+    LARGEST_SIZE_RATIO,
+    LARGEST_SIZE_RATIO_LONG,
+    LARGEST_SLOW_SHARE,
+    LEAST_SINGULAR_VALUE,
+    LEVEL_ORDINATES,
+    LIKENESS_LAGS,
+    LIKENESS_QUANTILE,
+    LIKENESS_SIMULATIONS,
+    LINE_ALLOWANCE,
+    LINE_WINDOW,
+    LONG_RECORD,
+    LONGEST_SIMULATED,
+    MOST_REGRESSED_SAMPLES,
+    MOST_SLOW_SAMPLES,
+    NOISE_ALLOWANCE,
+    REGRESSION_STRETCH,
+    ROUNDING_ALLOWANCE,
+    SHIFT_SIGNIFICANCE,
+    SIGNIFICANCE,
+    SIMULATION_LEAD,
+    SLOW_ORDINATES,
+)
 
-SIGNIFICANCE = 0.001
-"""Chance with which a test fails on noise alone."""
-
-_MATERIAL = 0.04  # share of the residual, beyond chance, that inputs have to explain
-_MATERIAL_BESIDE = 0.08  # of the noise's variance, beside a core or effects: 4 % of its size
-_SHIFTED = 0.005  # share of the shifts whose inputs may explain more
-_MATERIAL_LIKENESS = 0.04  # squared correlations with neighbours, altogether
-_MATERIAL_LEVEL = 0.015  # share of it that is slow
-_MATERIAL_LINE = 0.01  # share of it that one line has
 _SEED = 1  # of the simulated thresholds
-_SIMULATIONS = 100
-_QUANTILE = 4.0  # standard deviations
-_LONGEST_SIMULATED = 5000  # samples
-_MEMORY = 200  # samples
-_LAGS_WHITE = 25
-_LARGEST, _LARGEST_LONG, _LONG = 1.10, 1.05, 5000  # residual over noise; in records with so many samples
-_BESIDE_ROUNDING = 1.25  # over what rounding makes, and leaves at rest: the noise that is rounded comes on top
-_APART = 1e-6  # singular values of columns beside the largest, below which they are not told apart
-_SLOW = 4  # ordinates
-_MOST_ASKED = 60_000  # samples that a regression on the inputs is of
-_STRETCH = 2000  # samples, long beside all lags
-_SLOW_SAMPLES = 4096  # to which long records are averaged: slow parts need no more
-_NEIGHBOURS = 61  # ordinates
-_MEDIAN_SPREAD = 1.3
 
 
 @dataclass(frozen=True)
@@ -116,9 +121,9 @@ def _tests_of_kind(
     """Yield the tests of what residuals are like, whatever their size."""
     coefficients = autoregression(residuals)
     innovations = [whitened(residual, coefficients) for residual in residuals]
-    beside = _MATERIAL_BESIDE * min((noise.std / _size(residuals)) ** 2, 1.0) if refined else 0.0
+    beside = LARGEST_EXPLAINED_NOISE * min((noise.std / _size(residuals)) ** 2, 1.0) if refined else 0.0
     blurred = noise.blur**2 / (noise.blur**2 + noise.std**2) if noise.blur else 0.0
-    material = max(_MATERIAL, beside, blurred)
+    material = max(LARGEST_EXPLAINED, beside, blurred)
     yield _inputs_test(innovations, regressors, coefficients, material)
     yield _slow_inputs_test(residuals, regressors, material)
     spectra = [list(map(_periodogram, series)) for series in (residuals, _forgotten(residuals))]
@@ -135,7 +140,7 @@ def _inputs_test(
     size = np.sqrt(np.diag(common))
     varying = np.flatnonzero(size[:-1])
     alike, shared = (common[varying][:, rest] / np.outer(size[varying], size[rest]) for rest in (varying, [-1]))
-    directions = orthonormal(alike, _APART)
+    directions = orthonormal(alike, LEAST_SINGULAR_VALUE)
     share, rank = float(np.sum((directions.T @ shared) ** 2)), directions.shape[1]
     significant = float(betaincinv(rank / 2.0, max(count - rank, 1) / 2.0, 1.0 - SIGNIFICANCE))
     threshold = max(significant, rank / count + material)
@@ -153,7 +158,7 @@ def _slow_inputs_test(residuals: Sequence[Array], regressors: Sequence[Regressor
     basis = _orthogonal(columns)
     spectra = np.fft.rfft(basis.T) * np.conj(np.fft.rfft(residual))
     shares = np.sum(np.fft.irfft(spectra, residual.size) ** 2, axis=0) / float(residual @ residual)
-    threshold = float(np.quantile(shares, 1.0 - _SHIFTED)) + material
+    threshold = float(np.quantile(shares, 1.0 - SHIFT_SIGNIFICANCE)) + material
     return Test(
         'slow_inputs', float(shares[0]), threshold, 'share of the residual, slow parts too, that inputs explain'
     )
@@ -166,12 +171,12 @@ def _common(innovations: Sequence[Array], regressors: Sequence[Regressors], coef
     The last row and column, shape (width + 1, width + 1), are what is new. Of long recordings they are of stretches.
     """
     count = sum(one.size for one in innovations)
-    every = max(1, count // _MOST_ASKED)
+    every = max(1, count // MOST_REGRESSED_SAMPLES)
     width = min(one.width(count) for one in regressors)
     common, asked = np.zeros((width + 1, width + 1)), 0
     for new, own in zip(innovations, regressors):
-        for begin in range(0, new.size, every * _STRETCH):
-            end = min(begin + _STRETCH, new.size)
+        for begin in range(0, new.size, every * REGRESSION_STRETCH):
+            end = min(begin + REGRESSION_STRETCH, new.size)
             before = min(begin, coefficients.size)
             columns = whitened(own.values(begin - before, end, width), coefficients)[:, before:]
             common += gram(np.vstack([columns, new[begin:end]]))
@@ -183,7 +188,7 @@ def _slow_parts(residuals: Sequence[Array], regressors: Sequence[Regressors]) ->
     """Return the residuals and the inputs, of long recordings the sums of neighbours, but for a few at the end."""
     count = sum(one.size for one in residuals)
     width = min(one.width(count) for one in regressors)
-    together = count / _SLOW_SAMPLES if count > 2 * _SLOW_SAMPLES else 1.0
+    together = count / MOST_SLOW_SAMPLES if count > 2 * MOST_SLOW_SAMPLES else 1.0
     parts, columns = [], []
     for residual, own in zip(residuals, regressors):
         edges = np.linspace(0, residual.size, max(1, round(residual.size / together)) + 1).astype(np.intp)
@@ -202,7 +207,7 @@ def _orthogonal(columns: Array) -> Array:
     """Return an orthonormal basis of what columns span, those that are zero left out, shape (n, rank)."""
     size = np.linalg.norm(columns, axis=0)
     scaled = columns[:, size > 0.0] / size[size > 0.0]
-    return np.asarray(scaled @ orthonormal(scaled.T @ scaled, _APART))
+    return np.asarray(scaled @ orthonormal(scaled.T @ scaled, LEAST_SINGULAR_VALUE))
 
 
 def _line_test(spectra: Sequence[Sequence[Array]]) -> Test:
@@ -213,8 +218,8 @@ def _line_test(spectra: Sequence[Sequence[Array]]) -> Test:
     """
     worst, count = min(map(_line_ratio, spectra))
     # an ordinate is exponential, and its neighbours' median spreads it a little
-    significant = _MEDIAN_SPREAD * math.log(max(count, 1) / SIGNIFICANCE)
-    threshold = max(significant, _MATERIAL_LINE * count)
+    significant = LINE_ALLOWANCE * math.log(max(count, 1) / SIGNIFICANCE)
+    threshold = max(significant, LARGEST_LINE_SHARE * count)
     return Test('line', worst, threshold, 'largest line of the spectrum over its neighbours')
 
 
@@ -222,10 +227,10 @@ def _line_ratio(spectra: Sequence[Array]) -> tuple[float, int]:
     """Return the largest ordinate over those beside it, and how many there are."""
     worst, count = 0.0, 0
     for power in spectra:
-        if power.size > 2 * _SLOW:
-            window = min(_NEIGHBOURS, power.size // 2 * 2 - 1)
+        if power.size > 2 * SLOW_ORDINATES:
+            window = min(LINE_WINDOW, power.size // 2 * 2 - 1)
             beside = median_filter(power, size=window, mode='reflect') / math.log(2.0)
-            worst = max(worst, float(np.max((power / beside)[_SLOW:])))
+            worst = max(worst, float(np.max((power / beside)[SLOW_ORDINATES:])))
             count += power.size
     return worst, count
 
@@ -253,13 +258,13 @@ def _slow_ratio(spectra: Sequence[Array], count: int) -> tuple[float, float]:
     slow: list[float] = []
     beside: list[float] = []
     for power in spectra:
-        if power.size > 4 * _SLOW:
-            slow.extend(power[:_SLOW])
-            beside.extend(power[_SLOW : 12 * _SLOW])
+        if power.size > 4 * SLOW_ORDINATES:
+            slow.extend(power[:SLOW_ORDINATES])
+            beside.extend(power[SLOW_ORDINATES:LEVEL_ORDINATES])
     if not slow:
         return 0.0, 1.0
     ratio = float(np.mean(slow) / np.mean(beside))
-    material = _MATERIAL_LEVEL * count / (2.0 * len(slow))
+    material = LARGEST_SLOW_SHARE * count / (2.0 * len(slow))
     return ratio, max(float(fdtri(2 * len(slow), 2 * len(beside), 1.0 - SIGNIFICANCE)), material)
 
 
@@ -275,10 +280,10 @@ def _whiteness_test(residuals: Sequence[Array], noise: Noise, material: float) -
 
     What makes a `material` share of the residual, however slow it is, correlates neighbours by that share at most.
     """
-    lengths = [min(residual.size, _LONGEST_SIMULATED) for residual in residuals]
+    lengths = [min(residual.size, LONGEST_SIMULATED) for residual in residuals]
     significant = _significant_likeness(tuple(lengths), tuple(noise.coefficients.tolist()))
-    likeness = max(_MATERIAL_LIKENESS, _LAGS_WHITE * material**2)
-    threshold = significant * (1.0 + 3.0 * noise.uncertainty) + likeness * sum(lengths)
+    likeness = max(LARGEST_LIKENESS, LIKENESS_LAGS * material**2)
+    threshold = significant * (1.0 + NOISE_ALLOWANCE * noise.uncertainty) + likeness * sum(lengths)
     statistic = _ljung_box([residual[:length] for residual, length in zip(residuals, lengths)])
     what = "likeness of neighbouring residuals, Ljung and Box's Q"
     return Test('ljung_box', statistic, threshold, what, noise.known and noise.coefficients.size == 0)
@@ -290,15 +295,17 @@ def _significant_likeness(lengths: tuple[int, ...], coefficients: tuple[float, .
     rng = np.random.default_rng(_SEED)
     shape = np.array(coefficients, dtype=np.float64)
     simulated = [
-        _ljung_box([driven(rng.standard_normal(_MEMORY + length), shape)[_MEMORY:] for length in lengths])
-        for _ in range(_SIMULATIONS)
+        _ljung_box(
+            [driven(rng.standard_normal(SIMULATION_LEAD + length), shape)[SIMULATION_LEAD:] for length in lengths]
+        )
+        for _ in range(LIKENESS_SIMULATIONS)
     ]
-    return float(np.mean(simulated) + _QUANTILE * np.std(simulated))
+    return float(np.mean(simulated) + LIKENESS_QUANTILE * np.std(simulated))
 
 
 def _ljung_box(series: Sequence[Array]) -> float:
     count = sum(one.size for one in series)
-    covariance = autocovariance([one - np.mean(one) for one in series], min(_LAGS_WHITE, count // 4))
+    covariance = autocovariance([one - np.mean(one) for one in series], min(LIKENESS_LAGS, count // 4))
     correlation = covariance[1:] / covariance[0]
     return float(count * (count + 2.0) * np.sum(correlation**2 / (count - np.arange(1, correlation.size + 1))))
 
@@ -306,9 +313,10 @@ def _ljung_box(series: Sequence[Array]) -> float:
 def _size_test(residuals: Sequence[Array], noise: Noise) -> Test:
     """Compare the residual's size with the noise's."""
     ratio = _size(residuals) / noise.std
-    largest = _LARGEST_LONG if sum(residual.size for residual in residuals) >= _LONG else _LARGEST
-    known = (_BESIDE_ROUNDING if noise.rounded else 1.0) * largest * (1.0 + 3.0 * noise.uncertainty)
-    threshold = known if noise.known else SLOWEST
+    is_long = sum(residual.size for residual in residuals) >= LONG_RECORD
+    largest = LARGEST_SIZE_RATIO_LONG if is_long else LARGEST_SIZE_RATIO
+    known = (ROUNDING_ALLOWANCE if noise.rounded else 1.0) * largest * (1.0 + NOISE_ALLOWANCE * noise.uncertainty)
+    threshold = known if noise.known else LARGEST_COLOURED_NOISE
     return Test('noise_floor', ratio, threshold, 'root mean square of the residual over that of the noise')
 
 

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Thresholds of the modules directly in this package: what each limits, its unit, and how it was chosen."""
+
+from __future__ import annotations
+
+# Recordings as a whole: procedure.py
+
+MOST_SAMPLES_TOGETHER = 1_000_000
+"""
+Displacement samples up to which channels are identified in parallel [samples]. Parallel channels need more memory.
+Origin: not known.
+"""
+
+LARGEST_SETPOINT_GAP = 0.03
+"""Largest gap between adjacent set-points of one operating point [absolute pressure]. Origin: not known."""
+
+# Verdict: conclusion.py
+
+FEWEST_TRAIN_SAMPLES = 100
+"""
+Fewest samples of the train part for a search for effects [samples]. The search has a dozen unknowns and a noise floor.
+Origin: the number of unknowns (commit bf95838).
+"""
+
+LARGEST_RATIO_WITHOUT_RESTS = 1.25
+"""
+Largest residual that counts as noise in a recording without rests [standard deviations of the noise from sample to
+sample]. The noise of most sensors is smaller.
+Origin: not known.
+"""
+
+BOOTSTRAP_BLOCKS = 20
+"""Blocks of the bootstrap of the error ratio [1]. Origin: not known."""
+
+BOOTSTRAP_RESAMPLINGS = 2000
+"""Resamplings of the bootstrap of the error ratio [1]. Origin: not known."""
+
+BOOTSTRAP_QUANTILES = (0.025, 0.975)
+"""Quantiles of the error ratio that bound its interval of 95 % [-]. Origin: not known."""
+
+# Test part: held_out.py
+
+LARGEST_TEST_RATIO = 1.5
+"""
+Largest error of the test part [error of the train part]. A larger error contradicts the model, however much the strokes
+scatter.
+Origin: verdicts were given in spite of test errors of 2.2 and 7 times the noise (commit 543d315).
+"""
+
+LEAST_TEST_RISE = 1.10
+"""
+Least rise of the error on the test part that may contradict a model [error of the train part]. The strokes of some
+recordings hardly scatter.
+Origin: not known (1.05 before commit 851b74e).
+"""
+
+# Dependence of the residual: whereabouts.py
+
+DEPENDENCE_BINS = 24
+"""Bins of equally many samples for the mean of the residual over a signal [1]. Origin: not known."""
+
+LEAST_DEPENDENCE = 0.02
+"""Least share of the residual's power of a dependence that is reported [-]. Origin: not known."""
+
+MOST_DEPENDENCES = 3
+"""Dependences that the summary names [1]. Origin: not known."""
+
+LEAST_MOVING_SPEED = 0.05
+"""Least speed of a piston that has a direction of motion [standard deviations of the speed]. Origin: not known."""
+
+LEAST_POWER = 1e-300
+"""Least power of a residual that is divided by [signal's unit squared]. Origin: a guard against division by zero."""
+
+# Formulas of a curve: formulas.py
+
+MOST_FORMULAS = 3
+"""Formulas that are reported for a curve [1]. Origin: not known."""
+
+REFINED_STARTS = 2
+"""
+Starts of a formula's search that are refined, the ones with the smallest errors [1].
+Origin: not known (all starts before commit 004ac49).
+"""
+
+MOST_FORMULA_EVALUATIONS = 60
+"""Evaluations of a formula from each start [1]. Origin: not known."""
+
+FEWEST_CURVE_POINTS = 5
+"""Fewest points of a curve that a formula is fitted to [1]. Origin: not known."""
+
+PLACE_BOUNDS = (-1.2, 1.2)
+"""
+Places in a formula that are searched [half of the visited range, from its middle]. A place is hardly outside the range.
+Origin: not known.
+"""
+
+LENGTH_BOUNDS = (0.05, 4.0)
+"""Lengths in a formula that are searched [half of the visited range]. Origin: not known."""
+
+LEAST_BAND = 1e-12
+"""Least width of a curve's band that is divided by [range of the curve]. Origin: a guard against division by zero."""
+
+LEAST_CURVE_RANGE = 1e-300
+"""Least range of a curve that `LEAST_BAND` refers to [curve's unit]. Origin: a guard against division by zero."""
+
+# Pressure behind a shut valve: decay.py
+
+FEWEST_DECAY_SAMPLES = 50
+"""Fewest samples of a decay [samples]. Origin: not known."""
+
+LEAST_DECAY_NOISE = 1e-3
+"""
+Least noise of a pressure [Pa]. A pressure that was computed has no noise.
+Origin: a guard against division by zero (commit 4480209).
+"""
+
+LEAST_GAUGE_PRESSURE = 1e3
+"""Least median of the gauge pressure in a decay [Pa]. Origin: not known."""
+
+LARGEST_LAW_ERROR = 2.0
+"""
+Largest error on the second half of a decay of a law that is not excluded [standard deviations of the noise].
+Origin: not known.
+"""
+
+LARGEST_LAW_ERROR_RATIO = 1.5
+"""
+Largest error on the second half of a decay of a law that is not excluded [error of the best law, or the noise].
+Origin: not known.
+"""
+
+LEAST_LAW_DISTANCE = 25.0
+"""
+Least distance between the pressures of two laws that a decay distinguishes [standard deviations of the noise]. Settling
+compensates for most of a smaller distance.
+Origin: not known.
+"""
+
+LARGEST_SETTLING_RATIO = 0.9
+"""
+Largest error of a fit with settling that takes the place of a fit without [error without settling].
+Origin: not known.
+"""
+
+LARGEST_SETTLING = 0.2
+"""
+Largest settling, either way [highest gauge pressure]. Larger settling would compensate for a leak.
+Origin: not known.
+"""
+
+LEAST_TIME_CONSTANT = 3.0
+"""Least time constant of settling [sampling periods]. Origin: not known."""
+
+SETTLING_STARTS = 4
+"""Time constants of settling that a fit starts from [1]. Origin: not known."""
+
+LARGEST_START_PRESSURE = 1.2
+"""Largest gauge pressure at the start that is searched and tabulated [highest gauge pressure]. Origin: not known."""
+
+LEAST_TABULATED_PRESSURE = 1e-4
+"""Least gauge pressure down to which a fall is tabulated [highest gauge pressure]. Origin: not known."""
+
+TABULATED_PRESSURES = 4000
+"""Pressures at which a fall is tabulated [1]. Origin: not known."""
+
+DECAY_TOLERANCE = 1e-12
+"""Relative change of sum, unknowns and slope at which a decay's fit ends [-]. Origin: not known."""
