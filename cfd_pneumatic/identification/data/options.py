@@ -9,8 +9,13 @@ from dataclasses import dataclass
 from cfd_pneumatic.arguments import check_number, check_numbers, check_switches, check_type
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, AMBIENT_PRESSURES, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.data.split import FRACTIONS, SMALLEST_FRACTION
 from cfd_pneumatic.identification.data.tolerance import Tolerance
+
+FRACTIONS = (0.6, 0.2, 0.2)
+"""Default shares of train, validation and test."""
+
+SMALLEST_FRACTION = 0.01
+"""Of a recording that a part is; a smaller one holds no motion."""
 
 AUTO: str = 'auto'
 LINEAR: str = 'linear'

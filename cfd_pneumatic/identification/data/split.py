@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.data.options import FRACTIONS
 from cfd_pneumatic.runtime import compiler
 
 PARTS = ('train', 'validation', 'test')
-FRACTIONS = (0.6, 0.2, 0.2)
-
-SMALLEST_FRACTION = 0.01
-"""Of a recording that a part is; a smaller one holds no motion."""
 
 MOTION = 8.0
 """What counts as motion, in standard deviations of the displacement's noise: an hour's noise spans less."""
