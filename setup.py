@@ -33,7 +33,6 @@ setup(
         'Jinja2>=3.0',
         'PyYAML>=5.4,<7',  # files are bounded by the nodes of its loader
         'lz4>=3.1',
-        'matplotlib>=3.5',
         'mcap>=1.0,<2',  # its records are read and written one by one
         'numba>=0.55,<1',  # lanes are a type inside of its compiler
         'numpy>=1.21,<3',  # how types are promoted, which changes results
@@ -55,12 +54,15 @@ setup(
         ],
         # For identify_bag --each.
         'plant': ['cryptography>=3.4', 'dask>=2023.1', 'distributed>=2023.1', 'pyarrow>=12'],
+        # For Result.plot in Python.
+        'plot': ['matplotlib>=3.5'],
         # colcon runs pytest because it stands here.
         'test': [
             'catkin_pkg',
             'cyclonedds',  # a participant that is no node of ROS 2
             'hypothesis',
             'ipykernel',
+            'matplotlib>=3.5',
             'nbclient',
             'pytest',
             'pytest-timeout',

@@ -148,9 +148,17 @@ class Result:
 
         Returns the axes, two for each of them. In a notebook the picture shows; in a program `matplotlib.pyplot.show()`
         shows it.
-        """
-        from cfd_pneumatic.reporting import overview  # with Matplotlib, whose import takes its time
 
+        Raises
+        ------
+        InputError
+            If Matplotlib is not installed.
+
+        """
+        try:
+            from cfd_pneumatic.reporting import overview
+        except ModuleNotFoundError as error:
+            raise InputError(f"plot needs Matplotlib ({error.name}): pip install 'cfd_pneumatic[plot]'") from error
         return overview(self.identification, recording)
 
     def __repr__(self) -> str:

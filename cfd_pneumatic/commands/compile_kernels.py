@@ -18,9 +18,9 @@ NAME = 'compile_kernels'
 
 def compile_all(arguments: Sequence[str] | None = None) -> None:
     """Compile, and say where the machine code is kept."""
+    make_parser().parse_args(arguments)
     from cfd_pneumatic.runtime import announced
 
-    make_parser().parse_args(arguments)
     told: list[str | None] = []
     waits = False
 

@@ -26,13 +26,13 @@ def tell(arguments: Sequence[str] | None = None) -> None:
         If the recording can't be read or tells nothing, or the folder can't be written.
 
     """
+    options = make_parser().parse_args(arguments)
     from cfd_pneumatic.identification import decay_of
     from cfd_pneumatic.recording import read_recording
     from cfd_pneumatic.reporting import LEAK_FILES as FILES
     from cfd_pneumatic.reporting import print_decay, write_decays
     from cfd_pneumatic.terminal import terminal
 
-    options = make_parser().parse_args(arguments)
     if options.begin < 0 or options.begin >= options.end:
         raise InputError(
             f'--begin {options.begin:g} --end {options.end:g}: give seconds from the first sample on, begin before end'

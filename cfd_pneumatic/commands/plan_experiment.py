@@ -28,12 +28,21 @@ def propose(arguments: Sequence[str] | None = None) -> None:
         If the parameter file can't be read, the limits leave nothing, or the folder can't be written.
 
     """
+    options = make_parser().parse_args(arguments)
     from cfd_pneumatic.device import Device, check_run
     from cfd_pneumatic.planning import PLAN_FILES as FILES
-    from cfd_pneumatic.planning import Limits, Sensing, plan, print_plan, read_report, usual_pressures, write_plan
+    from cfd_pneumatic.planning import (
+        WANTED,
+        Limits,
+        Sensing,
+        plan,
+        print_plan,
+        read_report,
+        usual_pressures,
+        write_plan,
+    )
     from cfd_pneumatic.terminal import terminal
 
-    options = make_parser().parse_args(arguments)
     device = Device.load(options.parameters)
     if options.report is not None:
         check_run(options.parameters, options.report)
@@ -43,13 +52,14 @@ def propose(arguments: Sequence[str] | None = None) -> None:
     options.stroke = stroke if options.stroke is None else options.stroke
     limits = Limits(pressures, **{name: getattr(options, name) for name in _LIMITS})
     FILES.check(options.output, overwrite=options.overwrite)
-    found = plan(device, limits, sensing, options.wanted)
+    wanted = WANTED if options.wanted is None else options.wanted
+    found = plan(device, limits, sensing, wanted)
     files = write_plan(found, options.output, overwrite=options.overwrite)
     console = terminal()
     for name in device.assumed:
         console.print(f'{name} is not in {options.parameters}: planned with Table 1', style='yellow')
     scope = f'planned for strokes of {1e3 * limits.stroke:.3g} mm, sampled at {sensing.sample_rate:g} Hz'
-    console.print(f'{scope}{_slowness(options.wanted, sensing.sample_rate)}')
+    console.print(f'{scope}{_slowness(wanted, sensing.sample_rate)}')
     print_plan(found, console)
     print(f'written: {", ".join(map(str, files))}')
 
@@ -68,7 +78,7 @@ def _slowness(wanted: Sequence[str], sample_rate: float) -> str:
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
     from cfd_pneumatic.model import NAMES
-    from cfd_pneumatic.planning import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE, WANTED, Limits, Sensing
+    from cfd_pneumatic.planning import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE, Limits, Sensing
 
     limits = Limits((0.0, 0.0))
     sensing = Sensing()
@@ -86,7 +96,6 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--wanted',
         nargs='+',
-        default=WANTED,
         metavar='NAME',
         help=f'parameters and effects to plan for (default: {", ".join(NAMES)} and all effects)',
     )

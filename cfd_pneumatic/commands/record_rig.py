@@ -13,7 +13,7 @@ from pathlib import Path
 from cfd_pneumatic.commands import program
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording import STORAGES, check_bag, recording_of, write_recording
-from cfd_pneumatic.rig import DEVICES, SCHEDULES, device_named, record, schedule_named
+from cfd_pneumatic.rig import DEVICES, SCHEDULES, device_named, schedule_named
 
 NAME = 'record_rig'
 
@@ -38,6 +38,8 @@ def record_bag(arguments: Sequence[str] | None = None) -> None:
     if options.seed < 0:
         raise InputError(f'--seed {options.seed}: give a number from 0 on')
     check_bag(options.output, overwrite=options.overwrite)
+    from cfd_pneumatic.rig import record
+
     chosen = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
     if options.schedule == 'surface_following':
         chosen['seed'] = options.seed

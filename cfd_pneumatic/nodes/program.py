@@ -10,7 +10,6 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from threading import Event, Thread
-from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import rclpy
@@ -23,14 +22,12 @@ from rclpy.exceptions import (
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import LoggingSeverity, get_logger, get_logger_level, set_logger_level
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from rclpy.time_source import TimeSource
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.nodes.messages import is_time
 from cfd_pneumatic.nodes.parameter_files import check_arguments
 from cfd_pneumatic.nodes.parameters import warn_of_undeclared
+from cfd_pneumatic.nodes.rclpy_patches import patch_rclpy
 from cfd_pneumatic.runtime import BAD_INPUT, told
 
 try:
@@ -41,7 +38,6 @@ except ImportError:  # before Jazzy
 _SPIN_FOR = 0.2  # EventsExecutor's own spin() does not return on a signal; spin_once with a limit does [s]
 _SHUTDOWN = 1.0  # how long callbacks may take to end [s]
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-_THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
 
 _HINTS = {
     'Sequence should be of same type': 'write 1.0 for 1',
@@ -60,22 +56,6 @@ _MISTAKES = (
 )
 
 
-_take_clock = TimeSource.clock_callback
-
-
-def _take_time(source: TimeSource, message: Any) -> None:
-    """Take a message on `/clock` that is a time; rclpy would end the node over one that is none."""
-    if is_time(message.clock.sec, message.clock.nanosec):
-        _take_clock(source, message)
-    else:
-        get_logger('clock').warning('ignored: /clock is no time', throttle_duration_sec=_THROTTLE)
-
-
-TimeSource.clock_callback = _take_time  # type: ignore[method-assign, assignment]
-# rclpy would end the node over a parameter of a type that there is not; so it refuses it, as one without a value
-Parameter.Type._missing_ = classmethod(lambda types, _: types.NOT_SET)  # type: ignore[method-assign, assignment]
-
-
 def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
     """
     Run a node until it is interrupted or ROS shuts down; return the program's exit code.
@@ -88,6 +68,7 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     ending = _Ending()
     try:
         check_arguments(name, sys.argv[1:] if args is None else args)
+        patch_rclpy()
         _start(args)
         logging.getLogger('cfd_pneumatic').addHandler(_RosLog(name))
         node = _made(make_node)

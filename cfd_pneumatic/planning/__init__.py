@@ -13,13 +13,23 @@ Which experiment to do next: a schedule within the limits of a cell, and what it
     found.effects            # whether each would show, from which strength on, and what it could be mistaken for
 """
 
-from cfd_pneumatic.planning.device import read_report, usual_pressures
-from cfd_pneumatic.planning.limits import Limits, Sensing
-from cfd_pneumatic.planning.plan import WANTED, Plan, plan
-from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction
-from cfd_pneumatic.planning.proposal import Proposal
-from cfd_pneumatic.planning.report import FILES as PLAN_FILES
-from cfd_pneumatic.planning.report import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE, print_plan, smallest_words, write_plan
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.planning.device import read_report, usual_pressures
+    from cfd_pneumatic.planning.experiment_plan import WANTED, Plan, plan
+    from cfd_pneumatic.planning.limits import Limits, Sensing
+    from cfd_pneumatic.planning.names import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE
+    from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction
+    from cfd_pneumatic.planning.proposal import Proposal
+    from cfd_pneumatic.planning.report import FILES as PLAN_FILES
+    from cfd_pneumatic.planning.report import print_plan, smallest_words, write_plan
+else:
+    __getattr__ = loader_of(__name__)
 
 __all__ = [
     'PICTURE_FILE',

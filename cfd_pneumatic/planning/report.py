@@ -16,15 +16,13 @@ from rich.table import Table
 from cfd_pneumatic.convention import CYLINDERS, SCHEDULE_COLUMNS
 from cfd_pneumatic.files import ResultFiles, marked
 from cfd_pneumatic.model import EFFECTS
+from cfd_pneumatic.planning.names import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE
 from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction, Planned
 from cfd_pneumatic.svg import Curve, Panel, chart
 from cfd_pneumatic.terminal import table
 
 SCHEMA = 1
 
-SCHEDULE_FILE = 'schedule.csv'
-PLAN_FILE = 'plan.json'
-PICTURE_FILE = 'schedule.svg'
 _COLOURS = {'blue': '#0a5fc2', 'orange': '#c2500f'}
 
 

@@ -13,39 +13,47 @@ Its physics are its own, nonlinear, and share nothing with the model that is ide
 A device with something wrong with it has `Effects`; `studies.panel` draws such devices at random.
 """
 
-from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record
-from cfd_pneumatic.rig.compilation import compiled
-from cfd_pneumatic.rig.device import Rig, Truth
-from cfd_pneumatic.rig.devices import DEVICES, device_named, with_faults
-from cfd_pneumatic.rig.effects import Effects
-from cfd_pneumatic.rig.naming import SCHEDULES, schedule_named
-from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
-from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
-from cfd_pneumatic.rig.physics import (
-    ADIABATIC_EXPONENT,
-    ELLIPSE,
-    LEAK_CRITICAL_RATIO,
-    ONE_WAY_SPEED,
-    SPECIFIC_HEAT,
-    CylinderState,
-    cylinder_rates,
-    orifice_flow,
-)
-from cfd_pneumatic.rig.piston import CommandedPiston
-from cfd_pneumatic.rig.schedule import (
-    LONGEST,
-    MIL,
-    Schedule,
-    SetPoints,
-    lay_out,
-    out_and_back,
-    paper_step,
-    surface_following,
-)
-from cfd_pneumatic.rig.sensors import Instruments, Readings, Sensors
-from cfd_pneumatic.rig.stroke import Stroke
-from cfd_pneumatic.rig.transmission import Transmission, read_force
-from cfd_pneumatic.rig.written import written_schedule
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cfd_pneumatic.lazy import loader_of
+
+if TYPE_CHECKING:
+    from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record
+    from cfd_pneumatic.rig.compilation import compiled
+    from cfd_pneumatic.rig.device import Rig, Truth
+    from cfd_pneumatic.rig.devices import DEVICES, device_named, with_faults
+    from cfd_pneumatic.rig.effects import Effects
+    from cfd_pneumatic.rig.naming import SCHEDULES, schedule_named, written_schedule
+    from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
+    from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
+    from cfd_pneumatic.rig.physics import (
+        ADIABATIC_EXPONENT,
+        ELLIPSE,
+        LEAK_CRITICAL_RATIO,
+        ONE_WAY_SPEED,
+        SPECIFIC_HEAT,
+        CylinderState,
+        cylinder_rates,
+        orifice_flow,
+    )
+    from cfd_pneumatic.rig.piston import CommandedPiston
+    from cfd_pneumatic.rig.schedule import (
+        LONGEST,
+        MIL,
+        Schedule,
+        SetPoints,
+        lay_out,
+        out_and_back,
+        paper_step,
+        surface_following,
+    )
+    from cfd_pneumatic.rig.sensors import Instruments, Readings, Sensors
+    from cfd_pneumatic.rig.stroke import Stroke
+    from cfd_pneumatic.rig.transmission import Transmission, read_force
+else:
+    __getattr__ = loader_of(__name__)
 
 __all__ = [
     'ADIABATIC_EXPONENT',

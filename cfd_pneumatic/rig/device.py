@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.rig import disturbance, physics
-from cfd_pneumatic.rig.linkage import Linkage
+from cfd_pneumatic.rig import physics
+from cfd_pneumatic.rig.effects import Effects
+from cfd_pneumatic.rig.oddities import Oddities
 from cfd_pneumatic.rig.parameters import RigParameters, checked
+from cfd_pneumatic.rig.piston import Linkage
 
 LONGEST_STEP = 5e-5
 """Longest integration step [s]."""
@@ -149,7 +151,7 @@ class Rig:
             self._stretch,
             x,
             v,
-            disturbance.disturbed(acting, times - 0.5 * period, self.parameters),
+            _disturbed(acting, times - 0.5 * period, self.parameters),
             period,
             steps,
             self.parameters,
@@ -187,3 +189,19 @@ class Rig:
                 f'{air.supply_pressure - air.ambient_pressure:.6g} Pa gauge, not at {setpoints.tolist()}'
             )
         return absolute
+
+
+def shift(times: Array, effects: Effects, odd: Oddities) -> Array:
+    """Return by how much a set pressure is off at some times [s], in Pa."""
+    phases = 2.0 * np.pi * effects.pulsation_frequency * times + effects.pulsation_phase
+    jumped = np.where(times >= effects.jump_time, effects.jump, 0.0)
+    crept = odd.creep * -np.expm1(-np.maximum(times, 0.0) / odd.creep_time)
+    return effects.drift * times + effects.pulsation * np.sin(phases) + jumped + crept
+
+
+def _disturbed(setpoints: Array, times: Array, parameters: RigParameters) -> Array:
+    """Return the set pressures of both cylinders that act at some times [s], in Pa, (n, 2)."""
+    both = ((parameters.effects_a, parameters.odd_a), (parameters.effects_b, parameters.odd_b))
+    if not any(effects.drift or effects.pulsation or effects.jump or odd.creep for effects, odd in both):
+        return setpoints
+    return setpoints + np.column_stack([shift(times, effects, odd) for effects, odd in both])

@@ -2,7 +2,7 @@
 """
 What a healthy device lacks: physical effects by their strengths, none of which acts by default.
 
-Each field is read in one place: the flows and the valve in `physics`, the regulator's setting in `disturbance`, what
+Each field is read in one place: the flows and the valve in `physics`, the regulator's setting in `device`, what
 lies between the air and its sensor in `transmission`. References are Richer and Hurmuzlu (2000) for lines and valves,
 Carneiro and de Almeida (2006) for heat, ISO 6358-1:2013 for orifices.
 """

@@ -2,7 +2,7 @@
 """
 What no textbook has, and a device may do all the same: laws for those who look for a law that they don't know.
 
-None acts by default. Those of the cylinders are in `physics`, but for the set pressure's (`disturbance`) and the
+None acts by default. Those of the cylinders are in `physics`, but for the set pressure's (`device`) and the
 pressure sensor's (`transmission`), which also has the load cell's.
 """
 

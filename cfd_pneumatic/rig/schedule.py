@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
@@ -270,6 +269,8 @@ def surface_following(
 
 def _random_surface(amplitude: float, bandwidth: float, duration: float, rng: np.random.Generator) -> Motion:
     """Return a Gaussian, band-limited surface that begins and ends flat, its height kept by a smooth limiter."""
+    from scipy.interpolate import CubicHermiteSpline  # which takes long to import
+
     fade, fastest = 0.5, 1e-3
     count = 2 ** math.ceil(math.log2(max(duration / fastest, 2.0)))
     frequencies = np.fft.rfftfreq(count, fastest)

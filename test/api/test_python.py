@@ -251,6 +251,14 @@ def test_an_argument_of_a_wrong_type_is_an_error_for_the_user(call, message):
         call(made)
 
 
+def test_a_plot_without_matplotlib_is_an_error_for_the_user(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'matplotlib.pyplot', None)
+    monkeypatch.delitem(sys.modules, 'cfd_pneumatic.reporting.summary', raising=False)
+    monkeypatch.delattr('cfd_pneumatic.reporting.overview', raising=False)
+    with pytest.raises(cfd.InputError, match=r"pip install 'cfd_pneumatic\[plot\]'"):
+        cfd.Result(None).plot()
+
+
 IMPORTED = """
 import os, pkgutil, signal
 import matplotlib, numba, numpy, yaml

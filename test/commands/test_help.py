@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import importlib
+import subprocess
+import sys
 
 import pytest
 
@@ -39,6 +41,20 @@ def test_options_are_written_out(name):
         if option.startswith('--') and option[:-1] not in parser._option_string_actions:
             with pytest.raises(InputError, match=r'unrecognized arguments|are required'):
                 parser.parse_args([*arguments, option[:-1], '1'])
+
+
+REFUSED = """
+import sys
+from importlib import import_module
+code = import_module('cfd_pneumatic.commands.{name}').main(['--no-such-option'])
+print(code, *{{'matplotlib', 'numba', 'scipy'}} & set(sys.modules))
+"""
+
+
+@pytest.mark.parametrize('name', COMMANDS)
+def test_a_wrong_option_is_refused_before_any_large_library_is_imported(name):
+    command = [sys.executable, '-c', REFUSED.format(name=name)]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() == ['2']
 
 
 @pytest.mark.parametrize('name', COMMANDS)

@@ -14,7 +14,6 @@ from scipy.signal import lfilter
 
 from cfd_pneumatic.identification.residual import rests as module
 from cfd_pneumatic.identification.residual.noise import rounding_step, sample_noise, stamp_jitter
-from cfd_pneumatic.identification.residual.rests import runs_at_rest
 from cfd_pneumatic.model import TABLE_1
 
 GAINS = np.array(TABLE_1.table[0, 1:])
@@ -56,9 +55,7 @@ def heard(experiment, noise, k_x=GAINS[0]):
 
 def runs_of(experiment):
     """Return first and last time of each rest that is found [s]."""
-    times, slack = experiment.sample_times, CHANNEL.slack * experiment.motion.noise
-    still = experiment.at_samples('displacement'), experiment.at_samples('setpoint')
-    return [(run[0], run[-1]) for run in runs_at_rest(times, *still, slack, times)]
+    return [(run[0], run[-1]) for run in CHANNEL.rests(experiment, experiment.sample_times)]
 
 
 def test_rests_are_found_where_they_are():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A further measured channel: one class in one file, and everything else knows of it."""
+"""A further measured channel: a class and a row of `CHANNELS`, and everything else knows of it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from drawn import both_cylinders
 from rosbags.highlevel import AnyReader
 
-from cfd_pneumatic.identification import Options, identify
+from cfd_pneumatic.identification import Options, channels, identify
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.messages import types as messages
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording
@@ -27,10 +27,16 @@ class ToolForce(Force):
 
     name = 'tool_force'
     topics = 'measured_tool_force', 'tool_force'
-    rank = 95
 
     def signal(self, recording):
         return recording.others.get('tool_force')
+
+
+@pytest.fixture(scope='module', autouse=True)
+def tool_force_is_a_channel():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(channels, 'CHANNELS', [*channels.CHANNELS, ToolForce])
+        yield
 
 
 @pytest.fixture(scope='module')

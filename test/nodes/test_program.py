@@ -67,6 +67,19 @@ sys.exit(program.run('busy', make, []))
 """A node whose making is in machine code for long, as a compiler's, which hears no signal."""
 
 
+IMPORTED = """
+from rclpy.parameter import Parameter
+from rclpy.time_source import TimeSource
+before = dict(vars(TimeSource)), dict(vars(Parameter.Type))
+import cfd_pneumatic.nodes.sim_node
+assert (dict(vars(TimeSource)), dict(vars(Parameter.Type))) == before
+"""
+
+
+def test_importing_a_node_changes_nothing_of_rclpy() -> None:
+    subprocess.run([sys.executable, '-c', IMPORTED], check=True)
+
+
 def is_heeded(pid: int, number: signal.Signals) -> bool:
     """Return whether a process has a handler for a signal."""
     status = Path(f'/proc/{pid}/status').read_text(encoding='ascii')

@@ -19,8 +19,8 @@ from cfd_pneumatic.planning import Limits, Sensing, plan
 from cfd_pneumatic.planning.composition import ROUNDS
 from cfd_pneumatic.planning.device import at_home, home_gains, home_setpoints, usual_pressures
 from cfd_pneumatic.planning.evidence import Evidence
+from cfd_pneumatic.planning.experiment_plan import settling
 from cfd_pneumatic.planning.family import family
-from cfd_pneumatic.planning.plan import settling
 from cfd_pneumatic.planning.proposal import Drawing
 from cfd_pneumatic.planning.signatures import all_signatures, split_of
 from cfd_pneumatic.planning.signatures import planned as planned_channels

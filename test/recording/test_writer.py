@@ -16,7 +16,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.messages import types as messages
 from cfd_pneumatic.recording import BagWriter, read_recording, write_recording
 from cfd_pneumatic.recording.bags.mcap_writing import McapWriter
-from cfd_pneumatic.recording.bags.sqlite_writing import SqliteWriter
+from cfd_pneumatic.recording.bags.sqlite_files import SqliteWriter
 
 
 def fill(bag, count=3):

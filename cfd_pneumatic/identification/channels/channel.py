@@ -7,7 +7,7 @@ import itertools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from cfd_pneumatic.arrays import Array, Indices
 from cfd_pneumatic.identification.channels.unknown import Unknown, bounds_of
 from cfd_pneumatic.identification.data import Experiment, Motion, Options, Split
-from cfd_pneumatic.identification.residual import Noise, Regressors, noise_of, rounding_step, runs_at_rest, sample_noise
+from cfd_pneumatic.identification.residual import Noise, Regressors, noise_of, rounding_step, sample_noise
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model import CORES, KNOTS, Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
@@ -178,7 +178,7 @@ class Channel(ABC):
     """
     A measured signal and its model.
 
-    A subclass in this package that `found_in` returns is all that a further channel needs.
+    A further channel is a subclass in this package with a row in `CHANNELS`.
 
     Attributes
     ----------
@@ -206,14 +206,6 @@ class Channel(ABC):
         Names of what each experiment has for itself.
     needed
         Whether an identification fails where it tells nothing.
-    steady
-        Input that stands still while the signal rests.
-    slack
-        By how much the displacement may stray meanwhile [standard deviations of its noise].
-    lead
-        Samples before a stroke that are no rest any more.
-    rank
-        Which come first in results.
     immaterial
         Share of the signal's range below which nothing is looked for: a simulated signal has no noise.
 
@@ -230,12 +222,8 @@ class Channel(ABC):
     parameters: Mapping[str, str]
     hints: Mapping[str, str] = MappingProxyType({})
     own: tuple[str, ...]
-    steady: str
-    slack: float = 0.0
-    lead: int = 0
     immaterial: float = 0.0
     needed: bool = False
-    rank: int = 50
 
     # data
 
@@ -319,11 +307,12 @@ class Channel(ABC):
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
         """Return which parameters without effects, and which numbers of the experiments, are searched."""
 
+    @abstractmethod
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
         """Return why parameters of the model, and of its effects, are held and not searched, by their names."""
-        return dict.fromkeys(model.untold, UNTOLD)
 
-    def check(  # noqa: B027
+    @abstractmethod
+    def check(
         self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model, estimates: Sequence[Estimate]
     ) -> None:
         """Raise InputError where a fit without effects tells nothing, or nothing that can be."""
@@ -381,9 +370,9 @@ class Channel(ABC):
     def sensitivity(self, model: Model) -> float:
         """Return by how much the displacement's error reaches the signal [SI/m]."""
 
-    def rate_sensitivity(self, model: Model) -> float:
-        """Return by how much the error of the displacement's rate reaches the signal [SI s/m]."""
-        return 0.0
+    @abstractmethod
+    def rests(self, experiment: Experiment, residual: Array) -> list[Array]:
+        """Return the runs of an experiment's residual while piston and set-point rest."""
 
     @abstractmethod
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
@@ -515,27 +504,17 @@ class Channel(ABC):
         At rest the simulated signal need not be right but for a level and a trend.
         """
         rests: list[Array] = []
-        variances, roundings, blurs, sizes = [], [], [], []
+        variances, roundings, sizes = [], [], []
         for one, values in zip(experiments, simulated):
             residual = one.measured - values
             blurred = self.sensitivity(model) * one.motion.uncertainty
             variances.append(sample_noise(one.sample_times, residual) ** 2 + blurred**2)
-            blurs.append((self.rate_sensitivity(model) * one.motion.rate_uncertainty) ** 2)
             immaterial = self.immaterial * float(np.ptp(one.measured))
             roundings.append(rounding_step(one.measured) ** 2 / 12.0 + immaterial**2)
             sizes.append(residual.size)
-            runs = runs_at_rest(
-                one.sample_times,
-                one.at_samples('displacement'),
-                one.at_samples(self.steady),
-                self.slack * one.motion.noise,
-                residual,
-            )
-            runs = [run[: run.size - self.lead] for run in runs]
-            rests += [run - np.mean(run) for run in runs]
+            rests += [run - np.mean(run) for run in self.rests(one, residual)]
         white = math.sqrt(float(np.average(variances, weights=sizes)))
-        found = noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
-        return replace(found, blur=math.sqrt(float(np.average(blurs, weights=sizes))))
+        return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
 
 
 def stepped(row: Array, slots: Indices, steps: Array) -> Array:

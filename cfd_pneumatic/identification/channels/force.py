@@ -32,7 +32,7 @@ from cfd_pneumatic.identification.data import (
     reversals,
     travelled,
 )
-from cfd_pneumatic.identification.residual import Regressors, autoregression, independent_share
+from cfd_pneumatic.identification.residual import Regressors, autoregression, independent_share, runs_at_rest
 from cfd_pneumatic.model import FORCE_CURVE, FORCE_EFFECTS, FORCE_PARTS, Data, ExtendedForce
 from cfd_pneumatic.model import FORCE_CURVE_AGAINST as AGAINST
 from cfd_pneumatic.model import FORCE_CURVE_ENTERS as ENTERS
@@ -47,6 +47,7 @@ _SLOW = 0.05  # share of the speed's spread at which the piston stands, as far a
 _ROUGH = 0.3  # share of an acceleration that may stray from its neighbours' mean
 _TIED = 3.2  # standard errors: by so much the criterion tells as little as between tied effects
 _PRESLIDINGS = (5e-5, 5e-4)  # where a law of friction begins [m]
+_LEAD = 5  # samples before a stroke, into which a smoothed acceleration reaches
 _AREA, _FACTOR = range(2)
 
 
@@ -86,10 +87,7 @@ class Force(Channel):
     )
     parameters = MappingProxyType({'area': 'm^2', 'geometric_factor': '-'})
     own = ('stretch',)
-    steady = 'level'
-    lead = 5  # into which a smoothed acceleration reaches
     immaterial = 1e-4
-    rank = 90
 
     def __init__(self, area: float | None, factor: float, ambient_pressure: float) -> None:
         self.area = area
@@ -335,6 +333,12 @@ class Force(Channel):
     def sensitivity(self, model: Model) -> float:
         """Return zero: the measured pressures have it in them."""
         return 0.0
+
+    def rests(self, experiment: Experiment, residual: Array) -> list[Array]:
+        """Return the runs of the residual while displacement and set-points rest."""
+        displacement, level = experiment.at_samples('displacement'), experiment.at_samples('level')
+        runs = runs_at_rest(experiment.sample_times, displacement, level, 0.0, residual)
+        return [run[:-_LEAD] for run in runs]
 
     def variables(self, experiment: Experiment, simulated: Array, model: Model) -> Mapping[str, Array]:
         """Return what a law may depend on; the force is that without it."""

@@ -15,6 +15,7 @@ from cfd_pneumatic.arrays import Array, Indices, rms
 from cfd_pneumatic.convention import CYLINDERS, FLUID_PRESSURE, pressure_topic
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import (
+    UNTOLD,
     Channel,
     Curve,
     Estimate,
@@ -38,8 +39,10 @@ from cfd_pneumatic.identification.data import (
     shortest_period,
 )
 from cfd_pneumatic.identification.residual import (
+    Noise,
     Regressors,
     lag_of,
+    runs_at_rest,
     sample_noise,
     speed_of,
     stamp_jitter,
@@ -84,6 +87,7 @@ _SHORTEST_STROKE = 1e-5  # that effects along the stroke are tried over, whateve
 _APART = 1.01  # times the lowest set-point: where they are nearer, no dependence on the pressure is told
 _FARTHEST = 3.0  # times what a pressure spans, that it begins from its set-point at most
 _FLOW_LAGS = (0.03, 0.1, 0.3)  # of the flow that a law depends on [s]
+_SLACK = 6.0  # standard deviations of the displacement's noise by which it may stray at rest
 _OFFSET, _START, _DRIFT = range(3)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
 
@@ -121,10 +125,7 @@ class Pressure(Channel):
     parameters = MappingProxyType({spec.name: spec.unit for spec in SPECS})
     hints = HINTS
     own = ('offset', 'start', 'drift')
-    steady = 'setpoint'
-    slack = 6.0
     needed = True
-    rank = 10
 
     def __init__(self, cylinder: str, ambient_pressure: float) -> None:
         self.name = cylinder
@@ -234,7 +235,7 @@ class Pressure(Channel):
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
         """Return the lag of a law that has none, and what of a core recordings at one pressure do not tell."""
         levels = np.concatenate([_held(one, model)[one.counts] for one in experiments])
-        held = dict(super().held(experiments, model))
+        held = dict.fromkeys(model.untold, UNTOLD)
         if CURVE in model.effects and not is_of_flow(model.effects[CURVE]):
             held[f'{CURVE}.lag'] = 'the law is none of the flow'
         if levels.size and float(np.max(levels)) >= _APART * float(np.min(levels)):
@@ -387,10 +388,20 @@ class Pressure(Channel):
         """Return K_x [Pa/m]."""
         return displacement_sensitivity(model.parameters)
 
-    def rate_sensitivity(self, model: Model) -> float:
-        """Return K_x times the time by which the displacement is made to run ahead [Pa s/m]."""
+    def rests(self, experiment: Experiment, residual: Array) -> list[Array]:
+        """Return the runs of the residual while displacement and set-point rest."""
+        displacement, setpoint = experiment.at_samples('displacement'), experiment.at_samples('setpoint')
+        slack = _SLACK * experiment.motion.noise
+        return runs_at_rest(experiment.sample_times, displacement, setpoint, slack, residual)
+
+    def noise(self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model) -> Noise:
+        """Return the noise, blurred by the rate of the displacement if that is made to run ahead."""
         ahead = sum(values[0] for name, values in model.parts.items() if self.effects[name].looks_ahead)
-        return self.sensitivity(model) * ahead
+        rate_sensitivity = self.sensitivity(model) * ahead
+        blurs = [(rate_sensitivity * one.motion.rate_uncertainty) ** 2 for one in experiments]
+        sizes = [one.measured.size for one in experiments]
+        noise = super().noise(experiments, simulated, model)
+        return replace(noise, blur=math.sqrt(float(np.average(blurs, weights=sizes))))
 
     def precision(self, experiment: Experiment, simulated: Array) -> Array:
         """

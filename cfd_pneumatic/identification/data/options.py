@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from cfd_pneumatic.arguments import check_number, check_numbers, check_switches, check_type
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, AMBIENT_PRESSURES, AREAS, FACTORS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.data.split import FRACTIONS
 from cfd_pneumatic.identification.data.thresholds import FRACTIONS_TOLERANCE, SMALLEST_FRACTION
 from cfd_pneumatic.identification.data.tolerance import Tolerance
+
+FRACTIONS = (0.6, 0.2, 0.2)
+"""Default shares of train, validation and test."""
 
 AUTO: str = 'auto'
 LINEAR: str = 'linear'

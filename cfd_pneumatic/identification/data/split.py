@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.data.options import FRACTIONS
 from cfd_pneumatic.identification.data.thresholds import FEWEST_STROKES, LEAST_MOTION, LEAST_STROKE
 from cfd_pneumatic.runtime import compiler
 
 PARTS = ('train', 'validation', 'test')
-FRACTIONS = (0.6, 0.2, 0.2)
 
 
 @dataclass(frozen=True)

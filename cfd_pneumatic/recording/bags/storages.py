@@ -15,9 +15,8 @@ from cfd_pneumatic.messages import MessageBlock, Span
 from cfd_pneumatic.recording.bags.mcap_pieces import flaw as mcap_flaw
 from cfd_pneumatic.recording.bags.mcap_reading import McapFile
 from cfd_pneumatic.recording.bags.mcap_writing import McapWriter
-from cfd_pneumatic.recording.bags.sqlite_reading import flaw as sqlite_flaw
-from cfd_pneumatic.recording.bags.sqlite_reading import open_sqlite, salvage_sqlite
-from cfd_pneumatic.recording.bags.sqlite_writing import SqliteWriter
+from cfd_pneumatic.recording.bags.sqlite_files import SqliteWriter, open_sqlite, salvage_sqlite
+from cfd_pneumatic.recording.bags.sqlite_files import flaw as sqlite_flaw
 
 StorageName = Literal['mcap', 'sqlite3']
 StorageWriter = McapWriter | SqliteWriter

@@ -1,25 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading a sqlite3 file, or what is left of one that was cut off or damaged."""
+"""Read a sqlite3 file, or what is left of a damaged one; write many messages at a time."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import sqlite3
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import open_input
-from cfd_pneumatic.messages import FORMATS, NEVER, OneByOne
+from cfd_pneumatic.messages import FORMATS, NEVER, MessageBlock, OneByOne
 
 _SQLITE_MAGIC = b'SQLite format 3\0'
 _SQLITE_HEADER = 32
 _STORED = "typeof(timestamp) = 'integer' AND typeof(data) = 'blob'"
+_INSERT = 'INSERT INTO messages (topic_id, timestamp, data) VALUES(?, ?, ?)'
 _NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, '')
 
 
@@ -183,3 +185,13 @@ def _copy_whole_pages(file: Path, copy: Path) -> None:
         with copy.open('wb') as target:
             shutil.copyfileobj(stream, target)
     os.truncate(copy, os.path.getsize(copy) // size * size)
+
+
+class SqliteWriter(Sqlite3Writer):
+    """A sqlite3 file of a bag that is written, as rosbags' `Writer` takes a storage."""
+
+    def write_chunk(self, blocks: Sequence[tuple[Connection, MessageBlock]]) -> None:
+        """Write messages of several topics, each topic's together."""
+        for connection, block in blocks:
+            payloads = (block.payload(index) for index in range(len(block)))
+            self.cursor.executemany(_INSERT, zip([connection.id] * len(block), block.times.tolist(), payloads))
