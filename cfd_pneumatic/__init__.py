@@ -2,7 +2,7 @@
 """
 Simulate, identify and watch a pneumatic constant-force device.
 
-`import cfd_pneumatic as cfd` offers what `cfd_pneumatic.api` holds; it is loaded when it is first asked for.
+`import cfd_pneumatic as cfd` offers the names of `__all__`. Each is loaded when it is first asked for.
 """
 
 from __future__ import annotations
@@ -12,20 +12,15 @@ from typing import TYPE_CHECKING
 from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
-    from cfd_pneumatic.api import (
+    from cfd_pneumatic.api import Result, identify
+    from cfd_pneumatic.device import Device
+    from cfd_pneumatic.errors import InputError
+    from cfd_pneumatic.identification import Decay, decay_of
+    from cfd_pneumatic.planning import Limits, Plan, Sensing, plan
+    from cfd_pneumatic.recording import (
         CylinderSignals,
-        Decay,
-        Device,
-        InputError,
-        Limits,
-        Plan,
         Recording,
-        Result,
-        Sensing,
         Signal,
-        decay_of,
-        identify,
-        plan,
         read_mapping,
         read_recording,
         write_recording,
@@ -53,7 +48,7 @@ __all__ = [
     'read_recording',
     'write_recording',
 ]
-"""Names that are taken from `cfd_pneumatic.api`."""
+"""The public names."""
 
 
 def __dir__() -> list[str]:

@@ -49,7 +49,7 @@ def loader_of(package: str) -> Callable[[str], Any]:
     Return the `__getattr__` of a package that loads a name when it is first asked for.
 
     The package's source imports its names for type checkers, below `if TYPE_CHECKING:`. These imports are the table of
-    names and modules; programs start before all modules are needed.
+    names and modules, and what `__all__` names; programs start before all modules are needed.
 
     Parameters
     ----------
@@ -67,6 +67,8 @@ def loader_of(package: str) -> Callable[[str], Any]:
     def load(name: str) -> Any:
         if not sources:
             sources.update(_imports_for_type_checkers(sys.modules[package].__file__))
+        if name == '__all__':
+            return list(sources)
         if name not in sources:
             raise AttributeError(f'module {package!r} has no attribute {name!r}')
         module, original = sources[name]

@@ -8,7 +8,7 @@ import re
 import sys
 from functools import cache
 from importlib import import_module
-from itertools import takewhile
+from itertools import chain, takewhile
 from pathlib import Path
 from types import ModuleType
 
@@ -116,7 +116,7 @@ def test_imports_point_downwards(path):
     elif own in BELOW:
         allowed = {'', own, *GROUND, *BELOW[own]}
     else:
-        allowed = {'', *({'api'} if own == '__init__.py' else ())}
+        allowed = {'', *(BELOW if own == '__init__.py' else ())}
     ours = {name for name in imports(path) if name.startswith('cfd_pneumatic.')}
     assert {name for name in ours if layer_of(name) not in allowed} == set()
 
@@ -161,16 +161,21 @@ def imported_modules(path: Path) -> set[str]:
 
 @cache
 def exported_by(package: str) -> tuple[str, ...]:
-    """Return the `__all__` of a package, nothing for a module."""
+    """Return what a package imports of its own modules, and defines; nothing for a module."""
     face = ROOT.joinpath(*package.split('.'), '__init__.py')
     if not face.is_file():
         return ()
-    lists = [
-        node.value
-        for node in ast.parse(face.read_text(encoding='utf-8')).body
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == '__all__'
-    ]
-    return tuple(ast.literal_eval(lists[0])) if lists else ()
+    names = []
+    body = ast.parse(face.read_text(encoding='utf-8')).body
+    for node in [*body, *chain.from_iterable(node.body for node in body if isinstance(node, ast.If))]:
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith(f'{package}.'):
+            names += [alias.asname or alias.name for alias in node.names]
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            names.append(node.name)
+        elif isinstance(node, (ast.Assign, ast.AnnAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names += [target.id for target in targets if isinstance(target, ast.Name)]
+    return tuple(name for name in names if not name.startswith('_'))
 
 
 @pytest.mark.parametrize(

@@ -13,26 +13,3 @@ from cfd_pneumatic.monitoring.watch import Alarm, Prediction, Residual, Settings
 from cfd_pneumatic.monitoring.watched_signal import Departure, ResidualBlock, WatchedSignal
 from cfd_pneumatic.monitoring.wording import agreed, departed, diagnosed
 from cfd_pneumatic.monitoring.worker import Worker
-
-__all__ = [
-    'Alarm',
-    'Chart',
-    'Departure',
-    'Diagnosis',
-    'Fault',
-    'Finding',
-    'News',
-    'Prediction',
-    'Residual',
-    'ResidualBlock',
-    'Settings',
-    'Watch',
-    'WatchedSignal',
-    'Worker',
-    'agreed',
-    'departed',
-    'diagnose',
-    'diagnosed',
-    'news',
-    'warm_up',
-]

@@ -30,23 +30,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.planning.report import print_plan, smallest_words, write_plan
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'PICTURE_FILE',
-    'PLAN_FILE',
-    'PLAN_FILES',
-    'SCHEDULE_FILE',
-    'WANTED',
-    'EffectPrediction',
-    'Limits',
-    'ParameterPrediction',
-    'Plan',
-    'Proposal',
-    'Sensing',
-    'plan',
-    'print_plan',
-    'read_report',
-    'smallest_words',
-    'usual_pressures',
-    'write_plan',
-]

@@ -45,37 +45,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.recording.writing import stamps_of, streams_of, write_recording
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'ABSOLUTE',
-    'COLUMN_KEYS',
-    'GAUGE',
-    'METADATA',
-    'NUMBER_KEYS',
-    'PRESSURE_KEYS',
-    'ROS1_SUFFIX',
-    'STORAGES',
-    'SUFFIXES',
-    'TABLE_KEYS',
-    'TOPIC_KEYS',
-    'TOP_KEYS',
-    'Bag',
-    'BagWriter',
-    'ChannelMapping',
-    'CylinderSignals',
-    'Recording',
-    'Signal',
-    'StorageName',
-    'Stream',
-    'check_bag',
-    'counted',
-    'is_noisy',
-    'pieces',
-    'read_mapping',
-    'read_recording',
-    'recording_of',
-    'sampled',
-    'stamps_of',
-    'streams_of',
-    'write_recording',
-]

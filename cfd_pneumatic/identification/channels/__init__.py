@@ -24,21 +24,3 @@ CHANNELS: list[type[Channel]] = [Pressure, Force]
 def channels_of(recordings: Sequence[Recording], options: Options) -> list[Channel]:
     """Return the channels that recordings hold, in the order of `CHANNELS`."""
     return [channel for kind in CHANNELS for channel in kind.found_in(recordings, options)]
-
-
-__all__ = [
-    'CHANNELS',
-    'PLACES',
-    'UNTOLD',
-    'VARIABLES',
-    'Channel',
-    'Curve',
-    'Effects',
-    'Estimate',
-    'Force',
-    'Model',
-    'Pressure',
-    'Quantity',
-    'Unknown',
-    'channels_of',
-]

@@ -18,31 +18,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.data.turning_points import reversals, travelled
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'AUTO',
-    'CORES',
-    'FEWEST_SAMPLES',
-    'FRACTIONS',
-    'LINEAR',
-    'PARTS',
-    'PHYSICAL',
-    'SMALLEST_FRACTION',
-    'Block',
-    'Experiment',
-    'Motion',
-    'Options',
-    'Split',
-    'Tolerance',
-    'check_range',
-    'observed_motion',
-    'rests_at_start',
-    'reversals',
-    'shortest_period',
-    'smooth_motion',
-    'split_recordings',
-    'stroke_times',
-    'tolerance_from',
-    'tolerated',
-    'travelled',
-]

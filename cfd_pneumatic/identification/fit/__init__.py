@@ -16,20 +16,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.fit.uncertainty import Information, information
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'CONFIDENCE',
-    'LARGEST_RELATIVE_STD',
-    'Fit',
-    'Information',
-    'Likelihood',
-    'Optimum',
-    'Quadratic',
-    'Unknowns',
-    'as_data_sheets',
-    'find_optimum',
-    'fit_model',
-    'information',
-    'least_squares',
-    'summary',
-]

@@ -24,17 +24,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.input_checks.setpoint_steps import steps_of_fit, steps_of_pressure
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'alternative_reading',
-    'check_motion',
-    'check_recording',
-    'check_recordings',
-    'check_results',
-    'describe',
-    'is_misread',
-    'ripple_notice',
-    'ripple_of',
-    'steps_of_fit',
-    'steps_of_pressure',
-]

@@ -23,26 +23,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.residual.thresholds import SIGNIFICANCE
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'SIGNIFICANCE',
-    'Noise',
-    'Regressors',
-    'Test',
-    'autocovariance',
-    'autoregression',
-    'explained',
-    'gram',
-    'independent_share',
-    'lag_of',
-    'noise_of',
-    'orthonormal',
-    'rounding_step',
-    'runs_at_rest',
-    'sample_noise',
-    'speed_of',
-    'stamp_jitter',
-    'strongest_frequency',
-    'tests_of',
-    'whitened',
-]

@@ -19,20 +19,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.search.visibility import invisible
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'SHOWN',
-    'STRENGTH',
-    'TIE',
-    'Candidates',
-    'Complement',
-    'Drawn',
-    'Slot',
-    'Strategy',
-    'Trial',
-    'fitted',
-    'heights_of',
-    'invisible',
-    'penalty_of',
-    'with_core',
-]
