@@ -21,7 +21,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import YamlMapping, read_yaml
 from cfd_pneumatic.messages import parse_path
 from cfd_pneumatic.recording.sources import OTHER, SignalSource
-from cfd_pneumatic.recording.table import TableFormat
+from cfd_pneumatic.recording.table_format import TableFormat
 from cfd_pneumatic.units import UNITS, Unit
 
 _OF_CYLINDER = tuple(role.name for role in ROLES.values() if role.of_cylinder)
