@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether names, docstrings, comments, messages and templates follow the style guide.
+
+    python -m studies.tools.prose                         # library and studies
+    python -m studies.tools.prose cfd_pneumatic/device    # some files or folders
+    python -m studies.tools.prose --count                 # how many findings each package has
+
+A finding is a line: file, line, what is wrong, what to write instead. `prose_rules.py` has the words. The exit code is 1
+if there are findings.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import io
+import re
+import sys
+import tokenize
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from studies.tools.prose_rules import EXEMPTIONS, LONGEST_SENTENCE, NAMES, RULES
+
+ROOT = Path(__file__).parents[2]
+PLACES = ('cfd_pneumatic', 'studies', 'launch')
+LEFT_OUT = ('composed.py', 'prose_rules.py')
+_RULES = [(re.compile(rule.pattern, re.IGNORECASE), rule.instead) for rule in RULES]
+_EXEMPT = [re.compile(exemption.pattern, re.IGNORECASE) for exemption in EXEMPTIONS]
+_SENTENCE_END = re.compile(r'(?<=[.!?:;])\s+|\n\s*\n|\n\s*[-*|]|\n\s*-{3,}')
+_QUOTED = re.compile(r'`[^`]*`|\{[^{}]*\}|<[^<>]*>')
+_MESSAGE = re.compile(r'[A-Za-z]{2,}[ ,:;].*[A-Za-z]{2,} [A-Za-z]')
+"""A string literal that is a text: three words at least."""
+
+
+class Text(NamedTuple):
+    """A text for people, and the line of its beginning."""
+
+    line: int
+    content: str
+
+
+class Finding(NamedTuple):
+    """What is wrong in a file."""
+
+    path: Path
+    line: int
+    message: str
+
+    def __str__(self) -> str:
+        """Return the finding in a line."""
+        return f'{self.path}:{self.line}: {self.message}'
+
+
+def findings_in(path: Path) -> Iterator[Finding]:
+    """Yield what is wrong in a file of Python or a template."""
+    source = path.read_text(encoding='utf-8')
+    if path.suffix == '.py':
+        tree = ast.parse(source)
+        texts = [*_docstrings_and_messages(tree), *_comments(source)]
+        for line, name in _bound_names(tree):
+            if name in NAMES:
+                yield Finding(path, line, f'name `{name}`: name the thing')
+    else:
+        texts = [Text(number, _plain(line)) for number, line in enumerate(source.splitlines(), 1)]
+    for text in texts:
+        for line, message in _faults(text):
+            yield Finding(path, line, message)
+
+
+def _faults(text: Text) -> Iterator[tuple[int, str]]:
+    content = _QUOTED.sub(lambda found: ' ' * len(found[0]), text.content)
+    for exempt in _EXEMPT:
+        content = exempt.sub(lambda found: ' ' * len(found[0]), content)
+    for pattern, instead in _RULES:
+        for found in pattern.finditer(content):
+            line = text.line + content.count('\n', 0, found.start())
+            yield line, f'"{found[0]}": write {instead}'
+    for sentence in _SENTENCE_END.split(text.content):
+        words = re.findall(r"[A-Za-z][\w'-]*", sentence)
+        if len(words) > LONGEST_SENTENCE:
+            yield text.line, f'{len(words)} words in a sentence: {" ".join(words[:6])} ...'
+
+
+def _docstrings_and_messages(tree: ast.Module) -> Iterator[Text]:
+    """Yield every string of a module that is a text, the parts of an f-string together."""
+    parts = {id(value) for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for value in node.values}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            content = ''.join(
+                part.value if isinstance(part, ast.Constant) and isinstance(part.value, str) else '{}'
+                for part in node.values
+            )
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts:
+            content = node.value
+        else:
+            continue
+        if _MESSAGE.search(content):
+            yield Text(node.lineno, content)
+
+
+def _comments(source: str) -> Iterator[Text]:
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT and not re.match(r'#\s*(noqa|type:|SPDX|!)', token.string):
+            yield Text(token.start[0], token.string.lstrip('# '))
+
+
+def _bound_names(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.lineno, node.id
+        elif isinstance(node, ast.arg):
+            yield node.lineno, node.arg
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            yield node.lineno, node.name
+
+
+def _plain(line: str) -> str:
+    """Return a line of a template without its tags and expressions."""
+    return re.sub(r'\{[{%#].*?[}%#]\}|<[^>]*>', ' ', line)
+
+
+def _files(places: Sequence[Path]) -> Iterator[Path]:
+    for place in places:
+        found = [place] if place.is_file() else sorted([*place.rglob('*.py'), *place.rglob('*.jinja')])
+        yield from (path for path in found if path.name not in LEFT_OUT and '__pycache__' not in path.parts)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the findings; return 1 if there are some."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        'places', nargs='*', type=Path, default=[ROOT / place for place in PLACES], help='files, folders'
+    )
+    parser.add_argument('--count', action='store_true', help='print the number of findings in each folder')
+    options = parser.parse_args(arguments)
+    found = [finding for path in _files(options.places) for finding in findings_in(path)]
+    if options.count:
+        counts = Counter(str(finding.path.parent.relative_to(ROOT)) for finding in found)
+        for folder, count in counts.most_common():
+            print(f'{count:6} {folder}')
+    else:
+        print(*found, sep='\n')
+    print(f'{len(found)} findings', file=sys.stderr)
+    return int(bool(found))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
