@@ -6,8 +6,8 @@ Whether names, docstrings, comments, messages and templates follow the style gui
     python -m studies.tools.prose cfd_pneumatic/device    # some files or folders
     python -m studies.tools.prose --count                 # how many findings each package has
 
-A finding is a line: file, line, what is wrong, what to write instead. `prose_rules.py` has the words. The exit code is 1
-if there are findings.
+A finding is a line: file, line, what is wrong, what to write instead. `prose_rules.py` has the words. The exit code is
+1 if there are findings.
 """
 
 from __future__ import annotations

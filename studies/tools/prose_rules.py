@@ -44,9 +44,7 @@ LONGEST_SENTENCE = 30
 """Words of a sentence."""
 
 RULES = (
-    Rule(
-        r'\b(?:un)?told\b|\btells?\b|\btelling\b|\bforet(?:old|ell\w*)\b', 'estimated, determines, predicted, reports'
-    ),
+    Rule(r'\b(?:un)?told\b|\btells?\b|\btelling\b|\bforet(?:old|ell\w*)\b', 'estimated, determines, predicts'),
     Rule(r'\bwhat (?:is|was|are) left\b|\bleft of\b|\bis left\b|\bleaves of\b', 'residual, remaining error'),
     Rule(r'\bthe rest\b(?! of the piston)', 'residual, the others by name'),
     Rule(r'\bsaid\b|\bsays?\b|\bwords\b|\bwording\b|\bspoken\b', 'reported, states, message, text'),
@@ -57,10 +55,7 @@ RULES = (
     Rule(r'\bbeside\b|\bbesides\b', 'in addition to, together with, next to'),
     Rule(r'\bheld against\b', 'compared with'),
     Rule(r'\basks? whether\b|\basked whether\b', 'tests whether'),
-    Rule(
-        r'\bcompany\b|\bstrangers?\b|\bkin\b|\bwitness\w*\b|\bneighbours?\b',
-        'other effects, outlier, equivalent, adjacent',
-    ),
+    Rule(r'\bcompany\b|\bstrangers?\b|\bkin\b|\bwitness\w*\b|\bneighbours?\b', 'other effects, outlier, adjacent'),
     Rule(r'\bwhose\b(?= \w+ \w+ (?:is|are)\b)|(?:(?<=\. )|^)(?:Where|Whose|Of which|Of these|Of that)\b', 'if, when'),
     Rule(r'\bnobody\b|\bsomebody\b|\bwhoever\b|\bwhatever\b', 'the user, unknown, any'),
     Rule(r'\bfelt\b|\bsoftened\b', 'effective, compliance factor'),
