@@ -161,16 +161,16 @@ def imported_modules(path: Path) -> set[str]:
 
 @cache
 def exported_by(package: str) -> tuple[str, ...]:
-    """Return the `__all__` of a package, nothing for a module."""
+    """Return what the `__init__.py` of a package imports of ours, and exports by that; nothing for a module."""
     face = ROOT.joinpath(*package.split('.'), '__init__.py')
     if not face.is_file():
         return ()
-    lists = [
-        node.value
-        for node in ast.parse(face.read_text(encoding='utf-8')).body
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == '__all__'
-    ]
-    return tuple(ast.literal_eval(lists[0])) if lists else ()
+    return tuple(
+        alias.asname or alias.name
+        for node in ast.walk(ast.parse(face.read_text(encoding='utf-8')))
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith(PACKAGE.name)
+        for alias in node.names
+    )
 
 
 @pytest.mark.parametrize(

@@ -14,5 +14,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.commands.record_rig import main as record_rig_main
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = ['CHECKSUM_KEY', 'PROGRESS_KEY', 'identify_bag_main', 'record_rig_main', 'run']

@@ -16,23 +16,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.device.live_error import live_errors
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'DESCRIPTORS',
-    'NO_NAMES',
-    'REPORT_FILE',
-    'SPEED_INTERVAL',
-    'Descriptor',
-    'Device',
-    'IdentifiedRange',
-    'Span',
-    'Value',
-    'check_run',
-    'default_of',
-    'identified_device',
-    'identified_recordings',
-    'is_parameter_file',
-    'live_errors',
-    'report_in',
-    'run_line',
-]

@@ -26,27 +26,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.files.yaml_files import YamlMapping, read_yaml
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'ADVICE',
-    'Aside',
-    'ResultFiles',
-    'YamlMapping',
-    'alone_in',
-    'check_folder',
-    'check_input',
-    'check_replaceable',
-    'checksum',
-    'content',
-    'made_aside',
-    'make_folder',
-    'marked',
-    'never',
-    'open_input',
-    'read_input',
-    'read_yaml',
-    'reported',
-    'take_away_left',
-    'write_bytes',
-    'write_text',
-]

@@ -29,37 +29,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.messages.types import NANOSECONDS, obvious_field, standard_types, types_with
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'FORMATS',
-    'NANOSECOND',
-    'NANOSECONDS',
-    'NEVER',
-    'SECOND',
-    'CounterPath',
-    'Decoder',
-    'Definitions',
-    'FieldPath',
-    'Form',
-    'Layout',
-    'LayoutError',
-    'MessageBlock',
-    'OneByOne',
-    'Place',
-    'Serialization',
-    'Span',
-    'Step',
-    'TimePaths',
-    'check_number',
-    'earliest_after',
-    'gather',
-    'has_header',
-    'is_time',
-    'join',
-    'list_numbers',
-    'obvious_field',
-    'parse_path',
-    'scatter',
-    'standard_types',
-    'types_with',
-]

@@ -20,19 +20,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.nodes.sim_node import SimNode
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'LOST',
-    'OUTPUT_QOS',
-    'SAMPLE_QOS',
-    'Folders',
-    'IdentifierNode',
-    'MonitorNode',
-    'RecorderNode',
-    'RigNode',
-    'SimNode',
-    'message_class',
-    'nanoseconds',
-    'stamp_message',
-    'warn_of_undeclared',
-]

@@ -24,29 +24,8 @@ if TYPE_CHECKING:
     from cfd_pneumatic.planning.experiment_plan import WANTED, Plan, plan
     from cfd_pneumatic.planning.limits import Limits, Sensing
     from cfd_pneumatic.planning.names import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE
-    from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction
-    from cfd_pneumatic.planning.proposal import Proposal
+    from cfd_pneumatic.planning.prediction import EffectPrediction
     from cfd_pneumatic.planning.report import FILES as PLAN_FILES
     from cfd_pneumatic.planning.report import print_plan, smallest_words, write_plan
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'PICTURE_FILE',
-    'PLAN_FILE',
-    'PLAN_FILES',
-    'SCHEDULE_FILE',
-    'WANTED',
-    'EffectPrediction',
-    'Limits',
-    'ParameterPrediction',
-    'Plan',
-    'Proposal',
-    'Sensing',
-    'plan',
-    'print_plan',
-    'read_report',
-    'smallest_words',
-    'usual_pressures',
-    'write_plan',
-]

@@ -11,19 +11,3 @@ from cfd_pneumatic.plant.cluster import existing_cluster, is_open, local_cluster
 from cfd_pneumatic.plant.fingerprint import Settings
 from cfd_pneumatic.plant.survey import survey
 from cfd_pneumatic.plant.table import COLUMNS, CSV_FILE, PARQUET_FILE
-
-__all__ = [
-    'CERTIFICATE',
-    'COLUMNS',
-    'CSV_FILE',
-    'DAYS',
-    'KEY',
-    'PARQUET_FILE',
-    'Settings',
-    'existing_cluster',
-    'find_bags',
-    'is_open',
-    'local_cluster',
-    'make_certificate',
-    'survey',
-]

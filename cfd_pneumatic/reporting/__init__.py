@@ -23,28 +23,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.reporting.template import is_page, rendered
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'LEAK_FILES',
-    'MEASURED',
-    'PAGE_FILE',
-    'PARAMETER_FILE',
-    'REPORT_FILE',
-    'REPORT_FILES',
-    'RESIDUAL',
-    'SIMULATED',
-    'compare_files',
-    'draft_effect',
-    'file_names',
-    'is_compare_file',
-    'is_page',
-    'next_plan',
-    'overview',
-    'print_decay',
-    'print_report',
-    'rendered',
-    'report_data',
-    'report_page',
-    'write_decays',
-    'write_report',
-]

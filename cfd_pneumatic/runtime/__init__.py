@@ -17,21 +17,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.runtime.start import BAD_INPUT, HELP, INTERRUPTED, told
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'BAD_INPUT',
-    'HELP',
-    'INTERRUPTED',
-    'LIMIT',
-    'WARNED_FOLDER',
-    'announced',
-    'compiler',
-    'each',
-    'guard_multiprocessing',
-    'is_trusted',
-    'read_code',
-    'start_python',
-    'threads',
-    'told',
-    'write_code',
-]

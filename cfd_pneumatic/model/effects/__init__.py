@@ -55,32 +55,3 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     for family in dict.fromkeys(family for effect in EFFECTS.values() for family in effect.families)
 }
 """Effects that a recording may not tell from each other, by the name of what they have in common."""
-
-__all__ = [
-    'BOTH_WAYS',
-    'CORES',
-    'CURVE',
-    'CURVE_AGAINST',
-    'CURVE_ENTERS',
-    'EFFECTS',
-    'FAMILIES',
-    'FORCE_CURVE',
-    'FORCE_CURVE_AGAINST',
-    'FORCE_CURVE_ENTERS',
-    'FORCE_EFFECTS',
-    'FORCE_PARTS',
-    'FUNCTIONS',
-    'GENERIC',
-    'KNOTS',
-    'LIFTING',
-    'MODULES',
-    'ONE_WAY',
-    'PRESSURE_EFFECTS',
-    'PRESSURE_PARTS',
-    'Data',
-    'Effect',
-    'EffectParameter',
-    'ForceMoment',
-    'Moment',
-    'is_of_flow',
-]

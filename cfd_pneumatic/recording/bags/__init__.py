@@ -17,16 +17,3 @@ if TYPE_CHECKING:
     from cfd_pneumatic.recording.bags.writing import BagWriter, Stream, check_bag
 else:
     __getattr__ = loader_of(__name__)
-
-__all__ = [
-    'METADATA',
-    'ROS1_SUFFIX',
-    'STORAGES',
-    'SUFFIXES',
-    'Bag',
-    'BagWriter',
-    'StorageName',
-    'Stream',
-    'Topic',
-    'check_bag',
-]
