@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
     from cfd_pneumatic.model.kernels import kernel, summed
     from cfd_pneumatic.model.lanes import COUNT
-    from cfd_pneumatic.model.live import Arrival, Committed, LiveDevice, warm_up
+    from cfd_pneumatic.model.live import Arrival, LiveDevice, warm_up
     from cfd_pneumatic.model.parameters import NAMES, SPECS, TABLE_1, TABLE_1_ROWS, TABLE_2, OperatingPoints
 else:
     __getattr__ = loader_of(__name__)

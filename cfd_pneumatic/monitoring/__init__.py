@@ -7,9 +7,8 @@ closed on an alarm in a process of its own (`Worker`), and tells faults of the f
 """
 
 from cfd_pneumatic.monitoring.chart import Chart, warm_up
-from cfd_pneumatic.monitoring.feed import Fault
-from cfd_pneumatic.monitoring.finding import Diagnosis, Finding, News, diagnose, news
-from cfd_pneumatic.monitoring.watch import Alarm, Prediction, Residual, Settings, Watch
+from cfd_pneumatic.monitoring.finding import Diagnosis, Finding, diagnose, news
+from cfd_pneumatic.monitoring.watch import Alarm, Settings, Watch
 from cfd_pneumatic.monitoring.watched_signal import Departure, ResidualBlock, WatchedSignal
 from cfd_pneumatic.monitoring.wording import agreed, departed, diagnosed
 from cfd_pneumatic.monitoring.worker import Worker
