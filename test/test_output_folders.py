@@ -190,6 +190,24 @@ def test_a_disk_that_fills_up_is_reported_by_the_folder_that_was_named(bag, tmp_
         assert os.listdir(disk) == []
 
 
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_bag_for_which_a_disk_has_no_room_leaves_nothing(tmp_path, storage):
+    codes = set()
+    for size in (8, 16, 32, 64, 128, 512, 2048):
+        with mounted(tmp_path / 'disk', '-t', 'tmpfs', '-o', f'size={size}k', 'tmpfs') as disk:
+            code, _, err = run('record_rig', 'out_and_back', '--storage', storage, '--output', disk / 'out')
+            codes.add(code)
+            if code == 0:
+                assert err == ''
+                assert os.listdir(disk) == ['out']
+                continue
+            assert (code, err.count('\n')) == (2, 1)
+            assert err.startswith(f'record_rig: error: cannot write {disk / "out"}: ')
+            assert err.endswith('make room, or choose another folder\n')
+            assert os.listdir(disk) == []
+    assert codes == {0, 2}
+
+
 @pytest.mark.parametrize('program', ['record_rig', 'identify_bag'])
 def test_an_output_stream_that_is_full_is_reported_in_one_line(bag, tmp_path, program):
     given = ['surface_following', '--duration', '5'] if program == 'record_rig' else [str(bag)]
