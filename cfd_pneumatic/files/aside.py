@@ -75,7 +75,7 @@ class Aside:
     A folder in which the successor of a file or folder is made.
 
     It is beside the path, or inside of a folder that cannot be exchanged for a new one: a mount point, a folder below
-    a parent that may not be written, or one of another owner, group or mode than a new one.
+    a parent that may not be written, or one of another owner, group, mode or attributes than a new one.
 
     Parameters
     ----------
@@ -393,9 +393,11 @@ def _is_exchangeable(path: Path, name: str) -> bool:
     return alike
 
 
-def _rights(folder: Path) -> tuple[int, ...]:
+def _rights(folder: Path) -> tuple[object, ...]:
+    """Return what a new folder has to have in common; access control lists are attributes."""
     found = folder.stat()
-    return found.st_dev, found.st_uid, found.st_gid, found.st_mode
+    attributes = {name: os.getxattr(folder, name) for name in os.listxattr(folder)}
+    return found.st_dev, found.st_uid, found.st_gid, found.st_mode, attributes
 
 
 def _remove_aside(folder: Path, lock: int) -> None:
