@@ -20,6 +20,7 @@ from cfd_pneumatic.messages import FORMATS, NEVER, OneByOne
 _SQLITE_MAGIC = b'SQLite format 3\0'
 _SQLITE_HEADER = 32
 _STORED = "typeof(timestamp) = 'integer' AND typeof(data) = 'blob'"
+_ERRORS = sqlite3.Error, UnicodeDecodeError  # the second if SQLite's message quotes damaged text
 _NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, '')
 
 
@@ -38,7 +39,7 @@ def flaw(file: Path) -> str | None:
         size = stream.seek(0, os.SEEK_END)
     if not header.startswith(_SQLITE_MAGIC):
         return 'is damaged (it does not begin as a database does)'
-    with closing(_opened(file)) as database, suppress(sqlite3.Error):
+    with closing(_opened(file)) as database, suppress(*_ERRORS):
         _refuse_computed(database)
     pages = int.from_bytes(header[28:32], 'big')
     return 'is cut off' if size < pages * _page_size(header) else None
@@ -63,7 +64,7 @@ def salvage_sqlite(path: Path, stack: ExitStack) -> OneByOne:
     _copy_whole_pages(path, copy)
     database = stack.enter_context(closing(sqlite3.connect(copy)))
     database.execute('PRAGMA writable_schema = ON')  # or SQLite refuses a file shorter than it should be
-    with suppress(sqlite3.Error):
+    with suppress(*_ERRORS):
         _refuse_computed(database)
     return _file(database, salvage=True)
 
@@ -162,7 +163,7 @@ class _Messages:
     def _rows(self, query: str) -> Iterator[tuple]:  # type: ignore[type-arg]
         try:
             yield from self._database.execute(query)
-        except sqlite3.Error:  # here the damage begins
+        except _ERRORS:  # here the damage begins
             if not self._salvage:
                 raise
 
