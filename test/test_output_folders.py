@@ -7,6 +7,7 @@ import importlib
 import io
 import os
 import shutil
+import struct
 import subprocess
 import sys
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
@@ -25,6 +26,12 @@ WRITES = {
     'record_rig': ['metadata.yaml', 'out.mcap'],
 }
 """Programs that write a folder, and what they write into one that is called `out`."""
+
+ACCESS_LIST = struct.pack('<I', 2) + b''.join(
+    struct.pack('<HHi', *entry)
+    for entry in ((0x01, 7, -1), (0x02, 5, 1234), (0x04, 5, -1), (0x10, 5, -1), (0x20, 5, -1))
+)
+"""Lets another user read a folder."""
 
 each_program = pytest.mark.parametrize('program', WRITES)
 
@@ -190,6 +197,24 @@ def test_a_disk_that_fills_up_is_reported_by_the_folder_that_was_named(bag, tmp_
         assert os.listdir(disk) == []
 
 
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_bag_for_which_a_disk_has_no_room_leaves_nothing(tmp_path, storage):
+    codes = set()
+    for size in (8, 16, 32, 64, 128, 512, 2048):
+        with mounted(tmp_path / 'disk', '-t', 'tmpfs', '-o', f'size={size}k', 'tmpfs') as disk:
+            code, _, err = run('record_rig', 'out_and_back', '--storage', storage, '--output', disk / 'out')
+            codes.add(code)
+            if code == 0:
+                assert err == ''
+                assert os.listdir(disk) == ['out']
+                continue
+            assert (code, err.count('\n')) == (2, 1)
+            assert err.startswith(f'record_rig: error: cannot write {disk / "out"}: ')
+            assert err.endswith('make room, or choose another folder\n')
+            assert os.listdir(disk) == []
+    assert codes == {0, 2}
+
+
 @pytest.mark.parametrize('program', ['record_rig', 'identify_bag'])
 def test_an_output_stream_that_is_full_is_reported_in_one_line(bag, tmp_path, program):
     given = ['surface_following', '--duration', '5'] if program == 'record_rig' else [str(bag)]
@@ -198,6 +223,20 @@ def test_an_output_stream_that_is_full_is_reported_in_one_line(bag, tmp_path, pr
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     line = f'{program}: error: cannot write to the standard output: No space left on device\n'
     assert (done.returncode, done.stderr) == (2, line)
+
+
+@pytest.mark.parametrize('name', ['system.posix_acl_access', 'system.posix_acl_default'])
+def test_a_folder_keeps_its_access_control_list(bag, tmp_path, name):
+    folder = tmp_path / 'out'
+    folder.mkdir()
+    try:
+        os.setxattr(folder, name, ACCESS_LIST)
+    except OSError:
+        pytest.skip('this file system has no access control lists')
+    assert folder.stat().st_mode & 0o777 == 0o755, 'as a new folder'
+    for _ in range(2):
+        assert run('identify_bag', bag, '--output', folder)[0] == 0
+        assert os.getxattr(folder, name) == ACCESS_LIST
 
 
 def test_a_folder_of_somebody_else_keeps_its_owner_and_rights(bag, tmp_path):

@@ -75,7 +75,7 @@ class Aside:
     A folder in which the successor of a file or folder is made.
 
     It is beside the path, or inside of a folder that cannot be exchanged for a new one: a mount point, a folder below
-    a parent that may not be written, or one of another owner, group or mode than a new one.
+    a parent that may not be written, or one of another owner, group, mode or attributes than a new one.
 
     Parameters
     ----------
@@ -150,8 +150,41 @@ class Aside:
                 path.unlink()
         _fsync(self.path)
 
+    def follow(self) -> bool:
+        """
+        Find the folder again by its lock, which stays open; return whether somebody moved it, or a folder above it.
+
+        What is made takes a place in the folder that was moved.
+
+        Raises
+        ------
+        InputError
+            If it cannot be reached any more.
+
+        """
+        if self._is_at(self._folder):
+            return False
+        found = Path(os.readlink(f'/proc/self/fd/{self._lock}'))
+        if not self._is_at(found):
+            raise InputError(
+                f'cannot write {self.path}: {self.parent} was removed, moved to another disk, or hidden by a mount. '
+                f'What was written is lost, unless {self._folder.name} is still in it: look for it, and start again'
+            )
+        self._folder, self.parent = found, found.parent
+        self.made = found / self.made.name
+        self.path = self.parent / self.path.name
+        return True
+
+    def _is_at(self, folder: Path) -> bool:
+        try:
+            return os.path.samestat(folder.stat(), os.fstat(self._lock))
+        except OSError:
+            return False
+
     def close(self) -> None:
         """Take away what is left, what was there before in it."""
+        with suppress(InputError):
+            self.follow()
         _remove_aside(self._folder, self._lock)
 
 
@@ -360,9 +393,11 @@ def _is_exchangeable(path: Path, name: str) -> bool:
     return alike
 
 
-def _rights(folder: Path) -> tuple[int, ...]:
+def _rights(folder: Path) -> tuple[object, ...]:
+    """Return what a new folder has to have in common; access control lists are attributes."""
     found = folder.stat()
-    return found.st_dev, found.st_uid, found.st_gid, found.st_mode
+    attributes = {name: os.getxattr(folder, name) for name in os.listxattr(folder)}
+    return found.st_dev, found.st_uid, found.st_gid, found.st_mode, attributes
 
 
 def _remove_aside(folder: Path, lock: int) -> None:

@@ -25,6 +25,7 @@ from cfd_pneumatic.nodes.topics import listen_to
 from cfd_pneumatic.recording import STORAGES, BagWriter
 
 _LOOK_PERIOD = 0.1  # how often topics that were not there yet are looked for [s]
+_FOLLOW_PERIOD = 1.0  # how often the folder of the bag is looked for [s]
 _DEPTH = 10_000  # messages of one topic that may wait while others are written, or the node waits for a core
 _BUDGET = 16 * 2**20  # of the messages of a topic that wait [bytes]
 _LEAST = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)  # every publisher offers as much
@@ -61,6 +62,7 @@ class RecorderNode(BoundedNode):
         self._failure: InputError | None = None
         self.create_timer(_LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._bag = BagWriter(output, storage=storage, overwrite=overwrite)
+        self.create_timer(_FOLLOW_PERIOD, self._follow, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _declare_parameters(self) -> None:
         declare = self.declare_parameter
@@ -142,8 +144,22 @@ class RecorderNode(BoundedNode):
             self._bag.write(topic, MessageBlock.of([self.get_clock().now().nanoseconds], [payload]))
             self._written += 1
         except InputError as error:
-            self._failure = error
-            self.context.try_shutdown()
+            self._fail(error)
+
+    def _follow(self) -> None:
+        """Warn if somebody moves the folder of the bag; end if nothing that is written there can be kept."""
+        try:
+            if self._bag.follow():
+                self.get_logger().warning(
+                    f'the folder of the bag was moved: the recording goes on, and the bag will be {self._bag.path}. '
+                    'The node will end with exit code 2, since the bag is not where it was named.'
+                )
+        except InputError as error:
+            self._fail(error)
+
+    def _fail(self, error: InputError) -> None:
+        self._failure = self._failure or error
+        self.context.try_shutdown()
 
     def _on_lost(self, topic: str, lost: int) -> None:
         self._lost += lost
@@ -163,6 +179,7 @@ class RecorderNode(BoundedNode):
             raise InputError(f'{error}; what was recorded before is in {self._bag.path}') from error
         lost = f', {self._lost} were lost' if self._lost else ''
         self.get_logger().info(f'{self._written} messages in {self._bag.path}{lost}')
+        self._bag.check_place()
         super().destroy_node()
 
 

@@ -103,6 +103,12 @@ def clean(times: NDArray[np.int64], values: Array, name: str, *, held: bool = Fa
     return Cleaned(times, values, tuple(notes))
 
 
+def share_at_shared_times(times: NDArray[np.int64], values: Array) -> float:
+    """Return which share of the samples has the time of the sample before, and another value."""
+    shared = sum(int(np.count_nonzero(~_begins(times, part) & _begins(values, part))) for part in parts(times, values))
+    return shared / max(1, len(times))
+
+
 def at_changes(cleaned: Cleaned) -> Cleaned:
     """Return the samples that begin a new value, the first included; they are moved within their arrays."""
     times, values = keep(cleaned.times, cleaned.values, lambda part: _begins(cleaned.values, part))

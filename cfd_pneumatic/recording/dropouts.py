@@ -14,12 +14,18 @@ _SHARE_OF_RANGE = 0.25  # of the usual range that a leap has at least
 _MOST_LEAPS = 0.4  # share of the samples; more is the signal itself
 _SPIKE = 2  # samples that leap out and back with any values
 _QUICK = 0.011  # between the samples before and behind them: a piston needs longer [s]
+_CALM = 0.5  # of a leap, that the changes in front of a code and behind it have at most: a motion takes several
 _CODE = 3  # samples of exactly one value between two leaps
 _SAME_CODE = 3  # spikes of exactly one value: no impact of a tool repeats another one
 _BOTH_WAYS = 3  # spikes up and as many down: impacts of a tool go one way
 _PULSE = 0.02  # no regulator answers a set-point that lasts so short [s]
 _TURNS = 0.5  # share of small changes that turn back: two thirds of noise, few of a motion
 _MOST_LOOKED_AT = 100_000  # samples
+_LONGEST_ZERO = 0.1  # in which no piston goes somewhere and back without a sample on its way [s]
+_FAST = 5.0  # times what a hundredth of the changes exceed
+_MARGIN = 0.1  # of the usual range
+_COUNTS = 5.0  # times the smallest change
+_FEWEST_MEASURED = 5  # samples
 
 
 def dropouts(times: NDArray[np.int64], values: Array, role: str) -> NDArray[np.bool_]:
@@ -29,7 +35,8 @@ def dropouts(times: NDArray[np.int64], values: Array, role: str) -> NDArray[np.b
     A displacement does so in one or two samples; a force only if the same value comes again and again, or if spikes
     go both ways, since an impact leaps, too. All samples of a value that comes again and again are dropped. Runs of
     exactly one value between two leaps are codes for "nothing measured", of any length; a force without noise may rest
-    at zero, though. A signal that rests mostly without noise is not judged.
+    at zero, though. A signal that rests mostly without noise is not judged. A logger writes zeros where it has nothing:
+    short runs of zeros are left out if the signal does not come from zero and go back to zero.
 
     Parameters
     ----------
@@ -42,6 +49,8 @@ def dropouts(times: NDArray[np.int64], values: Array, role: str) -> NDArray[np.b
     found = np.zeros(len(values), bool)
     changes = np.diff(values)
     steps = np.abs(changes)
+    if role != 'pressure':
+        found |= _zeros(times, values, within=role == 'displacement')
     every = slice(None, None, max(1, len(steps) // _MOST_LOOKED_AT))
     usual = float(np.percentile(steps[every], 75.0)) if len(steps) else 0.0
     if not usual:
@@ -50,6 +59,7 @@ def dropouts(times: NDArray[np.int64], values: Array, role: str) -> NDArray[np.b
     leaps = np.flatnonzero(steps > max(_SUDDEN * usual, _SHARE_OF_RANGE * float(high - low)))
     if len(leaps) > _MOST_LEAPS * len(values):
         return found
+    outer = np.pad(steps, 1)
     moved = np.append(0, np.cumsum(steps != 0.0))
     has_codes = role != 'force' or is_noisy(changes[every])
     spikes: dict[float, list[slice]] = {}
@@ -60,7 +70,8 @@ def dropouts(times: NDArray[np.int64], values: Array, role: str) -> NDArray[np.b
         length = last - before
         is_back = changes[before] * changes[last] < 0.0
         is_quick = is_back and length <= _SPIKE and times[last + 1] - times[before] <= _QUICK * NANOSECONDS
-        is_code = length >= _CODE and moved[last] == moved[before + 1]
+        is_sudden = max(outer[before], outer[last + 2]) < _CALM * min(steps[before], steps[last])
+        is_code = length >= _CODE and moved[last] == moved[before + 1] and is_sudden
         if is_quick and role != 'pressure':
             spikes.setdefault(float(values[last]), []).append(run)
         elif not (has_codes and is_code):
@@ -75,6 +86,49 @@ def dropouts(times: NDArray[np.int64], values: Array, role: str) -> NDArray[np.b
             found[values == value] = True
         for run in runs if are_both_ways else ():
             found[run] = True
+    return found
+
+
+def _zeros(times: NDArray[np.int64], values: Array, *, within: bool) -> NDArray[np.bool_]:
+    """
+    Return which samples are in short runs of exact zeros between leaps, shape (n,).
+
+    A leap is longer than nearly all changes from sample to sample. Beside one or two zeros a leap is also a bend: the
+    zeros are farther from the line between the samples around them than the noise and the motion bring any sample.
+
+    Parameters
+    ----------
+    times, values
+        Of the samples, shape (n,) [ns, SI].
+    within
+        Whether zeros within the usual range are left out, too.
+
+    """
+    found = np.zeros(len(values), bool)
+    zero = values == 0.0
+    edges = np.diff(zero.astype(np.int8), prepend=0, append=0)
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    inner = (begins > 0) & (ends < len(values))
+    begins, ends = begins[inner], ends[inner]
+    measured = values[~zero]
+    if not begins.size or len(measured) < _FEWEST_MEASURED:
+        return found
+    low, high = np.percentile(measured, (5.0, 95.0))
+    margin = _MARGIN * float(high - low)
+    if not within and low - margin < 0.0 < high + margin:
+        return found
+    steps, bends = np.abs(np.diff(measured)), np.abs(np.diff(measured, 2))
+    steps, bends = steps[steps > 0.0], bends[bends > 0.0]
+    if not bends.size:
+        return found
+    change = max(_FAST * float(np.percentile(steps, 99.0)), margin)
+    bend = max(_FAST * float(np.percentile(bends, 99.0)), _COUNTS * float(np.min(steps)))
+    before, behind, length = values[begins - 1], values[ends], ends - begins
+    distance = np.where(before * behind > 0.0, np.minimum(np.abs(before), np.abs(behind)), 0.0)
+    is_leap = (distance > change) | ((length <= _SPIKE) & (distance > bend * length**2))
+    is_short = times[ends - 1] - times[begins] < _LONGEST_ZERO * NANOSECONDS
+    for begin, end in zip(begins[is_leap & is_short].tolist(), ends[is_leap & is_short].tolist()):
+        found[begin:end] = True
     return found
 
 

@@ -16,8 +16,9 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.messages import NANOSECONDS
-from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
+from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean, share_at_shared_times
 from cfd_pneumatic.recording.signals import CylinderSignals, Signal
+from cfd_pneumatic.recording.wild_samples import screened
 
 _LATEST = 2**62  # [ns]
 
@@ -33,6 +34,7 @@ class ArraySignals(NamedTuple):
     cylinders: dict[str, CylinderSignals]
     force: Signal | None
     notes: tuple[str, ...]
+    shared_times: float
 
 
 def signals_from_arrays(
@@ -60,16 +62,24 @@ def signals_from_arrays(
                 f'the set-point of {cylinder} is None: leave {cylinder} out of setpoints if none was recorded'
             )
     notes: list[str] = []
+    shared = [0.0]
 
-    def cleaned(values: ArrayLike, what: str, *, held: bool = False) -> Cleaned:
-        found = clean(stamps.copy(), _values(values, what, stamps.size, held=held), what, held=held)
+    def cleaned(values: ArrayLike, role: str, name: str) -> Cleaned:
+        numbers = _values(values, name, stamps.size, held=False)
+        shared.append(share_at_shared_times(stamps, numbers))
+        found = screened(clean(stamps.copy(), numbers, name), role, name)
         notes.extend(found.notes)
-        return at_changes(found) if held else found
+        return found
 
-    moved = None if displacement is None else cleaned(displacement, 'displacement')
-    measured = {one: cleaned(values, f'{one} pressure') for one, values in pressures.items()}
-    commanded = {one: cleaned(values, f'{one} setpoint', held=True) for one, values in setpoints.items()}
-    felt = None if force is None else cleaned(force, 'force')
+    def held(values: ArrayLike, name: str) -> Cleaned:
+        found = clean(stamps.copy(), _values(values, name, stamps.size, held=True), name, held=True)
+        notes.extend(found.notes)
+        return at_changes(found)
+
+    moved = None if displacement is None else cleaned(displacement, 'displacement', 'displacement')
+    measured = {one: cleaned(values, 'pressure', f'{one} pressure') for one, values in pressures.items()}
+    commanded = {one: held(values, f'{one} setpoint') for one, values in setpoints.items()}
+    felt = None if force is None else cleaned(force, 'force', 'force')
     epoch = min(int(one.times[0]) for one in (moved, *measured.values(), felt) if one is not None)
 
     def signal(one: Cleaned) -> Signal:
@@ -81,7 +91,12 @@ def signals_from_arrays(
     }
     rest = Signal((stamps - epoch) / NANOSECONDS, np.zeros(stamps.size))
     return ArraySignals(
-        epoch, rest if moved is None else signal(moved), cylinders, None if felt is None else signal(felt), tuple(notes)
+        epoch,
+        rest if moved is None else signal(moved),
+        cylinders,
+        None if felt is None else signal(felt),
+        tuple(notes),
+        max(shared),
     )
 
 

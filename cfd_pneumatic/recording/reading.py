@@ -18,7 +18,7 @@ from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.files import check_input
 from cfd_pneumatic.messages import NANOSECONDS
 from cfd_pneumatic.recording.bags import Bag
-from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean
+from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean, share_at_shared_times
 from cfd_pneumatic.recording.dropouts import without_pulses
 from cfd_pneumatic.recording.mapping import ChannelMapping, read_mapping
 from cfd_pneumatic.recording.memory_maps import parts
@@ -179,6 +179,7 @@ def _preferred(channels: Sequence[SignalSource]) -> list[SignalSource]:
 def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambient_pressure: float) -> Recording:
     """Make a recording of samples, at least of one pressure; without a displacement the piston is at rest."""
     said = {(one.channel.role, one.channel.cylinder): _said(one.channel) for one in samples}
+    shared = max(share_at_shared_times(one.times, one.raw) for one in samples if one.channel.role in _SAMPLED)
     cleaned = {(one.channel.role, one.channel.cylinder): _clean(one, ambient_pressure) for one in samples}
     epoch = min(int(one.times[0]) for one in cleaned.values())
     short = _short_signals(cleaned, epoch)
@@ -214,6 +215,7 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
         health=tuple(map(printable, health)),
         others=others,
         rests=moved is None,
+        shared_times=shared,
     )
 
 

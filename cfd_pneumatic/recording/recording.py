@@ -39,6 +39,8 @@ class Recording:
         Further signals, by the names that a mapping gives them [SI].
     rests : bool
         Whether no displacement was recorded: the piston is taken to be at rest.
+    shared_times : float
+        Share of the samples that were left out since they had the time of another sample, and another value.
 
     """
 
@@ -50,6 +52,7 @@ class Recording:
     health: tuple[str, ...]
     others: Mapping[str, Signal] = field(default_factory=dict)
     rests: bool = False
+    shared_times: float = 0.0
 
     @classmethod
     def from_arrays(
@@ -99,6 +102,7 @@ class Recording:
             signals.force,
             signals.notes,
             rests=displacement is None,
+            shared_times=signals.shared_times,
         )
 
     def __repr__(self) -> str:

@@ -19,10 +19,7 @@ _MOST_LOOKED_AT = 100_000  # samples
 _PART = 1_000_000  # samples that are looked at at once
 _MOST_LEFT_OUT = 0.2  # share of the samples; more are no exceptions
 _SPIKE = 3  # samples that a leap out and back may last with several values
-_LONGEST_ZERO = 0.1  # in which no piston goes somewhere and back without a sample on its way [s]
-_MOST_ZEROS = 0.02  # share of the samples that a logger had nothing for
 _FAR_OUT = 10.0  # spans, beyond which any run of samples is wild
-_SUDDEN = 5.0  # times the largest usual change from sample to sample
 _COUNTERS = (*(2.0**bits for bits in range(8, 33)), *(10.0**digits for digits in range(3, 8)))
 """Steps of counters."""
 
@@ -84,7 +81,8 @@ def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
     dropped = np.zeros(len(values), bool)
     for begin in range(0, len(values), _PART):  # of a long recording, in memory for a part only
         part = slice(begin, begin + _PART)
-        dropped[part] = dropouts(cleaned.times[part], values[part], role)
+        with np.errstate(over='ignore', invalid='ignore'):  # a table may hold enormous numbers
+            dropped[part] = dropouts(cleaned.times[part], values[part], role)
     if np.mean(wild | dropped) <= _MOST_LEFT_OUT:
         wild |= dropped
     number = int(np.count_nonzero(wild))
@@ -157,23 +155,16 @@ def _wild_within(times: NDArray[np.int64], values: Array, low: float, high: floa
     wild = np.zeros(len(values), bool)
     span = high - low
     far = max(screen.spans * span, screen.least)
-    outside, missing = (values > high + far) | (values < low - far), values == 0.0
-    if np.mean(missing) > _MOST_ZEROS or low - _SMALL * span < 0.0 < high + _SMALL * span:  # then zero is usual
-        missing[:] = False
-    if not (outside.any() or missing.any()) or len(values) < 2:
+    outside = (values > high + far) | (values < low - far)
+    if not outside.any() or len(values) < 2:
         return wild
     steps, seconds = np.abs(np.diff(values)), np.diff(times) / NANOSECONDS
-    sudden = max(_SUDDEN * float(np.percentile(steps[:: max(1, len(steps) // _MOST_LOOKED_AT)], 99.0)), _SMALL * span)
-    for begin, end in _runs(outside | missing):
+    for begin, end in _runs(outside):
         run = values[begin:end]
         edges = [*([begin - 1] if begin else []), *([end - 1] if end < len(values) else [])]
-        if outside[begin]:
-            is_odd = len(run) <= _SPIKE or np.ptp(run) == 0.0 or np.min(np.abs(run - low)) > _FAR_OUT * span
-            leaps = edges and all(steps[one] > max(far, screen.rate * seconds[one]) for one in edges)
-            wild[begin:end] = is_odd and bool(leaps)
-        else:  # what a logger writes where it has nothing
-            is_short = times[end - 1] - times[begin] < _LONGEST_ZERO * NANOSECONDS
-            wild[begin:end] = len(edges) == 2 and is_short and all(steps[one] > sudden for one in edges)
+        is_odd = len(run) <= _SPIKE or np.ptp(run) == 0.0 or np.min(np.abs(run - low)) > _FAR_OUT * span
+        leaps = edges and all(steps[one] > max(far, screen.rate * seconds[one]) for one in edges)
+        wild[begin:end] = is_odd and bool(leaps)
     return wild
 
 

@@ -39,11 +39,11 @@ def kinds() -> dict[str, Kind]:
 
     found = bags.kinds() + texts.kinds()
     try:
-        from studies.trials.fuzzing import nodes, strangers
+        from studies.trials.fuzzing import nodes, places, strangers
     except ImportError as error:
         print(f'what nodes are sent is left out: ROS 2 is not to be had here ({error})', file=sys.stderr)
     else:
-        found += nodes.kinds() + strangers.kinds()
+        found += nodes.kinds() + strangers.kinds() + places.kinds()
     return {kind.name: kind for kind in found}
 
 

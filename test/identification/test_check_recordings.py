@@ -205,3 +205,60 @@ def test_a_piston_at_rest_may_flicker_by_one_count():
     flicker[::300] = 5.1e-3
     pressure = 2e5 + 1e5 * np.clip(20.0 * (MOVING - 5.0), 0.0, 1.0) + np.round(20.0 * np.sin(50.0 * MOVING))
     assert of_moving(pressure, flicker) == []
+
+
+def speeds(seed=2):
+    """Return a displacement [m] of many speeds, and the pressure that follows its speed [Pa]."""
+    rng = np.random.default_rng(seed)
+    phases, rates = rng.uniform(0.0, 6.3, 6), rng.uniform(2.0, 12.0, 6)
+    motion = sum(np.sin(rate * MOVING + phase) for rate, phase in zip(rates, phases))
+    speed = sum(rate * np.cos(rate * MOVING + phase) for rate, phase in zip(rates, phases))
+    return 1e-3 * motion, AMBIENT_PRESSURE + LEVEL - 500.0 * speed
+
+
+@pytest.mark.parametrize(('share', 'noise'), [(15.0, 50.0), (15.0, 20.0), (25.0, 200.0)])
+def test_a_pressure_that_is_clipped_at_both_ends_before_noise_comes_is_reported(share, noise):
+    displacement, pressure = speeds()
+    noisy = noise * np.random.default_rng(3).standard_normal(MOVING.size)
+    assert of_moving(pressure + noisy, displacement) == []
+    limits = np.percentile(pressure, (share, 100.0 - share))
+    ((code, message),) = of_moving(np.clip(pressure, *limits) + noisy, displacement)
+    assert code == 'samples_suspect'
+    assert 'piles up at both ends of its range' in message
+
+
+@pytest.mark.parametrize('noise', [20.0, 200.0])
+def test_a_pressure_that_a_set_point_switches_to_and_fro_is_not_clipped(noise):
+    displacement, follows = speeds()
+    held = Signal(np.arange(0.0, 10.0, 2.0), AMBIENT_PRESSURE + LEVEL + 2e4 * (np.arange(5) % 2))
+    steps = np.interp(MOVING % 4.0, [0.0, 0.3, 2.0, 2.3, 4.0], [1.0, 0.0, 0.0, 1.0, 1.0])
+    pressure = AMBIENT_PRESSURE + LEVEL + 2e4 * steps + 1e-3 * (follows - AMBIENT_PRESSURE - LEVEL)
+    read = Signal(MOVING, pressure + noise * np.random.default_rng(3).standard_normal(MOVING.size))
+    cylinders = {'cylinder_a': CylinderSignals(read, held)}
+    found = check_recording(Recording('made', 0, Signal(MOVING, displacement), cylinders, None, ()), AMBIENT_PRESSURE)
+    assert [one.message for one in found if 'piles up' in one.message] == []
+
+
+@pytest.mark.parametrize('noise', [20.0, 200.0, 1000.0])
+def test_noise_of_a_set_point_is_reported(noise):
+    levels = AMBIENT_PRESSURE + LEVEL + 1e4 * (np.floor(MOVING / 2.5) % 2)
+    measured = levels + noise * np.random.default_rng(3).standard_normal(MOVING.size)
+    read = Signal(MOVING, moved_pressure(20.0))
+    found = fixes(Signal(MOVING, STROKES), read, Signal(MOVING, measured))
+    assert found['setpoint_suspect'].startswith('record the commanded set-point instead of a measured one')
+    assert fixes(Signal(MOVING, STROKES), read, Signal(MOVING[::1250], levels[::1250])) == {}
+
+
+def test_a_controller_that_changes_its_set_point_at_each_sample_is_no_noise():
+    rng = np.random.default_rng(3)
+    commanded = AMBIENT_PRESSURE + LEVEL + 5e3 * np.sin(3.0 * MOVING) + 20.0 * rng.standard_normal(MOVING.size)
+    assert fixes(Signal(MOVING, STROKES), Signal(MOVING, moved_pressure(20.0)), Signal(MOVING, commanded)) == {}
+
+
+@pytest.mark.parametrize('step', [0.005, 0.01, 0.02])
+def test_times_with_too_few_digits_are_reported(step):
+    level = np.full(MOVING.size, AMBIENT_PRESSURE + LEVEL)
+    for times, is_reported in ((np.floor(MOVING / step + 1e-9) * step, True), (MOVING, False)):
+        read = Recording.from_arrays(times, STROKES, {'cylinder_a': moved_pressure(20.0)}, {'cylinder_a': level})
+        codes = [one.code for one in check_recording(read, AMBIENT_PRESSURE)]
+        assert codes == (['times_suspect'] if is_reported else [])

@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import os
 import resource
+import shutil
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from graph import MILLISECOND, Graph, Process, SimClient, refusals, ros_arguments, unique_namespace
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.rosbag2 import Reader
@@ -266,3 +270,43 @@ def test_on_a_full_disk_it_ends_in_one_line_and_leaves_what_is_written(graph: Gr
         assert 'is cut off: salvaged' in Bag(bag).notes[0]
     finally:
         process.reap()
+
+
+def recorded_while(graph: Graph, folder: Path, storage: str, doing: Callable[[], object]) -> str:
+    """Record 100 samples, with something that happens to the folder of the bag in between; return what is printed."""
+    topic = f'{unique_namespace()}/{PISTON_STATE}'
+    out = graph.publisher(JointState, topic)
+    process = Process('recorder_node', recorder(folder / 'bag', topic, storage=storage))
+    try:
+        graph.until(lambda: out.get_subscription_count() and f'recording {topic}' in process.stderr)
+        for number in range(100):
+            if number == 50:
+                doing()
+                graph.until(lambda: 'was moved' in process.stderr or process.exit_code is not None)
+            out.publish(JointState(name=['piston'], position=[0.5]))
+        assert out.wait_for_all_acked()
+        if process.exit_code is None:
+            graph.get('/recorder_node', 'output')  # behind the messages
+            os.kill(process.pid, signal.SIGINT)
+        assert process.wait() == 2
+        assert 'Traceback' not in process.stderr
+        return process.stderr
+    finally:
+        process.reap()
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_folder_that_is_moved_meanwhile_is_reported_and_the_bag_is_complete_in_it(
+    graph: Graph, tmp_path: Path, storage: str
+) -> None:
+    before, after = tmp_path / 'before', tmp_path / 'after'
+    printed = recorded_while(graph, before, storage, lambda: before.rename(after))
+    assert f'the recording goes on, and the bag will be {after}/bag.' in printed
+    assert f'not at {before}/bag. It is complete: move or use {after}/bag' in printed.splitlines()[-1]
+    assert [len(found) for found in read_bag(after / 'bag').values()] == [100]
+    assert os.listdir(after) == ['bag']
+
+
+def test_a_folder_that_is_removed_meanwhile_ends_the_recording_in_one_line(graph: Graph, tmp_path: Path) -> None:
+    printed = recorded_while(graph, tmp_path / 'before', 'mcap', lambda: shutil.rmtree(tmp_path / 'before'))
+    assert f'cannot write {tmp_path}/before/bag: {tmp_path}/before was removed' in printed.splitlines()[-1]

@@ -117,6 +117,21 @@ def test_a_database_with_a_damaged_page(long_bags, tmp_path):
     assert len(read.displacement) > 1000
 
 
+def test_a_summary_that_begins_behind_the_end_of_the_file_is_salvaged(long_bags, tmp_path):
+    content = bytearray((long_bags / 'mcap' / 'mcap.mcap').read_bytes())
+    struct.pack_into('<Q', content, len(content) - 28, 2**64 - 1)
+    (tmp_path / 'bag.mcap').write_bytes(content)
+    found = read_recording(tmp_path / 'bag.mcap')
+    assert len(found.displacement) == 12_000
+    assert 'its summary begins behind its end' in found.health[0]
+
+
+def test_a_database_whose_schema_is_no_text_is_refused(long_bags, tmp_path):
+    content = (long_bags / 'sqlite3' / 'sqlite3.db3').read_bytes()
+    (tmp_path / 'bag.db3').write_bytes(content.replace(b'CREATE TABLE messages', b'CREATE \xff\xfeBLE messages'))
+    assert 'is damaged' in error_of(tmp_path / 'bag.db3')
+
+
 def test_a_file_whose_only_chunk_is_damaged(tmp_path):
     write_bag(tmp_path / 'bag', plain_messages(), compression=CompressionMode.STORAGE)
     file = tmp_path / 'bag' / 'bag.mcap'

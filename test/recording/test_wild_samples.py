@@ -118,6 +118,11 @@ def test_what_a_piston_really_does_stays(name):
     np.testing.assert_array_equal(found.values, REAL[name])
 
 
+def test_a_rest_without_noise_behind_a_quick_stroke_is_no_code():
+    moved = np.interp(TIMES % 2.0, [1.8, 1.806, 1.994, 2.0], [0.0, 4e-4, 4e-4, 0.0])
+    assert screen(np.where(TIMES % 2.0 < 1.8, 1e-6 * np.round(NOISE), moved))[1].all()
+
+
 DROPPED = {
     'single zeros': lambda one: one.__setitem__(slice(50, None, 120), 0.0),
     'runs of zeros': lambda one: [one.__setitem__(slice(at, at + 250), 0.0) for at in (2000, 6000)],
@@ -138,6 +143,22 @@ def test_samples_within_the_range_that_leap_out_and_back_are_left_out(kind, seed
     assert np.all(kept[values == clean])
 
 
+@pytest.mark.parametrize(('share', 'step'), [(0.002, 0.0), (0.01, 3e-6), (0.05, 1e-5)])
+def test_zeros_of_a_logger_within_the_range_are_left_out_but_for_those_that_disturb_nothing(share, step):
+    clean = in_steps(strokes() - 4e-3, step)
+    lost = np.random.default_rng(5).random(TIMES.size) < share
+    _, kept = screen(np.where(lost, 0.0, clean))
+    assert not np.any(kept & lost & (np.abs(clean) > 1e-4))
+    assert np.all(kept[~lost & (clean != 0.0)])
+
+
+@pytest.mark.parametrize('step', [0.0, 1e-6, 1e-5, 1e-4, 1e-3])
+def test_a_piston_may_be_at_zero_or_come_back_from_there(step):
+    values = in_steps(np.abs(strokes() - 4e-3), step)
+    values[values < 2e-6] = 0.0
+    assert screen(values)[1].all()
+
+
 @pytest.mark.parametrize('kind', ['spikes of one value', 'spikes both ways', 'runs of zeros'])
 def test_a_force_that_was_not_measured_is_left_out(kind):
     clean = force()
@@ -150,6 +171,12 @@ def test_a_force_that_was_not_measured_is_left_out(kind):
     else:
         values[30::500] = 327.67
     np.testing.assert_array_equal(screen(values, 'force')[1], values == clean)
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('role', ['displacement', 'pressure', 'force'])
+def test_enormous_numbers_raise_no_warning(role):
+    screen(np.where(NOISE > 0.0, strokes(), 1e200 * np.sign(NOISE + 1.0)), role)
 
 
 def test_a_pressure_that_reads_a_code_for_a_while_is_left_out():

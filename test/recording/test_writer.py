@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 import zlib
 
@@ -19,10 +20,14 @@ from cfd_pneumatic.recording.bags.mcap_writing import McapWriter
 from cfd_pneumatic.recording.bags.sqlite_files import SqliteWriter
 
 
-def fill(bag, count=3):
+def fill(bag):
     bag.add_topic('/cfd/device/piston_state', convention.JOINT_STATE)
     bag.add_topic('/cfd/device/cylinder_a/pressure', convention.FLUID_PRESSURE)
-    for index in range(count):
+    fill_more(bag, range(3))
+
+
+def fill_more(bag, indices=range(3, 6)):
+    for index in indices:
         time = EPOCH + index * 1000
         made.write_message(bag, '/cfd/device/piston_state', time, made.joint_state(time, 'piston', 0.5))
         made.write_message(bag, '/cfd/device/cylinder_a/pressure', time, made.fluid_pressure(time, 2e5))
@@ -126,6 +131,75 @@ def test_what_was_written_before_a_disk_was_full_is_left_in_an_empty_folder(tmp_
     bag.leave()
     assert os.listdir(tmp_path / 'bag') == ['bag.mcap']
     assert len(read_recording(tmp_path / 'bag' / 'bag.mcap').displacement) == 3
+
+
+def fill_while(path, doing, **options):
+    """Write a bag of 6 samples; something happens to its folder after half of them."""
+    with BagWriter(path, **options) as bag:
+        fill(bag)
+        bag.flush()
+        doing()
+        fill_more(bag)
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+@pytest.mark.parametrize('is_replaced', [False, True])
+def test_a_bag_is_completed_in_a_folder_that_was_moved_and_the_error_names_the_place(tmp_path, storage, is_replaced):
+    before, after = tmp_path / 'before', tmp_path / 'after'
+
+    def move():
+        before.rename(after)
+        if is_replaced:
+            before.mkdir()
+
+    with pytest.raises(InputError) as caught:
+        fill_while(before / 'bag', move, storage=storage)
+    assert str(caught.value) == (
+        f'the folder of the bag was moved while the bag was written, so that the bag is not at {before}/bag. '
+        f'It is complete: move or use {after}/bag'
+    )
+    assert len(read_recording(after / 'bag').displacement) == 6
+    assert os.listdir(after) == ['bag']
+    assert not before.exists() or os.listdir(before) == []
+
+
+def test_a_bag_in_a_folder_that_was_moved_and_moved_back_is_where_it_was_named(tmp_path):
+    before, after = tmp_path / 'before', tmp_path / 'after'
+    with BagWriter(before / 'bag') as bag:
+        fill(bag)
+        before.rename(after)
+        assert bag.follow()
+        assert not bag.follow()
+        after.rename(before)
+    assert os.listdir(before) == ['bag']
+
+
+def test_a_bag_in_an_empty_folder_that_was_moved_is_inside_of_it(tmp_path):
+    """A folder of another mode than a new one is not exchanged, as a mount point can't be."""
+    named, moved = tmp_path / 'bag', tmp_path / 'moved'
+    named.mkdir(mode=0o700)
+    with pytest.raises(InputError, match=f'move or use {moved}/bag$'):
+        fill_while(named, lambda: named.rename(moved))
+    assert len(read_recording(moved / 'bag').displacement) == 6
+    assert os.listdir(moved) == ['bag']
+
+
+def test_nothing_is_left_of_a_bag_that_failed_in_a_folder_that_was_moved(tmp_path):
+    before, after = tmp_path / 'before', tmp_path / 'after'
+
+    def move():
+        before.rename(after)
+        raise KeyError
+
+    with pytest.raises(KeyError):
+        fill_while(before / 'bag', move)
+    assert os.listdir(after) == []
+
+
+def test_a_folder_that_was_removed_is_reported(tmp_path):
+    folder = tmp_path / 'before'
+    with pytest.raises(InputError, match=f'cannot write {folder}/bag: {folder} was removed, moved to another'):
+        fill_while(folder / 'bag', lambda: shutil.rmtree(folder))
 
 
 def test_an_earlier_bag_stays_when_its_successor_fails(tmp_path):

@@ -17,7 +17,16 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.data import Options
-from cfd_pneumatic.identification.input_checks.samples import at_limit, leaps, shifted, standstill, stuck, two_sources
+from cfd_pneumatic.identification.input_checks.samples import (
+    at_limit,
+    clipped,
+    leaps,
+    noisy_setpoint,
+    shifted,
+    standstill,
+    stuck,
+    two_sources,
+)
 from cfd_pneumatic.notices import Notice, note, warning
 from cfd_pneumatic.recording import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal, counted
 from cfd_pneumatic.units import PSI, UNITS
@@ -51,6 +60,7 @@ _ALIKE = 1e-9
 _LONGEST_BATCH = 0.5  # longer intervals are gaps [s]
 _IN_A_BATCH = 0.3  # of the mean interval: jitter about a clock, and samples that are missed, leave most of them longer
 _FEWEST_INTERVALS = 100
+_MOST_SHARED_TIMES = 0.3  # share of the samples: more are no samples that were logged twice by chance
 _MOST_GUESSES = 3
 _ROUGHEST = 0.6  # change from sample to sample, as a share of the spread; 1.4 of independent samples
 
@@ -101,9 +111,11 @@ def check_recording(recording: Recording, ambient_pressure: float) -> list[Notic
     found += [] if recording.force is None else stuck('force', recording.force)
     for name, own in recording.cylinders.items():
         found += standstill(name, own.pressure, recording.displacement, least=STROKES[0])
+        found += [] if recording.rests else clipped(name, own.pressure, own.setpoint, recording.displacement)
+        found += [] if own.setpoint is None else noisy_setpoint(name, own.setpoint, own.pressure)
     for name, own in recording.cylinders.items():
         found += _of_pressure(name, own, recording.cylinders, ambient_pressure)
-    return [*found, *_assumptions(recording)]
+    return [*found, *_of_shared_times(recording), *_assumptions(recording)]
 
 
 def duplicates(recordings: Sequence[Recording]) -> Iterator[Notice]:
@@ -117,6 +129,16 @@ def duplicates(recordings: Sequence[Recording]) -> Iterator[Notice]:
                     f'{one.name} holds the same {role} as {other.name}',
                     'leave one out: twice the same data make standard errors too small',
                 )
+
+
+def _of_shared_times(recording: Recording) -> Iterator[Notice]:
+    if recording.shared_times > _MOST_SHARED_TIMES:
+        yield warning(
+            'times_suspect',
+            f'{100.0 * recording.shared_times:.0f} % of the samples have the time of another, and were left out: '
+            'their times have too few digits',
+            'record the times with more digits, or give the sample period in the mapping file',
+        )
 
 
 def check_motion(displacement: Signal) -> Iterator[Notice]:

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import Signal, counted, is_noisy
 
@@ -39,6 +42,20 @@ _ALONE = 5.0  # times the largest change around it
 _STAYS = 0.1  # so long before and behind: a pulse of the pressure has fallen off by then [s]
 _MOST_SHIFTS = 3
 _FAR = 4.0  # steps of the sensor into and out of a value: what settles there comes in small ones
+_NOISE_OF_BENDS = 1.0 / (0.6745 * math.sqrt(6.0))  # standard deviation of white noise, of its median second difference
+_AVERAGED = 9  # samples of a mean
+_WIDE = 60.0  # times the noise of a mean, that a pressure moves at least
+_LEAST_PILE = 0.02  # share of the samples; of clean recordings 0.001
+_STEEP = 2.5  # times as many samples in a pile as below it; at the turns of a sine 2.4 times
+_MOST_BEYOND = 2e-3  # share of the samples
+_BETWEEN_PILES = 0.1  # share of the samples
+_SETTLED = 0.5  # behind a step of the set-point [s]
+_WIDE_BETWEEN = 10.0  # times the noise of a mean, about the set-point
+_CHANGES_SPEED = 0.25  # of the standard deviation of all speeds; at the turns of a pressure that follows it less
+_CHANGING = 0.5  # changes of a set-point for each sample of the pressure
+_HELD = 50  # samples of a mean of the set-point
+_SAME_LEVEL = 5.0  # times the noise of such a mean
+_MOSTLY_HELD = 0.6  # share of the means that are as the one before
 
 
 def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
@@ -182,6 +199,84 @@ def at_limit(displacement: Signal) -> Iterator[Notice]:
                 f'{1e3 * float(limit):.4g} mm, in {float(f"{100.0 * share:.2g}"):g} % of the samples',
                 "look whether that is the limit of the sensor's range, and record again within it",
             )
+
+
+def clipped(name: str, pressure: Signal, setpoint: Signal | None, displacement: Signal) -> Iterator[Notice]:
+    """
+    Ask whether a pressure piles up at both ends of its range, as that of a clipping sensor with noise behind it does.
+
+    A mean over some samples then has less noise than the pressure, and a pile narrower than any real turn of it. The
+    piston changes its speed meanwhile, which the pressure follows between the piles, also where no set-point steps.
+    """
+    values, times = pressure.values[:_MOST_LOOKED_AT], pressure.times[:_MOST_LOOKED_AT]
+    if len(values) < _FEWEST_AT_LIMIT:
+        return
+    noise = float(np.median(np.abs(np.diff(values, 2)))) * _NOISE_OF_BENDS
+    means = _means(values)
+    width = noise / math.sqrt(_AVERAGED)
+    if not width or np.ptp(means) < _WIDE * width:
+        return
+    middles = times[_AVERAGED // 2 :][: len(means)]
+    speed = np.gradient(np.interp(middles, displacement.times, displacement.values), middles)
+    speed = np.convolve(speed, np.full(_AVERAGED, 1.0 / _AVERAGED), 'same')
+    piles = [_pile(means, width), _pile(-means, width)]
+    shares = [float(np.mean(pile)) for pile in piles]
+    if min(shares) < _LEAST_PILE:
+        return
+    if any(np.std(speed[pile]) < _CHANGES_SPEED * np.std(speed) for pile in piles):
+        return
+    between = ~(piles[0] | piles[1])
+    if setpoint is not None:
+        index = np.searchsorted(setpoint.times[1:], middles, side='right')
+        between &= middles - setpoint.times[index] > _SETTLED
+        means = means - setpoint.values[index]
+    if np.mean(between) < _BETWEEN_PILES or np.std(means[between]) < _WIDE_BETWEEN * width:
+        return
+    yield warning(
+        'samples_suspect',
+        f'{name}: the pressure piles up at both ends of its range, in {100.0 * sum(shares):.2g} % of the samples, '
+        'while the piston changes its speed',
+        "look whether the sensor's or the logger's range is too small, and record again within it",
+    )
+
+
+def _means(values: Array) -> Array:
+    return np.convolve(values, np.full(_AVERAGED, 1.0 / _AVERAGED), 'valid')
+
+
+def _pile(means: Array, width: float) -> NDArray[np.bool_]:
+    """Return which means are in a pile at the upper end, as narrow as their noise, shape (n,); none without one."""
+    top = float(np.percentile(means, 99.5)) - width
+    level = float(np.median(means[means > top - 4.0 * width]))
+    pile: NDArray[np.bool_] = np.abs(means - level) < 2.0 * width
+    below = (means <= level - 2.0 * width) & (means > level - 6.0 * width)
+    beyond = float(np.mean(means > level + 3.0 * width))
+    is_pile = beyond < _MOST_BEYOND and np.mean(pile) > _STEEP * np.mean(below)
+    return pile if is_pile else np.zeros(len(means), bool)
+
+
+def noisy_setpoint(name: str, setpoint: Signal, pressure: Signal) -> Iterator[Notice]:
+    """
+    Ask whether a set-point has noise about its levels, as one that is measured has.
+
+    A controller changes its set-point at each sample, too, but does not hold the mean of many.
+    """
+    values = setpoint.values[:_MOST_LOOKED_AT]
+    changes = np.diff(values)
+    if len(setpoint) < _CHANGING * len(pressure) or len(values) < _FEWEST_AT_LIMIT or not is_noisy(changes):
+        return
+    noise = float(np.median(np.abs(np.diff(values, 2)))) * _NOISE_OF_BENDS
+    length = len(values) // _HELD * _HELD
+    means = values[:length].reshape(-1, _HELD).mean(axis=1)
+    is_held = np.abs(np.diff(means)) < _SAME_LEVEL * noise / math.sqrt(_HELD)
+    if np.mean(is_held) < _MOSTLY_HELD:
+        return
+    yield warning(
+        'setpoint_suspect',
+        f'{name}: the set-point changes at each sample, by noise of {noise:.3g} Pa about its levels: the model takes '
+        'each change for a step',
+        'record the commanded set-point instead of a measured one, or round it to its levels',
+    )
 
 
 def standstill(name: str, pressure: Signal, displacement: Signal, least: float) -> Iterator[Notice]:

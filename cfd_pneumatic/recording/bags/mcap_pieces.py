@@ -140,9 +140,11 @@ def _flaw(stream: IO[bytes]) -> str | None:
     end = stream.read()
     if not end.endswith(MAGIC):
         return 'is cut off'
-    footer = _footer(end)
+    footer, end_of_summary = _footer(end), size - len(MAGIC) - 4
+    if footer.summary_start > end_of_summary:
+        return 'is damaged (its summary begins behind its end)'
     checked = footer.summary_start and footer.summary_crc
-    if checked and _checksum(stream, footer.summary_start, size - len(MAGIC) - 4) != footer.summary_crc:
+    if checked and _checksum(stream, footer.summary_start, end_of_summary) != footer.summary_crc:
         return 'is damaged (the checksum of its summary is wrong)'
     return None
 

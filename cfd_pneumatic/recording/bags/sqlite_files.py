@@ -12,6 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition, MessageDefinitionFormat
+from rosbags.rosbag2 import CompressionMode
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from cfd_pneumatic.errors import InputError
@@ -22,6 +23,7 @@ _SQLITE_MAGIC = b'SQLite format 3\0'
 _SQLITE_HEADER = 32
 _STORED = "typeof(timestamp) = 'integer' AND typeof(data) = 'blob'"
 _INSERT = 'INSERT INTO messages (topic_id, timestamp, data) VALUES(?, ?, ?)'
+_ERRORS = sqlite3.Error, UnicodeDecodeError  # the second if SQLite's message quotes damaged text
 _NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, '')
 
 
@@ -40,7 +42,7 @@ def flaw(file: Path) -> str | None:
         size = stream.seek(0, os.SEEK_END)
     if not header.startswith(_SQLITE_MAGIC):
         return 'is damaged (it does not begin as a database does)'
-    with closing(_opened(file)) as database, suppress(sqlite3.Error):
+    with closing(_opened(file)) as database, suppress(*_ERRORS):
         _refuse_computed(database)
     pages = int.from_bytes(header[28:32], 'big')
     return 'is cut off' if size < pages * _page_size(header) else None
@@ -65,7 +67,7 @@ def salvage_sqlite(path: Path, stack: ExitStack) -> OneByOne:
     _copy_whole_pages(path, copy)
     database = stack.enter_context(closing(sqlite3.connect(copy)))
     database.execute('PRAGMA writable_schema = ON')  # or SQLite refuses a file shorter than it should be
-    with suppress(sqlite3.Error):
+    with suppress(*_ERRORS):
         _refuse_computed(database)
     return _file(database, salvage=True)
 
@@ -164,7 +166,7 @@ class _Messages:
     def _rows(self, query: str) -> Iterator[tuple]:  # type: ignore[type-arg]
         try:
             yield from self._database.execute(query)
-        except sqlite3.Error:  # here the damage begins
+        except _ERRORS:  # here the damage begins
             if not self._salvage:
                 raise
 
@@ -189,6 +191,16 @@ def _copy_whole_pages(file: Path, copy: Path) -> None:
 
 class SqliteWriter(Sqlite3Writer):
     """A sqlite3 file of a bag that is written, as rosbags' `Writer` takes a storage."""
+
+    def __init__(self, path: Path, compression: CompressionMode) -> None:
+        """Begin the file; without a journal next to it, whose name would be wrong once somebody moves the folder."""
+        try:
+            super().__init__(path, compression)
+            self.conn.execute('PRAGMA journal_mode = MEMORY')
+        except sqlite3.Error:
+            with suppress(AttributeError):  # the file could not be opened
+                self.conn.close()
+            raise
 
     def write_chunk(self, blocks: Sequence[tuple[Connection, MessageBlock]]) -> None:
         """Write messages of several topics, each topic's together."""

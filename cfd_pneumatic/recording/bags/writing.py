@@ -56,18 +56,23 @@ class BagWriter:
     """
 
     def __init__(self, path: Path | str, *, storage: StorageName = 'mcap', overwrite: bool = False) -> None:
-        self.path = Path(path)
+        self.path = self._named = Path(path)
         self._connections: dict[str, Connection] = {}
         self._waiting: list[tuple[Connection, MessageBlock]] = []
         self._size = 0  # of what is waiting [bytes]
         self._overwrite = overwrite
+        self._is_moved = False
         _check_free(self.path, overwrite=overwrite)
         with self._reported():
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._aside = Aside(self.path, alone=True)
             self._writer = Writer(self._aside.made, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()])
             self._writer.STORAGE_PLUGINS = {StoragePlugin[storage.upper()]: STORAGES[storage].writer}
-            self._writer.open()
+            try:
+                self._writer.open()
+            except BaseException:
+                self._aside.close()
+                raise
 
     def add_topic(self, topic: str, msgtype: str) -> None:
         """
@@ -127,10 +132,44 @@ class BagWriter:
         """Put a text into the bag's metadata."""
         self._writer.set_custom_data(key, text)
 
+    def follow(self) -> bool:
+        """
+        Go on below the new name of a folder that somebody moved meanwhile; return whether there is one.
+
+        Raises
+        ------
+        InputError
+            If the folder cannot be reached any more.
+
+        """
+        if not self._aside.follow():
+            return False
+        self.path = self._aside.path
+        self._is_moved = self._named.resolve() != self.path
+        self._writer.metapath = self._aside.made / METADATA
+        return True
+
+    def check_place(self) -> None:
+        """
+        Find out whether the bag is at the place that was named, once it is closed.
+
+        Raises
+        ------
+        InputError
+            If somebody moved its folder meanwhile.
+
+        """
+        if self._is_moved:
+            raise InputError(
+                f'the folder of the bag was moved while the bag was written, so that the bag is not at {self._named}. '
+                f'It is complete: move or use {self.path}'
+            )
+
     def close(self) -> None:
         """Complete the bag and move it to its place, or beside what somebody else put there meanwhile."""
         self.flush()
         with self._reported():
+            self.follow()
             self._writer.close()
             if not self._overwrite:
                 self._find_free_place()
@@ -142,6 +181,7 @@ class BagWriter:
         with suppress(Exception):
             self._writer.abort()
         with self._reported():
+            self.follow()
             self._find_free_place()
             self._aside.take_place(write_through=False)
         self._aside.close()
@@ -166,6 +206,7 @@ class BagWriter:
         except BaseException:
             self.abort()
             raise
+        self.check_place()
 
     def _find_free_place(self) -> None:
         """Choose a path with a number behind it if somebody put something into the bag's place."""

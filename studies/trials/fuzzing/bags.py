@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import struct
 from collections import Counter, defaultdict
@@ -263,8 +264,8 @@ class Bags(Kind):
             with Bag(path) as bag:
                 self._opened = True
                 found, notes = ours(bag), bag.notes
-        except InputError as error:  # a value that holds itself has no end, and rosbags may happen not to follow it
-            if expected == written.messages and self._changes and 'unfolds to more than' not in str(error):
+        except InputError as error:
+            if expected == written.messages and self._changes and not _MAY_BE_REFUSED.search(str(error)):
                 raise Fault('refused, though the bag is whole and rosbags reads it') from None
             raise
         if one.whole and notes:
@@ -304,6 +305,10 @@ class Bags(Kind):
         if 'bag/' in files[0]:
             return given / 'bag'
         return given if len(files) > 1 else given / files[0]
+
+
+_MAY_BE_REFUSED = re.compile('unfolds to more than|is not YAML')
+"""Of what rosbags may read: a value that holds itself, which it need not follow, and YAML 1.2, such as empty keys."""
 
 
 def _emptied(folder: Path) -> Path:

@@ -18,6 +18,8 @@ from cfd_pneumatic.runtime import read_code, write_code
 from studies.trials.fuzzing.campaign import Fault, Input, Kind
 from studies.trials.fuzzing.mutators import BINARY, TEXTS, WORDS, mutated
 
+_NEW = 'result of this run'
+
 
 class Paths(Kind):
     """Paths that `identifier_node` is told to read or write, among links, pipes and hidden files."""
@@ -197,38 +199,66 @@ class ResultFolders(Kind):
 
     def start(self, folder: Path) -> None:
         """Note where the folders are made."""
-        self._folder, self._mine = folder / 'out', folder / 'mine'
+        self.top, self._mine = folder, folder / 'mine'
+        self.folder = self.real = folder / 'out'
         self._mine.write_text('result of somebody else', encoding='utf-8')
 
     def valid(self, rng: Random) -> Input:
         """Return a folder that holds earlier results and a file of another name."""
         names = rng.sample(('report.json', 'table.csv', 'notes'), rng.randrange(4))
-        return _folder_of({name: 'mine' if name == 'notes' else 'result' for name in names})
+        return folder_of({name: 'mine' if name == 'notes' else 'result' for name in names})
 
     def changed(self, parent: Input, rng: Random) -> Input:
         """Return the folder with other entries."""
         more = {rng.choice(self._NAMES): rng.choice(self._KINDS) for _ in range(rng.choice((1, 1, 2, 4)))}
         if more.get(self._LEFT) == 'folder':  # as a run that was killed leaves one
             del more[self._LEFT]
-        return Input(_folder_of(parent.about | more).files, parent.about | more, whole=False)
+        return Input(folder_of(parent.about | more).files, parent.about | more, whole=False)
 
     def give(self, one: Input) -> str:
         """Write results into the folder."""
-        shutil.rmtree(self._folder, ignore_errors=True)
-        self._folder.mkdir()
-        for name, kind in one.about.items():
-            self._leave(self._folder / name, kind)
-        before = self._of_others(one)
-        try:
-            self._RESULTS.check(self._folder, overwrite=False)
-            with self._RESULTS.made_for(self._folder, overwrite=False) as made:
-                (made / 'report.json').write_text('result', encoding='utf-8')
-        finally:
-            if self._of_others(one) != before or self._mine.read_text(encoding='utf-8') != 'result of somebody else':
-                raise Fault('a file of somebody else is lost or written')
-            if set(os.listdir(self._folder.parent)) != {'out', 'mine'}:
-                raise Fault('something is left next to the folder')
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.folder.mkdir()
+        self.fill(self.folder, one)
+        self.write(one)
         return ''
+
+    def fill(self, folder: Path, one: Input) -> None:
+        """Make what is in the folder."""
+        for name, kind in one.about.items():
+            self._leave(folder / name, kind)
+
+    def write(self, one: Input) -> None:
+        """Write results, and compare what is there with what was there before."""
+        others, around, earlier = self._of_others(one), self._around(), self._results()
+        try:
+            self._RESULTS.check(self.folder, overwrite=False)
+            with self._RESULTS.made_for(self.folder, overwrite=False) as made:
+                (made / 'report.json').write_text(_NEW, encoding='utf-8')
+        except InputError:
+            if self._results() != earlier:
+                raise Fault('the results are refused, and earlier ones are lost') from None
+            raise
+        else:
+            if self._results() != {'report.json': _NEW}:
+                raise Fault('the folder holds other results than those that were written')
+        finally:
+            if self._of_others(one) != others or self._mine.read_text(encoding='utf-8') != 'result of somebody else':
+                raise Fault('a file of somebody else is lost or written')
+            if self._around() != around:
+                raise Fault('something is left next to the folder')
+
+    def _around(self) -> set[Path]:
+        """Return what there is in addition to the folder, what is inside, and the folders above."""
+        known, inside = (self.folder, *self.folder.parents), {self.folder, self.real}
+        return {path for path in self.top.rglob('*') if path not in known and not inside.intersection(path.parents)}
+
+    def _results(self) -> dict[str, str] | None:
+        """Return the content of each result in the folder, by name; None without a folder."""
+        if not self.folder.is_dir():
+            return None
+        found = [path for path in self.folder.iterdir() if self._RESULTS.is_earlier(path)]
+        return {path.name: path.read_text(encoding='utf-8') for path in found}
 
     def _leave(self, path: Path, kind: str) -> None:
         if kind.startswith('link'):
@@ -245,14 +275,14 @@ class ResultFolders(Kind):
     def _of_others(self, one: Input) -> dict[str, int]:
         """Return the inode of each entry that is not an earlier result."""
         kept = [name for name, kind in one.about.items() if kind != 'result' or name == 'notes']
-        return {name: (self._folder / name).lstat().st_ino for name in kept if os.path.lexists(self._folder / name)}
+        return {name: (self.folder / name).lstat().st_ino for name in kept if os.path.lexists(self.folder / name)}
 
     def parses(self, one: Input) -> bool:
         """Return whether no entry has the name of a result."""
         return not {'report.json', 'table.csv'} & one.about.keys()
 
 
-def _folder_of(entries: dict[str, str]) -> Input:
+def folder_of(entries: dict[str, str]) -> Input:
     """Return a folder whose entries are known by name and kind."""
     return Input({'entries': repr(entries).encode()}, entries)
 
