@@ -34,8 +34,8 @@ from cfd_pneumatic.identification.search.thresholds import (
     LARGEST_CORNER_ERROR,
     LARGEST_CURVE_REMAINDER,
     LARGEST_CURVE_REMAINDER_WITH_EFFECTS,
-    LARGEST_CURVE_RESIDUAL,
     LARGEST_ERROR_FOR_NEW_CORE,
+    LARGEST_NEAR_NOISE,
     LARGEST_REMAINDER_OF_SOLE_CURVE,
     LARGEST_SKETCH_RESIDUAL,
     LARGEST_SKETCH_SQUARES,
@@ -181,12 +181,12 @@ class Laws:
 
     def is_noise(self, one: Candidate) -> bool:
         """Return whether what a model leaves is noise in kind and hardly larger: where none was seen it may be."""
-        return self.candidates.size(one) < LARGEST_CURVE_RESIDUAL and self.candidates.leaves_noise(one)
+        return self.candidates.size(one) < LARGEST_NEAR_NOISE and self.candidates.leaves_noise(one)
 
     def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
         """Return whether a curve leaves hardly more than noise, and hardly two of some models might err as little."""
         most = FAR_SMALLER_ERROR * min(map(_error, others), default=math.inf)
-        return self.candidates.size(drawing.candidate) < LARGEST_CURVE_RESIDUAL and _error(drawing.candidate) < most
+        return self.candidates.size(drawing.candidate) < LARGEST_NEAR_NOISE and _error(drawing.candidate) < most
 
     def _beside(self, begin: Candidate) -> list[Drawn]:
         """
@@ -216,7 +216,7 @@ class Laws:
         sharper = [other for one in sketches[:SHARPENED_SKETCHES] for other in _otherwise(one.promise, one.found.model)]
         sketches = _best_first(self._sketches.get(begin, []) + sketches + self._sketched(begin, sharper))
         self._sketches[begin] = sketches
-        farthest = (LARGEST_SKETCH_RESIDUAL * self._near_noise(begin) / LARGEST_CURVE_RESIDUAL) ** 2 * self._noise
+        farthest = (LARGEST_SKETCH_RESIDUAL * self._near_noise(begin) / LARGEST_NEAR_NOISE) ** 2 * self._noise
         most = min(LARGEST_SKETCH_SQUARES * sketches[0].found.cost, farthest) if sketches else 0.0
         return _few_of_each([one for one in sketches if one.found.cost < most])
 
@@ -257,7 +257,7 @@ class Laws:
 
     def _near_noise(self, begin: Candidate) -> float:
         """Return the size up to which what a law leaves is hardly larger than the noise, which is 1."""
-        return math.hypot(LARGEST_CURVE_RESIDUAL, LARGEST_CORNER_ERROR * self.candidates.size(begin))
+        return math.hypot(LARGEST_NEAR_NOISE, LARGEST_CORNER_ERROR * self.candidates.size(begin))
 
     def _least_promised(self, begin: Candidate) -> float:
         """Return the least sum of squares that a curve promises to leave."""

@@ -320,16 +320,17 @@ Largest sum of squares of a curve on stretches that is fitted to the train part 
 Origin: not known.
 """
 
-LARGEST_CURVE_RESIDUAL = 1.25
+LARGEST_NEAR_NOISE = 1.25
 """
-Largest residual of a model with a curve that explains a recording [standard deviations of the noise].
+Largest residual that hardly exceeds the noise [standard deviations of the noise]. A curve with a larger residual is no
+answer.
 Origin: not known.
 """
 
 LARGEST_CORNER_ERROR = 0.07
 """
 Residual that the corners of a large curve explain [residual without the curve]. Straight pieces cut such corners. It
-adds to `LARGEST_CURVE_RESIDUAL` by squares.
+adds to `LARGEST_NEAR_NOISE` by squares.
 Origin: not known (0.05 before commit ab3fa9f).
 """
 
