@@ -33,11 +33,12 @@ from cfd_pneumatic.identification.residual import explained
 from cfd_pneumatic.identification.search import Drawn, Strategy, Trial, invisible
 from cfd_pneumatic.identification.search import fitted as fitted_curve
 from cfd_pneumatic.identification.shape import Shape, centred, shape_of
+from cfd_pneumatic.identification.thresholds import (
+    LARGEST_CURVE_ERROR,
+    LARGEST_CURVE_ERROR_WITH_EFFECTS,
+    LARGEST_FADING_CURVE_ERROR,
+)
 from cfd_pneumatic.runtime import each
-
-_SEEN = 0.92  # of the error without a law, on validation or test: one that takes less may be a core's that is not exact
-_SEEN_IN_COMPANY = 0.8  # beside effects, which it may mend where they are not quite what the device does
-_MOSTLY = 0.5  # of the error on the test part: a law that takes so much is shown, though more is left there than before
 
 
 def close_loop(
@@ -129,14 +130,14 @@ def _confirmed(before: Fit, curve: Drawn, instead: Model) -> Fit | None:
     if compared(experiments, of_other, simulated)[0] >= 1.0:
         return None
     squares = [sum(float(run @ run) for run in likelihood.residuals(one)) for one in (simulated, without)]
-    if min(compared(experiments, without, simulated)[0], math.sqrt(squares[0] / squares[1])) >= _SEEN:
+    if min(compared(experiments, without, simulated)[0], math.sqrt(squares[0] / squares[1])) >= LARGEST_CURVE_ERROR:
         return None  # it freed a core that was stuck, and does nothing itself
     left_of_unseen = [compared(experiments, of_begin, simulated)[0]]  # of the test part first
     if begin.validation_rmse and curve.candidate.validation_rmse is not None:
         left_of_unseen.append(curve.candidate.validation_rmse / begin.validation_rmse)
-    if min(left_of_unseen) >= (_SEEN_IN_COMPANY if begin.effects else _SEEN):
+    if min(left_of_unseen) >= (LARGEST_CURVE_ERROR_WITH_EFFECTS if begin.effects else LARGEST_CURVE_ERROR):
         return None
     left = [one.measured - values for one, values in zip(experiments, simulated)]
-    if left_of_unseen[0] > _MOSTLY and contradiction(experiments, left, likelihood.noise(model).std):
+    if left_of_unseen[0] > LARGEST_FADING_CURVE_ERROR and contradiction(experiments, left, likelihood.noise(model).std):
         return None
     return summary(likelihood, model)

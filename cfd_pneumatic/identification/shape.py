@@ -14,16 +14,18 @@ from cfd_pneumatic.identification.fit import Likelihood, Quadratic, Unknowns, fi
 from cfd_pneumatic.identification.formulas import Formula, formulas
 from cfd_pneumatic.identification.residual import autoregression, independent_share
 from cfd_pneumatic.identification.search import Drawn, Slot, heights_of, penalty_of
+from cfd_pneumatic.identification.thresholds import (
+    BAND_HALF_WIDTH,
+    CORNER_ERROR,
+    CURVE_POINTS,
+    EVENT_POINTS,
+    FEWEST_VISITS,
+    FORMULA_SEARCH,
+    LARGEST_FORMULA_SQUARES,
+    LEAST_EVENT_SHARE,
+    MODEL_ERROR,
+)
 from cfd_pneumatic.model import KNOTS
-
-_POINTS = 41  # of a curve that is shown
-_CORNER = 1.0 / 24.0  # of a bend: by how much a straight line that was fitted lies beside an even curve midway
-_INEXACT = 0.004  # of its range, which no noise tells: what the model beside it is wrong by
-_EVENT = 2, 0.6  # points of a law of the time between which this share of its change is an event
-_BAND = 1.96  # standard errors: 95 % at each point
-_AS_WELL = 1.05  # times the curve's squares, which a formula may leave when it is simulated
-_ANEW = (1e-4, 10)  # tolerance and evaluations of that
-_FEWEST = 20  # samples near a point that has been visited: what a piston jumps past is hardly told
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +76,11 @@ class Shape:
     @property
     def event(self) -> str:
         """When most of a law of the time comes at once, in a clause: that is no law; empty where it does not."""
-        points, share = _EVENT
-        changes = np.abs(self.value[points:] - self.value[:-points])
+        changes = np.abs(self.value[EVENT_POINTS:] - self.value[:-EVENT_POINTS])
         largest = int(np.argmax(changes))
-        if self.against != 'time' or changes[largest] < share * np.ptp(self.value):
+        if self.against != 'time' or changes[largest] < LEAST_EVENT_SHARE * np.ptp(self.value):
             return ''
-        when = 0.5 * (self.at[largest] + self.at[largest + points])
+        when = 0.5 * (self.at[largest] + self.at[largest + EVENT_POINTS])
         return f'most of it comes at once, about t = {when:.3g} s: it is an event, and no law of the time'
 
     @property
@@ -111,14 +112,15 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
     covariance = variance * np.linalg.pinv(here.normal + penalty_of(unknowns, drawing.promise), hermitian=True)
     covariance = covariance[np.ix_(own, own)] * np.outer(scales, scales)
     values = _visits(likelihood, model, slot.against)
-    at = np.linspace(slot.low, slot.high, _POINTS)
+    at = np.linspace(slot.low, slot.high, CURVE_POINTS)
     heights = slot.heights(model)
     value = slot.along(at) @ heights
     along = slot.along(at) @ _own(slot, values, heights)
     std = np.sqrt(np.einsum('ij,jk,ik->i', along, covariance, along))
     bend = slot.along(at) @ np.pad(np.abs(np.diff(heights, 2)), 1, 'edge')  # straight from knot to knot it cuts corners
     seen = _visited(values, at)
-    half = _BAND * std + _CORNER * bend + _INEXACT * (float(np.ptp(value[seen])) if seen.any() else 0.0)
+    size = float(np.ptp(value[seen])) if seen.any() else 0.0
+    half = BAND_HALF_WIDTH * std + CORNER_ERROR * bend + MODEL_ERROR * size
     low, high = value - half, value + half
     before = sum(float(run @ run) for run in likelihood.residuals(likelihood.simulate(without)))
     return Shape(
@@ -137,7 +139,7 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
             high[seen],
             VARIABLES[slot.against].symbol,
             free=slot.absorbed.size > 0,
-            holds=lambda one: _holds(likelihood, model, slot, one, _AS_WELL * here.total),
+            holds=lambda one: _holds(likelihood, model, slot, one, LARGEST_FORMULA_SQUARES * here.total),
         ),
     )
 
@@ -145,7 +147,7 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
 def _holds(likelihood: Likelihood, model: Model, slot: Slot, formula: Formula, most: float) -> bool:
     """Return whether a formula leaves no more, simulated in its curve's place with the gains fitted anew."""
     formed = slot.drawn(model, formula.told(slot.knots))
-    return find_optimum(likelihood, formed, *_ANEW, frozen=formed.parts).cost < most
+    return find_optimum(likelihood, formed, *FORMULA_SEARCH, frozen=formed.parts).cost < most
 
 
 def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:
@@ -188,4 +190,4 @@ def _visits(likelihood: Likelihood, model: Model, against: str) -> Array:
 def _visited(values: Array, at: Array) -> NDArray[np.bool_]:
     """Return which points have values near them, shape (points,)."""
     edges = np.concatenate([at[:1] - (at[1] - at[0]), 0.5 * (at[1:] + at[:-1]), at[-1:] + (at[1] - at[0])])
-    return np.asarray(np.histogram(values, edges)[0] >= _FEWEST)
+    return np.asarray(np.histogram(values, edges)[0] >= FEWEST_VISITS)

@@ -71,6 +71,78 @@ LEAST_MOVING_SPEED = 0.05
 LEAST_POWER = 1e-300
 """Least power of a residual that is divided by [signal's unit squared]. Origin: a guard against division by zero."""
 
+# Curve that is part of an answer: loop.py
+
+LARGEST_CURVE_ERROR = 0.92
+"""
+Largest error with a curve on the validation or test part [error without the curve]. A smaller drop may be an error of
+the core.
+Origin: 75 of 75 healthy devices of full physics still ended with nothing missing (commit 46643e6; 0.88 before).
+"""
+
+LARGEST_CURVE_ERROR_WITH_EFFECTS = 0.8
+"""
+Largest error with a curve together with effects on the validation or test part [error without the curve].
+Origin: a measured run got a curve for a tenth of the error, and no rerun of it did (commit bd85933).
+"""
+
+LARGEST_FADING_CURVE_ERROR = 0.5
+"""
+Largest error on the test part with a curve that is reported although the test part contradicts it [error without the
+curve]. A pressure that crept for seconds stayed without an explanation before (commit 1c342e9).
+Origin: not known.
+"""
+
+# Estimated curve: shape.py
+
+CURVE_POINTS = 41
+"""Points of a reported curve [1]. Origin: not known."""
+
+FEWEST_VISITS = 20
+"""
+Fewest samples near a visited point of a curve [samples].
+Origin: a piston that jumps past a point has two samples in each stroke there (commit 32f0c9f; 5 before).
+"""
+
+BAND_HALF_WIDTH = 1.96
+"""Half of a curve's band [standard errors]. Origin: 95 % of a normal distribution at each point."""
+
+CORNER_ERROR = 1.0 / 24.0
+"""
+Error of the straight lines between knots [bend of the curve].
+Origin: the error of a fitted straight line midway, in an even curve (commit 25fe2b7).
+"""
+
+MODEL_ERROR = 0.004
+"""
+Part of a curve's band for errors of the model [range of the curve].
+Origin: at 0.0025 bands of two unseen seeds covered 89.9 % of 1,491 points instead of 95 % (commit 433f209).
+"""
+
+EVENT_POINTS = 2
+"""
+Points within which a curve of the time changes at an event [points of the curve].
+Origin: a twentieth of the time (commit 5c4d339).
+"""
+
+LEAST_EVENT_SHARE = 0.6
+"""
+Least change of a curve of the time at an event [range of the curve].
+Origin: a set-point that jumps makes most of the change, a pressure that creeps at most two fifths (commit 5c4d339).
+"""
+
+LARGEST_FORMULA_SQUARES = 1.05
+"""
+Largest sum of squares of a simulation with a formula in the place of its curve [sum of squares with the curve].
+Origin: not known.
+"""
+
+FORMULA_SEARCH = (1e-4, 10)
+"""
+End of a fit of the gains with a formula: least relative fall of the sum of squares [-] and most evaluations [1].
+Origin: not known.
+"""
+
 # Formulas of a curve: formulas.py
 
 MOST_FORMULAS = 3

@@ -23,22 +23,25 @@ from cfd_pneumatic.identification.data import AUTO, Experiment, Options, observe
 from cfd_pneumatic.identification.fit import Fit, Likelihood, find_optimum, fit_model
 from cfd_pneumatic.identification.input_checks.recordings import CHAMBER_LENGTHS, GAUGE_PRESSURES, scales
 from cfd_pneumatic.identification.input_checks.setpoint_steps import with_steps
+from cfd_pneumatic.identification.input_checks.thresholds import (
+    LARGEST_ALIKE_READING,
+    LARGEST_READING_RATIO,
+    LARGEST_RESIDUAL_SHARE,
+    LARGEST_ROUGH_SCALE,
+    LEAST_DIVISOR,
+    LEAST_SCALE_DROP,
+    LEAST_SCALE_EVIDENCE,
+    LEAST_SENSITIVITY,
+    LONGEST_READING,
+    READING_SEARCH,
+    STEP_ROUNDS,
+)
 from cfd_pneumatic.identification.residual import explained
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.identification.search import Candidates
 from cfd_pneumatic.model import SPECS
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
-
-_DOUBTFUL = 0.3  # share of a pressure's spread that a model may leave of it; what is read rightly leaves far less
-_BETTER = 0.5  # of what the recordings leave as they are read: what another way leaves at most
-_NO_BETTER = 1.3  # times the squares that are left as it is read: a reference that roughly leaves more is no better
-_LESS = 0.01  # share of the squares by which another scale has to leave less where both leave noise
-_SURE = 20.0  # likewise, of one sample's
-_STEPPED = 3  # times that steps of a set-point which was not recorded are taken from what is left
-_PISTON_COUNTS = 1.5  # times the lower bound of `k_x`
-_LONGEST = 20_000  # samples that other ways are tried on
-_ROUGH = (1e-3, 30)  # tolerance and evaluations
 
 Reading = Callable[[Recording], Recording]
 
@@ -51,7 +54,7 @@ def is_misread(fits: Sequence[Fit]) -> bool:
     """
 
     def hardly(one: Fit) -> bool:
-        return not one.spans_pressures and _left(one.simulated, one.likelihood) > _DOUBTFUL
+        return not one.spans_pressures and _left(one.simulated, one.likelihood) > LARGEST_RESIDUAL_SHARE
 
     return any(not one.estimates[0].identifiable or hardly(one) for one in fits)
 
@@ -63,12 +66,12 @@ def alternative_reading(recordings: Sequence[Recording], options: Options) -> No
     found = {}
     for name, reading in _readings(some).items():
         left = _worst([reading(one) for one in some], options)
-        if left < min(_DOUBTFUL, _BETTER * here):
+        if left < min(LARGEST_RESIDUAL_SHARE, LARGEST_READING_RATIO * here):
             found[name] = left
     if not found:
         return None
     least = min(found.values())
-    alike = [name for name, left in found.items() if left < 2.0 * least]
+    alike = [name for name, left in found.items() if left < LARGEST_ALIKE_READING * least]
     code = 'sign_suspect' if all('sign' in name for name in alike) else 'cylinders_swapped'
     fix = f'it fits {" or ".join(alike)}'
     if len(alike) > 1:
@@ -95,7 +98,7 @@ def pressure_readings(result: ChannelResult, recordings: Sequence[Recording], op
         return
 
     left_as_found = result.fit.likelihood.residuals(result.found.simulated)
-    most = _NO_BETTER * float(np.mean(np.concatenate(left_as_found) ** 2))
+    most = LARGEST_ROUGH_SCALE * float(np.mean(np.concatenate(left_as_found) ** 2))
 
     def by_core(scale: Scale) -> tuple[bool, float]:
         experiments = [scale.of(one) for one in result.experiments]
@@ -118,7 +121,7 @@ def pressure_readings(result: ChannelResult, recordings: Sequence[Recording], op
     best = min(left, key=left.__getitem__)
     is_explained_as_read, left_as_read = by_core(Scale())
     samples = sum(one.size for one in left_as_found)
-    less = max(_LESS, _SURE / samples) if is_explained_as_read else 0.0
+    less = max(LEAST_SCALE_DROP, LEAST_SCALE_EVIDENCE / samples) if is_explained_as_read else 0.0
     if left[best] < (1.0 - less) * left_as_read:
         entries = ', '.join(f'`{key}: {value}`' for key, value in best.entries.items())
         yield warning(
@@ -246,7 +249,7 @@ def _pressures(recording: Recording) -> list[Signal]:
 def _beginning(recording: Recording) -> Recording:
     """Return no more of a recording than is needed."""
     times = recording.displacement.times
-    return recording if len(times) <= _LONGEST else recording.between(times[0], times[_LONGEST])
+    return recording if len(times) <= LONGEST_READING else recording.between(times[0], times[LONGEST_READING])
 
 
 def _worst(recordings: Sequence[Recording], options: Options) -> float:
@@ -265,18 +268,18 @@ def _left_by(channel: Channel, recordings: Sequence[Recording], options: Options
     experiments = [replace(channel.experiment(*one), index=rank) for rank, one in enumerate(zip(held, motions, splits))]
     likelihood = Likelihood.alike(channel, experiments)
     starts = channel.starts(experiments) if start is None else [start]
-    best = min((find_optimum(likelihood, one, *_ROUGH) for one in starts), key=lambda one: one.cost)
+    best = min((find_optimum(likelihood, one, *READING_SEARCH) for one in starts), key=lambda one: one.cost)
     simulated = likelihood.simulate(best.model)
     left = _left(simulated, likelihood)
-    for _ in range(_STEPPED if channel.name in CYLINDERS else 0):
+    for _ in range(STEP_ROUNDS if channel.name in CYLINDERS else 0):
         if all(one.cylinders[channel.name].setpoint is not None for one in held):
             break
         experiments = [with_steps(*one, channel) for one in zip(held, experiments, simulated)]
         likelihood = Likelihood.alike(channel, experiments)
-        best = find_optimum(likelihood, best.model, *_ROUGH)
+        best = find_optimum(likelihood, best.model, *READING_SEARCH)
         simulated = likelihood.simulate(best.model)
         left = _left(simulated, likelihood)
-        if best.model.parameters[0] < _PISTON_COUNTS * SPECS[0].lower:
+        if best.model.parameters[0] < LEAST_SENSITIVITY * SPECS[0].lower:
             left = math.inf  # a staircase alone explains the pressure: that says nothing of the piston
     return left
 
@@ -285,4 +288,4 @@ def _left(simulated: Sequence[np.ndarray], likelihood: Likelihood) -> float:
     """Return the root mean square of what is left of a pressure, as a share of its spread."""
     left = np.concatenate([one.measured - values for one, values in zip(likelihood.experiments, simulated)])
     spread = np.concatenate([one.measured - np.mean(one.measured) for one in likelihood.experiments])
-    return math.sqrt(float(left @ left) / max(float(spread @ spread), 1e-300))
+    return math.sqrt(float(left @ left) / max(float(spread @ spread), LEAST_DIVISOR))

@@ -28,6 +28,22 @@ from cfd_pneumatic.identification.input_checks.recordings import (
     in_other_units,
     shown_length,
 )
+from cfd_pneumatic.identification.input_checks.thresholds import (
+    ATMOSPHERE_TOLERANCE,
+    BORES,
+    ERROR_PIECES,
+    FEWEST_COMPARED_RECORDINGS,
+    FEWEST_PIECE_SAMPLES,
+    LARGEST_AREA_RATIO,
+    LEAST_CHANGED_ERROR,
+    LEAST_DIVISOR,
+    LEAST_ERROR_RATIO,
+    LEAST_FORCE_ERROR_CHANGE,
+    LEAST_STROKE_SHARE,
+    SMALL_CHAMBER,
+    SMALL_STROKE,
+    USUAL_CHAMBERS,
+)
 from cfd_pneumatic.identification.residual import sample_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
@@ -35,28 +51,8 @@ from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.runtime import each
 from cfd_pneumatic.units import INCH, UNITS
 
-USUAL_CHAMBERS = (1e-2, 0.1)
-"""Likewise, of most devices [m]."""
-
-SMALL_CHAMBER, SMALL_STROKE = 1e-2, 2.5e-4
-"""Of a device that is odd by both: two wrong units make up for each other in the chamber, and not in the stroke [m]."""
-
-SHORT_STROKE = 0.05
-"""Of a long chamber: a wrong unit and a wrong zero of the pressures make one of a usual one [-]."""
-
-BORES = (3e-3, 0.2)
-"""Of a piston as force and pressure make it [m]."""
-
 _MISREAD = ('sign_suspect', 'cylinders_swapped')
-_OTHER_AREA = 1.5  # times the one that was given, or the reverse
-_AN_ATMOSPHERE = 0.15  # share by which an offset may miss ambient pressure times area
-_PIECES = 10  # of a recording, whose errors are compared
-_FEWEST = 50  # samples of a piece
-_CHANGED = 3.0  # times as large an error after a change as before, or the reverse
-_ABOVE_NOISE = 2.0  # times the noise: what is smaller has not changed anything that matters
-_SEVERAL = 3  # recordings: of two none is the odd one
 _LAG = 'displacement_lag'  # as good as a delay
-_TOLD_BY_FORCE = 0.05  # change of the force's error
 
 
 def check_results(
@@ -138,7 +134,7 @@ def _of_long_chamber(result: ChannelResult, recordings: Sequence[Recording], opt
     if told is None:
         return
     length, stroke = told[0] / told[1], float(np.ptp(recordings[0].displacement.values))
-    if length > USUAL_CHAMBERS[1] and stroke < SHORT_STROKE * length:
+    if length > USUAL_CHAMBERS[1] and stroke < LEAST_STROKE_SHARE * length:
         usual = [*_usual_chambers(result, recordings, options)]
         if usual:
             yield warning(
@@ -240,10 +236,10 @@ def _of_delay(
 def _of_late_displacement(ratio: float = 1.0) -> str:
     """Return what to look at where a displacement seems late, by the force's error with it moved over that without."""
     sensor, dynamics = "the filter and the clock of the displacement's sensor", 'dynamics that the model lacks'
-    if ratio > 1.0 + _TOLD_BY_FORCE:
+    if ratio > 1.0 + LEAST_FORCE_ERROR_CHANGE:
         against = f'moving the displacement by it makes the error of the force grow to {100.0 * ratio:.0f} %'
         return f'the delay stands for {dynamics}: {against}'
-    if ratio < 1.0 - _TOLD_BY_FORCE:
+    if ratio < 1.0 - LEAST_FORCE_ERROR_CHANGE:
         return f'look at {sensor}: moving the displacement by it lowers the error of the force to {100.0 * ratio:.0f} %'
     return f'look at {sensor}; or the delay stands for {dynamics}'
 
@@ -252,14 +248,15 @@ def _of_changes(result: ChannelResult) -> Iterator[Notice]:
     """Ask whether the error, as a share of what moves, is several times as large from some time on, or up to it."""
     for one in result.comparisons:
         settled = np.flatnonzero(one.experiment.settled)
-        if settled.size < _PIECES * _FEWEST:
+        if settled.size < ERROR_PIECES * FEWEST_PIECE_SAMPLES:
             continue
-        pieces = np.array_split(settled, _PIECES)
+        pieces = np.array_split(settled, ERROR_PIECES)
         errors = np.array([rms(one.residual(1)[piece]) for piece in pieces])
-        shares = errors / np.array([max(float(np.std(one.experiment.measured[piece])), 1e-300) for piece in pieces])
-        ratio, cut = max((_ratio(shares, cut), cut) for cut in range(1, _PIECES))
+        spreads = [float(np.std(one.experiment.measured[piece])) for piece in pieces]
+        shares = errors / np.maximum(spreads, LEAST_DIVISOR)
+        ratio, cut = max((_ratio(shares, cut), cut) for cut in range(1, ERROR_PIECES))
         before, after = (float(np.median(some)) for some in (errors[:cut], errors[cut:]))
-        if ratio > _CHANGED and max(before, after) > _ABOVE_NOISE * result.noise.std:
+        if ratio > LEAST_ERROR_RATIO and max(before, after) > LEAST_CHANGED_ERROR * result.noise.std:
             small, when = result.quantity.small, float(one.times[pieces[cut][0]])
             yield warning(
                 'changed_during_recording',
@@ -271,11 +268,11 @@ def _of_changes(result: ChannelResult) -> Iterator[Notice]:
 
 def _of_a_stranger(result: ChannelResult) -> Iterator[Notice]:
     """Ask whether one recording of several is of another device, once the loop was closed: one core may not fit all."""
-    noises = [max(sample_noise(one.times, one.experiment.measured), 1e-300) for one in result.comparisons]
+    noises = [max(sample_noise(one.times, one.experiment.measured), LEAST_DIVISOR) for one in result.comparisons]
     errors = [rms(one.residual(1)[one.experiment.settled]) / noise for one, noise in zip(result.comparisons, noises)]
     usual = float(np.median(errors))
     for one, error in zip(result.comparisons, errors):
-        if len(errors) >= _SEVERAL and error > _CHANGED * max(usual, 1.0):
+        if len(errors) >= FEWEST_COMPARED_RECORDINGS and error > LEAST_ERROR_RATIO * max(usual, 1.0):
             yield warning(
                 'recording_differs',
                 f'{one.name}, {result.name}: the error is {error:.3g} times the noise of its samples, and {usual:.3g} '
@@ -299,7 +296,7 @@ def _of_force(result: ChannelResult, recordings: Sequence[Recording], options: O
     told = result.found.estimates[0]
     size = f'{1e6 * area:.4g} mm^2, a bore of {1e3 * bore:.3g} mm ({bore / INCH:.3g} inch)'
     direct = channel.told_area(result.experiments)
-    if options.area is not None and not 1.0 / _OTHER_AREA < direct / options.area < _OTHER_AREA:
+    if options.area is not None and not 1.0 / LARGEST_AREA_RATIO < direct / options.area < LARGEST_AREA_RATIO:
         yield warning(
             'area_suspect',
             f'force and pressures make {1e6 * direct:.4g} mm^2 of a piston said to have {1e6 * options.area:.4g} mm^2',
@@ -314,7 +311,7 @@ def _of_force(result: ChannelResult, recordings: Sequence[Recording], options: O
         yield warning('unit_suspect', f'the force makes a piston of {size}', 'check the units of force and pressure')
     offset = result.found.model.effects.get('force_offset')
     if offset is not None and abs(abs(offset[0]) / area - options.ambient_pressure) < (
-        _AN_ATMOSPHERE * options.ambient_pressure
+        ATMOSPHERE_TOLERANCE * options.ambient_pressure
     ):
         yield warning(
             'ambient_suspect',

@@ -18,16 +18,18 @@ from numpy.polynomial.legendre import legvander
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.identification.data import Experiment, Motion, stroke_times
 from cfd_pneumatic.identification.fit import Fit
+from cfd_pneumatic.identification.input_checks.thresholds import (
+    EASING_TIME,
+    EVEN_MOTION_DEGREE,
+    FEWEST_EVEN_SAMPLES,
+    LARGEST_FOLLOWED_SHARE,
+    LEAST_END_SPEED,
+    LEAST_EVEN_SPEED,
+    LEAST_RIPPLE_EVIDENCE,
+    SHORTEST_EVEN_MOTION,
+)
 from cfd_pneumatic.notices import Notice, note
 from cfd_pneumatic.recording import Recording
-
-_EASED = 0.15  # after which a motion is even, and in which its waves fade in [s]
-_SHORTEST = 1.2  # even motion that tells waves from itself [s]
-_FEWEST = 50  # samples of it
-_DEGREE = 5  # of the polynomial of time that even motion is
-_EVEN, _SLOWEST = 0.8, 0.5  # of the usual speed of a stroke, which it begins and ends with, and never is below
-_FOLLOWED = 0.5  # of what waves of the piston would make of the pressure
-_SURE = 50.0  # times a sample's square, by which less must be left without waves
 
 
 @dataclass(frozen=True)
@@ -58,21 +60,21 @@ def ripple_of(recording: Recording, motion: Motion) -> Ripple | None:
     times, moved = motion.times, motion.displacement
     spans, waves = [], []
     for begin, end in pairwise(stroke_times(times, moved, motion.noise).tolist()):
-        if end - begin < _SHORTEST:
+        if end - begin < SHORTEST_EVEN_MOTION:
             continue
         stroke = _between(times, begin, end)
         speed = np.abs(motion.rate[stroke])
         usual = float(np.median(speed))
-        fast = times[stroke][speed >= _EVEN * usual]
-        first, last = float(fast[0]) + _EASED, float(fast[-1]) - _EASED
+        fast = times[stroke][speed >= LEAST_END_SPEED * usual]
+        first, last = float(fast[0]) + EASING_TIME, float(fast[-1]) - EASING_TIME
         inside = _between(times, first, last)
-        if last - first < _SHORTEST or inside.stop - inside.start < _FEWEST:
+        if last - first < SHORTEST_EVEN_MOTION or inside.stop - inside.start < FEWEST_EVEN_SAMPLES:
             continue
-        if np.min(np.abs(motion.rate[inside])) > _SLOWEST * usual:
+        if np.min(np.abs(motion.rate[inside])) > LEAST_EVEN_SPEED * usual:
             from_end = np.minimum(times[inside] - first, last - times[inside])
             uneven = _uneven(times[inside], moved[inside])
-            spans.append((first + _EASED, last - _EASED))
-            waves.append((inside, np.minimum(from_end / _EASED, 1.0) * uneven))
+            spans.append((first + EASING_TIME, last - EASING_TIME))
+            waves.append((inside, np.minimum(from_end / EASING_TIME, 1.0) * uneven))
     size = rms(np.concatenate([one for _, one in waves])) if waves else 0.0
     if size <= motion.uncertainty:
         return None
@@ -100,11 +102,11 @@ def ripple_notice(pressures: Sequence[tuple[Ripple, Fit, Experiment, Experiment]
     if not told:
         return None
     expected, slope, left = np.hstack(told)
-    if float(expected @ (expected - 2.0 * left)) <= _SURE:
+    if float(expected @ (expected - 2.0 * left)) <= LEAST_RIPPLE_EVIDENCE:
         return None
     basis, _ = np.linalg.qr(np.stack([expected, slope], axis=1))
     share = float(np.linalg.norm(basis.T @ left) / np.linalg.norm(expected))
-    if share >= _FOLLOWED:
+    if share >= LARGEST_FOLLOWED_SHARE:
         return None
     size = max(waves.size for waves, *_ in pressures)
     return note(
@@ -125,7 +127,7 @@ def _told(waves: Ripple, fit: Fit, recorded: Experiment, even: Experiment) -> It
     expected = with_waves - without
     signals = np.stack([expected, np.gradient(expected, times), recorded.measured - without])
     inside = [_between(times, begin, min(end, float(known[-1]))) for begin, end in waves.spans]
-    uneven = [_uneven(times[one], signals[:, one]) for one in inside if one.stop - one.start >= _FEWEST]
+    uneven = [_uneven(times[one], signals[:, one]) for one in inside if one.stop - one.start >= FEWEST_EVEN_SAMPLES]
     if uneven:
         found = np.hstack(uneven)
         yield found / rms(found[-1])
@@ -140,5 +142,5 @@ def _between(times: Array, begin: float, end: float) -> slice:
 def _uneven(times: Array, signals: Array) -> Array:
     """Return signals, shape (..., n), less what is even in them."""
     since = (times - times[0]) / (times[-1] - times[0])
-    basis, _ = np.linalg.qr(legvander(2.0 * since - 1.0, _DEGREE))
+    basis, _ = np.linalg.qr(legvander(2.0 * since - 1.0, EVEN_MOTION_DEGREE))
     return np.asarray(signals - signals @ basis @ basis.T)

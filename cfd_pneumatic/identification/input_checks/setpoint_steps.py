@@ -13,18 +13,19 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels import Channel
 from cfd_pneumatic.identification.data import Experiment
 from cfd_pneumatic.identification.fit import Fit
+from cfd_pneumatic.identification.input_checks.thresholds import (
+    FEWEST_LEVEL_SAMPLES,
+    LEAST_EXPLAINED_SHARE,
+    LEAST_SETPOINT_STEP,
+    LEAST_STEEP_SHARE,
+    LEAST_STEP_SHARE,
+    LEVEL_PARTS,
+    MOST_REPORTED_STEPS,
+    MOST_SETPOINT_STEPS,
+)
 from cfd_pneumatic.identification.residual import sample_noise
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import Recording
-
-_EXPLAINED = 0.5  # share of what is left that a staircase has to explain
-_LEAST_STEP = 5.0  # times the noise
-_STEEP = 0.8  # share of the steps that has to be there beside them: slopes and swings have less
-_BESIDE = 4  # of a level: a quarter of it
-_FEWEST = 50  # samples of a level
-_MOST_STEPS = 40
-_LEAST_SHARE = 0.01  # of the sum of squares, that each further step explains
-_MOST_TOLD = 20
 
 
 def steps_of_fit(fit: Fit, recordings: Sequence[Recording]) -> Iterator[Notice]:
@@ -73,17 +74,18 @@ def _steps(channel: Channel, experiment: Experiment, left: Array, level: float, 
     begins, levels = _staircase(left)
     pieces = np.split(left, begins[1:])
     within = sum(float(np.var(piece)) * piece.size for piece in pieces)
-    if within > (1.0 - _EXPLAINED) * float(np.var(left)) * left.size or np.ptp(levels) < _LEAST_STEP * noise:
+    most = (1.0 - LEAST_EXPLAINED_SHARE) * float(np.var(left)) * left.size
+    if within > most or np.ptp(levels) < LEAST_SETPOINT_STEP * noise:
         return
-    if _beside_steps(pieces) < _STEEP * float(np.sum(np.abs(np.diff(levels)))):
+    if _beside_steps(pieces) < LEAST_STEEP_SHARE * float(np.sum(np.abs(np.diff(levels)))):
         return  # it drifts or swings: that is an effect
     first, *later = (f'{1e-3 * value:.3g} kPa' for value in levels + level)
     steps = [f'{name} from {experiment.sample_times[at]:.2f} s on' for name, at in zip(later, begins[1:])]
-    more = ', and so on' if len(steps) > _MOST_TOLD else ''
+    more = ', and so on' if len(steps) > MOST_REPORTED_STEPS else ''
     yield warning(
         'setpoint_assumed',
         f'{channel.name}: the set-point of {experiment.recording} was not recorded, and it steps: about {first} above '
-        f'ambient, {", ".join(steps[:_MOST_TOLD])}{more}',
+        f'ambient, {", ".join(steps[:MOST_REPORTED_STEPS])}{more}',
         'record the set-point, or cut the recording where it steps, leave out half a second on either side, and give '
         'all pieces: a set-point is found for each',
     )
@@ -93,7 +95,7 @@ def _beside_steps(pieces: Sequence[Array]) -> float:
     """Return how far values step altogether, by what lies right before and behind the steps."""
     total = 0.0
     for before, behind in pairwise(pieces):
-        last, first = (max(_FEWEST, piece.size // _BESIDE) for piece in (before, behind))
+        last, first = (max(FEWEST_LEVEL_SAMPLES, piece.size // LEVEL_PARTS) for piece in (before, behind))
         total += abs(float(np.mean(behind[:first]) - np.mean(before[-last:])))
     return total
 
@@ -101,10 +103,10 @@ def _beside_steps(pieces: Sequence[Array]) -> float:
 def _staircase(values: Array) -> tuple[list[int], Array]:
     """Return where levels begin, from the largest step on down, and the levels: a step has to explain a share."""
     begins = [0, values.size]
-    for _ in range(_MOST_STEPS):
+    for _ in range(MOST_SETPOINT_STEPS):
         gains = [_best_cut(values[first:last]) for first, last in pairwise(begins)]
         place = int(np.argmax([gain for gain, _ in gains]))
-        if gains[place][0] <= _LEAST_SHARE * float(np.sum((values - np.mean(values)) ** 2)):
+        if gains[place][0] <= LEAST_STEP_SHARE * float(np.sum((values - np.mean(values)) ** 2)):
             break
         begins = sorted([*begins, begins[place] + gains[place][1]])
     return begins[:-1], np.array([np.mean(values[first:last]) for first, last in pairwise(begins)])
@@ -112,10 +114,10 @@ def _staircase(values: Array) -> tuple[list[int], Array]:
 
 def _best_cut(values: Array) -> tuple[float, int]:
     """Return by how much a step lowers the sum of squares at most, and where it is."""
-    if values.size < 2 * _FEWEST:
+    if values.size < 2 * FEWEST_LEVEL_SAMPLES:
         return 0.0, 0
-    sums = np.cumsum(values - np.mean(values))[_FEWEST - 1 : -_FEWEST]
-    before = np.arange(_FEWEST, values.size - _FEWEST + 1)[: sums.size]
+    sums = np.cumsum(values - np.mean(values))[FEWEST_LEVEL_SAMPLES - 1 : -FEWEST_LEVEL_SAMPLES]
+    before = np.arange(FEWEST_LEVEL_SAMPLES, values.size - FEWEST_LEVEL_SAMPLES + 1)[: sums.size]
     gains = sums**2 * values.size / (before * (values.size - before))
     best = int(np.argmax(gains))
     return float(gains[best]), int(before[best])

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.search.final_fit import with_core
     from cfd_pneumatic.identification.search.laws import Drawn
     from cfd_pneumatic.identification.search.slots import Slot
-    from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH, TIE, Trial
+    from cfd_pneumatic.identification.search.stepwise import Trial
     from cfd_pneumatic.identification.search.strategy import Strategy
+    from cfd_pneumatic.identification.search.thresholds import SHOWN, STRENGTH, TIE
     from cfd_pneumatic.identification.search.visibility import invisible
 else:
     __getattr__ = loader_of(__name__)

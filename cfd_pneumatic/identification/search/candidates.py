@@ -16,20 +16,21 @@ from cfd_pneumatic.identification.data import PARTS
 from cfd_pneumatic.identification.fit import Likelihood, Optimum, find_optimum
 from cfd_pneumatic.identification.residual import Test, explained, sample_noise
 from cfd_pneumatic.identification.search.complement import Complement, Start
+from cfd_pneumatic.identification.search.thresholds import (
+    FINE_EXCERPT_STEPS,
+    FINE_SEARCH,
+    LEAST_MISLEADING_RESIDUAL,
+    LEAST_RIVAL_DROP,
+    LEAST_START_DROP,
+    LONGEST_UNSCREENED,
+    MOST_FITTED_EFFECTS,
+    REFINED_EFFECTS,
+    REFINED_STARTS,
+    ROUGH_EXCERPT_STEPS,
+    ROUGH_SEARCH,
+)
 from cfd_pneumatic.model import Data
 from cfd_pneumatic.runtime import each
-
-_REFINED = 2  # of the starts of an effect or a core
-_PROMISING = 4  # effects that are fitted to the end at least
-_LONG = 2500  # grid steps
-_EXCERPT = 5000  # grid steps of each recording that rough fits are of
-_LONGER_EXCERPT = 10_000  # that fits are brought close on where everything is more than twice as much
-_FITTED_OF_LONG = 8  # effects
-_RIVALLING = 0.3  # of what the best one takes: what is fitted to the end of long recordings
-_ALIKE = 0.7  # of what its best start takes: starts whose rough fits may change places
-_STRONG = 5.0  # in sample noises: a residual that may have led the model astray
-_ROUGH = (1e-2, 10)  # tolerance and evaluations from each start
-_FINE = (1e-5, 20)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +90,16 @@ class Candidates:
         whole, telling = likelihood.until('train'), likelihood.representative()
         self.learn = telling.until('validation')
         self.train = telling.until('train')
-        self.excerpt = whole.excerpt(_EXCERPT)
-        longer = whole.excerpt(_LONGER_EXCERPT)
+        self.excerpt = whole.excerpt(ROUGH_EXCERPT_STEPS)
+        longer = whole.excerpt(FINE_EXCERPT_STEPS)
         self._longer_excerpt = longer if 2 * longer.steps < self.train.steps else None
-        self._is_long = self.train.steps > _LONG
+        self._is_long = self.train.steps > LONGEST_UNSCREENED
         self._known_data: dict[Candidate, Data] = {}
         self._known_shares: dict[Candidate, dict[str, float]] = {}
         self._known_cores: dict[tuple[Candidate, str], list[Optimum]] = {}
         self._known_sizes: dict[Candidate, float] = {}
         self._known_explained: dict[Candidate, bool] = {}
-        self.baseline = self.finished(find_optimum(self.train, begin, *_FINE).model, begin)
+        self.baseline = self.finished(find_optimum(self.train, begin, *FINE_SEARCH).model, begin)
         noises = [  # of the residual: what drives the force has noise, too
             sample_noise(one.sample_times, one.measured - values[: one.part.size]) ** 2
             for one, values in zip(self.train.experiments, self.baseline.simulated)
@@ -114,7 +115,7 @@ class Candidates:
         """
         rough = self._roughly_with_core(candidate, name)
         promises = rough[0].cost <= most * self.excerpt.samples
-        best = self._fine([one.model for one in rough[:_REFINED]]) if promises else rough[0]
+        best = self._fine([one.model for one in rough[:REFINED_STARTS]]) if promises else rough[0]
         return self.finished(best.model, candidate.model)
 
     def roughly_left_with_core(self, candidate: Candidate, name: str) -> float:
@@ -128,7 +129,7 @@ class Candidates:
             effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}
             starts = core.starts(self._data(candidate))
             begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
-            rough = each(lambda one: find_optimum(self.excerpt, one, *_ROUGH), begins)
+            rough = each(lambda one: find_optimum(self.excerpt, one, *ROUGH_SEARCH), begins)
             self._known_cores[candidate, name] = sorted(rough, key=lambda one: one.cost)
         return self._known_cores[candidate, name]
 
@@ -168,7 +169,7 @@ class Candidates:
         """
         known = candidate.model.parts
         rough = _best_first(
-            _fitted(begins, lambda one: find_optimum(self.excerpt, one, *_ROUGH, frozen=known, passing=False))
+            _fitted(begins, lambda one: find_optimum(self.excerpt, one, *ROUGH_SEARCH, frozen=known, passing=False))
         )
         before = self._cost_of_excerpt(candidate)
         hopeful = {name: some for name, some in rough.items() if some[0].cost <= most * self.excerpt.samples}
@@ -183,16 +184,16 @@ class Candidates:
         if not names:
             return candidate
         fewer = {other: own for other, own in candidate.effects.items() if other not in names}
-        found = find_optimum(self.train, replace(candidate.model, effects=fewer), *_FINE)
+        found = find_optimum(self.train, replace(candidate.model, effects=fewer), *FINE_SEARCH)
         return self.finished(found.model, candidate.model)
 
     def promising(self, candidate: Candidate, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
         """Return the effects to fit beside a candidate's, and the share of its residual that each other may take."""
-        if not self._is_long or len(names) <= _FITTED_OF_LONG:
+        if not self._is_long or len(names) <= MOST_FITTED_EFFECTS:
             return names, {}
         shares = self._shares(candidate, names)
         ranked = sorted(names, key=lambda name: -shares[name])
-        return ranked[:_FITTED_OF_LONG], {name: shares[name] for name in ranked[_FITTED_OF_LONG:]}
+        return ranked[:MOST_FITTED_EFFECTS], {name: shares[name] for name in ranked[MOST_FITTED_EFFECTS:]}
 
     def resting_coefficients(self, candidate: Candidate) -> Array:
         """Return the autoregression of the noise at rest, as a candidate leaves it."""
@@ -244,13 +245,14 @@ class Candidates:
         """Return the effects to fit to the end: the better half; of long recordings those that may be the best."""
         ranked = sorted(rough, key=lambda name: rough[name][0].cost)
         if not self._is_long:
-            return ranked[: max(_PROMISING, len(ranked) // 2)]
+            return ranked[: max(REFINED_EFFECTS, len(ranked) // 2)]
         taken = {name: 1.0 - rough[name][0].cost / before for name in rough}
         promised = self._shares(candidate, ranked)
-        least, least_promised = _RIVALLING * max(taken.values()), _RIVALLING * max(promised.values())
+        least = LEAST_RIVAL_DROP * max(taken.values())
+        least_promised = LEAST_RIVAL_DROP * max(promised.values())
         may_be = [name for name in ranked if taken[name] >= least or promised[name] >= least_promised]
         by_promise = sorted(may_be, key=lambda name: -promised[name])  # much may do alike in an excerpt
-        return list(dict.fromkeys(chain.from_iterable(zip(may_be, by_promise))))[:_PROMISING]
+        return list(dict.fromkeys(chain.from_iterable(zip(may_be, by_promise))))[:REFINED_EFFECTS]
 
     def squares(self, candidate: Candidate) -> float:
         """Return the sum of squares that a candidate leaves of train and validation."""
@@ -289,7 +291,7 @@ class Candidates:
 
     def _begins(self, candidate: Candidate, names: Sequence[str]) -> dict[str, list[Model]]:
         """Return where fits with one more effect begin, by its name; those of a first one at other gains, too."""
-        astray = candidate.rss > self.train.samples * (_STRONG * self.noise) ** 2
+        astray = candidate.rss > self.train.samples * (LEAST_MISLEADING_RESIDUAL * self.noise) ** 2
         begins = [candidate.model] if candidate.model.parts else self.channel.beginnings(candidate.model, astray)
         return {
             name: [replace(begin, effects={**candidate.effects, name: start}) for begin in begins for start in own]
@@ -298,9 +300,9 @@ class Candidates:
 
     def _refined(self, rough: Sequence[Optimum], before: float) -> list[Model]:
         """Return which of rough fits to fit to the end."""
-        best, *others = rough[:_REFINED]
+        best, *others = rough[:REFINED_STARTS]
         if self._is_long:
-            others = [one for one in others if before - one.cost > _ALIKE * (before - best.cost)]
+            others = [one for one in others if before - one.cost > LEAST_START_DROP * (before - best.cost)]
         return [one.model for one in (best, *others)]
 
     def _fine(self, begins: Sequence[Model]) -> Optimum:
@@ -311,7 +313,7 @@ class Candidates:
 
     def _best_of(self, likelihood: Likelihood, begins: Sequence[Model]) -> Optimum:
         """Return the best of fits from models."""
-        return min(each(lambda one: find_optimum(likelihood, one, *_FINE), begins), key=lambda one: one.cost)
+        return min(each(lambda one: find_optimum(likelihood, one, *FINE_SEARCH), begins), key=lambda one: one.cost)
 
 
 def _is_finite(simulated: Sequence[Array]) -> bool:

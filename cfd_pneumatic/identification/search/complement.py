@@ -12,11 +12,10 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.fit import Likelihood, Unknowns
 from cfd_pneumatic.identification.residual import orthonormal
+from cfd_pneumatic.identification.search.thresholds import LEAST_DIVISOR, LEAST_INDEPENDENT_CHANGE
 from cfd_pneumatic.lazy import lazy_property
 
 Start = tuple[float, ...]
-
-_ALIKE = 1e-3  # part of a change that has to be its own, or it is another start's
 
 
 class Complement:
@@ -82,5 +81,5 @@ class Complement:
         if not telling.any():
             return 0.0
         scaled = changes[:, telling] / size[telling]
-        along = orthonormal(scaled.T @ scaled, _ALIKE).T @ (scaled.T @ self.residual)
-        return float(along @ along) / max(float(self.residual @ self.residual), 1e-300)
+        along = orthonormal(scaled.T @ scaled, LEAST_INDEPENDENT_CHANGE).T @ (scaled.T @ self.residual)
+        return float(along @ along) / max(float(self.residual @ self.residual), LEAST_DIVISOR)

@@ -16,13 +16,18 @@ from cfd_pneumatic.identification.data import LINEAR, PHYSICAL
 from cfd_pneumatic.identification.residual import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.laws import Drawn, Laws
-from cfd_pneumatic.identification.search.stepwise import ALIKE, HOPELESS, TIE, Search, SearchResult, Step, Trial
+from cfd_pneumatic.identification.search.stepwise import Search, SearchResult, Step, Trial
+from cfd_pneumatic.identification.search.thresholds import (
+    LARGEST_ALIKE_ERROR,
+    LARGEST_CORE_SQUARES,
+    LARGEST_ROUGH_CORE,
+    LARGEST_ROUGH_EFFECT,
+    LARGEST_ROUGH_RIVAL,
+    TIE,
+)
 from cfd_pneumatic.lazy import lazy_property
 
 _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
-_HOPEFUL = 1.2  # times what another leaves: what leaves more roughly will not come down to it in the end
-_RIVALLING = 30.0  # times a law's squares: an effect that leaves more roughly will not come near it
-_CLEARLY = 0.95  # of another's squares, of which those of the validation part were not fitted
 
 
 class Cores:
@@ -73,7 +78,7 @@ class Cores:
         """Each effect with the linear core, fitted to the end only if it may do as well as the physical core."""
         baseline, most = self.candidates.baseline, math.inf
         if self._name is not None:
-            most = HOPELESS * self.candidates.roughly_left_with_core(baseline, self._name)
+            most = LARGEST_ROUGH_RIVAL * self.candidates.roughly_left_with_core(baseline, self._name)
         return self._linear.step(baseline, most)
 
     @lazy_property
@@ -145,7 +150,7 @@ class Cores:
         model = curve.candidate.model
         there = self.candidates.finished(replace(model, effects=curve.begin.effects), curve.begin.model)
         names, _ = self.candidates.promising(there, self.candidates.names(there))
-        most = _RIVALLING * self.candidates.roughly_left(curve.candidate)
+        most = LARGEST_ROUGH_EFFECT * self.candidates.roughly_left(curve.candidate)
         return list(self.candidates.beside(there, names, most).values())
 
     def prefers(
@@ -165,7 +170,7 @@ class Cores:
         errors = physical.validation_rmse, linear.validation_rmse
         predicts_better = errors[0] is not None and errors[1] is not None and errors[0] < errors[1]
         squares = candidates.squares(physical), candidates.squares(linear)
-        if predicts_better and squares[0] < _CLEARLY * squares[1]:
+        if predicts_better and squares[0] < LARGEST_CORE_SQUARES * squares[1]:
             return True
         (core,) = (candidates.channel.effects[name] for name in physical.model.core)
         replaced = set(linear.effects) - set(physical.effects)
@@ -181,9 +186,11 @@ class Cores:
             for model, unknowns in ((physical, charged), (linear, linear.unknowns))
         )
         if is_instead:
-            return criterion < criterion_of_linear + TIE and squares[0] < ALIKE**2 * squares[1]
+            return criterion < criterion_of_linear + TIE and squares[0] < LARGEST_ALIKE_ERROR**2 * squares[1]
         return (predicts_better or None in errors) and criterion < criterion_of_linear
 
     def _hopeful(self, model: Candidate) -> float:
         """Return the mean square above which a rough fit will not come to do as well as a model that leaves noise."""
-        return _HOPEFUL * self.candidates.roughly_left(model) if self.candidates.leaves_noise(model) else math.inf
+        if not self.candidates.leaves_noise(model):
+            return math.inf
+        return LARGEST_ROUGH_CORE * self.candidates.roughly_left(model)

@@ -12,18 +12,13 @@ from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.fit import Likelihood, Optimum, Quadratic, Unknowns, least_squares
 from cfd_pneumatic.identification.search.promises import Promise, roughness
 from cfd_pneumatic.identification.search.slots import Slot
+from cfd_pneumatic.identification.search.thresholds import FINE_CURVE_SEARCH, LEAST_DIVISOR, PENALTY_FACTORS
 from cfd_pneumatic.model import KNOTS
 
-ROUGH = (1e-3, 25)
-"""Tolerance and evaluations of a fit that tells what a curve may come to."""
 
-FINE = (1e-5, 25)
-"""The same of a fit whose curve is shown."""
-
-_RENEWED = (1e-6, 1e3)  # by how much a penalty may change
-
-
-def fitted(likelihood: Likelihood, begin: Model, promise: Promise, how: tuple[float, int] = FINE) -> Optimum:
+def fitted(
+    likelihood: Likelihood, begin: Model, promise: Promise, how: tuple[float, int] = FINE_CURVE_SEARCH
+) -> Optimum:
     """
     Return a model that has a curve, fitted with a penalty on its roughness, which counts among what it leaves.
 
@@ -62,8 +57,8 @@ def renewed(likelihood: Likelihood, model: Model, promise: Promise, share: float
     told = KNOTS - float(np.sum(np.linalg.pinv(here.normal + bends, hermitian=True) * bends))
     heights = promise.slot.heights(model) / promise.slot.unit
     variance = here.total / (likelihood.samples * share)
-    penalty = variance * told / max(float(heights @ roughness() @ heights), 1e-300)
-    return replace(promise, penalty=float(np.clip(penalty / promise.penalty, *_RENEWED)) * promise.penalty)
+    penalty = variance * told / max(float(heights @ roughness() @ heights), LEAST_DIVISOR)
+    return replace(promise, penalty=float(np.clip(penalty / promise.penalty, *PENALTY_FACTORS)) * promise.penalty)
 
 
 def penalty_of(unknowns: Unknowns, promise: Promise) -> Array:

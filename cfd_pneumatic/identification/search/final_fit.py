@@ -13,10 +13,12 @@ from cfd_pneumatic.identification.fit import Fit, as_data_sheets, find_optimum, 
 from cfd_pneumatic.identification.search.candidates import Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.stepwise import SearchResult, Trial
+from cfd_pneumatic.identification.search.thresholds import (
+    FINAL_SEARCH_TOLERANCE,
+    LARGEST_IDLE_SQUARES,
+    MOST_FINAL_EVALUATIONS,
+)
 
-_NEAR_ENOUGH = 0.01  # by which a search may miss the least sum of squares, in variances of a sample
-_MOST_EVALUATIONS = 60
-_IDLE = 1.01  # times the sum of squares, up to which an effect that is taken out did nothing
 _DOES_NOTHING = 'does nothing beside the others'
 
 
@@ -50,7 +52,7 @@ def with_core(before: Fit) -> Fit:
 def fit_to_end(before: Fit, rough: Model) -> Fit:
     """Return the fit from a model to train and validation; that model itself if the fit runs away."""
     likelihood = before.likelihood
-    how = _NEAR_ENOUGH / likelihood.samples, _MOST_EVALUATIONS
+    how = FINAL_SEARCH_TOLERANCE / likelihood.samples, MOST_FINAL_EVALUATIONS
     found = find_optimum(likelihood, rough, *how)
     model = (as_data_sheets(likelihood, found, *how) if found.model.core else found).model
     if not all(np.all(np.isfinite(values)) for values in likelihood.simulate(model)):
@@ -69,7 +71,7 @@ def _without_idle(before: Fit, model: Model) -> Model:
     def squares(of: Model) -> float:
         return sum(float(run @ run) for run in likelihood.residuals(likelihood.simulate(of)))
 
-    most = _IDLE * squares(model)
+    most = LARGEST_IDLE_SQUARES * squares(model)
     for idle in list(model.effects):
         effects = {name: parameters for name, parameters in model.effects.items() if name != idle}
         fewer = replace(model, effects=effects)

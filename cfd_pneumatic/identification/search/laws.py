@@ -21,34 +21,36 @@ from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.fit import Optimum
 from cfd_pneumatic.identification.residual import autoregression, independent_share
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.curves import ROUGH, fitted, renewed
+from cfd_pneumatic.identification.search.curves import fitted, renewed
 from cfd_pneumatic.identification.search.promises import Promise, beside, promises
 from cfd_pneumatic.identification.search.slots import ranges_of
+from cfd_pneumatic.identification.search.thresholds import (
+    CLEARLY_SMALLER_ERROR,
+    CURVE_START_SHARES,
+    CURVE_STRETCH_STEPS,
+    FAR_SMALLER_ERROR,
+    LARGE_RESIDUAL,
+    LARGEST_ALIKE_ERROR,
+    LARGEST_CORNER_ERROR,
+    LARGEST_CURVE_REMAINDER,
+    LARGEST_CURVE_REMAINDER_WITH_EFFECTS,
+    LARGEST_ERROR_FOR_NEW_CORE,
+    LARGEST_NEAR_NOISE,
+    LARGEST_REMAINDER_OF_SOLE_CURVE,
+    LARGEST_SKETCH_RESIDUAL,
+    LARGEST_SKETCH_SQUARES,
+    LEAST_CURVE_EVIDENCE,
+    LEAST_ERROR_DROP,
+    LEAST_EVIDENCE_SHARE,
+    LEAST_FALLBACK_EVIDENCE_SHARE,
+    LEAST_WIDER_RANGE,
+    MOST_EFFECTS_WITH_CURVE,
+    MOST_FITTED_CURVES,
+    ROUGH_CURVE_SEARCH,
+    SHARPENED_SKETCHES,
+    SKETCHES_OF_PLACE,
+)
 from cfd_pneumatic.runtime import each
-
-_SKETCHED = 10_000  # and of which the rough fits are
-_FITTED = 4  # of the most promising
-_OF_EACH = 2  # with their knots here or there
-_SHARPENED = 2  # of the most promising
-_FARTHEST = 1.5  # times the noise: no fit to the end brings a curve from there down to it
-_RIVALLING = 2.0  # times what the best one leaves of an excerpt: those worth a fit to the end
-_MOST_OF_ALL = 0.25  # of that, which a law may leave that is asked for before effects in company
-_PROMISING = 0.6  # of what the best one promises: those worth a fit
-_HARDLY_PROMISING = 0.2  # of that: those that are tried where none of the others comes near what is left, if that is
-_LARGE = 3.0  # times the noise
-_MOST_LEFT = 0.7  # of the squares above the noise, as the linearised model foretells it
-_MOST_LEFT_IN_COMPANY = 0.53  # beside effects, which a law has to outdo by more
-_SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)  # of a promise, with which a fit begins
-_LEAST_EVIDENCE = 50.0  # by which twice the log likelihood, and the criterion, have to rise
-_LEAST_DROP = 0.02  # share by which the error on the validation part has to fall
-_CLEARLY = 0.8  # times another's error of validation: whatever the train part, that one foretells too little
-_FAR_BETTER = 0.4  # times the error of effects: a law that may leave hardly more than noise, and still is the answer
-_MUCH_BETTER = 0.6  # times the error without a law: one that may have led a core astray
-_MOST_BESIDE = 3  # effects that are sought beside a law
-_ALIKE = 1.05  # times the least error of validation: places that are not told apart
-_WIDER = 1.1  # times a curve's range: what is visited beside it, from which on it is drawn anew
-_NEAR_NOISE = 1.25  # times the noise: a curve beside which more is left is no law
-_SMOOTHED = 0.07  # of what was left before: what a large law's corners leave beside straight pieces
 
 OF_VALVES = ('flow', 'error')
 """The law of a valve, which hardly shows before the core is fitted anew: beside one that it led astray."""
@@ -96,7 +98,7 @@ class Laws:
 
     def __init__(self, candidates: Candidates) -> None:
         self.candidates = candidates
-        self._excerpt = candidates.train.spread(_SKETCHED)
+        self._excerpt = candidates.train.spread(CURVE_STRETCH_STEPS)
         self._noise = candidates.noise**2 * self._excerpt.samples
         self._known: dict[Candidate, list[Drawn]] = {}
         self._sketches: dict[Candidate, list[_Sketch]] = {}
@@ -105,7 +107,7 @@ class Laws:
     def may_explain(self, begin: Candidate) -> bool:
         """Return whether a curve promises most of what is above the noise beside a model."""
         promised, above = self._promises(begin), self.candidates.size(begin) ** 2 - 1.0
-        return any(one.left * (above + 1.0) - 1.0 < _MOST_OF_ALL * above for one in promised)
+        return any(one.left * (above + 1.0) - 1.0 < LARGEST_REMAINDER_OF_SOLE_CURVE * above for one in promised)
 
     def best(self, begins: Sequence[Candidate], known: Sequence[Candidate], searched: bool = False) -> Drawn | None:
         """
@@ -114,7 +116,9 @@ class Laws:
         An effect of the library that explains as much is preferred: `known` are models with what was found of it. Where
         effects were `searched` in company and leave much, laws that promise less are tried: large ones come to more.
         """
-        least = min((one.rss for one in known if not searched or self.candidates.size(one) < _LARGE), default=math.inf)
+        least = min(
+            (one.rss for one in known if not searched or self.candidates.size(one) < LARGE_RESIDUAL), default=math.inf
+        )
         found: list[Drawn] = []
         for begin in sorted(begins, key=self._least_promised):
             if begin in self._known or self._least_promised(begin) < least:
@@ -127,13 +131,13 @@ class Laws:
         if not self._is_near_noise(best):
             return None
         least_error = min(_error(one.candidate) for one in found)
-        alike = [one.name for one in found if _error(one.candidate) < _ALIKE * least_error]
+        alike = [one.name for one in found if _error(one.candidate) < LARGEST_ALIKE_ERROR * least_error]
         return replace(best, others=tuple(dict.fromkeys(name for name in alike if name != best.name)))
 
     def beside_core(self, core: Candidate, begin: Candidate, name: str, known: Sequence[Candidate]) -> Drawn | None:
         """Return a law beside a core that finds its place only beside the law, which was drawn beside another one."""
         sketches = self._sketches.get(begin)
-        most = _MUCH_BETTER**2 * min(self._left(one.model) for one in (begin, core))
+        most = LARGEST_ERROR_FOR_NEW_CORE**2 * min(self._left(one.model) for one in (begin, core))
         if not sketches or sketches[0].found.cost > most:
             return None
         drawn = self.candidates.finished(sketches[0].found.model, begin.model)
@@ -148,7 +152,7 @@ class Laws:
         if not sketches:
             return None
         drawn = self.candidates.finished(sketches[0].found.model, begin.model)
-        for _ in range(_MOST_BESIDE):
+        for _ in range(MOST_EFFECTS_WITH_CURVE):
             beside = self.candidates.beside(drawn, self.candidates.names(drawn))
             better = [one for one in beside.values() if _is_better(self.candidates, one, drawn)]
             if not better:
@@ -162,7 +166,7 @@ class Laws:
     def is_better(self, drawing: Drawn, known: Sequence[Candidate]) -> bool:
         """Return whether a curve explains more than the model without it, and than every one of some others."""
         drawn, begin = drawing.candidate, drawing.begin
-        foretells = _error(drawn) < _ALIKE * min((_error(one) for one in known), default=math.inf)
+        foretells = _error(drawn) < LARGEST_ALIKE_ERROR * min((_error(one) for one in known), default=math.inf)
         return (
             _is_better(self.candidates, drawn, begin)
             and foretells
@@ -171,16 +175,18 @@ class Laws:
 
     def is_near(self, drawing: Drawn, other: Candidate) -> bool:
         """Return whether a model does nearly as well as one with a curve: on the validation part, and on everything."""
-        return all(size(other) * _CLEARLY < size(drawing.candidate) for size in (_error, self.candidates.size))
+        return all(
+            size(other) * CLEARLY_SMALLER_ERROR < size(drawing.candidate) for size in (_error, self.candidates.size)
+        )
 
     def is_noise(self, one: Candidate) -> bool:
         """Return whether what a model leaves is noise in kind and hardly larger: where none was seen it may be."""
-        return self.candidates.size(one) < _NEAR_NOISE and self.candidates.leaves_noise(one)
+        return self.candidates.size(one) < LARGEST_NEAR_NOISE and self.candidates.leaves_noise(one)
 
     def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
         """Return whether a curve leaves hardly more than noise, and hardly two of some models might err as little."""
-        most = _FAR_BETTER * min(map(_error, others), default=math.inf)
-        return self.candidates.size(drawing.candidate) < _NEAR_NOISE and _error(drawing.candidate) < most
+        most = FAR_SMALLER_ERROR * min(map(_error, others), default=math.inf)
+        return self.candidates.size(drawing.candidate) < LARGEST_NEAR_NOISE and _error(drawing.candidate) < most
 
     def _beside(self, begin: Candidate) -> list[Drawn]:
         """
@@ -190,39 +196,41 @@ class Laws:
         """
         if begin not in self._known:
             promised, size = self._promises(begin), self.candidates.size(begin)
-            left = _MOST_LEFT_IN_COMPANY if begin.effects else _MOST_LEFT
+            left = LARGEST_CURVE_REMAINDER_WITH_EFFECTS if begin.effects else LARGEST_CURVE_REMAINDER
             most = max((one.evidence for one in promised if one.slot.name[1] != 'time'), default=0.0)
-            likely = _worth_a_fit(promised, size, left, _PROMISING * most)
+            likely = _worth_a_fit(promised, size, left, LEAST_EVIDENCE_SHARE * most)
             near = self._near(begin, likely)
-            if likely and size > _LARGE and not self._is_at_noise(near):  # far from where it was linearised
+            if likely and size > LARGE_RESIDUAL and not self._is_at_noise(near):  # far from where it was linearised
                 names = {one.slot.name for one in likely}
                 others = [one for one in promised if one.slot.name not in names]
-                hardly = _worth_a_fit(others, size, left, _HARDLY_PROMISING * most)
+                hardly = _worth_a_fit(others, size, left, LEAST_FALLBACK_EVIDENCE_SHARE * most)
                 of_valve = [one for one in others if one.slot.name == OF_VALVES and one not in hardly]
                 near = self._near(begin, hardly + of_valve)
-            drawn = self._fitted(begin, [(one.promise, one.found.model) for one in near[:_FITTED]])
+            drawn = self._fitted(begin, [(one.promise, one.found.model) for one in near[:MOST_FITTED_CURVES]])
             self._known[begin] = [self._over_its_range(one) for one in drawn]
         return self._known[begin]
 
     def _near(self, begin: Candidate, promised: Sequence[Promise]) -> list[_Sketch]:
         """Return sketches that come near the noise, those made before as well, the best first."""
         sketches = self._sketched(begin, [(one, self._begun(begin, one)) for one in promised])
-        sharper = [other for one in sketches[:_SHARPENED] for other in _otherwise(one.promise, one.found.model)]
+        sharper = [other for one in sketches[:SHARPENED_SKETCHES] for other in _otherwise(one.promise, one.found.model)]
         sketches = _best_first(self._sketches.get(begin, []) + sketches + self._sketched(begin, sharper))
         self._sketches[begin] = sketches
-        farthest = (_FARTHEST * self._near_noise(begin) / _NEAR_NOISE) ** 2 * self._noise
-        most = min(_RIVALLING * sketches[0].found.cost, farthest) if sketches else 0.0
+        farthest = (LARGEST_SKETCH_RESIDUAL * self._near_noise(begin) / LARGEST_NEAR_NOISE) ** 2 * self._noise
+        most = min(LARGEST_SKETCH_SQUARES * sketches[0].found.cost, farthest) if sketches else 0.0
         return _few_of_each([one for one in sketches if one.found.cost < most])
 
     def _is_at_noise(self, near: Sequence[_Sketch]) -> bool:
         """Return whether the best of some sketches may come down to the noise."""
-        return bool(near) and near[0].found.cost < _FARTHEST**2 * self._noise
+        return bool(near) and near[0].found.cost < LARGEST_SKETCH_RESIDUAL**2 * self._noise
 
     def _fitted(self, begin: Candidate, begun: Sequence[tuple[Promise, Model]]) -> list[Drawn]:
         """Return curves fitted to the train part, from models that have them."""
 
         def finished(promise: Promise, model: Model) -> Candidate:
-            return self.candidates.finished(fitted(self.candidates.train, model, promise, ROUGH).model, begin.model)
+            return self.candidates.finished(
+                fitted(self.candidates.train, model, promise, ROUGH_CURVE_SEARCH).model, begin.model
+            )
 
         ended = each(lambda one: finished(*one), begun)
         drawn = [Drawn(promise, own, begin, ()) for (promise, _), own in zip(begun, ended)]
@@ -232,7 +240,7 @@ class Laws:
         """Return a curve drawn over all that is visited beside it: a large law leads to where nothing was without."""
         slot, model = drawing.promise.slot, drawing.candidate.model
         low, high = ranges_of(self.candidates, drawing.candidate, 0.0)[slot.against]
-        if self._is_near_noise(drawing) or high - low < _WIDER * (slot.high - slot.low):
+        if self._is_near_noise(drawing) or high - low < LEAST_WIDER_RANGE * (slot.high - slot.low):
             return drawing
         wide = slot.over(low, high)
         promise = replace(drawing.promise, slot=wide)
@@ -249,7 +257,7 @@ class Laws:
 
     def _near_noise(self, begin: Candidate) -> float:
         """Return the size up to which what a law leaves is hardly larger than the noise, which is 1."""
-        return math.hypot(_NEAR_NOISE, _SMOOTHED * self.candidates.size(begin))
+        return math.hypot(LARGEST_NEAR_NOISE, LARGEST_CORNER_ERROR * self.candidates.size(begin))
 
     def _least_promised(self, begin: Candidate) -> float:
         """Return the least sum of squares that a curve promises to leave."""
@@ -264,7 +272,7 @@ class Laws:
 
     def _begun(self, begin: Candidate, promise: Promise) -> Model:
         """Return a model with so much of a promise as mends it: the whole of a large law may lead astray."""
-        models = [beside(begin.model, promise, share) for share in _SHARES]
+        models = [beside(begin.model, promise, share) for share in CURVE_START_SHARES]
         return next((one for one in models if self._left(one) < self._left(begin.model)), models[-1])
 
     def _left(self, model: Model) -> float:
@@ -277,10 +285,10 @@ class Laws:
         share = independent_share(self.candidates.resting_coefficients(begin))
 
         def sketch(promise: Promise, model: Model) -> _Sketch:
-            model = fitted(self._excerpt, model, promise, ROUGH).model
+            model = fitted(self._excerpt, model, promise, ROUGH_CURVE_SEARCH).model
             promise = replace(promise, slot=promise.slot.remembering(model))
             again = renewed(self._excerpt, model, promise, share)
-            return _Sketch(again, fitted(self._excerpt, model, again, ROUGH))
+            return _Sketch(again, fitted(self._excerpt, model, again, ROUGH_CURVE_SEARCH))
 
         return _best_first(each(lambda one: sketch(*one), some))
 
@@ -299,9 +307,9 @@ def _best_first(sketches: Sequence[_Sketch]) -> list[_Sketch]:
 def _few_of_each(sketches: Sequence[_Sketch]) -> list[_Sketch]:
     """Return the best few of each place: the best one of every place first."""
     ranks: Counter[tuple[str, str]] = Counter()
-    turns: list[list[_Sketch]] = [[] for _ in range(_OF_EACH)]
+    turns: list[list[_Sketch]] = [[] for _ in range(SKETCHES_OF_PLACE)]
     for one in sketches:
-        if ranks[one.promise.slot.name] < _OF_EACH:
+        if ranks[one.promise.slot.name] < SKETCHES_OF_PLACE:
             turns[ranks[one.promise.slot.name]].append(one)
         ranks[one.promise.slot.name] += 1
     return [*chain.from_iterable(turns)]
@@ -323,9 +331,9 @@ def _worth_a_fit(promised: Sequence[Promise], size: float, left: float, least: f
     best: dict[tuple[str, str, float], Promise] = {}
     for one in promised:
         may = one.left * size**2 - 1.0 < left * (size**2 - 1.0)
-        if may and one.evidence > max(_LEAST_EVIDENCE, least):
+        if may and one.evidence > max(LEAST_CURVE_EVIDENCE, least):
             best.setdefault((*one.slot.name, one.slot.memory), one)
-    return list(best.values())[:_FITTED]
+    return list(best.values())[:MOST_FITTED_CURVES]
 
 
 def _error(candidate: Candidate) -> float:
@@ -337,7 +345,7 @@ def _error(candidate: Candidate) -> float:
 
 def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate) -> bool:
     """Return whether a curve explains more than a model, and foretells what it was not fitted to."""
-    return _explains_more(candidates, candidate, begin) and _error(candidate) < (1.0 - _LEAST_DROP) * _error(begin)
+    return _explains_more(candidates, candidate, begin) and _error(candidate) < (1.0 - LEAST_ERROR_DROP) * _error(begin)
 
 
 def _explains_more(candidates: Candidates, candidate: Candidate, other: Candidate) -> bool:
@@ -346,4 +354,4 @@ def _explains_more(candidates: Candidates, candidate: Candidate, other: Candidat
     before, after = (
         learn.criterion(learn.residuals(one.simulated), one.unknowns, coefficients) for one in (other, candidate)
     )
-    return before - after > _LEAST_EVIDENCE or _error(candidate) < _CLEARLY * _error(other)
+    return before - after > LEAST_CURVE_EVIDENCE or _error(candidate) < CLEARLY_SMALLER_ERROR * _error(other)

@@ -21,14 +21,17 @@ from cfd_pneumatic.identification.residual import independent_share
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.identification.search.slots import Slot, slots
+from cfd_pneumatic.identification.search.thresholds import (
+    CURVE_STRETCH_STEPS,
+    HEIGHT_PENALTY,
+    LEAST_DIVISOR,
+    LEAST_EIGENVALUE,
+)
 from cfd_pneumatic.model import COUNT, KNOTS
 from cfd_pneumatic.runtime import each
 
 _PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
-_RIDGE = 1e-4  # of its height, beside its roughness: what the gains make up for is none of it
 _COARSE = np.maximum(1.0 - np.abs(0.5 * np.arange(KNOTS) - np.arange(KNOTS // 2 + 1)[:, None]), 0.0)  # every other knot
-_LEAST_SQUARE = 1e-14  # of a direction's changes, against the largest
-_ASKED = 10_000  # grid steps of which a promise is
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ def beside(model: Model, promise: Promise, share: float = 1.0) -> Model:
 
 def promises(candidates: Candidates, begin: Candidate) -> list[Promise]:
     """Return what a curve in each place promises beside a model, the most promising one first."""
-    complement = Complement(candidates.learn.spread(_ASKED), begin.model)
+    complement = Complement(candidates.learn.spread(CURVE_STRETCH_STEPS), begin.model)
     residual = complement.residual
     share = independent_share(candidates.resting_coefficients(begin))
 
@@ -91,13 +94,13 @@ def _promise(slot: Slot, residual: Array, changes: Array, share: float) -> Promi
     root = np.linalg.cholesky(_COARSE @ roughness() @ _COARSE.T)
     bent = np.linalg.solve(root, changes.T)
     squares, axes = np.linalg.eigh(bent @ bent.T)
-    squares = np.maximum(squares, _LEAST_SQUARE * squares[-1])  # below rounding, and far below every penalty
+    squares = np.maximum(squares, LEAST_EIGENVALUE * squares[-1])  # below rounding, and far below every penalty
     along = axes.T @ (bent @ residual)
     power, count = float(residual @ residual), residual.size * share
     penalties = _PENALTIES * float(squares[-1])
     taken = squares / (squares + penalties[:, None])
-    remaining = 1.0 - taken @ (along**2 / squares) / max(power, 1e-300)
-    values = count * np.log(np.maximum(remaining, 1e-300)) - np.sum(np.log1p(-taken), axis=1)
+    remaining = 1.0 - taken @ (along**2 / squares) / max(power, LEAST_DIVISOR)
+    values = count * np.log(np.maximum(remaining, LEAST_DIVISOR)) - np.sum(np.log1p(-taken), axis=1)
     best = int(np.argmin(values))
     penalty = float(penalties[best])
     heights = np.linalg.solve(root.T, axes @ (along / (squares + penalty))) @ _COARSE
@@ -107,4 +110,4 @@ def _promise(slot: Slot, residual: Array, changes: Array, share: float) -> Promi
 def roughness() -> Array:
     """Return the matrix of a curve's squared bends, and of a little of its height, shape (knots, knots)."""
     bends = np.diff(np.eye(KNOTS), 2, axis=0)
-    return np.asarray(bends.T @ bends + _RIDGE * np.eye(KNOTS))
+    return np.asarray(bends.T @ bends + HEIGHT_PENALTY * np.eye(KNOTS))

@@ -13,11 +13,8 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels import PLACES, Curve, Model
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
+from cfd_pneumatic.identification.search.thresholds import KNOT_SPACINGS, LEAST_VISITED_RANGE, OUTLIER_SHARE
 from cfd_pneumatic.model import KNOTS
-
-_CROWDS = (0.3, 0.1, 0.03)  # how knots lie about nothing moving, and where a curve bends
-_LEAST_VISITED = 1e-9  # that a variable has to change by [SI]: of a piston at rest speed and place do not
-_VISITED = 0.002  # share of the samples at either end of a range that does not count
 
 
 @dataclass(frozen=True)
@@ -98,7 +95,7 @@ class Slot:
         if self.against not in self.curve.both_ways:
             bends = np.abs(np.diff(np.diff(heights) / np.diff(self.knots)))
             middle = float(self.knots[1 + int(np.argmax(bends))])
-        others = [replace(self, middle=middle, crowd=crowd) for crowd in _CROWDS]
+        others = [replace(self, middle=middle, crowd=crowd) for crowd in KNOT_SPACINGS]
         return [one for one in others if one != self]
 
     @property
@@ -125,11 +122,11 @@ def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
     found = []
     for against, places in curve.asked.items():
         low, high = ranges[against]
-        if high - low <= _LEAST_VISITED:
+        if high - low <= LEAST_VISITED_RANGE:
             continue
         for enters in filter(units.__contains__, places):
             memories = curve.memories.get((enters, against), (curve.memory,))
-            both_ways = _CROWDS[:1] if len(memories) > 1 else _CROWDS
+            both_ways = KNOT_SPACINGS[:1] if len(memories) > 1 else KNOT_SPACINGS
             crowds = both_ways if against in curve.both_ways else curve.crowds
             found += [
                 Slot(enters, against, memory, low, high, 0.5 * (low + high), crowd, units[enters], curve)
@@ -138,7 +135,7 @@ def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
     return found
 
 
-def ranges_of(candidates: Candidates, begin: Candidate, share: float = _VISITED) -> dict[str, tuple[float, float]]:
+def ranges_of(candidates: Candidates, begin: Candidate, share: float = OUTLIER_SHARE) -> dict[str, tuple[float, float]]:
     """
     Return what the train and validation parts have visited of each variable; of speeds the same both ways.
 

@@ -20,35 +20,27 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
+from cfd_pneumatic.identification.search.thresholds import (
+    LARGEST_ALIKE_ERROR,
+    LARGEST_ROUGH_RIVAL,
+    LARGEST_SMALL_RESIDUAL,
+    LEAST_CRITERION_DROP,
+    LEAST_DROPS,
+    LEAST_LARGE_DROP,
+    LEAST_RIVAL_ADVANTAGE,
+    LEAST_UNVALIDATED_CRITERION_DROP,
+    MOST_ALTERNATIVES,
+    MOST_EFFECTS,
+    MOST_RIVALS,
+    MOST_UNVALIDATED_EFFECTS,
+    RIVAL_ROUNDS,
+    TIE,
+)
 from cfd_pneumatic.runtime import each
-
-STRENGTH = 5.0
-"""Of an effect that a recording should show, in standard deviations of the noise [-]."""
-
-SHOWN = 0.57
-"""What it has to leave of itself beside the model's parameters, in the same: what raises the error by 15 % [-]."""
-
-TIE = 10.0
-"""Rivals within so much of the criterion can't be told apart [-]."""
-
-HOPELESS = 2.0
-"""Times what a model leaves: a rival that leaves more roughly is not fitted to the end [-]."""
 
 _WHITE = np.empty(0)  # coefficients of white noise
 _OUTDONE = 'worth it, but another lowers the criterion more'
 _UNPROMISING = 'not fitted: as far as small changes tell, it takes no more than that'
-_LEAST_BIC = 10.0  # by which an effect must lower the criterion
-_LEAST_BIC_UNSEEN = 20.0  # where there is no validation part to agree
-_LEAST_DROP = (0.01, 0.03)  # of the sum of squares, by a first effect and by each further one
-_LEAST_DROP_OF_MORE = 0.10  # of train or validation, beside a core or more than noise: little finds a name by chance
-_BETTER = 2.0  # by which a rival must lower the criterion to take an effect's place
-ALIKE = 1.05  # times an effect's error, at which a rival is named where more than noise is left
-_SMALL_ENOUGH = 1.03  # residual over noise at which no further effect is looked for
-_MOST_EFFECTS = 3
-_MOST_EFFECTS_UNSEEN = 2  # where there is no validation part: a single step
-_MOST_ALTERNATIVES = 2
-_ROUNDS = 2  # of trying rivals
-_RIVALS = 4  # that are tried in an effect's place
 
 
 @dataclass(frozen=True)
@@ -137,7 +129,7 @@ class Step:
 
     def rivals(self, name: str) -> dict[str, Candidate]:
         """Return the best of the others, as they were fitted here."""
-        others = [other for other in self.ranked if other != name][:_RIVALS]
+        others = [other for other in self.ranked if other != name][:MOST_RIVALS]
         return {other: self.candidates[other] for other in others}
 
 
@@ -189,7 +181,7 @@ class Search:
             return SearchResult(model, {}, first.trials())
         best = found[0]
         for other in found[1:]:
-            if other.model.rss < (1.0 - _LEAST_DROP_OF_MORE) * best.model.rss:
+            if other.model.rss < (1.0 - LEAST_LARGE_DROP) * best.model.rss:
                 best = other
         return best
 
@@ -202,7 +194,7 @@ class Search:
             ranking[lead] = step.rivals(lead)
             model = self.pruned(step.candidates[lead])
             self._accepted[tuple(model.effects)] = model
-            is_small = self.candidates.size(model) <= _SMALL_ENOUGH and self.candidates.leaves_noise(model)
+            is_small = self.candidates.size(model) <= LARGEST_SMALL_RESIDUAL and self.candidates.leaves_noise(model)
             if len(model.effects) >= self._most(model) or is_small or lead not in model.effects:
                 break
             step = self.step(model)
@@ -215,7 +207,7 @@ class Search:
 
     def _most(self, model: Candidate) -> int:
         """Return how many effects a model may have."""
-        return _MOST_EFFECTS if model.validation_rmse is not None else _MOST_EFFECTS_UNSEEN
+        return MOST_EFFECTS if model.validation_rmse is not None else MOST_UNVALIDATED_EFFECTS
 
     def step(self, model: Candidate, most: float = math.inf) -> Step:
         """Try every effect beside a model, to the end where the mean square of what is left roughly is up to `most`."""
@@ -234,7 +226,7 @@ class Search:
             validation = candidate.validation_rmse
             reason = objection(gain, drop, len(model.effects), validation, reference)
             most = max(drop, _dropped(validation, reference))
-            little = model.model.parts and most < _LEAST_DROP_OF_MORE
+            little = model.model.parts and most < LEAST_LARGE_DROP
             if reason is None and little:
                 reason = self._too_little(candidate)
             objections[name] = reason
@@ -256,7 +248,7 @@ class Search:
 
     def _too_little(self, candidate: Candidate) -> str | None:
         """Return why an effect that takes little beside others or a core is not worth adding, or None."""
-        least = f'takes less than {100 * _LEAST_DROP_OF_MORE:.0f} %'
+        least = f'takes less than {100 * LEAST_LARGE_DROP:.0f} %'
         if candidate.model.core:
             return f'{least}, as the numbers of the core might'
         return None if self.candidates.leaves_noise(candidate) else f'{least}, and more than noise is left'
@@ -302,14 +294,14 @@ class Search:
         keys = {rival: (*rest.effects, rival) for rival in others}
         known = {rival: self._tried[key] for rival, key in keys.items() if key in self._tried}
         fresh = {rival: one for rival, one in others.items() if rival not in known}
-        most = HOPELESS * self.candidates.roughly_left(model)
+        most = LARGEST_ROUGH_RIVAL * self.candidates.roughly_left(model)
         return {**known, **self.candidates.instead(rest, fresh, most)} if fresh else known
 
     def challenged(
         self, model: Candidate, ranking: Mapping[str, Mapping[str, Candidate]]
     ) -> tuple[Candidate, Mapping[str, tuple[str, ...]]]:
         """Try rivals in each effect's place; return the best model, and for each effect those that do as well."""
-        for _ in range(_ROUNDS):
+        for _ in range(RIVAL_ROUNDS):
             coefficients = autoregression(model.residuals)
             own, more_is_left = self.criterion(model, coefficients), not self.candidates.leaves_noise(model)
             alternatives: dict[str, tuple[str, ...]] = {}
@@ -320,8 +312,8 @@ class Search:
                 if more_is_left:
                     ties += [rival for rival, one in rivals.items() if alike(one, model)]
                 ties = sorted(set(ties), key=lambda rival: -gains[rival])
-                alternatives[name] = tuple(ties[:_MOST_ALTERNATIVES])
-                if ties and gains[ties[0]] > (better[0] if better else _BETTER):
+                alternatives[name] = tuple(ties[:MOST_ALTERNATIVES])
+                if ties and gains[ties[0]] > (better[0] if better else LEAST_RIVAL_ADVANTAGE):
                     better = gains[ties[0]], rivals[ties[0]]
             if better is None:
                 return model, alternatives
@@ -336,14 +328,14 @@ def _foretelling(lead: str, worthy: Sequence[str], candidates: Mapping[str, Cand
     """Return the effect that foretells the validation part best, where it does so better than the lead."""
     errors = {name: one.validation_rmse for name, one in candidates.items() if one.validation_rmse is not None}
     best = min(worthy, key=lambda name: errors.get(name, math.inf))
-    return best if lead in errors and ALIKE * errors[best] < errors[lead] else lead
+    return best if lead in errors and LARGEST_ALIKE_ERROR * errors[best] < errors[lead] else lead
 
 
 def alike(rival: Candidate, own: Candidate) -> bool:
     """Return whether a rival is as good on data that it was not fitted to; without such data, nearly so on its own."""
     if rival.validation_rmse is None or own.validation_rmse is None:
-        return rival.rss < ALIKE**2 * own.rss
-    return rival.validation_rmse < ALIKE * own.validation_rmse
+        return rival.rss < LARGEST_ALIKE_ERROR**2 * own.rss
+    return rival.validation_rmse < LARGEST_ALIKE_ERROR * own.validation_rmse
 
 
 def _dropped(error: float | None, reference: float | None) -> float:
@@ -353,10 +345,10 @@ def _dropped(error: float | None, reference: float | None) -> float:
 
 def objection(gain: float, drop: float, rank: int, validation: float | None, reference: float | None) -> str | None:
     """Return why an effect is not worth adding to `rank` others, or None."""
-    if gain <= (_LEAST_BIC if validation is not None else _LEAST_BIC_UNSEEN):
+    if gain <= (LEAST_CRITERION_DROP if validation is not None else LEAST_UNVALIDATED_CRITERION_DROP):
         return 'not worth its parameters'
-    if drop < _LEAST_DROP[min(rank, 1)]:
-        return f'takes less than {100 * _LEAST_DROP[min(rank, 1)]:.0f} % of the residual'
+    if drop < LEAST_DROPS[min(rank, 1)]:
+        return f'takes less than {100 * LEAST_DROPS[min(rank, 1)]:.0f} % of the residual'
     if validation is not None and reference is not None and validation >= reference:
         return 'no better on the validation part'
     return None

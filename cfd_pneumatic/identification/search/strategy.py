@@ -31,8 +31,8 @@ from cfd_pneumatic.identification.search.cores import Cores
 from cfd_pneumatic.identification.search.final_fit import finish, withdrawn
 from cfd_pneumatic.identification.search.laws import OF_VALVES, Drawn, Laws
 from cfd_pneumatic.identification.search.stepwise import SearchResult, Trial
+from cfd_pneumatic.identification.search.thresholds import LARGE_RESIDUAL
 
-_MUCH = 3.0  # times the noise
 _CURVE_INSTEAD = 'a law was drawn instead'
 
 Confirm = Callable[[Drawn, Model], 'Fit | None']
@@ -152,7 +152,7 @@ class Strategy:
         else:
             found = self.cores.search_physical(begin, fresh)
         for other in others:
-            if self.candidates.size(found.model) > _MUCH:  # the way there may have led astray
+            if self.candidates.size(found.model) > LARGE_RESIDUAL:  # the way there may have led astray
                 again = self.cores.search_physical(other, fresh)
                 begin, found = min((begin, found), (other, again), key=lambda pair: pair[1].model.rss)
         return begin, found

@@ -14,15 +14,17 @@ from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.fit import Likelihood, find_optimum
 from cfd_pneumatic.identification.residual import Noise
 from cfd_pneumatic.identification.search.complement import Complement, Start
-from cfd_pneumatic.identification.search.stepwise import SHOWN, STRENGTH
+from cfd_pneumatic.identification.search.thresholds import (
+    EXCERPT_MARGIN,
+    IMITATION_SEARCH,
+    LARGEST_IMITATED_RATIO,
+    LEAST_PLAIN_REMAINDER,
+    SHOWN,
+    STRENGTH,
+    VISIBILITY_EXCERPT_STEPS,
+    VISIBILITY_STRETCH_STEPS,
+)
 from cfd_pneumatic.runtime import each
-
-_PLAIN = 10.0  # times what shows: no fit makes up for so much
-_MADE_UP = 2.0  # an effect that loses less than half of itself to the model's parameters keeps what is left
-_EXCERPT = 3000  # grid steps of each recording that are asked first
-_SURELY = 2.0  # times what shows: what shows in its liveliest part shows in the whole
-_SPREAD = 16_000  # grid steps that are asked then
-_ROUGH = (1e-2, 10)  # tolerance and evaluations of a fit to what an effect makes
 
 
 def invisible(likelihood: Likelihood, model: Model, noise: Noise) -> tuple[str, ...]:
@@ -52,7 +54,10 @@ def invisible(likelihood: Likelihood, model: Model, noise: Noise) -> tuple[str, 
         return _shows(complement, name, channel.library[name].starts(data), least)
 
     # what shows in few samples is not asked of more
-    asked = [(alike.excerpt(_EXCERPT), _SURELY * shown), (alike.spread(_SPREAD), shown)]
+    asked = [
+        (alike.excerpt(VISIBILITY_EXCERPT_STEPS), EXCERPT_MARGIN * shown),
+        (alike.spread(VISIBILITY_STRETCH_STEPS), shown),
+    ]
     asked = [one for one in asked if 0 < one[0].samples < telling.samples] + [(telling, shown)]
     names = channel.candidates(model)
     pending = [name for name in names if channel.may_tell(telling.experiments, name, model)]
@@ -72,7 +77,7 @@ def _shows(complement: Complement, name: str, starts: Sequence[Start], least: fl
     changes = complement.changes(name, starts)
     left, whole = _rms(complement.left(changes)), _rms(changes)
     telling = left > least
-    if np.any(telling & ((left > _PLAIN * least) | (whole < _MADE_UP * left))):
+    if np.any(telling & ((left > LEAST_PLAIN_REMAINDER * least) | (whole < LARGEST_IMITATED_RATIO * left))):
         return True
     return any(_remains(complement, name, starts[rank], least) for rank in np.flatnonzero(telling).tolist())
 
@@ -85,7 +90,7 @@ def _remains(complement: Complement, name: str, start: Start, least: float) -> b
     little = least**2 * likelihood.samples
     likelihood = replace(likelihood, experiments=experiments)
     frozen = (*model.core, likelihood.channel.curve.name)
-    return find_optimum(likelihood, model, *_ROUGH, enough=little, frozen=frozen).cost > little
+    return find_optimum(likelihood, model, *IMITATION_SEARCH, enough=little, frozen=frozen).cost > little
 
 
 def _rms(columns: Array) -> Array:
