@@ -31,7 +31,7 @@ from cfd_pneumatic.identification.result import ChannelResult, Comparison, Ident
 from cfd_pneumatic.identification.steps import of_fit, of_pressure
 from cfd_pneumatic.identification.waves import to_leave_out, waves_of
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
-from cfd_pneumatic.recording import Recording, of_motion, pieces
+from cfd_pneumatic.recording import Recording, hides_effects, pieces
 from cfd_pneumatic.runtime import each
 
 Progress = Callable[[str, float], None]
@@ -130,10 +130,7 @@ def identify(
     other = other_reading(recordings, options) if doubtful else None
     seen = {name: [other] for name in waiting} if other else _steps(needed, data, options)
     seen_in_any = list(dict.fromkeys(chain(*seen.values())))
-    if any(one.code == 'unit_suspect' for held in recordings for one in of_motion(held.displacement)):
-        in_vain = {*waiting}  # a device whose millisecond is a second has no effects: to seek them would take minutes
-    else:
-        in_vain = {*seen}
+    in_vain = {*waiting} if any(map(hides_effects, recordings)) else {*seen}  # to seek effects would take minutes
     if untold:
         reason = _together(seen_in_any) if seen_in_any else untold[0]
         raise _with_what_it_looks_like(reason, recordings, options)
