@@ -26,9 +26,9 @@ from cfd_pneumatic.identification.data import (
 from cfd_pneumatic.identification.fit import Fit, fit_model
 from cfd_pneumatic.identification.input_checks import (
     alternative_reading,
-    check_motion,
     check_recordings,
     check_results,
+    hides_effects,
     is_misread,
     ripple_notice,
     ripple_of,
@@ -137,10 +137,7 @@ def identify(
     other = alternative_reading(recordings, options) if doubtful else None
     seen = {name: [other] for name in waiting} if other else _steps(needed, data, options)
     seen_in_any = list(dict.fromkeys(chain(*seen.values())))
-    if any(one.code == 'unit_suspect' for held in recordings for one in check_motion(held.displacement)):
-        in_vain = {*waiting}  # a device whose millisecond is a second has no effects: to seek them would take minutes
-    else:
-        in_vain = {*seen}
+    in_vain = {*waiting} if any(map(hides_effects, recordings)) else {*seen}  # to seek effects would take minutes
     if untold:
         reason = _together(seen_in_any) if seen_in_any else untold[0]
         raise _with_what_it_looks_like(reason, recordings, options)

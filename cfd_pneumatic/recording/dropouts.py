@@ -18,6 +18,7 @@ _CALM = 0.5  # of a leap, that the changes in front of a code and behind it have
 _CODE = 3  # samples of exactly one value between two leaps
 _SAME_CODE = 3  # spikes of exactly one value: no impact of a tool repeats another one
 _BOTH_WAYS = 3  # spikes up and as many down: impacts of a tool go one way
+_FAR = 3.0  # times the usual range, for such spikes: jerks of a piston go both ways, but less far
 _PULSE = 0.02  # no regulator answers a set-point that lasts so short [s]
 _TURNS = 0.5  # share of small changes that turn back: two thirds of noise, few of a motion
 _MOST_LOOKED_AT = 100_000  # samples
@@ -79,8 +80,9 @@ def dropouts(times: NDArray[np.int64], values: Array, role: str) -> NDArray[np.b
             continue
         found[run] = role != 'force' or is_code
         index += 2  # behind the leap back the signal goes on
-    ups = [changes[run.start - 1] > 0.0 for runs in spikes.values() for run in runs]
-    are_both_ways = min(sum(ups), len(ups) - sum(ups)) >= _BOTH_WAYS
+    heights = np.array([changes[run.start - 1] for runs in spikes.values() for run in runs])
+    far = _FAR * float(high - low)
+    are_both_ways = min(np.sum(heights > far), np.sum(heights < -far)) >= _BOTH_WAYS
     for value, runs in spikes.items():
         if len(runs) >= _SAME_CODE:
             found[values == value] = True

@@ -3,6 +3,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from reference import AMBIENT, PSI
 
@@ -127,6 +128,24 @@ def test_where_the_unit_of_the_time_is_wrong_nothing_is_searched_for():
     )
     found = identify([quick], Options(close_loop=True))
     assert any('unit of the time' in one.fix for one in found.notices)
+    assert all(one.conclusion.tried == () for one in found.cylinders.values())
+
+
+@pytest.mark.parametrize('what', ['a clipped pressure', 'a noisy set-point'])
+def test_where_a_sensor_hides_effects_nothing_is_searched_for(what):
+    recording = recording_of(record(surface_following(duration=10.0, seed=1), device_named('real', ''), seed=1))
+    own, rng = recording.cylinders['cylinder_a'], np.random.default_rng(1)
+    pressure, held = own.pressure, own.setpoint
+    values, times = pressure.values, pressure.times
+    if what == 'a clipped pressure':
+        pressure = replace(pressure, values=np.clip(values, *np.percentile(values, (15.0, 85.0))))
+        pressure = replace(pressure, values=pressure.values + 100.0 * rng.standard_normal(len(times)))
+    else:
+        levels = held.values[np.searchsorted(held.times[1:], times, side='right')]
+        held = Signal(times, levels + 200.0 * rng.standard_normal(len(times)))
+    cylinders = {'cylinder_a': CylinderSignals(pressure, held)}
+    found = identify([replace(recording, cylinders=cylinders, force=None)], Options(close_loop=True))
+    assert {one.code for one in found.notices if one.level == WARNING} & {'samples_suspect', 'setpoint_suspect'}
     assert all(one.conclusion.tried == () for one in found.cylinders.values())
 
 

@@ -105,6 +105,11 @@ CONTACTS = {
 }
 
 
+def test_jerks_of_a_piston_at_both_ends_of_its_strokes_stay():
+    side = np.sign(np.sin(3.0 * TIMES))
+    assert screen(20.0 * side + 30.0 * np.diff(side, prepend=0.0) + 0.1 * NOISE, 'force')[1].all()
+
+
 @pytest.mark.parametrize('name', CONTACTS)
 def test_what_a_tool_really_feels_stays(name):
     assert screen(CONTACTS[name], 'force')[1].all()

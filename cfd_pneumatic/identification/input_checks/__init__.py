@@ -14,10 +14,10 @@ from cfd_pneumatic.lazy import loader_of
 if TYPE_CHECKING:
     from cfd_pneumatic.identification.input_checks.alternative_readings import alternative_reading, is_misread
     from cfd_pneumatic.identification.input_checks.recordings import (
-        check_motion,
         check_recording,
         check_recordings,
         describe,
+        hides_effects,
     )
     from cfd_pneumatic.identification.input_checks.results import check_results
     from cfd_pneumatic.identification.input_checks.sensor_ripple import ripple_notice, ripple_of

@@ -111,11 +111,24 @@ def check_recording(recording: Recording, ambient_pressure: float) -> list[Notic
     found += [] if recording.force is None else stuck('force', recording.force)
     for name, own in recording.cylinders.items():
         found += standstill(name, own.pressure, recording.displacement, least=STROKES[0])
-        found += [] if recording.rests else clipped(name, own.pressure, own.setpoint, recording.displacement)
-        found += [] if own.setpoint is None else noisy_setpoint(name, own.setpoint, own.pressure)
+        found += _of_sensing(name, own, recording)
     for name, own in recording.cylinders.items():
         found += _of_pressure(name, own, recording.cylinders, ambient_pressure)
     return [*found, *_of_shared_times(recording), *_assumptions(recording)]
+
+
+def hides_effects(recording: Recording) -> bool:
+    """Return whether a wrong unit, a clipped pressure or a noisy set-point hides what effects a device has."""
+    return any(one.code == 'unit_suspect' for one in check_motion(recording.displacement)) or any(
+        any(_of_sensing(name, own, recording)) for name, own in recording.cylinders.items()
+    )
+
+
+def _of_sensing(name: str, own: CylinderSignals, recording: Recording) -> Iterator[Notice]:
+    if not recording.rests:
+        yield from clipped(name, own.pressure, own.setpoint, recording.displacement)
+    if own.setpoint is not None:
+        yield from noisy_setpoint(name, own.setpoint, own.pressure)
 
 
 def duplicates(recordings: Sequence[Recording]) -> Iterator[Notice]:
