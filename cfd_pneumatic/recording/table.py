@@ -43,8 +43,8 @@ _LONGEST_STEP = 10.0
 _LONGEST_LINE = 2**24
 """Characters of a line beyond which a file is no table."""
 
-_LONGEST_NAME = 40  # characters that are compared
-"""Characters of the one field that a message shows."""
+_LONGEST_NAME = 40
+"""Characters of a column's name that are compared."""
 
 _MOST_NAMES = 1_000
 """Columns among which one of a similar name is looked for."""
@@ -58,24 +58,8 @@ _MOST_ASCII = 0.9
 _CHECK = 'check delimiter and header_rows in the mapping; numbers with decimal commas need `decimal: comma`'
 
 _MISSING = {
-    *(
-        '',
-        '-',
-        'nan',
-        '+nan',
-        '-nan',
-        'na',
-        'n/a',
-        '<na>',
-        '#n/a',
-        '#na',
-        '#n/a n/a',
-        'null',
-        'none',
-        '#div/0!',
-        '#value!',
-    ),
-    *('#num!', '#ref!', '#name?', '#null!'),
+    *('', '-', 'nan', '+nan', '-nan', 'na', 'n/a', '<na>', '#n/a', '#na', '#n/a n/a', 'null', 'none'),
+    *('#div/0!', '#value!', '#num!', '#ref!', '#name?', '#null!'),
 }
 """What stands where there is no number, in lower case: of spreadsheets and of databases."""
 
