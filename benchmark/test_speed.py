@@ -19,8 +19,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from cfd_pneumatic.identification import Model, fit_model
-from cfd_pneumatic.model import Course, Cylinder, OperatingPoints, simulate_parameter_sets
+from cfd_pneumatic.model import Course, Cylinder, OperatingPoints
 from cfd_pneumatic.units import PSI
+from studies.documents.parameter_sets import simulate_parameter_sets
 from studies.documents.strokes import AMBIENT, CHANNEL, CYLINDER, GAINS, SETPOINT, experiment, record
 
 START = np.array([2.0, 0.5, 2.0, 0.5])  # times the gains: where all fits begin

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 from cfd_pneumatic.commands import program
-from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import check_recording, describe
 from cfd_pneumatic.recording import STORAGES, check_bag, read_mapping, read_recording, write_recording
@@ -64,13 +63,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--output', type=Path, required=True, metavar='BAG', help='folder of the bag to write')
     parser.add_argument('--storage', choices=STORAGES, default='mcap', help='format of the bag (default: %(default)s)')
     parser.add_argument('--namespace', default='/cfd/device', help='namespace of the topics (default: %(default)s)')
-    parser.add_argument(
-        '--ambient-pressure',
-        type=program.ambient_pressure,
-        default=AMBIENT_PRESSURE,
-        metavar='PA',
-        help='absolute pressure that gauge pressures are counted from [Pa] (default: %(default)s)',
-    )
+    program.add_ambient_pressure(parser, 'absolute pressure that gauge pressures are counted from')
     program.add_overwriting_of_bags(parser)
     return parser
 

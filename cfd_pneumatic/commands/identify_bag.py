@@ -15,8 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cfd_pneumatic.commands.program import add_overwriting, ambient_pressure, number, parser_of, run
-from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.commands.program import add_ambient_pressure, add_mapping, add_overwriting, number, parser_of, run
 from cfd_pneumatic.errors import InputError
 
 if TYPE_CHECKING:
@@ -58,12 +57,7 @@ def make_parser() -> argparse.ArgumentParser:
         help='ROS 1 or 2 bag, or a table with --mapping; with --each also a folder of them',
     )
     parser.add_argument('--output', metavar='DIR', type=Path, required=True, help='folder for the results')
-    parser.add_argument(
-        '--mapping',
-        metavar='FILE',
-        type=Path,
-        help='YAML file that says what the topics or columns are; `csv_to_bag --help` shows one',
-    )
+    add_mapping(parser)
     parser.add_argument(
         '--namespace',
         help='namespace of the device where the bag holds several, e.g. /cfd/device (default: the only one)',
@@ -118,13 +112,7 @@ def make_parser() -> argparse.ArgumentParser:
         metavar='T/V/T',
         help='percent of train, validation and test (default: 60/20/20)',
     )
-    parser.add_argument(
-        '--ambient-pressure',
-        type=ambient_pressure,
-        default=AMBIENT_PRESSURE,
-        metavar='PA',
-        help='absolute ambient pressure [Pa] (default: %(default)s)',
-    )
+    add_ambient_pressure(parser, 'absolute ambient pressure')
     parser.add_argument(
         '--area',
         type=number,

@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 from cfd_pneumatic.commands import program
-from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
 
 NAME = 'leak_test'
@@ -70,12 +69,7 @@ def make_parser() -> argparse.ArgumentParser:
         'beside the leak. Only a pressure is needed; the piston is at rest.',
     )
     parser.add_argument('recording', type=Path, metavar='RECORDING', help='ROS 1 or 2 bag, or a table with --mapping')
-    parser.add_argument(
-        '--mapping',
-        metavar='FILE',
-        type=Path,
-        help='YAML file that says what the topics or columns are; `csv_to_bag --help` shows one',
-    )
+    program.add_mapping(parser)
     parser.add_argument('--namespace', help='namespace of the device where the bag holds several, e.g. /cfd/device')
     parser.add_argument('--output', type=Path, metavar='DIR', help='folder for leak.json and leak.svg')
     parser.add_argument(
@@ -92,13 +86,7 @@ def make_parser() -> argparse.ArgumentParser:
         metavar='S',
         help='time at which it opens [s] (default: never)',
     )
-    parser.add_argument(
-        '--ambient-pressure',
-        type=program.ambient_pressure,
-        default=AMBIENT_PRESSURE,
-        metavar='PA',
-        help='what gauge pressures are above, absolute [Pa] (default: %(default)s)',
-    )
+    program.add_ambient_pressure(parser, 'what gauge pressures are above, absolute')
     program.add_overwriting(parser)
     return parser
 

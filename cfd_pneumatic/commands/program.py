@@ -10,10 +10,11 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NoReturn, TextIO
 
 from cfd_pneumatic import __version__
-from cfd_pneumatic.convention import AMBIENT_PRESSURES
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, AMBIENT_PRESSURES
 from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.examples import example_of
 from cfd_pneumatic.runtime import BAD_INPUT, INTERRUPTED
@@ -71,6 +72,18 @@ def ambient_pressure(text: str) -> float:
     if not lowest <= value <= highest:
         raise argparse.ArgumentTypeError(f'{value:g} Pa is outside {lowest:g} to {highest:g} Pa')
     return value
+
+
+def add_mapping(parser: argparse.ArgumentParser) -> None:
+    """Add the option that names a mapping file, which a table needs and a bag may have."""
+    text = 'YAML file that says what the topics or columns are; `csv_to_bag --help` shows one'
+    parser.add_argument('--mapping', metavar='FILE', type=Path, help=text)
+
+
+def add_ambient_pressure(parser: argparse.ArgumentParser, meaning: str) -> None:
+    """Add the option that names the absolute pressure of the surroundings [Pa]."""
+    text = f'{meaning} [Pa] (default: %(default)s)'
+    parser.add_argument('--ambient-pressure', type=ambient_pressure, default=AMBIENT_PRESSURE, metavar='PA', help=text)
 
 
 def add_overwriting(parser: argparse.ArgumentParser) -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
         starting_gains,
         told_gains,
     )
-    from cfd_pneumatic.model.cylinder import Course, Cylinder, CylinderState, simulate_parameter_sets
+    from cfd_pneumatic.model.cylinder import Course, Cylinder, CylinderState
     from cfd_pneumatic.model.device import DIRECTIONS, DeviceModel, DeviceState, ForceGeometry
     from cfd_pneumatic.model.effects import (
         BOTH_WAYS,
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
         CURVE_AGAINST,
         CURVE_ENTERS,
         EFFECTS,
-        FAMILIES,
         FORCE_CURVE,
         FORCE_CURVE_AGAINST,
         FORCE_CURVE_ENTERS,
@@ -49,9 +48,10 @@ if TYPE_CHECKING:
     from cfd_pneumatic.model.extended import MOVING, ExtendedCylinder, Movement, SideBySide, extremes
     from cfd_pneumatic.model.extended_force import ExtendedForce
     from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
-    from cfd_pneumatic.model.kernels import kernel, summed
+    from cfd_pneumatic.model.kernels import fused, kernel, summed
     from cfd_pneumatic.model.lanes import COUNT
     from cfd_pneumatic.model.live import Arrival, LiveDevice, warm_up
     from cfd_pneumatic.model.parameters import NAMES, SPECS, TABLE_1, TABLE_1_ROWS, TABLE_2, OperatingPoints
+    from cfd_pneumatic.model.propagation import propagate
 else:
     __getattr__ = loader_of(__name__)

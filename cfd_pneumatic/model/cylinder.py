@@ -8,7 +8,6 @@ from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -18,15 +17,7 @@ from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model.effects import PRESSURE_PARTS
 from cfd_pneumatic.model.extended import ExtendedCylinder, ExtendedState, Movement, check_effects
 from cfd_pneumatic.model.parameters import OperatingPoints
-from cfd_pneumatic.model.propagation import (
-    CARRIED,
-    SENSITIVITIES,
-    advance,
-    interpolate_gains,
-    propagate,
-    propagate_sets,
-)
-from cfd_pneumatic.runtime import each, threads
+from cfd_pneumatic.model.propagation import CARRIED, SENSITIVITIES, advance, interpolate_gains, propagate
 
 _SETPOINTS = 32  # of all cylinders, whose gains are kept
 
@@ -294,28 +285,3 @@ class Course:
         derivatives = (self._carried, jacobian) if slopes else ()
         propagate(times, displacement, setpoint, self._table, 0.0, self._state, pressure, *derivatives)
         return pressure, jacobian
-
-
-def simulate_parameter_sets(gains: Array, times: Array, displacement: Array, setpoint: Array) -> Array:
-    """
-    Return the outlet pressures by many parameter sets [Pa], shape (sets, n), each at rest at the first sample.
-
-    All cores work on it.
-
-    Parameters
-    ----------
-    gains
-        Of each set in the order of `SPECS`, shape (sets, gains) [SI].
-    times, displacement, setpoint
-        As in `Cylinder.simulate`.
-
-    """
-    pressures = np.empty((len(gains), times.size))
-    states = np.full((len(gains), 2), setpoint[0])
-
-    def run(part: slice) -> None:
-        propagate_sets(times, displacement, setpoint, gains[part], 0.0, states[part], pressures[part])
-
-    cuts = np.linspace(0, len(gains), 2 * threads() + 1).astype(int).tolist()
-    each(run, [slice(begin, end) for begin, end in pairwise(cuts)])
-    return pressures

@@ -23,8 +23,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from cfd_pneumatic.model.kernels import fused, inlined, inner, kernel
 
 SENSITIVITIES = ('k_x', 'k_sv', 'k_v', 'tau', 'setpoint', 'start')
@@ -523,27 +521,3 @@ def propagate(times, displacement, setpoint, table, ambient, state, pressure, ca
         write_sample(i, p_d + u, pressure, carried, jacobian)
     state[0] = p_d + u
     state[1] = p_d + w
-
-
-@fused
-def propagate_sets(times, displacement, setpoint, gains, ambient, states, pressures):
-    """
-    Propagate many parameter sets over one recording.
-
-    Parameters
-    ----------
-    times, displacement, setpoint, ambient
-        As in `propagate`.
-    gains
-        k_x, k_sv, k_v, tau of each set, shape (sets, 4).
-    states
-        Outlet and sensed pressure of each at the first sample, shape (sets, 2) [Pa]; holds those at the last one on
-        return.
-    pressures
-        Takes the outlet pressures, shape (sets, n) [Pa].
-
-    """
-    table = np.zeros((1, 5))
-    for row in range(len(gains)):
-        table[0, 1:] = gains[row]
-        propagate(times, displacement, setpoint, table, ambient, states[row], pressures[row])

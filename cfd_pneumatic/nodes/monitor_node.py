@@ -20,7 +20,6 @@ from cfd_pneumatic.identification import Options
 from cfd_pneumatic.model import Arrival
 from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
 from cfd_pneumatic.nodes.health import REPEATED, joined
-from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.model_node import ModelNode, no_time
 from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs, writers
 from cfd_pneumatic.nodes.parameters import number
@@ -126,8 +125,8 @@ class MonitorNode(ModelNode):
     # topics
 
     def _open_topics(self) -> None:
-        self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS, convention.PREDICTED)
-        self._residuals = ResidualOutputs(self, self._cylinders, OUTPUT_QOS)
+        self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, convention.PREDICTED)
+        self._residuals = ResidualOutputs(self, self._cylinders)
         self._orient({})
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
         self._listen_to_setpoints()

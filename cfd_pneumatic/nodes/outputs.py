@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import FluidPressure
 
 from cfd_pneumatic import convention
@@ -27,14 +26,12 @@ def writers(node: Node, frame_id: str, axis: str) -> Writers:
 class Answers:
     """The topics on which pressures and the force are published."""
 
-    def __init__(
-        self, node: Node, cylinders: Sequence[str], force_topic: str, qos: QoSProfile, below: str = ''
-    ) -> None:
+    def __init__(self, node: Node, cylinders: Sequence[str], force_topic: str, below: str = '') -> None:
         """Open topics for some cylinders and for the force, below a name where there is one. Then `orient`."""
         self._pressures_out = [
-            publish_on(node, FluidPressure, below + convention.pressure_topic(name), qos) for name in cylinders
+            publish_on(node, FluidPressure, below + convention.pressure_topic(name)) for name in cylinders
         ]
-        self._force_out = publish_on(node, WrenchStamped, below + force_topic, qos)
+        self._force_out = publish_on(node, WrenchStamped, below + force_topic)
 
     def orient(self, writers: Writers) -> None:
         """Write messages as these do from now on."""
@@ -53,13 +50,11 @@ class Answers:
 class Outputs(Answers):
     """The topics on which every sample is answered, also with the set-points that acted."""
 
-    def __init__(
-        self, node: Node, cylinders: Sequence[str], force_topic: str, qos: QoSProfile, below: str = ''
-    ) -> None:
+    def __init__(self, node: Node, cylinders: Sequence[str], force_topic: str, below: str = '') -> None:
         """Open topics for some cylinders and for the force, below a name where there is one. Then `orient`."""
-        super().__init__(node, cylinders, force_topic, qos, below)
+        super().__init__(node, cylinders, force_topic, below)
         self._applied_out = [
-            publish_on(node, FluidPressure, below + convention.setpoint_applied_topic(name), qos) for name in cylinders
+            publish_on(node, FluidPressure, below + convention.setpoint_applied_topic(name)) for name in cylinders
         ]
         self._present = [convention.CYLINDERS.index(name) for name in cylinders]
 
@@ -71,11 +66,11 @@ class Outputs(Answers):
 class ResidualOutputs:
     """The topics on which measured less predicted is published: a difference, also where the type is a pressure's."""
 
-    def __init__(self, node: Node, cylinders: Sequence[str], qos: QoSProfile) -> None:
+    def __init__(self, node: Node, cylinders: Sequence[str]) -> None:
         """Open topics for some cylinders and for the contact force. Then `orient`."""
-        self._out = {name: publish_on(node, FluidPressure, convention.residual_topic(name), qos) for name in cylinders}
+        self._out = {name: publish_on(node, FluidPressure, convention.residual_topic(name)) for name in cylinders}
         force = convention.CONTACT_FORCE
-        self._out[force] = publish_on(node, WrenchStamped, convention.residual_topic(force), qos)
+        self._out[force] = publish_on(node, WrenchStamped, convention.residual_topic(force))
 
     def orient(self, writers: Writers) -> None:
         """Write messages as these do from now on."""

@@ -13,7 +13,6 @@ from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterType,
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
@@ -21,7 +20,7 @@ from cfd_pneumatic import convention
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.bounded_node import BoundedNode
 from cfd_pneumatic.nodes.health import Warnings
-from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, OUTPUT_QOS, stamp_message
+from cfd_pneumatic.nodes.messages import COMMAND_QOS, LATEST, stamp_message
 from cfd_pneumatic.nodes.outputs import Outputs, writers
 from cfd_pneumatic.nodes.parameters import FRAME_LENGTH, checked_frame, number, switch, text, value_of
 from cfd_pneumatic.nodes.program import run
@@ -111,7 +110,7 @@ class RigNode(BoundedNode):
         if self._value('schedule'):
             self._play = self._scheduled()
             self._commands_out = [
-                self._publisher(Float64, convention.setpoint_topic(name)) for name in convention.CYLINDERS
+                publish_on(self, Float64, convention.setpoint_topic(name)) for name in convention.CYLINDERS
             ]
             self._audience_since: float | None = None
             self._waiting = self.create_timer(_WAITING_PERIOD, self._await_audience, clock=self._steady)
@@ -236,12 +235,9 @@ class RigNode(BoundedNode):
 
     # topics
 
-    def _publisher(self, message_type: type, topic: str) -> Publisher:
-        return publish_on(self, message_type, topic, OUTPUT_QOS)
-
     def _open_outputs(self) -> None:
-        self._piston_out = self._publisher(JointState, convention.PISTON_STATE)
-        self._outputs = Outputs(self, convention.CYLINDERS, convention.MEASURED_FORCE, OUTPUT_QOS)
+        self._piston_out = publish_on(self, JointState, convention.PISTON_STATE)
+        self._outputs = Outputs(self, convention.CYLINDERS, convention.MEASURED_FORCE)
         self._outputs.orient(writers(self, self._frame, 'x'))
 
     def _publish(self, sample: RigRecord) -> None:

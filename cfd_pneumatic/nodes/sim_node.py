@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from cfd_pneumatic import convention
 from cfd_pneumatic.model import Arrival, DeviceState, LiveDevice
 from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, REPEATED, WITHOUT_JOINT
-from cfd_pneumatic.nodes.messages import LATEST, OUTPUT_QOS
+from cfd_pneumatic.nodes.messages import LATEST
 from cfd_pneumatic.nodes.model_node import ModelNode
 from cfd_pneumatic.nodes.outputs import Answers, Outputs, writers
 from cfd_pneumatic.nodes.parameters import number
@@ -76,8 +76,8 @@ class SimNode(ModelNode):
     # topics
 
     def _open_topics(self) -> None:
-        self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS)
-        self._previews = Answers(self, self._cylinders, convention.CONTACT_FORCE, OUTPUT_QOS, convention.PREVIEW)
+        self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE)
+        self._previews = Answers(self, self._cylinders, convention.CONTACT_FORCE, convention.PREVIEW)
         self._orient({})
         # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
         self._listen_to_setpoints()

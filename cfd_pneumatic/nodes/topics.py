@@ -21,6 +21,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import deserialize_message
 
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.publishers import publishers_of
 
 try:
@@ -44,11 +45,11 @@ _LATCHED_DEPTH = 10  # publishers whose last message is heard
 _CALM = 30.0  # after the last large message the queue gets its full depth again [s]
 
 
-def publish_on(node: Node, message_type: type, topic: str, qos: QoSProfile) -> Publisher:
-    """Return a publisher; `qos` stays as it is, for rclpy writes the overrides into what it is given."""
+def publish_on(node: Node, message_type: type, topic: str) -> Publisher:
+    """Return a publisher with `OUTPUT_QOS`, a copy of it: rclpy writes the overrides into what it is given."""
     with _named(topic):
         return node.create_publisher(
-            message_type, topic, copy(qos), qos_overriding_options=QoSOverridingOptions.with_default_policies()
+            message_type, topic, copy(OUTPUT_QOS), qos_overriding_options=QoSOverridingOptions.with_default_policies()
         )
 
 

@@ -17,24 +17,8 @@ from cfd_pneumatic.recording.table_format import CHECK, DAY, TableFormat
 from cfd_pneumatic.recording.table_rows import Row
 
 _MISSING = {
-    *(
-        '',
-        '-',
-        'nan',
-        '+nan',
-        '-nan',
-        'na',
-        'n/a',
-        '<na>',
-        '#n/a',
-        '#na',
-        '#n/a n/a',
-        'null',
-        'none',
-        '#div/0!',
-        '#value!',
-    ),
-    *('#num!', '#ref!', '#name?', '#null!'),
+    *('', '-', 'nan', '+nan', '-nan', 'na', 'n/a', '<na>', '#n/a', '#na', '#n/a n/a', 'null', 'none'),
+    *('#div/0!', '#value!', '#num!', '#ref!', '#name?', '#null!'),
 }
 """What stands where there is no number, in lower case: of spreadsheets and of databases."""
 

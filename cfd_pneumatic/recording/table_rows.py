@@ -21,8 +21,8 @@ from cfd_pneumatic.recording.wording import counted
 _LONGEST_LINE = 2**24
 """Characters of a line beyond which a file is no table."""
 
-_LONGEST_NAME = 40  # characters that are compared
-"""Characters of the one field that a message shows."""
+_LONGEST_NAME = 40
+"""Characters of a column's name that are compared."""
 
 _MOST_NAMES = 1_000
 """Columns among which one of a similar name is looked for."""

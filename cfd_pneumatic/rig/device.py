@@ -73,6 +73,13 @@ class Rig:
     longest_step
         Longest integration step [s].
 
+    Attributes
+    ----------
+    time
+        Time since the rig was at rest [s].
+    position, velocity
+        Of the piston [m, m/s].
+
     """
 
     def __init__(
@@ -93,25 +100,10 @@ class Rig:
             for pressure in resting
         ]
         self._stretch = 0.0
-        self._time = time
-        self._position = float(self._reachable(np.array([position]))[0])
-        self._velocity = 0.0
-        self._linkage = Linkage(self._position, self.parameters.piston.lost_motion)
-
-    @property
-    def time(self) -> float:
-        """Time since the rig was at rest [s]."""
-        return self._time
-
-    @property
-    def position(self) -> float:
-        """Position of the piston [m]."""
-        return self._position
-
-    @property
-    def velocity(self) -> float:
-        """Velocity of the piston [m/s]."""
-        return self._velocity
+        self.time = time
+        self.position = float(self._reachable(np.array([position]))[0])
+        self.velocity = 0.0
+        self._linkage = Linkage(self.position, self.parameters.piston.lost_motion)
 
     @property
     def pressures(self) -> Array:
@@ -142,7 +134,7 @@ class Rig:
         acting = np.ascontiguousarray(np.broadcast_to(self._absolute(np.asarray(setpoints, dtype=float)), (knots, 2)))
         arriving = np.atleast_1d(np.asarray(velocities, dtype=float))
         x, v = self._linkage.drive(reached, arriving)
-        times = self._time + period * np.arange(1.0, knots + 1.0)
+        times = self.time + period * np.arange(1.0, knots + 1.0)
         trajectory = np.empty((knots, 2, 2))
         forces, accelerations = np.empty(knots), np.empty(knots)
         steps = math.ceil(period / self._longest_step * (1.0 - 1e-9))
@@ -159,7 +151,7 @@ class Rig:
             forces,
             accelerations,
         )
-        self._time, self._position, self._velocity = float(times[-1]), float(reached[-1]), float(arriving[-1])
+        self.time, self.position, self.velocity = float(times[-1]), float(reached[-1]), float(arriving[-1])
         return Truth(
             times=times,
             displacement=reached,

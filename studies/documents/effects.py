@@ -24,13 +24,14 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import ChannelResult, Options, identify
-from cfd_pneumatic.model import EFFECTS, FAMILIES, FORCE_EFFECTS, FUNCTIONS, MODULES, Effect
+from cfd_pneumatic.model import EFFECTS, FORCE_EFFECTS, FUNCTIONS, MODULES, Effect
 from cfd_pneumatic.rig import Cylinder, Sensors, surface_following
 from cfd_pneumatic.units import PSI
 from studies.documents.markdown import code, table
 from studies.panel import EFFECTS as ON_RIG
 from studies.panel import Draw, draw
 from studies.panel.rows import cylinder_a_of
+from studies.panel.scores import FAMILIES
 from studies.tools.provenance import ROOT
 
 DOCUMENT = ROOT / 'docs' / 'effects.md'

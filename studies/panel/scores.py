@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from scipy.stats import binomtest
 
-from cfd_pneumatic.model import FAMILIES
+from cfd_pneumatic.model import EFFECTS
 from studies.panel import NOISES, OWN_WAYS
 from studies.panel.rows import SCHEDULES, Row, make_of
 
@@ -21,6 +21,12 @@ FLOOR_TOLERANCE = 0.05
 
 WHOLE_TOLERANCE = 1.10
 """Error over the true device's up to which an answer is a whole one."""
+
+FAMILIES: dict[str, tuple[str, ...]] = {
+    family: tuple(name for name, effect in EFFECTS.items() if family in effect.families)
+    for family in dict.fromkeys(family for effect in EFFECTS.values() for family in effect.families)
+}
+"""Effects that a recording may not tell from each other, by the name of what they have in common."""
 
 GROUPS = tuple(FAMILIES.items())
 """Effects that data may not separate, by their physics: a tie among these is a right answer."""

@@ -9,15 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from reference import AMBIENT, PSI, pressure_to_thirty_digits
 
-from cfd_pneumatic.model import (
-    TABLE_1,
-    Course,
-    Cylinder,
-    CylinderState,
-    Movement,
-    OperatingPoints,
-    simulate_parameter_sets,
-)
+from cfd_pneumatic.model import TABLE_1, Course, Cylinder, CylinderState, Movement, OperatingPoints
+from studies.documents.parameter_sets import simulate_parameter_sets
 
 GAINS = st.tuples(st.floats(1e5, 1e8), st.floats(0.1, 500.0), st.floats(0.1, 500.0), st.floats(1e-4, 1.0)).map(np.array)
 

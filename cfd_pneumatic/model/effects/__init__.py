@@ -49,9 +49,3 @@ FORCE_PARTS: dict[str, Effect] = {name: module.EFFECT for name, module in MODULE
 
 PRESSURE_PARTS: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if name not in FORCE_PARTS}
 """Those, the cores and what is drawn from data, in that order: what can be switched on in a cylinder."""
-
-FAMILIES: dict[str, tuple[str, ...]] = {
-    family: tuple(name for name, effect in EFFECTS.items() if family in effect.families)
-    for family in dict.fromkeys(family for effect in EFFECTS.values() for family in effect.families)
-}
-"""Effects that a recording may not tell from each other, by the name of what they have in common."""
