@@ -16,7 +16,7 @@ from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.conclusion import Conclusion
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import fit_model
-from cfd_pneumatic.identification.procedure import prepared
+from cfd_pneumatic.identification.procedure import prepare_recordings
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
 from cfd_pneumatic.identification.result import Comparison
@@ -76,7 +76,7 @@ def judged(
 
 def with_force(identification: Identification) -> Identification:
     """Return an identification whose loop was closed on the force, too: seal friction, with made-up numbers."""
-    data = prepared(identification.recordings)
+    data = prepare_recordings(identification.recordings)
     channel = Force(AREA, 1.0, AMBIENT_PRESSURE)
     experiments = data.experiments(channel)
     plain = fit_model(channel, experiments)

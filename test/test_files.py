@@ -18,8 +18,8 @@ import pytest
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.file import run_line
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import aside as files
-from cfd_pneumatic.files.aside import alone_in, check_folder, made_aside, write_text
+from cfd_pneumatic.files import staging as files
+from cfd_pneumatic.files.staging import check_folder, exclusive_access, staged_output, write_text
 from cfd_pneumatic.recording import BagWriter
 from studies.trials.crashes import SCENARIOS, calls_of, tried
 
@@ -28,8 +28,8 @@ TABLE_1 = Path(__file__).parents[1] / 'config' / 'table_1.yaml'
 HOLDS = """
 import sys, time
 from pathlib import Path
-from cfd_pneumatic.files.aside import made_aside
-with made_aside(Path(sys.argv[1])) as made:
+from cfd_pneumatic.files.staging import staged_output
+with staged_output(Path(sys.argv[1])) as made:
     made.mkdir()
     print('made', flush=True)
     time.sleep(60)
@@ -42,7 +42,7 @@ def names(folder):
 
 @pytest.fixture
 def holder(tmp_path):
-    """Start somebody who is making a folder aside."""
+    """Start somebody who is making a folder staging."""
     with subprocess.Popen([sys.executable, '-c', HOLDS, str(tmp_path / 'made')], stdout=subprocess.PIPE) as running:
         running.stdout.readline()
         yield running
@@ -52,7 +52,7 @@ def holder(tmp_path):
 def test_a_folder_takes_the_place_of_another_whole(tmp_path):
     (tmp_path / 'made').mkdir()
     (tmp_path / 'made' / 'old').touch()
-    with made_aside(tmp_path / 'made', is_any) as made:
+    with staged_output(tmp_path / 'made', is_any) as made:
         made.mkdir()
         (made / 'new').touch()
         assert names(tmp_path / 'made') == ['old']
@@ -70,7 +70,7 @@ def place_three_files(folder):
     moves, replace = [], os.replace
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, 'replace', lambda one, other: (moves.append(one.name), replace(one, other)))
-        with made_aside(folder, is_any, ['old', 'b', 'a'].index) as made:
+        with staged_output(folder, is_any, ['old', 'b', 'a'].index) as made:
             made.mkdir()
             for name in ('a', 'b', 'old'):
                 (made / name).write_text('new')
@@ -153,7 +153,7 @@ def test_after_an_error_what_was_there_stays(tmp_path):
     write_text(tmp_path / 'made', 'old')
 
     def write_half():
-        with made_aside(tmp_path / 'made') as made:
+        with staged_output(tmp_path / 'made') as made:
             made.write_text('half')
             raise OSError(28, 'No space left on device')
 
@@ -197,9 +197,13 @@ def test_a_folder_that_is_called_otherwise_is_not_taken_for_one_that_was_left(tm
 
 
 def test_two_runs_into_one_folder_are_one_too_many(tmp_path):
-    with alone_in(tmp_path), pytest.raises(InputError, match='is being written by another run'), alone_in(tmp_path):
+    with (
+        exclusive_access(tmp_path),
+        pytest.raises(InputError, match='is being written by another run'),
+        exclusive_access(tmp_path),
+    ):
         pass
-    with alone_in(tmp_path):
+    with exclusive_access(tmp_path):
         pass
 
 

@@ -13,7 +13,7 @@ import time
 import pytest
 from patience import allowed
 
-from cfd_pneumatic.runtime.parallel import LIMIT, each, threads
+from cfd_pneumatic.runtime.parallel import LIMIT, map_in_threads, threads
 
 
 @pytest.mark.parametrize(('limit', 'count'), [('1', 1), ('3', 3), ('4,2', 4)])
@@ -39,10 +39,10 @@ def test_results_come_in_the_order_of_the_items(monkeypatch, limit):
         meeting.wait()  # all of them work at once
         return item, threading.get_ident()
 
-    results = each(work, range(3))
+    results = map_in_threads(work, range(3))
     assert [item for item, _ in results] == [0, 1, 2]
     assert len({thread for _, thread in results}) == int(limit)
-    assert each(work, []) == []
+    assert map_in_threads(work, []) == []
 
 
 def test_who_has_no_work_left_helps_others(monkeypatch):
@@ -57,17 +57,17 @@ def test_who_has_no_work_left_helps_others(monkeypatch):
     def outer(item):
         both_at_work.wait()  # no core is idle when the inner work is shared out
         if item == 0:
-            return each(inner, range(2))
+            return map_in_threads(inner, range(2))
         assert begun.wait(allowed(30.0))
         return item
 
-    assert each(outer, range(2)) == [[0, 1], 1]
+    assert map_in_threads(outer, range(2)) == [[0, 1], 1]
 
 
 def test_an_error_in_the_work_is_raised(monkeypatch):
     monkeypatch.setenv(LIMIT, '2')
     with pytest.raises(ZeroDivisionError):
-        each(lambda item: 1 / item, [1, 0, 2])
+        map_in_threads(lambda item: 1 / item, [1, 0, 2])
 
 
 def test_after_an_error_nobody_goes_on(monkeypatch):
@@ -81,7 +81,7 @@ def test_after_an_error_nobody_goes_on(monkeypatch):
         done.append(item)
 
     with pytest.raises(ZeroDivisionError):
-        each(work, range(500))
+        map_in_threads(work, range(500))
     assert len(done) < 100
 
 

@@ -290,7 +290,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         from cfd_pneumatic import plant  # with Dask and PyArrow, which not everybody has
     except ModuleNotFoundError as error:
         raise InputError(f"--each needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
-    from cfd_pneumatic.files import alone_in, check_folder, make_folder
+    from cfd_pneumatic.files import check_folder, exclusive_access, make_folder
 
     if arguments.begin is not None or arguments.end is not None:
         raise InputError('--from and --until are for recordings that are identified together: leave out --each')
@@ -314,7 +314,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
             )
     settings = plant.Settings(options, mapping, arguments.namespace)
     try:
-        with alone_in(arguments.output), _progress(arguments.progress, remaining=True) as report:
+        with exclusive_access(arguments.output), _progress(arguments.progress, remaining=True) as report:
             found = plant.survey(bags, settings, arguments.output, cluster, report, overwrite=arguments.overwrite)
     except KeyboardInterrupt:
         print('identify_bag: interrupted: give the same command again to go on', file=sys.stderr)

@@ -17,7 +17,14 @@ from functools import partial
 from pathlib import Path
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files.aside import alone_in, check_folder, is_mount_point, made_aside, make_folder, reported
+from cfd_pneumatic.files.staging import (
+    check_folder,
+    disk_errors_reported,
+    exclusive_access,
+    is_mount_point,
+    make_folder,
+    staged_output,
+)
 
 _HEAD = 2**16  # bytes in which a mark is looked for
 
@@ -97,18 +104,18 @@ class ResultFiles:
     @contextmanager
     def made_for(self, folder: Path, *, overwrite: bool) -> Iterator[Path]:
         """
-        Make the folder, be the only one who writes into it, and do as `made_aside`.
+        Make the folder, be the only one who writes into it, and do as `staged_output`.
 
         Raises
         ------
         InputError
-            As `made_aside`, or if another run writes into the folder.
+            As `staged_output`, or if another run writes into the folder.
 
         """
         is_new = not folder.exists()
         make_folder(folder)
         try:
-            with alone_in(folder), self.made_aside(folder, overwrite=overwrite) as made:
+            with exclusive_access(folder), self.staged_output(folder, overwrite=overwrite) as made:
                 yield made
         except BaseException:
             if is_new:
@@ -117,7 +124,7 @@ class ResultFiles:
             raise
 
     @contextmanager
-    def made_aside(self, folder: Path, *, overwrite: bool) -> Iterator[Path]:
+    def staged_output(self, folder: Path, *, overwrite: bool) -> Iterator[Path]:
         """
         Yield a new folder for the results; they take their places in a folder at the end, but not after an error.
 
@@ -129,7 +136,7 @@ class ResultFiles:
             If the folder can't be written, or a file in it is not to be replaced.
 
         """
-        with made_aside(folder, self.is_earlier, self._rank) as made:
+        with staged_output(folder, self.is_earlier, self._rank) as made:
             made.mkdir()
             yield made
             self.check_files(folder, os.listdir(made), overwrite=overwrite)
@@ -163,7 +170,7 @@ def check_replaceable(path: Path, is_ours: Recognition, *, overwrite: bool) -> N
     """
     if not os.path.lexists(path):
         return
-    with reported(path):
+    with disk_errors_reported(path):
         if path.is_dir() and not path.is_symlink():
             raise InputError(f'{path} is a folder and is not replaced: move it, or choose another folder')
         if is_mount_point(path) or not _may_be_removed(path):

@@ -13,6 +13,7 @@ from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
     from cfd_pneumatic.identification.channels import PLACES, VARIABLES, Channel, Estimate, Force, Model, Pressure
+    from cfd_pneumatic.identification.characteristic import Characteristic
     from cfd_pneumatic.identification.conclusion import PartError
     from cfd_pneumatic.identification.data import (
         AUTO,
@@ -41,7 +42,18 @@ if TYPE_CHECKING:
     )
     from cfd_pneumatic.identification.input_checks import check_recording, check_recordings, describe
     from cfd_pneumatic.identification.loop import close_loop
-    from cfd_pneumatic.identification.procedure import identify, prepared
+    from cfd_pneumatic.identification.procedure import identify, prepare_recordings
+    from cfd_pneumatic.identification.report_texts import (
+        number,
+        percent,
+        readable_name,
+        reservation,
+        sentence,
+        title,
+        title_of_test,
+        unit,
+        verdict,
+    )
     from cfd_pneumatic.identification.residual import (
         SIGNIFICANCE,
         Test,
@@ -51,20 +63,12 @@ if TYPE_CHECKING:
         sample_noise,
         whitened,
     )
+    from cfd_pneumatic.identification.residual_dependence import (
+        Dependence,
+        describe_remaining_error,
+        residual_dependences,
+    )
     from cfd_pneumatic.identification.result import ChannelResult, Comparison, Geometry, Identification
     from cfd_pneumatic.identification.search import SHOWN, STRENGTH, TIE, Complement, Trial, with_core
-    from cfd_pneumatic.identification.shape import Shape
-    from cfd_pneumatic.identification.whereabouts import Dependence, dependences, remainder
-    from cfd_pneumatic.identification.wording import (
-        number,
-        percent,
-        qualified,
-        sentence,
-        spoken,
-        title,
-        title_of_test,
-        unit,
-        verdict,
-    )
 else:
     __getattr__ = loader_of(__name__)

@@ -12,10 +12,10 @@ from operator import attrgetter
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.characteristic import Characteristic
 from cfd_pneumatic.identification.data import PARTS, PHYSICAL, Experiment, Tolerance, tolerated
-from cfd_pneumatic.identification.residual import Noise, Test, explained
+from cfd_pneumatic.identification.residual import Noise, Test, is_noise
 from cfd_pneumatic.identification.search import Trial
-from cfd_pneumatic.identification.shape import Shape
 from cfd_pneumatic.identification.thresholds import (
     BOOTSTRAP_BLOCKS,
     BOOTSTRAP_QUANTILES,
@@ -98,14 +98,14 @@ class Conclusion:
     not_visible: tuple[str, ...]
     next_experiment: str
     doubted: bool = False
-    unknown: Shape | None = None
+    unknown: Characteristic | None = None
     sought: bool = True
 
     @property
     def status(self) -> str:
         """One of `STATUSES`: a hypothesis is a name beside which more than noise is left, or what a warning doubts."""
         named = self.effects or self.unknown is not None
-        more_is_left = self.verdict == 'unexplained' or not explained(self.tests_after)
+        more_is_left = self.verdict == 'unexplained' or not is_noise(self.tests_after)
         more_is_left |= maybe_more(self.tests_after, self.noise.known) is not None
         return 'hypothesis' if self.doubted or (named and more_is_left) else 'confirmed'
 

@@ -17,6 +17,7 @@ from functools import partial
 import numpy as np
 
 from cfd_pneumatic.identification.channels import Model
+from cfd_pneumatic.identification.characteristic import Characteristic, centred, estimate_characteristic
 from cfd_pneumatic.identification.conclusion import (
     Conclusion,
     compared,
@@ -28,17 +29,16 @@ from cfd_pneumatic.identification.conclusion import (
 )
 from cfd_pneumatic.identification.data import AUTO, LINEAR, PHYSICAL, Tolerance
 from cfd_pneumatic.identification.fit import Fit, summary
-from cfd_pneumatic.identification.held_out import contradiction
-from cfd_pneumatic.identification.residual import explained
-from cfd_pneumatic.identification.search import Drawn, Strategy, Trial, invisible
+from cfd_pneumatic.identification.residual import is_noise
+from cfd_pneumatic.identification.search import FittedCurve, Strategy, Trial, effects_not_visible
 from cfd_pneumatic.identification.search import fitted as fitted_curve
-from cfd_pneumatic.identification.shape import Shape, centred, shape_of
+from cfd_pneumatic.identification.test_part import contradiction
 from cfd_pneumatic.identification.thresholds import (
     LARGEST_CURVE_ERROR,
     LARGEST_CURVE_ERROR_WITH_EFFECTS,
     LARGEST_FADING_CURVE_ERROR,
 )
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.runtime import map_in_threads
 
 
 def close_loop(
@@ -67,11 +67,11 @@ def close_loop(
     after = before
     alternatives: Mapping[str, tuple[str, ...]] = {}
     tried: tuple[Trial, ...] = ()
-    unknown: Shape | None = None
+    unknown: Characteristic | None = None
     if searching and shortage is None and not all(one.passed for one in tests):
         strategy = Strategy(before, core, partial(_confirmed, before))
-        after, alternatives, tried, curve = strategy.answer(is_noise=explained(tests))
-        unknown = None if curve is None else shape_of(likelihood, after.model, curve, curve.begin.model)
+        after, alternatives, tried, curve = strategy.answer(is_noise=is_noise(tests))
+        unknown = None if curve is None else estimate_characteristic(likelihood, after.model, curve, curve.begin.model)
     ratio, interval = None, None
     against: list[str] = []
     if after is not before:
@@ -83,7 +83,7 @@ def close_loop(
     if after is not before:
         noise = likelihood.noise(after.model)
         tests = likelihood.tests(after.model, noise)
-    hidden = invisible(likelihood, after.model, noise) if searching and shortage is None else ()
+    hidden = effects_not_visible(likelihood, after.model, noise) if searching and shortage is None else ()
     left = [one.measured - values for one, values in zip(experiments, after.simulated)]
     if searching:
         against += contradiction(experiments, left, noise.std)
@@ -116,14 +116,14 @@ def close_loop(
     return after, conclusion
 
 
-def _confirmed(before: Fit, curve: Drawn, instead: Model) -> Fit | None:
+def _confirmed(before: Fit, curve: FittedCurve, instead: Model) -> Fit | None:
     """Return the fit of a curve to train and validation; None if the test part contradicts it or prefers `instead`."""
     likelihood, begin = before.likelihood, curve.begin
     fitted = fitted_curve(likelihood, curve.candidate.model, curve.promise).model
     model = centred(likelihood, fitted, curve.promise.slot)
     effects = {name: own for name, own in model.effects.items() if name != likelihood.channel.curve.name}
     models = model, instead, replace(model, effects=effects), begin.model
-    simulated, of_other, without, of_begin = each(likelihood.simulate, models)
+    simulated, of_other, without, of_begin = map_in_threads(likelihood.simulate, models)
     if not all(np.all(np.isfinite(values)) for values in simulated):
         return None
     experiments = likelihood.experiments

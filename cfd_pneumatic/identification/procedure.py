@@ -40,8 +40,8 @@ from cfd_pneumatic.identification.result import ChannelResult, Comparison, Ident
 from cfd_pneumatic.identification.search import with_core
 from cfd_pneumatic.identification.thresholds import LARGEST_SETPOINT_GAP, MOST_SAMPLES_TOGETHER
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
-from cfd_pneumatic.recording import Recording, pieces
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.recording import Recording, split_at_gaps
+from cfd_pneumatic.runtime import map_in_threads
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and which share of the whole is done [0 to 1]."""
@@ -80,7 +80,7 @@ class Prepared:
         )
 
 
-def prepared(recordings: Sequence[Recording], fractions: tuple[float, float, float] = FRACTIONS) -> Prepared:
+def prepare_recordings(recordings: Sequence[Recording], fractions: tuple[float, float, float] = FRACTIONS) -> Prepared:
     """
     Return recordings with the displacement smoothed, and cut into parts.
 
@@ -112,10 +112,10 @@ def identify(
     """
     if not recordings:
         raise InputError('there is no recording to identify: give one or more')
-    recordings = [piece for recording in recordings for piece in pieces(recording)]
+    recordings = [piece for recording in recordings for piece in split_at_gaps(recording)]
     progress('smoothing the displacement', 0.0)
     try:
-        data = prepared(recordings, options.fractions)
+        data = prepare_recordings(recordings, options.fractions)
     except InputError as error:
         raise _with_what_it_looks_like(error, recordings, options) from error
     channels = channels_of(recordings, options)
@@ -123,7 +123,7 @@ def identify(
     progress(f'fitting {", ".join(waiting)}', _SMOOTHED)
 
     samples = sum(len(recording.displacement.times) for recording in recordings)
-    together = each if samples <= MOST_SAMPLES_TOGETHER else map  # one after the other where memory counts
+    together = map_in_threads if samples <= MOST_SAMPLES_TOGETHER else map  # one after the other where memory counts
     fits = dict(zip(waiting, together(lambda channel: _fitted(channel, data), channels)))
     even, uneven = _without_waves(data, fits, channels, options)
     if uneven:
@@ -168,7 +168,7 @@ def _without_waves(
     if not any(found):
         return data, ()
     recordings = tuple(one if waves is None else waves.without for one, waves in zip(data.recordings, found))
-    even = prepared(recordings, options.fractions)
+    even = prepare_recordings(recordings, options.fractions)
     pressures = [
         (waves, own, recorded, without)
         for channel in channels

@@ -8,17 +8,8 @@ from typing import TYPE_CHECKING
 from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
-    from cfd_pneumatic.model.baseline import (
-        HINTS,
-        displacement_sensitivity,
-        flows,
-        other_gains,
-        slowest,
-        starting_gains,
-        told_gains,
-    )
     from cfd_pneumatic.model.cylinder import Course, Cylinder, CylinderState
-    from cfd_pneumatic.model.device import DIRECTIONS, DeviceModel, DeviceState, ForceGeometry
+    from cfd_pneumatic.model.device_model import DIRECTIONS, DeviceModel, DeviceState, ForceGeometry
     from cfd_pneumatic.model.effects import (
         BOTH_WAYS,
         CORES,
@@ -48,6 +39,15 @@ if TYPE_CHECKING:
     from cfd_pneumatic.model.extended import MOVING, ExtendedCylinder, Movement, SideBySide, extremes
     from cfd_pneumatic.model.extended_force import ExtendedForce
     from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
+    from cfd_pneumatic.model.gain_starts import (
+        HINTS,
+        displacement_sensitivity,
+        flows,
+        other_gains,
+        slowest,
+        starting_gains,
+        told_gains,
+    )
     from cfd_pneumatic.model.kernels import fused, kernel, summed
     from cfd_pneumatic.model.lanes import COUNT
     from cfd_pneumatic.model.live import Arrival, LiveDevice, warm_up

@@ -13,7 +13,6 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.lazy import lazy_property
-from cfd_pneumatic.model.baseline import charging_time, quickest
 from cfd_pneumatic.model.composed import (
     OFFSET_ROW,
     PARAMETER_ROWS,
@@ -29,9 +28,10 @@ from cfd_pneumatic.model.composed import (
     step,
 )
 from cfd_pneumatic.model.effects import MODULES, PRESSURE_PARTS, Effect
+from cfd_pneumatic.model.gain_starts import charging_time, quickest
 from cfd_pneumatic.model.lanes import COUNT
 from cfd_pneumatic.model.places import FOLLOWED, MEASURED, PLACES, STATES, all_parameters, switches
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.runtime import map_in_threads
 
 STAGE_ROWS = slice(S0 // COUNT, S0 // COUNT + STATES)
 """Rows of the states as effects see them; those that no rate moves have to stand there from the beginning."""
@@ -369,7 +369,7 @@ class SideBySide:
                 times, displacement, bent, setpoint, self._begin, ambient, self._stiffness, numbers, self._on, own
             )
 
-        each(run, range(len(self._groups)))
+        map_in_threads(run, range(len(self._groups)))
         return readings
 
     def _resting(self, first: int, displacement: float, setpoint: float) -> Array:

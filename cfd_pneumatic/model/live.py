@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from cfd_pneumatic.model.cylinder import Cylinder
-from cfd_pneumatic.model.device import DeviceModel, DeviceState, ForceGeometry
+from cfd_pneumatic.model.device_model import DeviceModel, DeviceState, ForceGeometry
 from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS
 from cfd_pneumatic.model.extended import Movement
 from cfd_pneumatic.model.parameters import TABLE_1

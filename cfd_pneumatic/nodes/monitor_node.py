@@ -18,7 +18,15 @@ from std_srvs.srv import Trigger
 from cfd_pneumatic import convention
 from cfd_pneumatic.identification import Options
 from cfd_pneumatic.model import Arrival
-from cfd_pneumatic.monitoring import Settings, Watch, Worker, agreed, departed, diagnosed, warm_up
+from cfd_pneumatic.monitoring import (
+    Settings,
+    Watch,
+    Worker,
+    describe_agreement,
+    describe_departure,
+    describe_diagnosis,
+    warm_up,
+)
 from cfd_pneumatic.nodes.health import REPEATED, joined
 from cfd_pneumatic.nodes.model_node import ModelNode, no_time
 from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs, writers
@@ -245,10 +253,10 @@ class MonitorNode(ModelNode):
             return DiagnosticStatus.OK, f'learning what its model usually leaves: {100.0 * channel.learned:.0f} %'
         alarm = watch.alarms.get(name)
         if alarm is None:
-            return DiagnosticStatus.OK if channel.misfit is None else DiagnosticStatus.WARN, agreed(channel)
+            return DiagnosticStatus.OK if channel.misfit is None else DiagnosticStatus.WARN, describe_agreement(channel)
         follows = name == convention.CONTACT_FORCE and len(watch.alarms) > 1
         level = DiagnosticStatus.ERROR if watch.stands(alarm) else DiagnosticStatus.WARN
-        return level, f'{departed(watch.departure(name))}: {diagnosed(alarm, follows)}'
+        return level, f'{describe_departure(watch.departure(name))}: {describe_diagnosis(alarm, follows)}'
 
     def destroy_node(self) -> None:
         """End the process for diagnoses, whatever it is doing."""

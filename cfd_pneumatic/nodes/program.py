@@ -28,7 +28,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes.parameter_files import check_arguments
 from cfd_pneumatic.nodes.parameters import warn_of_undeclared
 from cfd_pneumatic.nodes.rclpy_patches import patch_rclpy
-from cfd_pneumatic.runtime import BAD_INPUT, told
+from cfd_pneumatic.runtime import BAD_INPUT, print_help_or_version
 
 try:
     from rclpy.experimental import EventsExecutor
@@ -63,7 +63,7 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     A mistake in the parameters or files that the user gave is one line on standard error and exit code 2. With `--help`
     it says what the node is, with `--version` which one, and starts nothing.
     """
-    if told(name, sys.argv[1:] if args is None else args):
+    if print_help_or_version(name, sys.argv[1:] if args is None else args):
         return 0
     ending = _Ending()
     try:
@@ -127,9 +127,9 @@ class _Ending:
         for number in _ENDING:
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
                 signal.signal(number, self._ask)
-        heard, told = os.pipe()
-        os.set_blocking(told, False)
-        signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+        heard, print_help_or_version = os.pipe()
+        os.set_blocking(print_help_or_version, False)
+        signal.set_wakeup_fd(print_help_or_version, warn_on_full_buffer=False)
         Thread(target=self._listen, args=(heard,), daemon=True).start()
 
     def _ask(self, *_: object) -> None:

@@ -15,10 +15,10 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import PARTS
 from cfd_pneumatic.model import CORES, EFFECTS, NAMES, SPECS, slowest
 from cfd_pneumatic.planning.composition import LONGEST_ROUND, ROUNDS, Menu, compose
-from cfd_pneumatic.planning.device import at_home, home_gains, home_setpoints
 from cfd_pneumatic.planning.evidence import Evidence, of_samples
 from cfd_pneumatic.planning.family import Segment, Turn, family
 from cfd_pneumatic.planning.limits import Limits, Sensing
+from cfd_pneumatic.planning.planned_device import at_home, home_gains, home_setpoints
 from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction, Planned
 from cfd_pneumatic.planning.proposal import Drawing, Proposal
 from cfd_pneumatic.planning.report import print_plan, write_plan

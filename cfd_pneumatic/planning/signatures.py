@@ -33,10 +33,10 @@ from cfd_pneumatic.identification import (
     stroke_times,
 )
 from cfd_pneumatic.model import DIRECTIONS, Effect
-from cfd_pneumatic.planning.device import home_gains
 from cfd_pneumatic.planning.limits import Sensing
+from cfd_pneumatic.planning.planned_device import home_gains
 from cfd_pneumatic.planning.proposal import Proposal
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.runtime import map_in_threads
 
 _ATTEMPTS = 8
 _NEARLY = 1.2  # times as large, or as small
@@ -227,7 +227,7 @@ def _formed(
         return [*forms, *varied], np.column_stack([columns, np.where(np.isfinite(more), more, 0.0)])
 
     complement.left(complement.simulated)  # made once, before threads ask for it
-    found = each(of_effect, list(library))
+    found = map_in_threads(of_effect, list(library))
     return tuple(form for forms, _ in found for form in forms), [columns for _, columns in found]
 
 

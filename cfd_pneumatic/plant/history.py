@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 
-from cfd_pneumatic.plant.table import FAILED, Row
+from cfd_pneumatic.plant.result_table import FAILED, Row
 
-UNTOLD = (FAILED, 'insufficient_data')
+NOT_ESTIMATED = (FAILED, 'insufficient_data')
 """Verdicts that say nothing of the device: the next ones are compared with what was known before."""
 
 FEWEST_DEVICES = 3
@@ -47,7 +47,7 @@ class Part:
     @property
     def now(self) -> Row:
         """The last row that says something of the device; the last one where none does."""
-        return next((row for row in reversed(self.rows) if row['verdict'] not in UNTOLD), self.rows[-1])
+        return next((row for row in reversed(self.rows) if row['verdict'] not in NOT_ESTIMATED), self.rows[-1])
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _device(name: str, rows: Sequence[Row]) -> Device:
 
 
 def _changes(rows: Sequence[Row]) -> Iterator[Change]:
-    told = [row for row in rows if row['verdict'] not in UNTOLD]
+    told = [row for row in rows if row['verdict'] not in NOT_ESTIMATED]
     return (Change(before, after) for before, after in pairwise(told) if _differ(before, after))
 
 

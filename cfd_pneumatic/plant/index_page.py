@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from cfd_pneumatic import __version__
-from cfd_pneumatic.identification import number, spoken
+from cfd_pneumatic.identification import number, readable_name
 from cfd_pneumatic.identification import verdict as verdict_text
 from cfd_pneumatic.model import EFFECTS, SPECS
-from cfd_pneumatic.plant.chart import Curve, drift_chart
+from cfd_pneumatic.plant.drift_chart import Curve, drift_chart
 from cfd_pneumatic.plant.history import Change, Device, Part, devices, named_by, named_on_all
-from cfd_pneumatic.plant.table import CSV_FILE, PARQUET_FILE, Row, column_of
+from cfd_pneumatic.plant.result_table import CSV_FILE, PARQUET_FILE, Row, column_of
 from cfd_pneumatic.plant.trend import trend_of
 from cfd_pneumatic.reporting import rendered
 
@@ -102,7 +102,7 @@ def _common(plant: Sequence[Device]) -> Iterator[str]:
             if values and not parameter.choice:
                 ends = dict.fromkeys(number(one, 3) for one in (min(values), max(values)))
                 sizes.append(f'{parameter.name} {" to ".join(ends)} {parameter.unit.strip("-")}'.rstrip())
-        yield spoken(name) + (f' ({", ".join(sizes)})' if sizes else '')
+        yield readable_name(name) + (f' ({", ".join(sizes)})' if sizes else '')
 
 
 def _sizes(row: Row) -> dict[str, Any]:
@@ -147,7 +147,7 @@ def _trends(drifts: Sequence[Drift], places: Sequence[float]) -> Iterator[dict[s
 
 def said(row: Row) -> str:
     """Return a verdict in words, with the effects and the law that it names."""
-    effects = ' and '.join(map(spoken, named_by(row)))
+    effects = ' and '.join(map(readable_name, named_by(row)))
     verdict = verdict_text(row['verdict'])
     doubt = f' (in doubt: {row["warnings"].replace(";", ", ")})' if row.get('warnings') else ''
     return f'{verdict}: {effects}{doubt}' if effects else f'{verdict}{doubt}'

@@ -16,7 +16,7 @@ from cfd_pneumatic.identification import VARIABLES, identify
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
-from cfd_pneumatic.plant.table import FAILED, FITTED, Row, column_of
+from cfd_pneumatic.plant.result_table import FAILED, FITTED, Row, column_of
 from cfd_pneumatic.recording import read_recording
 from cfd_pneumatic.reporting import PAGE_FILE, REPORT_FILE, REPORT_FILES, file_names, write_report
 
@@ -102,7 +102,7 @@ def do(job: Job) -> list[Row]:
     check_folder(job.folder)
     check_files(job)
     job.folder.parent.mkdir(parents=True, exist_ok=True)
-    with _alone, FILES.made_aside(job.folder, overwrite=job.overwrite) as folder:
+    with _alone, FILES.staged_output(job.folder, overwrite=job.overwrite) as folder:
         rows = _identified(job, folder)
         text = json.dumps({'fingerprint': job.fingerprint, 'rows': rows}, indent=1, allow_nan=False)
         write_text(folder / ROW_FILE, f'{text}\n')

@@ -13,15 +13,23 @@ from distributed import Client, KilledWorker
 
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import ResultFiles, take_away_left, write_text
+from cfd_pneumatic.files import ResultFiles, remove_abandoned, write_text
 from cfd_pneumatic.plant.bags import PlantBag
 from cfd_pneumatic.plant.cluster import results
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
 from cfd_pneumatic.plant.history import devices
 from cfd_pneumatic.plant.index_page import index_page
 from cfd_pneumatic.plant.job import Job, check_files, do, earlier_rows, failure
-from cfd_pneumatic.plant.table import CSV_FILE, FAILED, PARQUET_FILE, Row, is_csv_table, is_parquet_table, write_table
-from cfd_pneumatic.recording import counted
+from cfd_pneumatic.plant.result_table import (
+    CSV_FILE,
+    FAILED,
+    PARQUET_FILE,
+    Row,
+    is_csv_table,
+    is_parquet_table,
+    write_table,
+)
+from cfd_pneumatic.recording import count_of
 from cfd_pneumatic.reporting import is_page
 
 INDEX_FILE = 'index.html'
@@ -61,13 +69,13 @@ class Survey:
         plant = devices(self.rows)
         bags, failed = sum(len(one.bags) for one in plant), sum(len(one.failures) for one in plant)
         changed = [one.name for one in plant if one.changes]
-        told = f'{counted(bags, "bag")} of {counted(len(plant), "device")}, {failed} failed'
+        print_help_or_version = f'{count_of(bags, "bag")} of {count_of(len(plant), "device")}, {failed} failed'
         if self.taken_over:
-            told += f'; {self.taken_over} had been done before'
+            print_help_or_version += f'; {self.taken_over} had been done before'
         if changed:
             more = f' and {len(changed) - _NAMED} more' if len(changed) > _NAMED else ''
-            told += f'\nanother verdict than before: {", ".join(changed[:_NAMED])}{more}'
-        return told
+            print_help_or_version += f'\nanother verdict than before: {", ".join(changed[:_NAMED])}{more}'
+        return print_help_or_version
 
 
 def survey(
@@ -142,7 +150,7 @@ def _clear(jobs: Iterable[Job]) -> None:
         names[job.folder.parent].add(job.folder.name)
         names[job.folder].add(job.folder.name)
     for folder, those in names.items():
-        take_away_left(folder, those)
+        remove_abandoned(folder, those)
 
 
 def _check_files(folder: Path, jobs: Iterable[Job], overwrite: bool) -> None:

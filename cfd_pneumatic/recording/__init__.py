@@ -26,7 +26,7 @@ if TYPE_CHECKING:
         check_bag,
     )
     from cfd_pneumatic.recording.dropouts import is_noisy
-    from cfd_pneumatic.recording.gaps import pieces
+    from cfd_pneumatic.recording.gaps import split_at_gaps
     from cfd_pneumatic.recording.mapping import (
         COLUMN_KEYS,
         NUMBER_KEYS,
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
         ChannelMapping,
         read_mapping,
     )
+    from cfd_pneumatic.recording.message_texts import count_of
     from cfd_pneumatic.recording.reading import read_recording
     from cfd_pneumatic.recording.recording import Recording
     from cfd_pneumatic.recording.sampled_signals import recording_of, sampled
     from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Signal
-    from cfd_pneumatic.recording.wording import counted
     from cfd_pneumatic.recording.writing import stamps_of, streams_of, write_recording
 else:
     __getattr__ = loader_of(__name__)

@@ -18,7 +18,7 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.messages import NANOSECONDS, earliest_after
 from cfd_pneumatic.recording.memory_maps import parts
-from cfd_pneumatic.recording.wording import counted
+from cfd_pneumatic.recording.message_texts import count_of
 
 MAX_DISORDER = 1.0
 """Time [s] by which a sample may come late; more means that the clock was set back."""
@@ -85,18 +85,18 @@ def clean(times: NDArray[np.int64], values: Array, name: str, *, held: bool = Fa
     if not len(times):
         raise InputError(f'{name} holds no finite number')
     if len(times) < given:
-        notes.append(f'{name}: dropped {counted(given - len(times), "sample")} not finite')
+        notes.append(f'{name}: dropped {count_of(given - len(times), "sample")} not finite')
 
     late = _count_late(times, name)
     if late:
         _sort(times, values)
-        notes.append(f'{name}: sorted {counted(late, "sample")} out of order')
+        notes.append(f'{name}: sorted {count_of(late, "sample")} out of order')
 
     finite = len(times)
     times, values = keep(times, values, lambda part: (_ends if held else _begins)(times, part))
     if len(times) < finite:
         kept = 'last' if held else 'first'
-        notes.append(f'{name}: {counted(finite - len(times), "sample")} at the time of another, kept the {kept}')
+        notes.append(f'{name}: {count_of(finite - len(times), "sample")} at the time of another, kept the {kept}')
 
     if not held:
         notes += _describe_intervals(times, name)
@@ -194,7 +194,7 @@ def _describe_intervals(times: NDArray[np.int64], name: str) -> list[str]:
         gaps += int(np.count_nonzero(intervals > GAP * usual))
         longest = max(longest, int(intervals.max()))
     if gaps:
-        notes.append(f'{name}: {counted(gaps, "gap")}, the longest {longest / NANOSECONDS:.4g} s')
+        notes.append(f'{name}: {count_of(gaps, "gap")}, the longest {longest / NANOSECONDS:.4g} s')
     return notes
 
 

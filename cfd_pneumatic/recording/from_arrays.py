@@ -17,8 +17,8 @@ from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.messages import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean, share_at_shared_times
+from cfd_pneumatic.recording.outliers import screened
 from cfd_pneumatic.recording.signals import CylinderSignals, Signal
-from cfd_pneumatic.recording.wild_samples import screened
 
 _LATEST = 2**62  # [ns]
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.recording.message_texts import count_of
 from cfd_pneumatic.recording.recording import Recording
 from cfd_pneumatic.recording.signals import Signal
-from cfd_pneumatic.recording.wording import counted
 
 SHORTEST, LONGEST = 0.2, 0.5
 """
@@ -27,7 +27,7 @@ _SHORTEST_PIECE = 1.0  # shorter pieces are left out [s]
 _LEAPS = 5.0  # times the change from sample to sample that a hundredth exceed
 
 
-def pieces(recording: Recording) -> list[Recording]:
+def split_at_gaps(recording: Recording) -> list[Recording]:
     """
     Return what lies between the gaps of a recording's displacement, each a recording of its own.
 
@@ -53,7 +53,7 @@ def pieces(recording: Recording) -> list[Recording]:
     if not found:
         return [recording]
     longest = float(np.max(intervals[gaps]))
-    what = f'{counted(len(gaps), "gap")} of up to {longest:.3g} s'
+    what = f'{count_of(len(gaps), "gap")} of up to {longest:.3g} s'
     note = f'{what}: the model starts anew behind each, and what lies between is a recording of its own'
     return [replace(found[0], health=(*recording.health, note)), *(replace(one, health=()) for one in found[1:])]
 
@@ -82,7 +82,7 @@ def _without_repeated_rows(recording: Recording) -> Recording:
     ]
     if not repeated:
         return recording
-    note = f'{counted(len(repeated), "time")} all signals repeat their last sample: left out as gaps'
+    note = f'{count_of(len(repeated), "time")} all signals repeat their last sample: left out as gaps'
     return replace(_without(recording, repeated), health=(*recording.health, note))
 
 

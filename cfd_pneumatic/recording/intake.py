@@ -13,8 +13,8 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.messages import Decoder, FieldPath, MessageBlock
 from cfd_pneumatic.recording.memory_maps import allocate, give_back
+from cfd_pneumatic.recording.message_texts import count_of, listed
 from cfd_pneumatic.recording.sources import SignalSource
-from cfd_pneumatic.recording.wording import counted, listed
 
 MOST_LAGS = 16_384
 """Of a longer recording every second, fourth, ... lag is kept, so that no more than these are."""
@@ -169,12 +169,12 @@ class Intake:
             raise InputError(f'no message on topic {channel.source} has {self._wanted}{there}')
         notes = []
         if self._missing:
-            notes.append(f'{channel.name}: {counted(self._missing, "message")} without {self._wanted}')
+            notes.append(f'{channel.name}: {count_of(self._missing, "message")} without {self._wanted}')
         times, raw = self._times[: self._count], self._raw[: self._count]
         strays = self._strays_number()
         if strays and not self._unstamped:
             notes.append(
-                f'{channel.name}: {counted(strays, "message")} received at a time that cannot be: placed by the stamps'
+                f'{channel.name}: {count_of(strays, "message")} received at a time that cannot be: placed by the stamps'
             )
             order = np.argsort(times, kind='stable')
             times, raw = times[order], raw[order]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.recording.wording import reason_of
+from cfd_pneumatic.recording.message_texts import reason_of
 
 PART = 65_536
 """Entries of an array that are gone over together."""

@@ -22,14 +22,14 @@ from cfd_pneumatic.recording.cleaning import Cleaned, at_changes, clean, share_a
 from cfd_pneumatic.recording.dropouts import without_pulses
 from cfd_pneumatic.recording.mapping import ChannelMapping, read_mapping
 from cfd_pneumatic.recording.memory_maps import parts
+from cfd_pneumatic.recording.message_texts import count_of
+from cfd_pneumatic.recording.outliers import SCREENS, screened
 from cfd_pneumatic.recording.recording import Recording
 from cfd_pneumatic.recording.sampling import Defaults, read_samples
 from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Signal
 from cfd_pneumatic.recording.sources import OTHER, Samples, SignalSource
 from cfd_pneumatic.recording.table import read_table
 from cfd_pneumatic.recording.topics import convention_channels, resolve
-from cfd_pneumatic.recording.wild_samples import SCREENS, screened
-from cfd_pneumatic.recording.wording import counted
 from cfd_pneumatic.units import UNITS
 
 FORCE_AXES = ('x', 'y', 'z')
@@ -262,7 +262,7 @@ def _without_pulses(changes: Cleaned, name: str) -> Cleaned:
     number = (len(kept) - int(np.count_nonzero(kept))) // 2
     if not number:
         return changes
-    note = f'{name}: left out {counted(number, "change")} taken back within 0.02 s: look at the plug and the logger'
+    note = f'{name}: left out {count_of(number, "change")} taken back within 0.02 s: look at the plug and the logger'
     return Cleaned(changes.times[kept], changes.values[kept], (*changes.notes, note))
 
 

@@ -12,11 +12,11 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.messages import NANOSECONDS
+from cfd_pneumatic.recording.message_texts import count_of
 from cfd_pneumatic.recording.sources import Samples, SignalSource
 from cfd_pneumatic.recording.table_format import CHECK, DAY, TableFormat
 from cfd_pneumatic.recording.table_numbers import numbers_of
 from cfd_pneumatic.recording.table_rows import columns_of, encoding_of, rows_of
-from cfd_pneumatic.recording.wording import counted
 
 _MAX_TIME = 1e11
 """Seconds beyond which a time is an input error: 3,000 years. Days of MATLAB and ticks of .NET count from year 0 on."""
@@ -72,7 +72,7 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
                 'holds no samples with a time: if no column has one, leave `time` out and give `sample_period` [s]'
             )
         if not timed.all():
-            notes.append(f'time: dropped {counted(int(np.sum(~timed)), "row")} not finite')
+            notes.append(f'time: dropped {count_of(int(np.sum(~timed)), "row")} not finite')
             rows = rows[timed]
         seconds = _seconds(_unwrapped(rows[:, 0], layout, notes), layout, notes)
         rows = rows[:, 1:]
@@ -84,7 +84,7 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
         raise InputError('the time never changes: is its column the time, with all its digits?')
     if alike > _MOST_ALIKE * len(rows):
         notes.append(
-            f'time: {alike:,} of {counted(len(rows), "row")} have the time of the row before: were its last digits '
+            f'time: {alike:,} of {count_of(len(rows), "row")} have the time of the row before: were its last digits '
             'cut off, or rows written twice?'
         )
     offsets = [round(channel.time_offset * NANOSECONDS) for channel in channels]
@@ -113,7 +113,7 @@ def _unwrapped(counts: Array, layout: TableFormat, notes: list[str]) -> Array:
         ends = steps < -0.5 * size
         after = steps[ends] + size
         if after.size and np.all((after > 0.0) & (after <= longest)):
-            notes.append(f'time: the counter wraps after {size:,.15g} ({counted(after.size, "time")}): times continue')
+            notes.append(f'time: the counter wraps after {size:,.15g} ({count_of(after.size, "time")}): times continue')
             return counts + size * np.append(0, np.cumsum(ends))
     return counts
 

@@ -15,8 +15,8 @@ from typing import NamedTuple, TextIO
 
 from cfd_pneumatic.errors import InputError, quoted
 from cfd_pneumatic.files import open_input
+from cfd_pneumatic.recording.message_texts import count_of
 from cfd_pneumatic.recording.table_format import CHECK, TableFormat
-from cfd_pneumatic.recording.wording import counted
 
 _LONGEST_LINE = 2**24
 """Characters of a line beyond which a file is no table."""
@@ -87,7 +87,7 @@ def rows_of(
                 known = f'the header has {len(names)} names' if names else f'the first row has {most}'
                 text = quoted((layout.delimiter or ' ').join(fields))
                 fix = f'{text}; delete the line if it is a footer, or {CHECK}' if len(fields) < least else CHECK
-                raise InputError(f'line {lines.number} has {counted(len(fields), "field")}, but {known}: {fix}')
+                raise InputError(f'line {lines.number} has {count_of(len(fields), "field")}, but {known}: {fix}')
             yield Row(lines.number, [fields[column] for column in columns])
 
 

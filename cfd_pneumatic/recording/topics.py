@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping
 from cfd_pneumatic.convention import CYLINDERS, PISTON_STATE, ROLES, Role, pressure_topic
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.bags import Topic
+from cfd_pneumatic.recording.message_texts import listed
 from cfd_pneumatic.recording.sources import SignalSource
-from cfd_pneumatic.recording.wording import listed
 
 
 def convention_channels(topics: Mapping[str, Topic], namespace: str | None) -> list[SignalSource]:

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from cfd_pneumatic.reporting.draft import draft_effect
     from cfd_pneumatic.reporting.folder import FILES as REPORT_FILES
     from cfd_pneumatic.reporting.folder import compare_files, file_names, is_compare_file, write_report
-    from cfd_pneumatic.reporting.leaks import FILES as LEAK_FILES
-    from cfd_pneumatic.reporting.leaks import print_decay, write_decays
+    from cfd_pneumatic.reporting.leak_report import FILES as LEAK_FILES
+    from cfd_pneumatic.reporting.leak_report import print_decay, write_decays
     from cfd_pneumatic.reporting.names import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
+    from cfd_pneumatic.reporting.overview_plot import overview
     from cfd_pneumatic.reporting.page import report_page
-    from cfd_pneumatic.reporting.summary import overview
     from cfd_pneumatic.reporting.template import is_page, rendered
 else:
     __getattr__ = loader_of(__name__)

@@ -24,7 +24,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from cfd_pneumatic.files import made_aside, marked
+from cfd_pneumatic.files import marked, staged_output
 from cfd_pneumatic.identification import Comparison, Identification
 from cfd_pneumatic.messages import Form
 from cfd_pneumatic.recording import BagWriter, Recording, Stream, stamps_of, streams_of
@@ -78,7 +78,7 @@ def write_comparison(
     for one in _streams(identification, index):
         times, values = thinned(one.times, one.values, columns)
         streams.append(replace(one, times=times, values=values))
-    with made_aside(path) as made:
+    with staged_output(path) as made:
         bag = made.with_name('bag')
         with BagWriter(bag) as writer:
             writer.write_streams(streams)

@@ -16,9 +16,9 @@ from cfd_pneumatic.identification import (
     Estimate,
     Identification,
     PartError,
+    describe_remaining_error,
     percent,
-    qualified,
-    remainder,
+    reservation,
     sentence,
     verdict,
 )
@@ -67,10 +67,10 @@ def _print_findings(result: ChannelResult, console: Console) -> None:
     findings = result.findings
     style = _STYLES.get(findings.verdict, 'bold')
     console.print()
-    headline = f'{result.name}: {verdict(findings.verdict)}{qualified(findings)}.'
+    headline = f'{result.name}: {verdict(findings.verdict)}{reservation(findings)}.'
     console.print(Text.assemble((headline, style), ' ', sentence(findings.why)))
     if findings.verdict == 'unexplained':
-        console.print(remainder(result))
+        console.print(describe_remaining_error(result))
     if result.added:
         console.print(_effect_table(result))
     if findings.tried:

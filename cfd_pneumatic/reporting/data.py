@@ -12,12 +12,12 @@ from typing import Any
 from cfd_pneumatic.identification import (
     PARTS,
     ChannelResult,
+    Characteristic,
     Estimate,
     Identification,
     PartError,
-    Shape,
     Test,
-    dependences,
+    residual_dependences,
 )
 from cfd_pneumatic.reporting.advice import next_plan
 
@@ -163,7 +163,7 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
     }
 
 
-def _shape_data(shape: Shape) -> dict[str, Any]:
+def _shape_data(shape: Characteristic) -> dict[str, Any]:
     """Return a law that was drawn; a pair of others names where they enter, and against what."""
     return {
         'enters': shape.enters,
@@ -186,7 +186,9 @@ def _left_data(result: ChannelResult) -> dict[str, Any]:
         f'rmse_{result.quantity.key}': size,
         'over_noise': size / result.noise.std,
         'percent_of_span': 100.0 * size / result.span,
-        'depends_on': [{'on': one.on, 'share': one.share, 'look_at': one.suggestion} for one in dependences(result)],
+        'depends_on': [
+            {'on': one.on, 'share': one.share, 'look_at': one.suggestion} for one in residual_dependences(result)
+        ],
     }
 
 

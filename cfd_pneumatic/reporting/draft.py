@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import PLACES, VARIABLES, ChannelResult, Identification, Shape
+from cfd_pneumatic.identification import PLACES, VARIABLES, ChannelResult, Characteristic, Identification
 
 _BOTH_PRESSURES = 'moment.p - moment.ambient + moment.opposing - moment.ambient'
 """What the pressure is in a law of the force."""
@@ -77,7 +77,7 @@ def draft_effect(identification: Identification, name: str) -> str:
     raise InputError('no effect is drafted: no law was drawn that has a formula in what it depends on')
 
 
-def _drafted(law: Shape, name: str, result: ChannelResult) -> str:
+def _drafted(law: Characteristic, name: str, result: ChannelResult) -> str:
     formula = law.formulas[0]
     functions_of_place, variable = PLACES[law.enters].effect, VARIABLES[law.against].effect
     names = [_NUMBERS[letter][0] for letter in formula.numbers]
@@ -130,7 +130,7 @@ def _drafted(law: Shape, name: str, result: ChannelResult) -> str:
     )
 
 
-def _unit_of_height(law: Shape, power: int) -> str:
+def _unit_of_height(law: Characteristic, power: int) -> str:
     """Return the unit of what is multiplied with a power of what the law depends on."""
     own, against = '-' if law.unit == '1' else law.unit, law.unit_against
     if power and own == against:
@@ -145,7 +145,7 @@ def _turned(value: str) -> str:
     return value.removeprefix('-') if value.startswith('-') else f'-{value}'
 
 
-def _parameter(letter: str, unit: str, law: Shape) -> str:
+def _parameter(letter: str, unit: str, law: Characteristic) -> str:
     name, description = _NUMBERS[letter]
     lower = '1e-9' if letter == 'c' else '-1e9'
     null = '1.0' if letter == 'c' else '0.0'

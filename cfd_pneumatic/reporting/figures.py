@@ -22,11 +22,11 @@ from cfd_pneumatic.identification import (
     SIGNIFICANCE,
     VARIABLES,
     ChannelResult,
+    Characteristic,
     Comparison,
     Dependence,
-    Shape,
     autocovariance,
-    dependences,
+    residual_dependences,
 )
 from cfd_pneumatic.reporting.thinning import thinned
 from cfd_pneumatic.svg import Curve, Panel, chart
@@ -99,7 +99,7 @@ def pictures(result: ChannelResult, drawn: Sequence[Comparison]) -> dict[str, li
     """Return the figures of a channel by their place on the page; whole recordings are shown of those `drawn`."""
     strips = [zoom_picture(result), *(record_picture(result, one) for one in drawn)]
     unexplained = result.findings.verdict == 'unexplained'
-    depended = dependences(result)[:_MOST_DEPENDENCES] if unexplained else []
+    depended = residual_dependences(result)[:_MOST_DEPENDENCES] if unexplained else []
     return {
         'law': [] if result.findings.unknown is None else [law_picture(result.findings.unknown)],
         'strips': strips,
@@ -108,7 +108,7 @@ def pictures(result: ChannelResult, drawn: Sequence[Comparison]) -> dict[str, li
     }
 
 
-def law_picture(law: Shape) -> Picture:
+def law_picture(law: Characteristic) -> Picture:
     """Return the curve of a law with its band; grey where no recording has been."""
     (scale, across), (size, up) = _LAW_UNITS[law.unit_against], _LAW_UNITS[law.unit]
     at, seen = law.at / scale, np.flatnonzero(law.visited)

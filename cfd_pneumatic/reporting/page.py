@@ -18,8 +18,8 @@ from cfd_pneumatic.identification import (
     PartError,
     Test,
     Trial,
-    remainder,
-    spoken,
+    describe_remaining_error,
+    readable_name,
     title,
 )
 from cfd_pneumatic.model import EFFECTS, SPECS
@@ -101,7 +101,7 @@ def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
         'not_drawn': [comparison.name for comparison in result.comparisons[_MOST_RECORDINGS:]],
         'errors': list(_errors(result)),
         'live': live,
-        'remainder': remainder(result),
+        'remainder': describe_remaining_error(result),
         'rounds': [_round(trials) for trials in findings.rounds],
         'tests': _tests(findings.tests_before, findings.tests_after),
         'parameters': list(_gain_rows(result)),
@@ -118,7 +118,7 @@ def _bars(result: ChannelResult) -> Iterator[dict[str, Any]]:
     values['noise'] = result.noise.std
     names = {
         'before': result.quantity.model,
-        'after': f'with {" and ".join(spoken(effect) for effect in result.added)}',
+        'after': f'with {" and ".join(readable_name(effect) for effect in result.added)}',
         'noise': 'sensor noise alone',
     }
     longest = max(values.values()) or 1.0

@@ -11,7 +11,7 @@ from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined
 from jinja2.bccache import Bucket
 
 from cfd_pneumatic.files import marked
-from cfd_pneumatic.identification import number, percent, qualified, sentence, spoken, title_of_test, unit
+from cfd_pneumatic.identification import number, percent, readable_name, reservation, sentence, title_of_test, unit
 from cfd_pneumatic.identification import title as title_text
 from cfd_pneumatic.identification import verdict as verdict_text
 from cfd_pneumatic.runtime import is_trusted, read_code, write_code
@@ -54,9 +54,9 @@ def rendered(template: str, *folders: Path, **values: Any) -> str:
     templates.filters.update(
         number=number,
         percent=percent,
-        qualified=qualified,
+        reservation=reservation,
         sentence=sentence,
-        spoken=spoken,
+        readable_name=readable_name,
         title=title_text,
         title_of_test=title_of_test,
         unit=unit,

@@ -22,10 +22,8 @@ from cfd_pneumatic.lazy import loader_of
 if TYPE_CHECKING:
     from cfd_pneumatic.rig.bench import Bench, Performance, RigRecord, record
     from cfd_pneumatic.rig.compilation import compiled
-    from cfd_pneumatic.rig.device import Rig, Truth
     from cfd_pneumatic.rig.devices import DEVICES, device_named, with_faults
     from cfd_pneumatic.rig.effects import Effects
-    from cfd_pneumatic.rig.naming import SCHEDULES, schedule_named, written_schedule
     from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
     from cfd_pneumatic.rig.parameters import Air, Cylinder, Piston, RigParameters, Seal, with_changes
     from cfd_pneumatic.rig.physics import (
@@ -39,6 +37,7 @@ if TYPE_CHECKING:
         orifice_flow,
     )
     from cfd_pneumatic.rig.piston import CommandedPiston
+    from cfd_pneumatic.rig.rig import Rig, Truth
     from cfd_pneumatic.rig.schedule import (
         LONGEST,
         MIL,
@@ -49,6 +48,7 @@ if TYPE_CHECKING:
         paper_step,
         surface_following,
     )
+    from cfd_pneumatic.rig.schedule_names import SCHEDULES, schedule_named, written_schedule
     from cfd_pneumatic.rig.sensors import Instruments, Readings, Sensors
     from cfd_pneumatic.rig.stroke import Stroke
     from cfd_pneumatic.rig.transmission import Transmission, read_force

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cfd_pneumatic.rig.device import Rig, Truth
 from cfd_pneumatic.rig.parameters import RigParameters, checked
+from cfd_pneumatic.rig.rig import Rig, Truth
 from cfd_pneumatic.rig.schedule import Schedule
 from cfd_pneumatic.rig.sensors import Instruments, Readings, Sensors
 from cfd_pneumatic.rig.transmission import Transmission

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.rig.device import Truth
+from cfd_pneumatic.rig.rig import Truth
 from cfd_pneumatic.units import INCH, PSI
 
 

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.rig.device import Truth
 from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.oddities import ForceOddities, Oddities
 from cfd_pneumatic.rig.parameters import RigParameters
+from cfd_pneumatic.rig.rig import Truth
 
 _OF_A_LINE = ('resonance_frequency', 'resonance_damping', 'sensor_lag')
 """Effects that a line has a state for."""

@@ -117,7 +117,7 @@ def _help(job: _Job | None) -> None:
             job = next((one for one in reversed(_jobs) if length_hint(one.left)), None)
 
 
-def each(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+def map_in_threads(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """
     Return the work's results in the order of its items; compiled functions let other threads run meanwhile.
 

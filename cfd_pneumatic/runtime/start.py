@@ -31,7 +31,7 @@ _DDS_PROFILES = ('DEFAULT_FASTRTPS_PROFILES.xml', 'DEFAULT_FASTDDS_PROFILES.xml'
 _MUCH = 50_000  # objects made, after which a command looks for garbage: its late imports alone make five times as many
 
 
-def told(program: str, arguments: Iterable[str]) -> bool:
+def print_help_or_version(program: str, arguments: Iterable[str]) -> bool:
     """Print a program's help or version where its arguments ask for one, and return whether they did."""
     options = set(takewhile(lambda one: one != '--', arguments))  # behind it a file may have any name
     if options & {'-h', '--help'}:
@@ -52,7 +52,7 @@ def _begin(module: str) -> int:
     """Run the program that is a module, and return its exit code; a signal ends its imports at once."""
     _open_streams()
     name = module.rpartition('.')[2]
-    if told(name, sys.argv[1:]):
+    if print_help_or_version(name, sys.argv[1:]):
         return 0
     if reason := _obstacle():
         print(f'{name}: error: {reason}', file=sys.stderr)

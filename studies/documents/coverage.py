@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.files import write_text
-from cfd_pneumatic.identification import Estimate, Fit, Pressure, fit_model, prepared, with_core
+from cfd_pneumatic.identification import Estimate, Fit, Pressure, fit_model, prepare_recordings, with_core
 from cfd_pneumatic.model import NAMES, TABLE_1_ROWS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Sensors
@@ -212,7 +212,7 @@ def scored(job: tuple[int, int, str]) -> Array:
         moved = Signal(times, sensors.measure_displacement(displacement(times), rng))
         cylinder = CylinderSignals(Signal(times, sensors.measure_pressure(pressure, rng)), None)
         recording = Recording('made', 0, moved, {CHANNEL.name: cylinder}, None, ())
-        estimates, truth = device.told(fit_model(CHANNEL, prepared([recording]).experiments(CHANNEL)))
+        estimates, truth = device.told(fit_model(CHANNEL, prepare_recordings([recording]).experiments(CHANNEL)))
         rows.append(
             [
                 math.nan if one.value is None or not one.std else (one.value - gain) / one.std

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from cfd_pneumatic.model import fused, propagate
-from cfd_pneumatic.runtime import each, threads
+from cfd_pneumatic.runtime import map_in_threads, threads
 
 
 def simulate_parameter_sets(
@@ -32,7 +32,7 @@ def simulate_parameter_sets(
         _propagate_sets(times, displacement, setpoint, gains[part], states[part], pressures[part])
 
     cuts = np.linspace(0, len(gains), 2 * threads() + 1).astype(int).tolist()
-    each(run, [slice(begin, end) for begin, end in pairwise(cuts)])
+    map_in_threads(run, [slice(begin, end) for begin, end in pairwise(cuts)])
     return pressures
 
 

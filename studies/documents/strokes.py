@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from cfd_pneumatic.identification import Experiment, Pressure, prepared
+from cfd_pneumatic.identification import Experiment, Pressure, prepare_recordings
 from cfd_pneumatic.model import Cylinder, OperatingPoints
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
@@ -46,5 +46,5 @@ def experiment(samples: int) -> Experiment:
     measured = CYLINDER.simulate(times, displacement, setpoint) + NOISE * np.random.default_rng(0).normal(size=samples)
     cylinders = {'cylinder_a': CylinderSignals(Signal(times, measured), Signal(times[:1], setpoint[:1]))}
     recording = Recording('strokes', 0, Signal(times, displacement), cylinders, None, ())
-    one = prepared([recording]).experiments(CHANNEL)[0]
+    one = prepare_recordings([recording]).experiments(CHANNEL)[0]
     return replace(one, chosen=np.ones(samples, dtype=bool))

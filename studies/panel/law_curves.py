@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cfd_pneumatic.arrays import Array, rms
-from cfd_pneumatic.identification import Shape
+from cfd_pneumatic.identification import Characteristic
 from cfd_pneumatic.rig import ONE_WAY_SPEED, ForceOddities, Oddities
 from studies.panel import STRANGE_FORCE, Draw
 
@@ -108,7 +108,7 @@ LAWS: Mapping[str, tuple[Law, ...]] = {
 _SCALED = ('swimming_seal', 'pop_valve')  # by the chamber's volume, and what warms it
 
 
-def nearness(shape: Shape, law: str, drawn: Draw) -> Nearness | None:
+def nearness(shape: Characteristic, law: str, drawn: Draw) -> Nearness | None:
     """Return how near a curve is to a law of the rig; None where it was drawn in another place."""
     kind, whose = (ForceOddities, 'odd_force.') if law in STRANGE_FORCE else (Oddities, 'odd_a.')
     changes = drawn.truth.changes.items()

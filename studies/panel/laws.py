@@ -24,7 +24,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import rms
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification import PARTS, Options, close_loop, identify, spoken, with_core
+from cfd_pneumatic.identification import PARTS, Options, close_loop, identify, readable_name, with_core
 from cfd_pneumatic.recording import recording_of
 from studies.documents.markdown import table
 from studies.panel import (
@@ -156,7 +156,7 @@ def report(rows: Sequence[dict[str, Any]]) -> str:
     groups = [(name, own) for name, own in groups if own]
     groups += [
         (
-            f'all of {spoken(channel)}, {what}',
+            f'all of {readable_name(channel)}, {what}',
             [row for row in seen if (row['channel'], row['whole']) == (channel, whole)],
         )
         for channel, (what, whole) in product(LAWS, KINDS)

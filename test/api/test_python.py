@@ -252,7 +252,7 @@ def test_an_argument_of_a_wrong_type_is_an_error_for_the_user(call, message):
 
 def test_a_plot_without_matplotlib_is_an_error_for_the_user(monkeypatch):
     monkeypatch.setitem(sys.modules, 'matplotlib.pyplot', None)
-    monkeypatch.delitem(sys.modules, 'cfd_pneumatic.reporting.summary', raising=False)
+    monkeypatch.delitem(sys.modules, 'cfd_pneumatic.reporting.overview_plot', raising=False)
     monkeypatch.delitem(vars(reporting), 'overview', raising=False)  # or the package has loaded it already
     with pytest.raises(cfd.InputError, match=r"pip install 'cfd_pneumatic\[plot\]'"):
         cfd.Result(None).plot()

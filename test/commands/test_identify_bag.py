@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 from cfd_pneumatic import convention
 from cfd_pneumatic.commands.identify_bag import main
 from cfd_pneumatic.commands.record_rig import main as record_rig
-from cfd_pneumatic.files.aside import checksum
+from cfd_pneumatic.files.staging import checksum
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.recording import BagWriter
 

@@ -9,7 +9,7 @@ from reference import AMBIENT, PSI
 
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.input_checks.alternative_readings import alternative_reading
-from cfd_pneumatic.identification.whereabouts import remainder
+from cfd_pneumatic.identification.residual_dependence import describe_remaining_error
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.recording import CylinderSignals, Signal, recording_of
 from cfd_pneumatic.reporting import next_plan
@@ -156,5 +156,8 @@ def test_in_recordings_that_are_misread_nothing_is_searched_for():
     found = identify([replace(recording, displacement=turned)], Options(close_loop=True))
     assert {one.code for one in found.notices if one.level == WARNING} == {'sign_suspect'}
     assert all(one.conclusion.tried == () and not one.found.model.parts for one in found.cylinders.values())
-    assert not any(one.conclusion.next_experiment or 'goes most' in remainder(one) for one in found.cylinders.values())
+    assert not any(
+        one.conclusion.next_experiment or 'goes most' in describe_remaining_error(one)
+        for one in found.cylinders.values()
+    )
     assert next_plan(found) is None

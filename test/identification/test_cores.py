@@ -12,7 +12,7 @@ from cfd_pneumatic.device import Device
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options, identify
-from cfd_pneumatic.identification.channels.channel import UNTOLD
+from cfd_pneumatic.identification.channels.channel import NOT_ESTIMATED
 from cfd_pneumatic.recording import recording_of as sampled_recording
 from cfd_pneumatic.rig import device_named, record, surface_following
 from studies.panel import draw, oracle_rmse
@@ -75,7 +75,7 @@ def test_what_recordings_do_not_tell_of_it_stands_as_data_sheets_have_it():
     _, found = closed(None, 'orifices')
     model = found.cylinders['cylinder_a'].found.model
     told = found.cylinders['cylinder_a'].parameters('physical_core')
-    absent = {name for name, one in told.items() if one.reason == UNTOLD}
+    absent = {name for name, one in told.items() if one.reason == NOT_ESTIMATED}
     assert absent >= {'wall_loss', 'silencer', 'stirring'}
     parameters = {one.name: one for one in found.cylinders['cylinder_a'].channel.effects['physical_core'].parameters}
     for name, value in zip(parameters, model.core['physical_core']):

@@ -25,7 +25,7 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.data.turning_points import travelled
 from cfd_pneumatic.identification.fit.fit import find_optimum, fit_model, summary
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
-from cfd_pneumatic.identification.procedure import prepared
+from cfd_pneumatic.identification.procedure import prepare_recordings
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording, recording_of
 from studies.panel import draw, force_oracle_rmse
 
@@ -156,13 +156,13 @@ def test_a_force_counted_backwards_is_refused():
 def test_what_can_not_make_an_experiment_is_said():
     recording = recording_of(draw(None, 'paper_step', 4).recording)
     channel, force = Force(AREA, 1.0, AMBIENT), recording.force
-    assert prepared([replace(recording, force=None)]).experiments(channel) == ()
+    assert prepare_recordings([replace(recording, force=None)]).experiments(channel) == ()
     for broken, message in (
         (Signal(force.times + 99.0, force.values), 'time offsets'),
         (Signal(force.times, 0.0 * force.values), 'never changes'),
     ):
         with pytest.raises(InputError, match=message):
-            prepared([replace(recording, force=broken)]).experiments(channel)
+            prepare_recordings([replace(recording, force=broken)]).experiments(channel)
 
 
 def independent_force(times, displacement, rate, difference, gauge, truth):

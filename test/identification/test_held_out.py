@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.held_out import contradiction
 from cfd_pneumatic.identification.loop import close_loop
+from cfd_pneumatic.identification.test_part import contradiction
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.notices import WARNING
 from cfd_pneumatic.recording import CylinderSignals, Signal

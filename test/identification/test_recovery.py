@@ -17,7 +17,7 @@ from drawn import CHANNEL, model, whole
 from reference import AMBIENT, INCH, PSI, pressure, step_like, step_like_rate
 
 from cfd_pneumatic.identification.fit.fit import fit_model
-from cfd_pneumatic.identification.procedure import prepared
+from cfd_pneumatic.identification.procedure import prepare_recordings
 from cfd_pneumatic.model.parameters import NAMES, TABLE_1_ROWS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Sensors
@@ -50,7 +50,7 @@ def moved(seed):
     rng = np.random.default_rng(seed)
     start = LAST_BEFORE_TRIGGER + PERIOD * rng.random()  # the trigger comes anywhere within a sample
     measured = Sensors().measure_displacement(step_like(start, STEP_DURATION, AMPLITUDE)(TIMES), rng)
-    return start, prepared([step_recording(TIMES, measured, np.zeros(SAMPLES))])
+    return start, prepare_recordings([step_recording(TIMES, measured, np.zeros(SAMPLES))])
 
 
 @pytest.fixture(scope='module')
@@ -109,7 +109,7 @@ def test_a_step_that_only_charges_tells_no_discharging_gain():
     displacement = step_like(0.1, STEP_DURATION, 17e-3 * INCH)(TIMES)
     sensors = Sensors()
     measured = sensors.measure_displacement(displacement, rng), sensors.measure_pressure(exact, rng)
-    found = fit_data(prepared([step_recording(TIMES, *measured)]), None)
+    found = fit_data(prepare_recordings([step_recording(TIMES, *measured)]), None)
     k_v = found.estimates[NAMES.index('k_v')]
     assert not k_v.identifiable
     assert k_v.value is None
@@ -132,7 +132,7 @@ def test_a_recording_that_begins_under_way_is_fitted_from_either_side_of_the_set
     sensors = Sensors(bits=0)
     measured = sensors.measure_displacement(moved, rng), sensors.measure_pressure(exact, rng)
     recording = step_recording(times[LEAD:], *(one[LEAD:] for one in measured))
-    found = fit_model(CHANNEL, prepared([recording]).experiments(CHANNEL))
+    found = fit_model(CHANNEL, prepare_recordings([recording]).experiments(CHANNEL))
     left = (recording.cylinders['cylinder_a'].pressure.values - found.simulated[0])[LEAD:]
     assert np.sqrt(np.mean(left**2)) < 1.05 * sensors.pressure_noise
     assert [one.value for one in found.estimates] == pytest.approx(truth, rel=0.02)

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.residual import tests as module
 from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
-from cfd_pneumatic.identification.residual.tests import explained
+from cfd_pneumatic.identification.residual.tests import is_noise
 from cfd_pneumatic.identification.residual.thresholds import LARGEST_COLOURED_NOISE
 from studies.panel import draw_textbook
 
@@ -81,7 +81,7 @@ def test_noise_alone_hardly_ever_fails_a_test(kind, capsys):
     decisive = [name for name, test in found[0].items() if test.decisive]
     assert {'inputs', 'line', 'level', 'noise_floor'} <= set(decisive)
     assert all(alarms[name] <= 0.01 * len(found) for name in decisive)
-    assert np.mean([explained(list(one.values())) for one in found]) >= 0.98
+    assert np.mean([is_noise(list(one.values())) for one in found]) >= 0.98
 
 
 @pytest.mark.parametrize('kind', MEMORY)
@@ -197,20 +197,20 @@ def test_samples_that_do_not_count_are_not_asked():
     early = np.arange(simulated.size) < 0.6 * simulated.size
     measured = replace(experiment, measured=simulated + noise('white', 0) + 1e4 * ~early, chosen=early)
     level = level_of([replace(experiment, measured=simulated + noise('white', 0))], [simulated])
-    assert explained(Likelihood.alike(CHANNEL, [measured]).tested([simulated], level))
+    assert is_noise(Likelihood.alike(CHANNEL, [measured]).tested([simulated], level))
 
 
 def test_recordings_are_tested_together():
     experiment, simulated = out_and_back()
     ones = [replace(experiment, measured=simulated + noise('white', seed)) for seed in (1, 2)]
     level = level_of(ones, [simulated] * 2)
-    assert explained(Likelihood.alike(CHANNEL, ones).tested([simulated] * 2, level))
+    assert is_noise(Likelihood.alike(CHANNEL, ones).tested([simulated] * 2, level))
     apart = [replace(ones[0], measured=ones[0].measured + scaled(rate(0), 0.3)), ones[1]]
-    assert not explained(Likelihood.alike(CHANNEL, apart).tested([simulated] * 2, level))
+    assert not is_noise(Likelihood.alike(CHANNEL, apart).tested([simulated] * 2, level))
 
 
 def test_only_decisive_failures_leave_something_unexplained():
     passed, failed = ResidualTest('a', 1.0, 2.0, ''), ResidualTest('b', 2.0, 1.0, '')
-    assert explained([passed, replace(failed, decisive=False)])
-    assert not explained([passed, failed])
+    assert is_noise([passed, replace(failed, decisive=False)])
+    assert not is_noise([passed, failed])
     assert ResidualTest('c', 1.0, 1.0, '').passed

@@ -128,7 +128,7 @@ def test_a_law_that_takes_most_of_the_error_is_shown_though_the_test_part_errs_m
     [
         # another effect leaves a twentieth of the error, less than a curve had promised
         ('flow_saturation', 15000, None, LINEAR, {('flow', 'error')}),
-        # gains that it led astray: it promises little beside them
+        # gains that it led astray: it screened_curves little beside them
         ('valve_dead_band', 16000, None, LINEAR, {('flow', 'error')}),
         ('positional_leakage', 16000, None, LINEAR, {('leak_while_shrinking', 'x')}),
         ('droop', 16000, None, LINEAR, {('set_point', 'flow')}),

@@ -14,7 +14,7 @@ from cfd_pneumatic.identification.channels.pressure import Pressure
 from cfd_pneumatic.identification.fit.fit import find_optimum, fit_model
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.search import visibility as module
-from cfd_pneumatic.identification.search.visibility import invisible
+from cfd_pneumatic.identification.search.visible_effects import effects_not_visible
 from cfd_pneumatic.model import TABLE_1
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from studies.panel import draw
@@ -34,7 +34,7 @@ def unseen(experiment, known, std=STD, library=PRESSURE_EFFECTS):
     channel = Pressure('cylinder_a', AMBIENT)
     channel.library = library
     likelihood = alike([experiment], channel=channel)
-    return invisible(likelihood, known, white(std))
+    return effects_not_visible(likelihood, known, white(std))
 
 
 def hidden(experiment, std=STD, known=MODEL, library=PRESSURE_EFFECTS):

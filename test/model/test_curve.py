@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.identification.channels.pressure import Pressure
-from cfd_pneumatic.identification.search.slots import Slot
+from cfd_pneumatic.identification.search.curve_places import CurvePlace
 from cfd_pneumatic.model.effects import EFFECTS, FORCE_PARTS, GENERIC, PRESSURE_PARTS, Moment, curve
 from cfd_pneumatic.model.effects.curve import AGAINST, ENTERS
 from cfd_pneumatic.model.effects.knots import KNOTS
@@ -28,11 +28,11 @@ MOMENT = Moment(
 HEIGHTS = tuple(np.linspace(-3.0, 2.0, KNOTS) ** 2)
 
 
-def slot(enters: str = 'flow', against: str = 'x', crowd: float = 1e6, middle: float = 0.0) -> Slot:
-    return Slot(enters, against, 0.1, -1.0, 1.0, middle, crowd, 1.0, Pressure.curve)
+def slot(enters: str = 'flow', against: str = 'x', crowd: float = 1e6, middle: float = 0.0) -> CurvePlace:
+    return CurvePlace(enters, against, 0.1, -1.0, 1.0, middle, crowd, 1.0, Pressure.curve)
 
 
-def height(place: Slot, at: float, heights: tuple[float, ...] = HEIGHTS) -> float:
+def height(place: CurvePlace, at: float, heights: tuple[float, ...] = HEIGHTS) -> float:
     """Return how much more flows than 1 Pa/s, as the kernel has it."""
     return curve.flow(1.0, MOMENT._replace(x=at), 0.0, *place.parameters(heights)) - 1.0
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cfd_pneumatic.identification.channels.force import Force
-from cfd_pneumatic.identification.search.slots import Slot
+from cfd_pneumatic.identification.search.curve_places import CurvePlace
 from cfd_pneumatic.model.effects import ForceMoment, force_curve
 from cfd_pneumatic.model.effects.force_curve import AGAINST, ENTERS
 from cfd_pneumatic.model.effects.knots import KNOTS
@@ -27,8 +27,8 @@ STRETCH = -0.7
 HEIGHTS = tuple(np.linspace(-3.0, 2.0, KNOTS) ** 2)
 
 
-def slot(enters: str = 'force', against: str = 'x') -> Slot:
-    return Slot(enters, against, 1e-4, -1.0, 1.0, 0.0, 1e6, 1.0, Force.curve)
+def slot(enters: str = 'force', against: str = 'x') -> CurvePlace:
+    return CurvePlace(enters, against, 1e-4, -1.0, 1.0, 0.0, 1e6, 1.0, Force.curve)
 
 
 def height(at: float) -> float:

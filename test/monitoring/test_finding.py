@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from cfd_pneumatic.identification import Estimate
-from cfd_pneumatic.monitoring import Alarm, Departure, Diagnosis, departed, diagnosed, news
+from cfd_pneumatic.monitoring import Alarm, Departure, Diagnosis, describe_departure, describe_diagnosis, news
 
 
 def estimate(name: str, value: float, std: float, unit: str = '1/s') -> Estimate:
@@ -24,7 +24,7 @@ K_SV = estimate('k_sv', 180.0, 1.0)
 
 
 def said(now: Diagnosis, before: Diagnosis | None = None) -> str:
-    return diagnosed(Alarm(0, True, (0, 0), news=news(now, before)))
+    return describe_diagnosis(Alarm(0, True, (0, 0), news=news(now, before)))
 
 
 @pytest.mark.parametrize(
@@ -84,4 +84,4 @@ def test_only_what_is_new_is_named(now: Diagnosis, before: Diagnosis | None, wor
     ],
 )
 def test_a_departure_is_said_in_words(departure: Departure, words: str) -> None:
-    assert departed(departure) == words
+    assert describe_departure(departure) == words

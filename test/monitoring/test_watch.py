@@ -8,7 +8,7 @@ import pytest
 from patrolled import EPOCH, LEARNED, SETTINGS, Patrol, Sample, Spoil, close_loop, learned
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS
-from cfd_pneumatic.monitoring import Finding, departed, diagnosed
+from cfd_pneumatic.monitoring import Finding, describe_departure, describe_diagnosis
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.rig import Sensors
 
@@ -31,7 +31,7 @@ def test_a_healthy_device_gives_no_alarm_and_a_leak_is_named_with_its_size() -> 
         residuals = np.array([value for channel, _, value in patrol.residuals if channel == name])
         assert np.std(residuals[500:]) == pytest.approx(noise, rel=0.1)
     patrol.let(leak_conductance=1e-10).go_on(2.0)
-    assert diagnosed(watch.alarms['cylinder_a']) == 'is being diagnosed'
+    assert describe_diagnosis(watch.alarms['cylinder_a']) == 'is being diagnosed'
     assert not watch.stands(watch.alarms['cylinder_a'])
     patrol.go_on(14.0)
     alarm = watch.alarms['cylinder_a']
@@ -40,10 +40,10 @@ def test_a_healthy_device_gives_no_alarm_and_a_leak_is_named_with_its_size() -> 
     assert departure.level
     assert departure.shift < -300.0
     assert (alarm.since - EPOCH) / SECOND == pytest.approx(LEARNED + 15.0, abs=1.0)
-    assert departed(departure).startswith('cylinder A loses ')
-    assert 'looks like leakage (conductance ' in diagnosed(alarm)
+    assert describe_departure(departure).startswith('cylinder A loses ')
+    assert 'looks like leakage (conductance ' in describe_diagnosis(alarm)
     assert 'cylinder_b' not in watch.alarms
-    assert diagnosed(watch.alarms[CONTACT_FORCE], follows=True) == 'follows from the pressures'
+    assert describe_diagnosis(watch.alarms[CONTACT_FORCE], follows=True) == 'follows from the pressures'
     patrol.let(leak_conductance=0.0).go_on(SETTINGS.window + 3.0)
     assert watch.alarms == {}, 'it ends when nothing rings any more'
 
@@ -60,14 +60,17 @@ def test_while_nothing_moves_the_words_say_at_rest() -> None:
         return held[0]._replace(stamp=sample.stamp, pressures=pressures, force=sample.force)
 
     patrol.go_on(4.0, resting)
-    assert departed(patrol.watch.departure('cylinder_a')) == 'cylinder A loses 1.2 kPa more than its model at rest'
+    assert (
+        describe_departure(patrol.watch.departure('cylinder_a'))
+        == 'cylinder A loses 1.2 kPa more than its model at rest'
+    )
 
 
 def test_a_sensor_that_lags_is_told_by_its_energy() -> None:
     patrol = learned().let(sensor_lag=1e-3).go_on(3.0)
     departure = patrol.watch.departure('cylinder_a')
     assert not departure.level
-    assert departed(departure).startswith('cylinder A parts from its model by ')
+    assert describe_departure(departure).startswith('cylinder A parts from its model by ')
 
 
 def silent(sample: Sample) -> None:
@@ -163,7 +166,7 @@ def test_a_topic_that_is_not_there_is_missing_and_a_force_need_not_be() -> None:
 def test_where_the_loop_knows_nothing_the_words_say_so() -> None:
     patrol = Patrol(lambda recording: Finding({}, 'the piston does not move')).go_on(LEARNED)
     patrol.let(leak_conductance=1e-10).go_on(8.0)
-    assert diagnosed(patrol.watch.alarms['cylinder_a']) == (
+    assert describe_diagnosis(patrol.watch.alarms['cylinder_a']) == (
         'which effect it is cannot be told (the piston does not move)'
     )
 

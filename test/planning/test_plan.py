@@ -12,15 +12,15 @@ import pytest
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.residual.noise import Noise
-from cfd_pneumatic.identification.search.visibility import invisible
+from cfd_pneumatic.identification.search.visible_effects import effects_not_visible
 from cfd_pneumatic.model import NAMES, TABLE_1
 from cfd_pneumatic.model.effects import EFFECTS, FORCE_EFFECTS, PRESSURE_EFFECTS
 from cfd_pneumatic.planning import Limits, Sensing, plan
 from cfd_pneumatic.planning.composition import ROUNDS
-from cfd_pneumatic.planning.device import at_home, home_gains, home_setpoints, usual_pressures
 from cfd_pneumatic.planning.evidence import Evidence
 from cfd_pneumatic.planning.experiment_plan import settling
 from cfd_pneumatic.planning.family import family
+from cfd_pneumatic.planning.planned_device import at_home, home_gains, home_setpoints, usual_pressures
 from cfd_pneumatic.planning.proposal import Drawing
 from cfd_pneumatic.planning.signatures import all_signatures, split_of
 from cfd_pneumatic.planning.signatures import planned as planned_channels
@@ -145,7 +145,7 @@ def test_what_shows_is_not_invisible(names):
     channel = planned_channels(proposal_of(*names), device(), SENSING)[0]
     noise = Noise(channel.noise, np.empty(0), 0.02, True, False)
     complement = channel.complement
-    hidden = invisible(complement.likelihood, complement.model, noise)
+    hidden = effects_not_visible(complement.likelihood, complement.model, noise)
     assert shows
     assert all(EFFECTS[name].of_time for name in shows & set(hidden))
 

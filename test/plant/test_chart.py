@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.plant.chart import HEIGHT, WIDTH, Curve, drift_chart
+from cfd_pneumatic.plant.drift_chart import HEIGHT, WIDTH, Curve, drift_chart
 
 VALUES = st.one_of(st.none(), st.floats(-1e9, 1e9, width=32))
 POINTS = st.lists(st.tuples(VALUES, st.floats(0.0, 1e6, width=32)), min_size=1, max_size=30).filter(

@@ -20,8 +20,8 @@ from patience import LONG_PATIENCE, allowed, wait_until
 from pyarrow import parquet
 
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
-from cfd_pneumatic.files.aside import alone_in
-from cfd_pneumatic.plant.table import iso_time
+from cfd_pneumatic.files.staging import exclusive_access
+from cfd_pneumatic.plant.result_table import iso_time
 
 DASK = [sys.executable, '-m', 'dask']
 
@@ -98,7 +98,7 @@ def test_bags_that_fail_are_rows_the_others_finish_and_what_is_mended_is_done_ag
 def test_a_folder_of_another_run_and_an_address_of_no_scheduler_are_refused(small, tmp_path, capsys):
     folder, other = tmp_path / 'folder', tmp_path / 'other'
     folder.mkdir()
-    with alone_in(folder):
+    with exclusive_access(folder):
         assert identify_bag([str(small), '--each', '--jobs', '1', '--output', str(folder)]) == 2
     assert 'another run' in capsys.readouterr().err
     assert list(folder.iterdir()) == []

@@ -13,7 +13,7 @@ from identified import closed, with_force
 
 from cfd_pneumatic.plant.index_page import index_page, said
 from cfd_pneumatic.plant.job import failure, rows_of
-from cfd_pneumatic.plant.table import column_of
+from cfd_pneumatic.plant.result_table import column_of
 from cfd_pneumatic.reporting import report_data
 
 OVERFLOWING = """

@@ -15,7 +15,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import Options
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
 from cfd_pneumatic.plant.job import ROW_FILE, Job, do, earlier_rows, rows_of
-from cfd_pneumatic.plant.table import COLUMNS
+from cfd_pneumatic.plant.result_table import COLUMNS
 from cfd_pneumatic.recording import write_recording
 from cfd_pneumatic.reporting import report_data
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyarrow import parquet
 
-from cfd_pneumatic.plant.table import COLUMNS, iso_time, write_table
+from cfd_pneumatic.plant.result_table import COLUMNS, iso_time, write_table
 
 VALUES = {
     'text': st.text(st.characters(blacklist_categories=['Cs', 'Cc']), min_size=1),

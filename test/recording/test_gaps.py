@@ -10,7 +10,7 @@ import pytest
 
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.recording import Recording, recording_of
-from cfd_pneumatic.recording.gaps import pieces
+from cfd_pneumatic.recording.gaps import split_at_gaps
 from cfd_pneumatic.rig import device_named, record, surface_following
 
 
@@ -50,11 +50,13 @@ STEADY = np.arange(0.0, 10.0, 0.01)
 )
 def test_a_recording_without_gaps_is_itself(times):
     recording = made(times)
-    assert pieces(recording) == [recording]
+    assert split_at_gaps(recording) == [recording]
 
 
 def test_each_piece_is_a_recording_with_the_set_point_that_acts():
-    first, second, third = pieces(made(STEADY[(STEADY < 3.0) | ((STEADY > 4.0) & (STEADY < 6.0)) | (STEADY > 7.0)]))
+    first, second, third = split_at_gaps(
+        made(STEADY[(STEADY < 3.0) | ((STEADY > 4.0) & (STEADY < 6.0)) | (STEADY > 7.0)])
+    )
     assert [one.name for one in (first, second, third)] == ['run', 'run from 4.01 s', 'run from 7.01 s']
     assert first.displacement.times[-1] == pytest.approx(2.99)
     assert second.displacement.times[[0, -1]] == pytest.approx([4.01, 5.99])
@@ -65,12 +67,12 @@ def test_each_piece_is_a_recording_with_the_set_point_that_acts():
 
 def test_what_is_too_short_to_tell_anything_is_left_out():
     whole = made(STEADY[(STEADY < 3.0) | ((STEADY > 4.0) & (STEADY < 4.5)) | (STEADY > 6.0)])
-    assert [one.name for one in pieces(whole)] == ['run', 'run from 6.01 s']
+    assert [one.name for one in split_at_gaps(whole)] == ['run', 'run from 6.01 s']
 
 
 def test_a_piston_at_rest_has_no_gaps():
     resting = replace(made(STEADY[(STEADY < 3.0) | (STEADY > 6.0)]), rests=True)
-    assert pieces(resting) == [resting]
+    assert split_at_gaps(resting) == [resting]
 
 
 @pytest.mark.parametrize(('faults', 'effects'), [('', ()), ('effects_a.leak_conductance=1e-10', ('leakage',))])
@@ -99,7 +101,7 @@ def test_a_logger_that_repeats_its_last_row_has_a_gap():
     held = slice(3000, 4000)
     for values in (motion, *pressures.values(), force):
         values[held] = values[held.start]
-    first, second = pieces(Recording.from_arrays(times, motion, pressures, force=force, name='run'))
+    first, second = split_at_gaps(Recording.from_arrays(times, motion, pressures, force=force, name='run'))
     assert first.displacement.times[-1] == pytest.approx(times[held.start])
     assert second.displacement.times[0] == pytest.approx(times[held.stop], abs=0.003)
     assert 'all signals repeat their last sample' in first.health[0]
@@ -108,7 +110,7 @@ def test_a_logger_that_repeats_its_last_row_has_a_gap():
 def test_a_piston_that_rests_has_no_gap():
     times, motion, pressures, force = noisy()
     motion[3000:4000] = motion[3000]
-    (only,) = pieces(Recording.from_arrays(times, motion, pressures, force=force))
+    (only,) = split_at_gaps(Recording.from_arrays(times, motion, pressures, force=force))
     assert len(only.displacement) == times.size
 
 
@@ -116,7 +118,7 @@ def test_a_force_is_not_judged_where_a_pressure_paused():
     times, motion, pressures, force = noisy()
     recording = Recording.from_arrays(times, motion, pressures, force=force)
     paused_a = paused(recording, 4.0, 6.0).cylinders['cylinder_a']
-    (only,) = pieces(replace(recording, cylinders={**recording.cylinders, 'cylinder_a': paused_a}))
+    (only,) = split_at_gaps(replace(recording, cylinders={**recording.cylinders, 'cylinder_a': paused_a}))
     assert len(only.displacement) == times.size
     assert not np.any((only.force.times > 4.0) & (only.force.times < 5.99))
     assert len(only.cylinders['cylinder_b'].pressure) == times.size

@@ -28,7 +28,7 @@ from cfd_pneumatic.commands.record_rig import main as record_rig
 from cfd_pneumatic.convention import FLUID_PRESSURE, JOINT_STATE
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files.yaml_files import LARGEST, read_yaml
-from cfd_pneumatic.planning.device import read_report
+from cfd_pneumatic.planning.planned_device import read_report
 from cfd_pneumatic.recording import read_mapping, read_recording, write_recording
 from cfd_pneumatic.recording.bags.mcap_pieces import CHUNK, HEAD
 

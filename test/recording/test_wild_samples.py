@@ -10,7 +10,7 @@ from cfd_pneumatic.identification.input_checks.samples import at_limit, shifted,
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.recording.cleaning import Cleaned
 from cfd_pneumatic.recording.dropouts import without_pulses
-from cfd_pneumatic.recording.wild_samples import screened
+from cfd_pneumatic.recording.outliers import screened
 
 RATE = 500.0
 TIMES = np.arange(0.0, 20.0, 1.0 / RATE)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from identified import closed, judged
 
-from cfd_pneumatic.identification.shape import Shape
+from cfd_pneumatic.identification.characteristic import Characteristic
 from cfd_pneumatic.reporting import figures
 from cfd_pneumatic.reporting.thinning import thinned
 
@@ -99,7 +99,7 @@ def test_the_zoom_of_an_unexplained_one_shows_where_most_is_left(outcome):
 def test_a_law_is_drawn_with_its_band_and_grey_where_nobody_has_been():
     at = np.linspace(-1e-3, 1e-3, 41)
     value = 0.1 * np.exp(-((at / 3e-4) ** 2))
-    law = Shape('gain', 'x', (), at, value, value - 0.02, value + 0.03, at > -5e-4, 0.5)
+    law = Characteristic('gain', 'x', (), at, value, value - 0.02, value + 0.03, at > -5e-4, 0.5)
     picture = figures.law_picture(law)
     for drawing in (picture.wide, picture.narrow):
         assert 'stiffness K_x, more by [%]' in drawing

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from cfd_pneumatic.identification.wording import number, percent, sentence, spoken, unit
+from cfd_pneumatic.identification.report_texts import number, percent, readable_name, sentence, unit
 
 
 @pytest.mark.parametrize(('value', 'digits', 'text'), [
@@ -36,6 +36,6 @@ def test_a_clause_becomes_a_sentence():
 
 
 def test_names_and_units():
-    assert spoken('valve_dead_band') == 'valve dead band'
+    assert readable_name('valve_dead_band') == 'valve dead band'
     assert unit('lbf/in^3') == 'lbf/in³'
     assert unit('N s/m') == 'N s/m'

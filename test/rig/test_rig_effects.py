@@ -23,10 +23,10 @@ from cfd_pneumatic.rig import (
     physics,
     record,
 )
-from cfd_pneumatic.rig.device import shift
 from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.oddities import Oddities
 from cfd_pneumatic.rig.piston import Linkage
+from cfd_pneumatic.rig.rig import shift
 from cfd_pneumatic.rig.transmission import Response
 from cfd_pneumatic.units import PSI
 

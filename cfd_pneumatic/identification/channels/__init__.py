@@ -9,7 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cfd_pneumatic.identification.channels.channel import UNTOLD, Channel, Curve, Effects, Estimate, Model, Quantity
+from cfd_pneumatic.identification.channels.channel import (
+    NOT_ESTIMATED,
+    Channel,
+    Curve,
+    Effects,
+    Estimate,
+    Model,
+    Quantity,
+)
 from cfd_pneumatic.identification.channels.characteristics import PLACES, VARIABLES
 from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.channels.pressure import Pressure

@@ -23,7 +23,7 @@ from cfd_pneumatic.recording import Recording, Signal
 EVEN = 1e6
 """A share about which knots crowd so little that they lie evenly."""
 
-UNTOLD = 'the recordings do not tell it: it stands as a data sheet has it'
+NOT_ESTIMATED = 'the recordings do not tell it: it stands as a data sheet has it'
 """Why a number of a core has no estimate."""
 
 Effects = Mapping[str, tuple[float, ...]]

@@ -15,7 +15,7 @@ from cfd_pneumatic.arrays import Array, Indices, rms
 from cfd_pneumatic.convention import CYLINDERS, FLUID_PRESSURE, pressure_topic
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import (
-    UNTOLD,
+    NOT_ESTIMATED,
     Channel,
     Curve,
     Estimate,
@@ -235,7 +235,7 @@ class Pressure(Channel):
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
         """Return the lag of a law that has none, and what of a core recordings at one pressure do not tell."""
         levels = np.concatenate([_held(one, model)[one.counts] for one in experiments])
-        held = dict.fromkeys(model.untold, UNTOLD)
+        held = dict.fromkeys(model.untold, NOT_ESTIMATED)
         if CURVE in model.effects and not is_of_flow(model.effects[CURVE]):
             held[f'{CURVE}.lag'] = 'the law is none of the flow'
         if levels.size and float(np.max(levels)) >= _APART * float(np.min(levels)):

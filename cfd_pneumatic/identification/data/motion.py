@@ -24,7 +24,6 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.data.plausible import check_range
 from cfd_pneumatic.identification.data.smoother import Samples, likeliest
 from cfd_pneumatic.identification.data.split import stroke_times
 from cfd_pneumatic.identification.data.stamps import overlapping, regular_clock
@@ -42,9 +41,10 @@ from cfd_pneumatic.identification.data.thresholds import (
     SMOOTHING_WINDOW,
     TRAVEL_STRIDE,
 )
+from cfd_pneumatic.identification.data.value_range import check_range
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.recording import Recording, Signal
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.runtime import map_in_threads
 
 _ORDERS = (2, 3)  # how often white noise is integrated to give the displacement
 
@@ -245,7 +245,7 @@ def _likeliest_motion(stamps: Array, clock: Array | None, measured: Array) -> Mo
     """Return the smoothed displacement by the stamps or by a clock, if there is one."""
     if clock is None:
         return _smoothed(stamps, measured)
-    as_stamped, by_clock = each(lambda times: _smoothed(times, measured), [stamps, clock])
+    as_stamped, by_clock = map_in_threads(lambda times: _smoothed(times, measured), [stamps, clock])
     return replace(by_clock, stamps=stamps) if by_clock.deviance <= as_stamped.deviance else as_stamped
 
 
@@ -270,7 +270,7 @@ def _joined(
         found.acceleration[own] = inner.acceleration
         return motion.uncertainty, motion.rate_uncertainty
 
-    uncertainty, of_rate = np.sqrt(np.mean(np.square(each(smooth, windows)), axis=0)).tolist()
+    uncertainty, of_rate = np.sqrt(np.mean(np.square(map_in_threads(smooth, windows)), axis=0)).tolist()
     return replace(found, reach=float(np.ptp(found.displacement)), uncertainty=uncertainty, rate_uncertainty=of_rate)
 
 
@@ -285,7 +285,7 @@ def _smoothed(times: Array, measured: Array, orders: Sequence[int] = _ORDERS) ->
     unit = float(np.mean(np.diff(times)))
     scale = float(np.std(measured)) or 1.0
     steps, values = np.diff(times) / unit, (measured - measured[0]) / scale
-    found = each(lambda order: likeliest(order, Samples.of(steps, values)), orders)
+    found = map_in_threads(lambda order: likeliest(order, Samples.of(steps, values)), orders)
     best = min(found, key=lambda smoother: smoother.deviance)
     mean, variance = best.smooth()
     noise = scale * best.noise

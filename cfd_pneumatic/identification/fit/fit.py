@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.channels import UNTOLD, Channel, Estimate, Model
+from cfd_pneumatic.identification.channels import NOT_ESTIMATED, Channel, Estimate, Model
 from cfd_pneumatic.identification.data import Experiment
 from cfd_pneumatic.identification.fit.levenberg import least_squares
 from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
@@ -29,7 +29,7 @@ from cfd_pneumatic.identification.fit.thresholds import (
     WEIGHING_SEARCH,
 )
 from cfd_pneumatic.identification.fit.uncertainty import Information, information
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.runtime import map_in_threads
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def fit_model(channel: Channel, experiments: Sequence[Experiment], initial: Mode
     if len(starts) > 1 or alike.excerpt(EXCERPT_STEPS) is not alike:
         part = alike.excerpt(EXCERPT_STEPS)
         # where a recording began is held: the sum has kinks in it, at which the gains would stay far off
-        begun = each(lambda one: find_optimum(part, one, *ROUGH_SEARCH, passing=False), starts)
+        begun = map_in_threads(lambda one: find_optimum(part, one, *ROUGH_SEARCH, passing=False), starts)
         start = min(begun, key=lambda found: found.cost).model
     first = _begun_on_either_side(alike, find_optimum(alike, start, *WEIGHING_SEARCH).model)
     weighed = alike.weighed(alike.simulate(first))
@@ -266,7 +266,7 @@ def _standard_errors(
     values = unknowns.row(unknowns.start)[unknowns.slots]
     for index, one in enumerate(unknowns.table):
         if stds[index] > LARGEST_SPREAD_RATIO * one.spread / (1.0 if one.logarithmic else one.scale):
-            reasons.setdefault(index, UNTOLD)
+            reasons.setdefault(index, NOT_ESTIMATED)
         elif '.' in one.name and errors[index] > abs(values[index]):
             reasons.setdefault(index, 'these recordings tell the effect, but not this parameter')
     return errors

@@ -36,7 +36,7 @@ from cfd_pneumatic.identification.input_checks.thresholds import (
     READING_SEARCH,
     STEP_ROUNDS,
 )
-from cfd_pneumatic.identification.residual import explained
+from cfd_pneumatic.identification.residual import is_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.identification.search import Candidates
 from cfd_pneumatic.model import SPECS
@@ -93,7 +93,7 @@ def pressure_readings(result: ChannelResult, recordings: Sequence[Recording], op
     (name, *_) = result.channel.cores
     physics = {*result.channel.effects[name].covers, *((result.channel.curve.name,) if conclusion.unknown else ())}
     found = result.found.model
-    is_told = explained(conclusion.tests_after) and not physics & {*found.effects}
+    is_told = is_noise(conclusion.tests_after) and not physics & {*found.effects}
     if is_told and (not found.core or maybe_more(conclusion.tests_after, rested=False)):
         return
 

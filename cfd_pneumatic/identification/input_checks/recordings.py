@@ -28,7 +28,7 @@ from cfd_pneumatic.identification.input_checks.samples import (
     two_sources,
 )
 from cfd_pneumatic.notices import Notice, note, warning
-from cfd_pneumatic.recording import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal, counted
+from cfd_pneumatic.recording import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal, count_of
 from cfd_pneumatic.units import PSI, UNITS
 
 STROKES = (2e-5, 0.5)
@@ -86,10 +86,10 @@ def describe(recording: Recording, ambient_pressure: float) -> list[str]:
 
 def _sampling(role: str, signal: Signal) -> str:
     if role == 'setpoint':
-        return counted(len(signal) - 1, 'change')
+        return count_of(len(signal) - 1, 'change')
     period = _period(signal)
     rate = f' at {1.0 / period:.4g} Hz' if period else ''
-    return f'{counted(len(signal), "sample")}{rate} in {float(np.ptp(signal.times)):.4g} s'
+    return f'{count_of(len(signal), "sample")}{rate} in {float(np.ptp(signal.times)):.4g} s'
 
 
 def check_recordings(recordings: Sequence[Recording], options: Options) -> tuple[Notice, ...]:

@@ -48,7 +48,7 @@ from cfd_pneumatic.identification.residual import sample_noise
 from cfd_pneumatic.identification.result import ChannelResult
 from cfd_pneumatic.notices import Notice, any_warning, note, warning
 from cfd_pneumatic.recording import Recording
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.runtime import map_in_threads
 from cfd_pneumatic.units import INCH, UNITS
 
 _MISREAD = ('sign_suspect', 'cylinders_swapped')
@@ -72,7 +72,7 @@ def check_results(
     if not odd:  # in a wrong unit signs and levels look wrong, too
         found += seen
     if not any_warning(found):
-        others = each(lambda one: [*pressure_readings(one, recordings, options)], cylinders.values())
+        others = map_in_threads(lambda one: [*pressure_readings(one, recordings, options)], cylinders.values())
         found += chain.from_iterable(others)
     if not any_warning(found):
         found += [notice for one in cylinders.values() for notice in _of_long_chamber(one, recordings, options)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.notices import Notice, warning
-from cfd_pneumatic.recording import Signal, counted, is_noisy
+from cfd_pneumatic.recording import Signal, count_of, is_noisy
 
 _SPIKE = 3  # samples that a leap out and back may last
 _LEAP = 0.25  # of the absolute pressure: what leaps by less may be the piston's doing
@@ -79,7 +79,7 @@ def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
         number, first = int(np.sum((ends - begins)[spikes])), float(signal.times[begins[spikes][0]])
         yield warning(
             'samples_suspect',
-            f'{name}: {counted(number, "sample")} of {len(signal):,} {"leap" if number > 1 else "leaps"} out of the '
+            f'{name}: {count_of(number, "sample")} of {len(signal):,} {"leap" if number > 1 else "leaps"} out of the '
             f'others and back, first at t = {first:.4g} s',
             'leave them out, and look at the plug, the cable and the logger',
         )
@@ -128,7 +128,7 @@ def stuck(role: str, signal: Signal) -> Iterator[Notice]:
     share = float(np.sum((ends - begins)[held])) / len(values)
     yield warning(
         'samples_suspect',
-        f'{role}: {counted(int(np.sum(held)), "time")} it holds quite still, in '
+        f'{role}: {count_of(int(np.sum(held)), "time")} it holds quite still, in '
         f'{float(f"{100.0 * share:.2g}"):g} % of the samples, first at t = {times[begins[held][0]]:.4g} s',
         "look at the sensor's plug, its cable and the logger, and record again",
     )

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, sample_noise, stamp_jitter
     from cfd_pneumatic.identification.residual.normal_matrix import gram, orthonormal
     from cfd_pneumatic.identification.residual.regressors import Regressors
-    from cfd_pneumatic.identification.residual.rests import runs_at_rest
-    from cfd_pneumatic.identification.residual.shape import lag_of, speed_of, strongest_frequency
-    from cfd_pneumatic.identification.residual.tests import Test, explained, tests_of
+    from cfd_pneumatic.identification.residual.residual_features import lag_of, speed_of, strongest_frequency
+    from cfd_pneumatic.identification.residual.rest_periods import runs_at_rest
+    from cfd_pneumatic.identification.residual.tests import Test, is_noise, tests_of
     from cfd_pneumatic.identification.residual.thresholds import SIGNIFICANCE
 else:
     __getattr__ = loader_of(__name__)

@@ -86,7 +86,7 @@ class Test:
         return self.statistic <= self.threshold
 
 
-def explained(tests: Iterable[Test]) -> bool:
+def is_noise(tests: Iterable[Test]) -> bool:
     """Return whether a residual is as noise would be, as far as can be told; a test that fails is the last one made."""
     return all(test.passed for test in tests if test.decisive)
 

@@ -14,7 +14,7 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels import Effects, Model
 from cfd_pneumatic.identification.data import PARTS
 from cfd_pneumatic.identification.fit import Likelihood, Optimum, find_optimum
-from cfd_pneumatic.identification.residual import Test, explained, sample_noise
+from cfd_pneumatic.identification.residual import Test, is_noise, sample_noise
 from cfd_pneumatic.identification.search.complement import Complement, Start
 from cfd_pneumatic.identification.search.thresholds import (
     FINE_EXCERPT_STEPS,
@@ -30,7 +30,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     ROUGH_SEARCH,
 )
 from cfd_pneumatic.model import Data
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.runtime import map_in_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ class Candidates:
             effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}
             starts = core.starts(self._data(candidate))
             begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
-            rough = each(lambda one: find_optimum(self.excerpt, one, *ROUGH_SEARCH), begins)
+            rough = map_in_threads(lambda one: find_optimum(self.excerpt, one, *ROUGH_SEARCH), begins)
             self._known_cores[candidate, name] = sorted(rough, key=lambda one: one.cost)
         return self._known_cores[candidate, name]
 
@@ -174,10 +174,10 @@ class Candidates:
         before = self._cost_of_excerpt(candidate)
         hopeful = {name: some for name, some in rough.items() if some[0].cost <= most * self.excerpt.samples}
         promising = self._rivals(candidate, hopeful, before) if hopeful else []
-        fine = each(lambda name: self._fine(self._refined(rough[name], before)), promising)
+        fine = map_in_threads(lambda name: self._fine(self._refined(rough[name], before)), promising)
         best = {name: some[0] for name, some in rough.items()} | dict(zip(promising, fine))
         found = [best[name].model for name in begins]
-        return dict(zip(begins, each(lambda one: self.finished(one, candidate.model), found)))
+        return dict(zip(begins, map_in_threads(lambda one: self.finished(one, candidate.model), found)))
 
     def without(self, candidate: Candidate, *names: str) -> Candidate:
         """Return a candidate without some of its effects."""
@@ -209,7 +209,7 @@ class Candidates:
     def leaves_noise(self, candidate: Candidate) -> bool:
         """Return whether what a candidate leaves of train and validation is as noise would be; none is tested twice."""
         if candidate not in self._known_explained:
-            self._known_explained[candidate] = explained(self._tests(candidate))
+            self._known_explained[candidate] = is_noise(self._tests(candidate))
         return self._known_explained[candidate]
 
     def follows_inputs(self, candidate: Candidate) -> bool:
@@ -286,7 +286,7 @@ class Candidates:
             complement = Complement(self.train, candidate.model)
             starts = self._starts(candidate, fresh)
             _ = complement.residual  # made once, before threads ask for it
-            known.update(zip(fresh, each(lambda name: complement.share(name, starts[name]), fresh)))
+            known.update(zip(fresh, map_in_threads(lambda name: complement.share(name, starts[name]), fresh)))
         return {name: known[name] for name in names}
 
     def _begins(self, candidate: Candidate, names: Sequence[str]) -> dict[str, list[Model]]:
@@ -313,7 +313,9 @@ class Candidates:
 
     def _best_of(self, likelihood: Likelihood, begins: Sequence[Model]) -> Optimum:
         """Return the best of fits from models."""
-        return min(each(lambda one: find_optimum(likelihood, one, *FINE_SEARCH), begins), key=lambda one: one.cost)
+        return min(
+            map_in_threads(lambda one: find_optimum(likelihood, one, *FINE_SEARCH), begins), key=lambda one: one.cost
+        )
 
 
 def _is_finite(simulated: Sequence[Array]) -> bool:
@@ -322,7 +324,7 @@ def _is_finite(simulated: Sequence[Array]) -> bool:
 
 def _fitted(begins: Mapping[str, Sequence[Model]], fit: Callable[[Model], Optimum]) -> dict[str, list[Optimum]]:
     """Return the fits from models, by the same names; they are shared among the cores."""
-    found = iter(each(fit, [one for own in begins.values() for one in own]))
+    found = iter(map_in_threads(fit, [one for own in begins.values() for one in own]))
     return {name: [next(found) for _ in own] for name, own in begins.items()}
 
 

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from cfd_pneumatic.identification.data import LINEAR, PHYSICAL
 from cfd_pneumatic.identification.residual import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.laws import Drawn, Laws
+from cfd_pneumatic.identification.search.curve_search import CurveSearch, FittedCurve
 from cfd_pneumatic.identification.search.stepwise import Search, SearchResult, Step, Trial
 from cfd_pneumatic.identification.search.thresholds import (
     LARGEST_ALIKE_ERROR,
@@ -135,13 +135,13 @@ class Cores:
         """Return a model with the physical core without the effects that it does not need."""
         return Search(self.candidates, self.physical).pruned(candidate)
 
-    def curve_before_core(self, curves: Laws, known: Sequence[Candidate]) -> Drawn | None:
+    def curve_before_core(self, curves: CurveSearch, known: Sequence[Candidate]) -> FittedCurve | None:
         """Return a curve with the physical core, which is fitted with the curve: see `Laws.beside_core`."""
         if self._name is None or self._is_given:
             return None
         return curves.beside_core(self.physical, self.candidates.baseline, self._name, known)
 
-    def rivals(self, curve: Drawn) -> list[Candidate]:
+    def rivals(self, curve: FittedCurve) -> list[Candidate]:
         """
         Return single effects in a curve's place.
 

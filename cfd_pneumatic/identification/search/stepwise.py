@@ -36,7 +36,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     RIVAL_ROUNDS,
     TIE,
 )
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.runtime import map_in_threads
 
 _WHITE = np.empty(0)  # coefficients of white noise
 _OUTDONE = 'worth it, but another lowers the criterion more'
@@ -279,7 +279,7 @@ class Search:
         names = list(model.effects)
         names = names if model.model.core else names[:-1]
         coefficients, rank = autoregression(model.residuals), len(model.effects) - 1
-        for fewer in each(lambda name: self._rest(model, name), names):
+        for fewer in map_in_threads(lambda name: self._rest(model, name), names):
             gain = self.criterion(fewer, coefficients) - self.criterion(model, coefficients)
             if objection(gain, 1.0 - model.rss / fewer.rss, rank, model.validation_rmse, math.inf) is not None:
                 return self.pruned(fewer)
@@ -306,7 +306,9 @@ class Search:
             own, more_is_left = self.criterion(model, coefficients), not self.candidates.leaves_noise(model)
             alternatives: dict[str, tuple[str, ...]] = {}
             better: tuple[float, Candidate] | None = None
-            for name, rivals in zip(model.effects, each(partial(self._rivals, model, ranking), model.effects)):
+            for name, rivals in zip(
+                model.effects, map_in_threads(partial(self._rivals, model, ranking), model.effects)
+            ):
                 gains = {rival: own - self.criterion(one, coefficients) for rival, one in rivals.items()}
                 ties = [rival for rival in gains if gains[rival] > -TIE]
                 if more_is_left:

@@ -2,7 +2,7 @@
 """
 The order of the questions that find what a model lacks.
 
-This module decides; `cores`, `laws` and `stepwise` propose models and score them.
+This module decides; `cores`, `curve_search` and `stepwise` propose models and score them.
 
 1. Does the residual of the linear core look like noise? Then only the core is asked about: sensors have autocorrelated
    noise, and so has physics that no test of the inputs names.
@@ -25,17 +25,17 @@ from typing import NamedTuple
 
 from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.fit import Fit
-from cfd_pneumatic.identification.residual import explained
+from cfd_pneumatic.identification.residual import is_noise
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.cores import Cores
+from cfd_pneumatic.identification.search.curve_search import OF_VALVES, CurveSearch, FittedCurve
 from cfd_pneumatic.identification.search.final_fit import finish, withdrawn
-from cfd_pneumatic.identification.search.laws import OF_VALVES, Drawn, Laws
 from cfd_pneumatic.identification.search.stepwise import SearchResult, Trial
 from cfd_pneumatic.identification.search.thresholds import LARGE_RESIDUAL
 
 _CURVE_INSTEAD = 'a law was drawn instead'
 
-Confirm = Callable[[Drawn, Model], 'Fit | None']
+Confirm = Callable[[FittedCurve, Model], 'Fit | None']
 """Returns the fit of a curve to train and validation; None if the test part contradicts it or prefers the model."""
 
 
@@ -59,7 +59,7 @@ class Answer(NamedTuple):
     fit: Fit
     alternatives: Mapping[str, tuple[str, ...]]
     tried: tuple[Trial, ...]
-    curve: Drawn | None
+    curve: FittedCurve | None
 
 
 class Strategy:
@@ -81,7 +81,7 @@ class Strategy:
         self.before = before
         self.candidates = Candidates(before.likelihood, before.model)
         self.cores = Cores(self.candidates, core)
-        self.curves = Laws(self.candidates)
+        self.curves = CurveSearch(self.candidates)
         self._confirm = confirm
         self._equivalent: list[Candidate] = []  # models with an effect that does as well as a curve
 
@@ -106,7 +106,7 @@ class Strategy:
             return SearchResult(physical, {}, ())
         return SearchResult(baseline, {}, ())
 
-    def _curve_instead_of_effects(self) -> Drawn | None:
+    def _curve_instead_of_effects(self) -> FittedCurve | None:
         """Return a curve that leaves noise with a core alone, or hardly more, where no single effect comes near it."""
         if self.cores.is_chosen_here and self.cores.is_full_physics():
             return None
@@ -178,7 +178,7 @@ class Strategy:
             return Answer(fit, kept, withdrawn(found.tried, replaced, _CURVE_INSTEAD), curve)
         return None
 
-    def _curves_after_effects(self, found: SearchResult, *, is_noise: bool) -> Iterator[Drawn | None]:
+    def _curves_after_effects(self, found: SearchResult, *, is_noise: bool) -> Iterator[FittedCurve | None]:
         """
         Yield curves to compare with what was found, in this order.
 
@@ -197,4 +197,4 @@ class Strategy:
 
 def _is_explained(fit: Fit) -> bool:
     """Return whether the residual of a fit to train and validation is as noise would be."""
-    return explained(fit.likelihood.tests(fit.model, fit.likelihood.noise(fit.model)))
+    return is_noise(fit.likelihood.tests(fit.model, fit.likelihood.noise(fit.model)))

@@ -186,7 +186,7 @@ predicted evidence and further starts of the physical core are then tried.
 Origin: not known.
 """
 
-# Places and knots of a curve: slots.py
+# Places and knots of a curve: curve_places.py
 
 KNOT_SPACINGS = (0.3, 0.1, 0.03)
 """
@@ -205,7 +205,7 @@ Origin: a guard against a range of zero (commit 59e9026).
 OUTLIER_SHARE = 0.002
 """Share of the samples at either end of a variable's range that does not count [-]. Origin: not known."""
 
-# Prediction of a curve before its fit: promises.py
+# Prediction of a curve before its fit: curve_screening.py
 
 CURVE_STRETCH_STEPS = 10_000
 """
@@ -225,7 +225,7 @@ Least eigenvalue of a curve's normal matrix [largest eigenvalue].
 Origin: smaller eigenvalues are rounding, and far below every penalty (commit 46643e6).
 """
 
-# Fits of a curve: curves.py
+# Fits of a curve: curve_fit.py
 
 ROUGH_CURVE_SEARCH = (1e-3, 25)
 """
@@ -245,7 +245,7 @@ Bounds of the factor by which a first fit changes the penalty on the bends of a 
 Origin: not known.
 """
 
-# Choice of a curve: laws.py
+# Choice of a curve: curve_search.py
 
 LARGEST_CURVE_REMAINDER = 0.7
 """
@@ -384,7 +384,7 @@ at its null (commit 5c6f756).
 Origin: not known.
 """
 
-# Visibility of effects: visibility.py
+# Visibility of effects: visible_effects.py
 
 STRENGTH = 5.0
 """

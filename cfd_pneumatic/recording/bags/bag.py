@@ -29,7 +29,7 @@ from cfd_pneumatic.recording.bags.storages import (
     remedy_of,
     storage_of,
 )
-from cfd_pneumatic.recording.wording import counted, listed, reason_of
+from cfd_pneumatic.recording.message_texts import count_of, listed, reason_of
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -137,7 +137,7 @@ class Bag:
         if (missing or left_out) and not read:
             raise InputError(f'is damaged and nothing can be salvaged; {remedy_of(self.path)}')
         if missing or left_out:
-            what = [counted(missing, 'message')] if missing else []
+            what = [count_of(missing, 'message')] if missing else []
             what += [f'what was received {self._when(left_out)} after its start'] if left_out else []
             self.notes.append(f'{self.path.name} is damaged: left out {", ".join(what)}')
 
@@ -158,7 +158,7 @@ class Bag:
             for start, stop in spans[:_MAX_LISTED]
         ]
         if len(spans) > _MAX_LISTED:
-            times.append(f'at {counted(len(spans) - _MAX_LISTED, "other time")}')
+            times.append(f'at {count_of(len(spans) - _MAX_LISTED, "other time")}')
         return ' and '.join(times)
 
     def close(self) -> None:
@@ -306,14 +306,14 @@ class Bag:
                 damage = f'is damaged ({reason_of(error)})'
             else:
                 if opened.strays > 0:
-                    strays = counted(opened.strays, 'message')
+                    strays = count_of(opened.strays, 'message')
                     self.notes.append(f'{file.name} is damaged: {strays} of no topic left out')
                 return opened
         salvaged = storage.salvaged(file, self._stack)
         count = sum(connection.msgcount for connection in salvaged.connections)
         if not count and file == self.path:
             raise InputError(f'{damage} and nothing can be salvaged; {remedy_of(file)}')
-        self.notes.append(f'{file.name} {damage}: salvaged {counted(count, "message")}')
+        self.notes.append(f'{file.name} {damage}: salvaged {count_of(count, "message")}')
         return salvaged
 
     def _note_unmerged(self, file: Path) -> None:

@@ -19,7 +19,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import ADVICE, Aside, check_folder, content, reported
+from cfd_pneumatic.files import ADVICE, StagedOutput, check_folder, content, disk_errors_reported
 from cfd_pneumatic.messages import Form, MessageBlock, join, types_with
 from cfd_pneumatic.recording.bags.storages import METADATA, STORAGES, SUFFIXES, StorageName, StorageWriter
 
@@ -65,7 +65,7 @@ class BagWriter:
         _check_free(self.path, overwrite=overwrite)
         with self._reported():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._aside = Aside(self.path, alone=True)
+            self._aside = StagedOutput(self.path, alone=True)
             self._writer = Writer(self._aside.made, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()])
             self._writer.STORAGE_PLUGINS = {StoragePlugin[storage.upper()]: STORAGES[storage].writer}
             try:
@@ -219,7 +219,7 @@ class BagWriter:
     def _reported(self) -> Iterator[None]:
         """Turn what a disk can do wrong into an error for the user."""
         try:
-            with reported(self.path):
+            with disk_errors_reported(self.path):
                 yield
         except sqlite3.Error as error:
             advice = (
@@ -254,7 +254,7 @@ def _check_free(path: Path, *, overwrite: bool) -> None:
         raise InputError(f'cannot write {path}: {path.parent} is not a folder')
     if path.is_symlink():
         raise InputError(f'{path} is a symbolic link and is not written through: give what it leads to')
-    with reported(path):
+    with disk_errors_reported(path):
         if not path.exists() or _is_empty(path):
             return
         if not overwrite:

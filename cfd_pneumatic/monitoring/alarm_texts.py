@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from cfd_pneumatic.convention import CONTACT_FORCE
-from cfd_pneumatic.identification import number, spoken, title
+from cfd_pneumatic.identification import number, readable_name, title
 from cfd_pneumatic.monitoring.finding import News
 from cfd_pneumatic.monitoring.watch import Alarm
 from cfd_pneumatic.monitoring.watched_signal import Departure, WatchedSignal
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _DIGITS = 3
 
 
-def departed(departure: Departure) -> str:
+def describe_departure(departure: Departure) -> str:
     """Return how a signal parts from its model: `cylinder A loses 1.2 kPa more than its model at rest`."""
     name = title(departure.channel)
     name = name[:1].lower() + name[1:]
@@ -33,7 +33,7 @@ def departed(departure: Departure) -> str:
     return f'{name} {"loses" if shift < 0.0 else "holds"} {amount} more than its model {where}'
 
 
-def agreed(channel: WatchedSignal) -> str:
+def describe_agreement(channel: WatchedSignal) -> str:
     """Return what there is to say where there is no alarm."""
     misfit = channel.misfit
     if misfit is None:
@@ -43,7 +43,7 @@ def agreed(channel: WatchedSignal) -> str:
     return f'is as it was while learning, {amount} {side} its model: check parameters and set-points, then learn anew'
 
 
-def diagnosed(alarm: Alarm, follows: bool = False) -> str:
+def describe_diagnosis(alarm: Alarm, follows: bool = False) -> str:
     """Return what is known of the cause of an alarm; one on the force `follows` where pressures have parted, too."""
     if alarm.failure is not None:
         return f'which effect it is cannot be told ({alarm.failure})'
@@ -70,15 +70,15 @@ def _effect(name: str, others: Iterable[str], news: News) -> str:
     sizes = [_sized(one) for full, one in news.estimates.items() if full.startswith(f'{name}.')]
     told = [size for size in sizes if size]
     sized = f' ({", ".join(told)})' if told else ''
-    rivals = ''.join(f' or {spoken(other)}' for other in others)
-    return f'{spoken(name)}{sized}{rivals}' + (' (not to be told apart)' if rivals else '')
+    rivals = ''.join(f' or {readable_name(other)}' for other in others)
+    return f'{readable_name(name)}{sized}{rivals}' + (' (not to be told apart)' if rivals else '')
 
 
 def _sized(estimate: Estimate) -> str:
     """Return a parameter with its value and standard error."""
     if estimate.value is None:
         return ''
-    name = spoken(estimate.name.partition('.')[2])
+    name = readable_name(estimate.name.partition('.')[2])
     unit = '' if estimate.unit == '-' else f' {estimate.unit}'
     error = f' ± {number(estimate.std, 2)}' if estimate.std else ''
     return f'{name} {number(estimate.value, _DIGITS)}{error}{unit}'

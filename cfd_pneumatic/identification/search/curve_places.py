@@ -18,7 +18,7 @@ from cfd_pneumatic.model import KNOTS
 
 
 @dataclass(frozen=True)
-class Slot:
+class CurvePlace:
     """
     A place for a curve.
 
@@ -70,11 +70,11 @@ class Slot:
         """Where it enters, and against what."""
         return self.enters, self.against
 
-    def remembering(self, model: Model) -> Slot:
+    def remembering(self, model: Model) -> CurvePlace:
         """Return it with the memory that a model's curve has."""
         return replace(self, memory=model.effects[self.curve.name][2])
 
-    def over(self, low: float, high: float) -> Slot:
+    def over(self, low: float, high: float) -> CurvePlace:
         """Return it with its knots over another range."""
         share = (self.middle - self.low) / (self.high - self.low)
         return replace(self, low=low, high=high, middle=low + share * (high - low))
@@ -89,7 +89,7 @@ class Slot:
             return np.column_stack([charging, 1.0 - charging])
         return np.ones((KNOTS, 1))
 
-    def elsewhere(self, heights: Array) -> list[Slot]:
+    def elsewhere(self, heights: Array) -> list[CurvePlace]:
         """Return it with its knots where a curve bends most, or of what goes both ways nearer to nothing moving."""
         middle = self.middle
         if self.against not in self.curve.both_ways:
@@ -113,7 +113,7 @@ class Slot:
         return np.asarray(np.maximum(1.0 - np.abs(place[:, None] - np.arange(KNOTS)), 0.0))
 
 
-def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
+def slots(candidates: Candidates, begin: Candidate) -> list[CurvePlace]:
     """Return all places for a curve beside a model, over what the recordings have visited."""
     ranges, curve = ranges_of(candidates, begin), candidates.channel.curve
     noise = math.sqrt(begin.rss / candidates.train.samples)
@@ -129,7 +129,7 @@ def slots(candidates: Candidates, begin: Candidate) -> list[Slot]:
             both_ways = KNOT_SPACINGS[:1] if len(memories) > 1 else KNOT_SPACINGS
             crowds = both_ways if against in curve.both_ways else curve.crowds
             found += [
-                Slot(enters, against, memory, low, high, 0.5 * (low + high), crowd, units[enters], curve)
+                CurvePlace(enters, against, memory, low, high, 0.5 * (low + high), crowd, units[enters], curve)
                 for memory, crowd in product(memories, crowds)
             ]
     return found

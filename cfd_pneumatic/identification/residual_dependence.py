@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.report_texts import number, percent
 from cfd_pneumatic.identification.result import ChannelResult, Comparison
 from cfd_pneumatic.identification.thresholds import (
     DEPENDENCE_BINS,
@@ -18,7 +19,6 @@ from cfd_pneumatic.identification.thresholds import (
     LEAST_POWER,
     MOST_DEPENDENCES,
 )
-from cfd_pneumatic.identification.wording import number, percent
 
 SUGGESTIONS: Mapping[str, str] = MappingProxyType(
     {
@@ -63,7 +63,7 @@ class Dependence:
         return SUGGESTIONS.get(self.on, f'what goes with the {self.on}')
 
 
-def dependences(result: ChannelResult) -> list[Dependence]:
+def residual_dependences(result: ChannelResult) -> list[Dependence]:
     """Return on which signals what is left depends, the strongest first."""
     residual = np.concatenate([one.residual(1) for one in result.comparisons])
     signals = [dict(_signals(result, one)) for one in result.comparisons]
@@ -72,7 +72,7 @@ def dependences(result: ChannelResult) -> list[Dependence]:
     return sorted((one for one in found if one.share >= LEAST_DEPENDENCE), key=lambda one: -one.share)
 
 
-def remainder(result: ChannelResult) -> str:
+def describe_remaining_error(result: ChannelResult) -> str:
     """Return in a sentence or two how large what is left is, where it lives, and what that suggests to look at."""
     size, small = result.rmse(1), result.quantity.small
     noise, span = size / result.noise.std, size / result.span
@@ -80,7 +80,7 @@ def remainder(result: ChannelResult) -> str:
     text += f'{percent(span)} of the span.'
     if not result.findings.sought:  # what it goes with is the mistake
         return text
-    found = dependences(result)
+    found = residual_dependences(result)
     if not found:
         return f'{text} It goes with none of position, speed, pressure and time alone.'
     others = ', '.join(f'{one.on} ({percent(one.share)})' for one in found[1:MOST_DEPENDENCES])

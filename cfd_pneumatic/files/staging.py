@@ -58,7 +58,7 @@ def write_bytes(path: Path, content: bytes) -> None:
         If it can't be written.
 
     """
-    with made_aside(path) as aside:
+    with staged_output(path) as aside:
         aside.write_bytes(content)
 
 
@@ -70,7 +70,7 @@ Order = Callable[[str], int]
 """Returns the rank of a file, by its name, among files that take their places one by one."""
 
 
-class Aside:
+class StagedOutput:
     """
     A folder in which the successor of a file or folder is made.
 
@@ -108,7 +108,7 @@ class Aside:
         self.parent = _parent_of_aside(self.path, name)
         self._folder, self._lock = _locked_folder(self.parent, name)
         self.made = self._folder / name
-        others = [take_away_left(folder, (name,), self._folder.name) for folder in (self.path.parent, self.path)]
+        others = [remove_abandoned(folder, (name,), self._folder.name) for folder in (self.path.parent, self.path)]
         if any(others) and alone:
             self.close()
             raise InputError(f'{path} is being written by another run: wait for it, or choose another name')
@@ -189,7 +189,7 @@ class Aside:
 
 
 @contextmanager
-def made_aside(path: Path, is_earlier: IsEarlier = lambda _: False, order: Order = lambda _: 0) -> Iterator[Path]:
+def staged_output(path: Path, is_earlier: IsEarlier = lambda _: False, order: Order = lambda _: 0) -> Iterator[Path]:
     """
     Yield where the successor of a file or folder is made; it takes its place at the end, but not after an error.
 
@@ -206,8 +206,8 @@ def made_aside(path: Path, is_earlier: IsEarlier = lambda _: False, order: Order
         If it can't be written.
 
     """
-    with reported(path):
-        aside = Aside(path)
+    with disk_errors_reported(path):
+        aside = StagedOutput(path)
         try:
             yield aside.made
             aside.take_place(is_earlier, order)
@@ -227,7 +227,7 @@ def _is_folder(path: Path) -> bool:
 
 
 @contextmanager
-def reported(path: Path) -> Iterator[None]:
+def disk_errors_reported(path: Path) -> Iterator[None]:
     """Turn what a disk can do wrong into an error for the user."""
     try:
         yield
@@ -247,7 +247,7 @@ def _destination(path: Path) -> Path:
 
 
 @contextmanager
-def alone_in(folder: Path) -> Iterator[None]:
+def exclusive_access(folder: Path) -> Iterator[None]:
     """
     Be the only one who writes results into a folder.
 
@@ -276,7 +276,7 @@ def make_folder(folder: Path) -> None:
         If it can't be made or written.
 
     """
-    with reported(folder):
+    with disk_errors_reported(folder):
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -302,23 +302,23 @@ def check_folder(folder: Path, *, alone: bool = False) -> None:
         If it can't, or another run writes results into it.
 
     """
-    with reported(folder):
+    with disk_errors_reported(folder):
         path = folder if os.path.lexists(folder) else Path(os.path.realpath(folder))
         missing = [one for one in (path, *path.parents) if not os.path.lexists(one)]
-        with nullcontext() if missing else alone_in(folder):
+        with nullcontext() if missing else exclusive_access(folder):
             top = missing[-1] if missing else path
-            aside = Aside(top, alone=alone)
+            aside = StagedOutput(top, alone=alone)
             try:
                 made = aside.made / path.relative_to(top)
                 made.mkdir(parents=True)
-                Aside(made).close()  # there is room for its name
+                StagedOutput(made).close()  # there is room for its name
                 (made / 'block').write_bytes(bytes(_BLOCK))
                 _write_through(made)
             finally:
                 aside.close()
 
 
-def take_away_left(folder: Path, names: Collection[str], own: str = '') -> bool:
+def remove_abandoned(folder: Path, names: Collection[str], own: str = '') -> bool:
     """
     Take away what runs that were killed left aside.
 

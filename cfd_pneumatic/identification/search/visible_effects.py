@@ -24,10 +24,10 @@ from cfd_pneumatic.identification.search.thresholds import (
     VISIBILITY_EXCERPT_STEPS,
     VISIBILITY_STRETCH_STEPS,
 )
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.runtime import map_in_threads
 
 
-def invisible(likelihood: Likelihood, model: Model, noise: Noise) -> tuple[str, ...]:
+def effects_not_visible(likelihood: Likelihood, model: Model, noise: Noise) -> tuple[str, ...]:
     """
     Return the effects that could not have shown themselves beside a model, by their names.
 
@@ -65,7 +65,9 @@ def invisible(likelihood: Likelihood, model: Model, noise: Noise) -> tuple[str, 
     for part, least in asked:
         complement = Complement(part, model)
         complement.left(complement.simulated)  # made once, before threads ask for it
-        visible.update(name for name, shows in zip(pending, each(partial(asks, complement, least), pending)) if shows)
+        visible.update(
+            name for name, shows in zip(pending, map_in_threads(partial(asks, complement, least), pending)) if shows
+        )
         pending = [name for name in pending if name not in visible]
         if not pending:
             break

@@ -13,7 +13,7 @@ from cfd_pneumatic.identification.channels import PLACES, VARIABLES, Model
 from cfd_pneumatic.identification.fit import Likelihood, Quadratic, Unknowns, find_optimum
 from cfd_pneumatic.identification.formulas import Formula, formulas
 from cfd_pneumatic.identification.residual import autoregression, independent_share
-from cfd_pneumatic.identification.search import Drawn, Slot, heights_of, penalty_of
+from cfd_pneumatic.identification.search import CurvePlace, FittedCurve, heights_of, penalty_of
 from cfd_pneumatic.identification.thresholds import (
     BAND_HALF_WIDTH,
     CORNER_ERROR,
@@ -29,7 +29,7 @@ from cfd_pneumatic.model import KNOTS
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class Characteristic:
     """
     A law that was drawn.
 
@@ -99,7 +99,9 @@ class Shape:
         return f'{what}: look at {place.inspect}'
 
 
-def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Model) -> Shape:
+def estimate_characteristic(
+    likelihood: Likelihood, model: Model, drawing: FittedCurve, without: Model
+) -> Characteristic:
     """Return the law that a model has, with its band; `without` is the model that lacks it."""
     slot = drawing.promise.slot
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, model)
@@ -123,7 +125,7 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
     half = BAND_HALF_WIDTH * std + CORNER_ERROR * bend + MODEL_ERROR * size
     low, high = value - half, value + half
     before = sum(float(run @ run) for run in likelihood.residuals(likelihood.simulate(without)))
-    return Shape(
+    return Characteristic(
         *slot.name,
         drawing.others,
         at,
@@ -144,13 +146,13 @@ def shape_of(likelihood: Likelihood, model: Model, drawing: Drawn, without: Mode
     )
 
 
-def _holds(likelihood: Likelihood, model: Model, slot: Slot, formula: Formula, most: float) -> bool:
+def _holds(likelihood: Likelihood, model: Model, slot: CurvePlace, formula: Formula, most: float) -> bool:
     """Return whether a formula leaves no more, simulated in its curve's place with the gains fitted anew."""
     formed = slot.drawn(model, formula.told(slot.knots))
     return find_optimum(likelihood, formed, *FORMULA_SEARCH, frozen=formed.parts).cost < most
 
 
-def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:
+def centred(likelihood: Likelihood, model: Model, slot: CurvePlace) -> Model:
     """Return a model whose gains or offsets have what is even of its curve; it simulates the same."""
     heights = slot.heights(model)
     visits = slot.along(_visits(likelihood, model, slot.against)).mean(axis=0)
@@ -168,7 +170,7 @@ def centred(likelihood: Likelihood, model: Model, slot: Slot) -> Model:
     return slot.drawn(replace(model, parameters=parameters, own=own), heights)
 
 
-def _own(slot: Slot, values: Array, heights: Array) -> Array:
+def _own(slot: CurvePlace, values: Array, heights: Array) -> Array:
     """Return what takes from changes of heights all that the model's own numbers make up for, where samples are."""
     is_share = PLACES[slot.enters].unit == '1'
     absorbed = slot.absorbed * (1.0 + heights[:, None]) if is_share else slot.absorbed

@@ -13,7 +13,7 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.messages import NANOSECONDS
 from cfd_pneumatic.recording.cleaning import Cleaned, keep
 from cfd_pneumatic.recording.dropouts import dropouts
-from cfd_pneumatic.recording.wording import counted
+from cfd_pneumatic.recording.message_texts import count_of
 
 _MOST_LOOKED_AT = 100_000  # samples
 _PART = 1_000_000  # samples that are looked at at once
@@ -74,7 +74,7 @@ def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
         before = np.diff(values)
         values[:] = np.unwrap(values, period=period)
         wraps = int(np.count_nonzero(np.abs(np.diff(values) - before) > 0.5 * period))
-        notes.append(f'{name}: its counter wraps round {counted(wraps, "time")}, by {period:.4g} m: made continuous')
+        notes.append(f'{name}: its counter wraps round {count_of(wraps, "time")}, by {period:.4g} m: made continuous')
         if np.max(np.abs(np.diff(values))) > _UNSURE * period:
             notes.append(f'{name}: that is unsure, as the piston moves by half of it between samples: sample faster')
     wild = _wild(cleaned.times, values, screen)
@@ -89,7 +89,7 @@ def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
     if not number:
         return Cleaned(cleaned.times, values, tuple(notes))
     first = (cleaned.times[int(np.argmax(wild))] - cleaned.times[0]) / NANOSECONDS
-    what = f'left out {counted(number, "sample")} of {len(values):,} that leap out of the others and back'
+    what = f'left out {count_of(number, "sample")} of {len(values):,} that leap out of the others and back'
     advice = "look at the sensor's range, its plug and the logger, and whether two publish the topic"
     notes.append(f'{name}: {what}, first {first:.4g} s after the begin: {advice}')
     times, values = keep(cleaned.times, values, lambda part: ~wild[part])

@@ -21,9 +21,9 @@ from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.fit import Optimum
 from cfd_pneumatic.identification.residual import autoregression, independent_share
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.curves import fitted, renewed
-from cfd_pneumatic.identification.search.promises import Promise, beside, promises
-from cfd_pneumatic.identification.search.slots import ranges_of
+from cfd_pneumatic.identification.search.curve_fit import fitted, renewed
+from cfd_pneumatic.identification.search.curve_places import ranges_of
+from cfd_pneumatic.identification.search.curve_screening import ScreenedCurve, beside, screened_curves
 from cfd_pneumatic.identification.search.thresholds import (
     CLEARLY_SMALLER_ERROR,
     CURVE_START_SHARES,
@@ -50,14 +50,14 @@ from cfd_pneumatic.identification.search.thresholds import (
     SHARPENED_SKETCHES,
     SKETCHES_OF_PLACE,
 )
-from cfd_pneumatic.runtime import each
+from cfd_pneumatic.runtime import map_in_threads
 
 OF_VALVES = ('flow', 'error')
 """The law of a valve, which hardly shows before the core is fitted anew: beside one that it led astray."""
 
 
 @dataclass(frozen=True)
-class Drawn:
+class FittedCurve:
     """
     A curve that was drawn, and the model beside which it was.
 
@@ -74,7 +74,7 @@ class Drawn:
 
     """
 
-    promise: Promise
+    promise: ScreenedCurve
     candidate: Candidate
     begin: Candidate
     others: tuple[tuple[str, str], ...]
@@ -85,7 +85,7 @@ class Drawn:
         return self.promise.slot.name
 
 
-class Laws:
+class CurveSearch:
     """
     Curves that may be drawn beside models; none is fitted twice.
 
@@ -100,16 +100,18 @@ class Laws:
         self.candidates = candidates
         self._excerpt = candidates.train.spread(CURVE_STRETCH_STEPS)
         self._noise = candidates.noise**2 * self._excerpt.samples
-        self._known: dict[Candidate, list[Drawn]] = {}
+        self._known: dict[Candidate, list[FittedCurve]] = {}
         self._sketches: dict[Candidate, list[_Sketch]] = {}
-        self._promised: dict[Candidate, list[Promise]] = {}
+        self._promised: dict[Candidate, list[ScreenedCurve]] = {}
 
     def may_explain(self, begin: Candidate) -> bool:
         """Return whether a curve promises most of what is above the noise beside a model."""
         promised, above = self._promises(begin), self.candidates.size(begin) ** 2 - 1.0
         return any(one.left * (above + 1.0) - 1.0 < LARGEST_REMAINDER_OF_SOLE_CURVE * above for one in promised)
 
-    def best(self, begins: Sequence[Candidate], known: Sequence[Candidate], searched: bool = False) -> Drawn | None:
+    def best(
+        self, begins: Sequence[Candidate], known: Sequence[Candidate], searched: bool = False
+    ) -> FittedCurve | None:
         """
         Return the curve that foretells best beside one of some models; None where none explains what is left.
 
@@ -119,7 +121,7 @@ class Laws:
         least = min(
             (one.rss for one in known if not searched or self.candidates.size(one) < LARGE_RESIDUAL), default=math.inf
         )
-        found: list[Drawn] = []
+        found: list[FittedCurve] = []
         for begin in sorted(begins, key=self._least_promised):
             if begin in self._known or self._least_promised(begin) < least:
                 found += [one for one in self._beside(begin) if self.is_better(one, known)]
@@ -134,7 +136,9 @@ class Laws:
         alike = [one.name for one in found if _error(one.candidate) < LARGEST_ALIKE_ERROR * least_error]
         return replace(best, others=tuple(dict.fromkeys(name for name in alike if name != best.name)))
 
-    def beside_core(self, core: Candidate, begin: Candidate, name: str, known: Sequence[Candidate]) -> Drawn | None:
+    def beside_core(
+        self, core: Candidate, begin: Candidate, name: str, known: Sequence[Candidate]
+    ) -> FittedCurve | None:
         """Return a law beside a core that finds its place only beside the law, which was drawn beside another one."""
         sketches = self._sketches.get(begin)
         most = LARGEST_ERROR_FOR_NEW_CORE**2 * min(self._left(one.model) for one in (begin, core))
@@ -146,7 +150,7 @@ class Laws:
         self._known[core] = [replace(one, begin=core) for one in self._beside(there)]
         return self.best([core], known)
 
-    def beside_effects(self, begin: Candidate, known: Sequence[Candidate]) -> Drawn | None:
+    def beside_effects(self, begin: Candidate, known: Sequence[Candidate]) -> FittedCurve | None:
         """Return a law beside effects that were sought beside the law: what was found without it may be astray."""
         sketches = self._sketches.get(begin)
         if not sketches:
@@ -163,7 +167,7 @@ class Laws:
             return None
         return self.best([self.candidates.finished(replace(drawn.model, effects=effects), begin.model)], known)
 
-    def is_better(self, drawing: Drawn, known: Sequence[Candidate]) -> bool:
+    def is_better(self, drawing: FittedCurve, known: Sequence[Candidate]) -> bool:
         """Return whether a curve explains more than the model without it, and than every one of some others."""
         drawn, begin = drawing.candidate, drawing.begin
         foretells = _error(drawn) < LARGEST_ALIKE_ERROR * min((_error(one) for one in known), default=math.inf)
@@ -173,7 +177,7 @@ class Laws:
             and all(_explains_more(self.candidates, drawn, one) for one in dict.fromkeys(known))
         )
 
-    def is_near(self, drawing: Drawn, other: Candidate) -> bool:
+    def is_near(self, drawing: FittedCurve, other: Candidate) -> bool:
         """Return whether a model does nearly as well as one with a curve: on the validation part, and on everything."""
         return all(
             size(other) * CLEARLY_SMALLER_ERROR < size(drawing.candidate) for size in (_error, self.candidates.size)
@@ -183,12 +187,12 @@ class Laws:
         """Return whether what a model leaves is noise in kind and hardly larger: where none was seen it may be."""
         return self.candidates.size(one) < LARGEST_NEAR_NOISE and self.candidates.leaves_noise(one)
 
-    def is_far_better(self, drawing: Drawn, others: Sequence[Candidate]) -> bool:
+    def is_far_better(self, drawing: FittedCurve, others: Sequence[Candidate]) -> bool:
         """Return whether a curve leaves hardly more than noise, and hardly two of some models might err as little."""
         most = FAR_SMALLER_ERROR * min(map(_error, others), default=math.inf)
         return self.candidates.size(drawing.candidate) < LARGEST_NEAR_NOISE and _error(drawing.candidate) < most
 
-    def _beside(self, begin: Candidate) -> list[Drawn]:
+    def _beside(self, begin: Candidate) -> list[FittedCurve]:
         """
         Return the most promising curves beside a model, fitted to the train part.
 
@@ -210,7 +214,7 @@ class Laws:
             self._known[begin] = [self._over_its_range(one) for one in drawn]
         return self._known[begin]
 
-    def _near(self, begin: Candidate, promised: Sequence[Promise]) -> list[_Sketch]:
+    def _near(self, begin: Candidate, promised: Sequence[ScreenedCurve]) -> list[_Sketch]:
         """Return sketches that come near the noise, those made before as well, the best first."""
         sketches = self._sketched(begin, [(one, self._begun(begin, one)) for one in promised])
         sharper = [other for one in sketches[:SHARPENED_SKETCHES] for other in _otherwise(one.promise, one.found.model)]
@@ -224,19 +228,19 @@ class Laws:
         """Return whether the best of some sketches may come down to the noise."""
         return bool(near) and near[0].found.cost < LARGEST_SKETCH_RESIDUAL**2 * self._noise
 
-    def _fitted(self, begin: Candidate, begun: Sequence[tuple[Promise, Model]]) -> list[Drawn]:
+    def _fitted(self, begin: Candidate, begun: Sequence[tuple[ScreenedCurve, Model]]) -> list[FittedCurve]:
         """Return curves fitted to the train part, from models that have them."""
 
-        def finished(promise: Promise, model: Model) -> Candidate:
+        def finished(promise: ScreenedCurve, model: Model) -> Candidate:
             return self.candidates.finished(
                 fitted(self.candidates.train, model, promise, ROUGH_CURVE_SEARCH).model, begin.model
             )
 
-        ended = each(lambda one: finished(*one), begun)
-        drawn = [Drawn(promise, own, begin, ()) for (promise, _), own in zip(begun, ended)]
+        ended = map_in_threads(lambda one: finished(*one), begun)
+        drawn = [FittedCurve(promise, own, begin, ()) for (promise, _), own in zip(begun, ended)]
         return [one for one in drawn if one.promise.slot.curve.name in one.candidate.effects]
 
-    def _over_its_range(self, drawing: Drawn) -> Drawn:
+    def _over_its_range(self, drawing: FittedCurve) -> FittedCurve:
         """Return a curve drawn over all that is visited beside it: a large law leads to where nothing was without."""
         slot, model = drawing.promise.slot, drawing.candidate.model
         low, high = ranges_of(self.candidates, drawing.candidate, 0.0)[slot.against]
@@ -248,7 +252,7 @@ class Laws:
         others = self._fitted(drawing.begin, [(promise, begun), *_otherwise(promise, begun)])
         return min([drawing, *others], key=lambda one: self.candidates.squares(one.candidate))
 
-    def _is_near_noise(self, drawing: Drawn) -> bool:
+    def _is_near_noise(self, drawing: FittedCurve) -> bool:
         """Return whether what a law leaves is noise in kind, or hardly larger and no other cause's."""
         may_hide = self.candidates.channel.may_hide(self.candidates.train.experiments)
         if may_hide and self.candidates.follows_inputs(drawing.candidate):
@@ -263,14 +267,14 @@ class Laws:
         """Return the least sum of squares that a curve promises to leave."""
         return min((one.left for one in self._promises(begin)), default=1.0) * begin.rss
 
-    def _promises(self, begin: Candidate) -> list[Promise]:
+    def _promises(self, begin: Candidate) -> list[ScreenedCurve]:
         """Return what curves promise; none where no part is left to foretell."""
         if begin not in self._promised:
             told = self.candidates.baseline.validation_rmse is not None
-            self._promised[begin] = promises(self.candidates, begin) if told else []
+            self._promised[begin] = screened_curves(self.candidates, begin) if told else []
         return self._promised[begin]
 
-    def _begun(self, begin: Candidate, promise: Promise) -> Model:
+    def _begun(self, begin: Candidate, promise: ScreenedCurve) -> Model:
         """Return a model with so much of a promise as mends it: the whole of a large law may lead astray."""
         models = [beside(begin.model, promise, share) for share in CURVE_START_SHARES]
         return next((one for one in models if self._left(one) < self._left(begin.model)), models[-1])
@@ -280,23 +284,23 @@ class Laws:
         with np.errstate(over='ignore'):  # of one that runs away
             return sum(float(run @ run) for run in self._excerpt.residuals(self._excerpt.simulate(model)))
 
-    def _sketched(self, begin: Candidate, some: Sequence[tuple[Promise, Model]]) -> list[_Sketch]:
+    def _sketched(self, begin: Candidate, some: Sequence[tuple[ScreenedCurve, Model]]) -> list[_Sketch]:
         """Return curves fitted to short stretches, from models that have them, the best first."""
         share = independent_share(self.candidates.resting_coefficients(begin))
 
-        def sketch(promise: Promise, model: Model) -> _Sketch:
+        def sketch(promise: ScreenedCurve, model: Model) -> _Sketch:
             model = fitted(self._excerpt, model, promise, ROUGH_CURVE_SEARCH).model
             promise = replace(promise, slot=promise.slot.remembering(model))
             again = renewed(self._excerpt, model, promise, share)
             return _Sketch(again, fitted(self._excerpt, model, again, ROUGH_CURVE_SEARCH))
 
-        return _best_first(each(lambda one: sketch(*one), some))
+        return _best_first(map_in_threads(lambda one: sketch(*one), some))
 
 
 class _Sketch(NamedTuple):
     """A curve that was fitted to an excerpt."""
 
-    promise: Promise
+    promise: ScreenedCurve
     found: Optimum
 
 
@@ -315,20 +319,20 @@ def _few_of_each(sketches: Sequence[_Sketch]) -> list[_Sketch]:
     return [*chain.from_iterable(turns)]
 
 
-def _otherwise(promise: Promise, model: Model) -> list[tuple[Promise, Model]]:
+def _otherwise(promise: ScreenedCurve, model: Model) -> list[tuple[ScreenedCurve, Model]]:
     """Return a curve with its knots elsewhere, as a model has it."""
     heights = promise.slot.heights(model)
     others = promise.slot.elsewhere(heights)
     return [(replace(promise, slot=one), one.on(model, promise.slot.along(one.knots) @ heights)) for one in others]
 
 
-def _worth_a_fit(promised: Sequence[Promise], size: float, left: float, least: float) -> list[Promise]:
+def _worth_a_fit(promised: Sequence[ScreenedCurve], size: float, left: float, least: float) -> list[ScreenedCurve]:
     """
     Return the most promising of each place and memory, if they may bring a residual down to the noise, of 1.
 
     They are to leave less than a share `left` of the squares above it, and their evidence is to be more than `least`.
     """
-    best: dict[tuple[str, str, float], Promise] = {}
+    best: dict[tuple[str, str, float], ScreenedCurve] = {}
     for one in promised:
         may = one.left * size**2 - 1.0 < left * (size**2 - 1.0)
         if may and one.evidence > max(LEAST_CURVE_EVIDENCE, least):

@@ -37,22 +37,22 @@ TESTS = {
 _SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 
 
-def spoken(name: str) -> str:
+def readable_name(name: str) -> str:
     """Return an identifier as words."""
     return name.replace('set_point', 'set-point').replace('_', ' ')
 
 
 def title(name: str) -> str:
     """Return the title of a cylinder or the force."""
-    return TITLES.get(name, spoken(name).capitalize())
+    return TITLES.get(name, readable_name(name).capitalize())
 
 
 def verdict(name: str) -> str:
     """Return a verdict in two words."""
-    return VERDICTS.get(name, spoken(name).capitalize())
+    return VERDICTS.get(name, readable_name(name).capitalize())
 
 
-def qualified(findings: Conclusion) -> str:
+def reservation(findings: Conclusion) -> str:
     """Return what has to be said beside a verdict that is not to be trusted yet, or nothing."""
     if findings.doubted:
         return ', in doubt: look into the warning first'
@@ -61,13 +61,13 @@ def qualified(findings: Conclusion) -> str:
 
 def title_of_test(name: str) -> str:
     """Return what one hopes that a residual's test says."""
-    return TESTS.get(name, spoken(name).capitalize())
+    return TESTS.get(name, readable_name(name).capitalize())
 
 
 def sentence(text: str) -> str:
     """Return a clause as a sentence: effects in words, a capital and a full stop."""
     for name in sorted((*EFFECTS, *CORES), key=len, reverse=True):
-        text = re.sub(rf'\b{name}\b', spoken(name), text)
+        text = re.sub(rf'\b{name}\b', readable_name(name), text)
     text = re.sub(r'(\d) %', '\\1\u00a0%', text.strip())
     return text[:1].upper() + text[1:] + ('' if text.endswith(('.', '!', '?')) or not text else '.')
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
-from cfd_pneumatic.identification import PARTS, ChannelResult, Comparison, Identification, spoken, title
+from cfd_pneumatic.identification import PARTS, ChannelResult, Comparison, Identification, readable_name, title
 from cfd_pneumatic.reporting.thinning import thinned
 
 _COLUMNS = 2_000  # of pixels
@@ -34,7 +34,7 @@ def _draw(values: Axes, residuals: Axes, result: ChannelResult, comparison: Comp
     large, small = result.quantity.large, result.quantity.small
     series = {f'simulated, {result.quantity.model}': (0, 'tab:orange', comparison.before)}
     if result.added:
-        series[f'simulated, with {" and ".join(map(spoken, result.added))}'] = (1, 'tab:blue', comparison.after)
+        series[f'simulated, with {" and ".join(map(readable_name, result.added))}'] = (1, 'tab:blue', comparison.after)
     times = comparison.times
     measured = thinned(times, comparison.experiment.measured / large.si, _COLUMNS)
     values.plot(*measured, color='0.3', linewidth=1.6, label='measured')

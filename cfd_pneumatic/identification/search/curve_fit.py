@@ -10,14 +10,14 @@ import numpy as np
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.fit import Likelihood, Optimum, Quadratic, Unknowns, least_squares
-from cfd_pneumatic.identification.search.promises import Promise, roughness
-from cfd_pneumatic.identification.search.slots import Slot
+from cfd_pneumatic.identification.search.curve_places import CurvePlace
+from cfd_pneumatic.identification.search.curve_screening import ScreenedCurve, roughness
 from cfd_pneumatic.identification.search.thresholds import FINE_CURVE_SEARCH, LEAST_DIVISOR, PENALTY_FACTORS
 from cfd_pneumatic.model import KNOTS
 
 
 def fitted(
-    likelihood: Likelihood, begin: Model, promise: Promise, how: tuple[float, int] = FINE_CURVE_SEARCH
+    likelihood: Likelihood, begin: Model, promise: ScreenedCurve, how: tuple[float, int] = FINE_CURVE_SEARCH
 ) -> Optimum:
     """
     Return a model that has a curve, fitted with a penalty on its roughness, which counts among what it leaves.
@@ -37,12 +37,12 @@ def fitted(
     return Optimum(unknowns.model(point), reached.total)
 
 
-def heights_of(unknowns: Unknowns, slot: Slot) -> list[int]:
+def heights_of(unknowns: Unknowns, slot: CurvePlace) -> list[int]:
     """Return which unknowns are the heights of a curve."""
     return [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{slot.curve.name}.w')]
 
 
-def renewed(likelihood: Likelihood, model: Model, promise: Promise, share: float) -> Promise:
+def renewed(likelihood: Likelihood, model: Model, promise: ScreenedCurve, share: float) -> ScreenedCurve:
     """
     Return a promise with the penalty that goes with a fitted curve's bends and with what it leaves (MacKay, 1992).
 
@@ -61,7 +61,7 @@ def renewed(likelihood: Likelihood, model: Model, promise: Promise, share: float
     return replace(promise, penalty=float(np.clip(penalty / promise.penalty, *PENALTY_FACTORS)) * promise.penalty)
 
 
-def penalty_of(unknowns: Unknowns, promise: Promise) -> Array:
+def penalty_of(unknowns: Unknowns, promise: ScreenedCurve) -> Array:
     """Return the matrix of the penalty on a curve, as unknowns are searched, shape (k, k)."""
     own = heights_of(unknowns, promise.slot)
     scales = unknowns.scales(unknowns.start)[own] / promise.slot.unit

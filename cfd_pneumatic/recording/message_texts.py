@@ -10,7 +10,7 @@ from cfd_pneumatic.errors import DamageError, InputError, printable
 _LONGEST_NAME = 100  # characters
 
 
-def counted(count: int, noun: str) -> str:
+def count_of(count: int, noun: str) -> str:
     """Return a count with its noun: `1 sample`, `2,000 samples`."""
     return f'{count:,} {noun}{"" if count == 1 else "s"}'
 
