@@ -16,7 +16,7 @@ import pytest
 from measured import MAPPING, ROOT, needs_measured_data
 
 import cfd_pneumatic as cfd
-from cfd_pneumatic import api
+from cfd_pneumatic import api, reporting
 from cfd_pneumatic.commands.record_rig import main as record_rig
 from studies.documents.notebook import NOTEBOOK, executed, notebook
 
@@ -254,7 +254,7 @@ def test_an_argument_of_a_wrong_type_is_an_error_for_the_user(call, message):
 def test_a_plot_without_matplotlib_is_an_error_for_the_user(monkeypatch):
     monkeypatch.setitem(sys.modules, 'matplotlib.pyplot', None)
     monkeypatch.delitem(sys.modules, 'cfd_pneumatic.reporting.summary', raising=False)
-    monkeypatch.delattr('cfd_pneumatic.reporting.overview', raising=False)
+    monkeypatch.delitem(vars(reporting), 'overview', raising=False)
     with pytest.raises(cfd.InputError, match=r"pip install 'cfd_pneumatic\[plot\]'"):
         cfd.Result(None).plot()
 
