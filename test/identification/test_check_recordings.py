@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
-from cfd_pneumatic.identification.input_checks.recordings import GAUGE_PRESSURES, check_recording
+from cfd_pneumatic.identification.input_checks.recordings import check_recording
+from cfd_pneumatic.identification.input_checks.thresholds import GAUGE_PRESSURES
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.units import PSI, UNITS
 

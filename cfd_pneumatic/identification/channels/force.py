@@ -21,6 +21,16 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import AREAS, CONTACT_FORCE, CYLINDERS, MEASURED_FORCE, WRENCH_STAMPED
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels.channel import EVEN, Channel, Curve, Estimate, Model, Quantity, Scale
+from cfd_pneumatic.identification.channels.thresholds import (
+    LARGEST_AREA_RATIO,
+    LEAD_SAMPLES,
+    LEAST_LEVEL_GAP,
+    PRESLIDING_STARTS,
+    ROUGH_ACCELERATION_SHARE,
+    SLOW_SHARE,
+    SMOOTHED_SAMPLES,
+    TIED_STANDARD_ERRORS,
+)
 from cfd_pneumatic.identification.channels.unknown import Unknown
 from cfd_pneumatic.identification.data import (
     FEWEST_SAMPLES,
@@ -40,14 +50,6 @@ from cfd_pneumatic.notices import SuspectError, warning
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import POUND_FORCE
 
-_LARGEST_RATIO = 1.5  # farther from where it begins the area is not searched
-_LEVEL_GAP = 0.03  # set-points closer than this share of the pressure tell the area no better than one
-_SMOOTHED = 25  # samples
-_SLOW = 0.05  # share of the speed's spread at which the piston stands, as far as friction goes
-_ROUGH = 0.3  # share of an acceleration that may stray from its neighbours' mean
-_TIED = 3.2  # standard errors: by so much the criterion tells as little as between tied effects
-_PRESLIDINGS = (5e-5, 5e-4)  # where a law of friction begins [m]
-_LEAD = 5  # samples before a stroke, into which a smoothed acceleration reaches
 _AREA, _FACTOR = range(2)
 
 
@@ -79,8 +81,8 @@ class Force(Channel):
             'force': ('friction', 'cell'),
             'time': ENTERS,
         },
-        memory=_PRESLIDINGS[0],
-        memories={('friction', variable): _PRESLIDINGS for variable in AGAINST},
+        memory=PRESLIDING_STARTS[0],
+        memories={('friction', variable): PRESLIDING_STARTS for variable in AGAINST},
         both_ways=('speed',),
         crowds=(EVEN, 1.0, 0.5),
         whole=('x', 'time'),
@@ -215,7 +217,7 @@ class Force(Channel):
         found = []
         if 'area' not in self.held(experiments, model):
             area = self._first_area(experiments)
-            found.append(Unknown('area', 'm^2', _AREA, area / _LARGEST_RATIO, area * _LARGEST_RATIO, area))
+            found.append(Unknown('area', 'm^2', _AREA, area / LARGEST_AREA_RATIO, area * LARGEST_AREA_RATIO, area))
         if any(self.effects[name].states for name in model.effects if name != FORCE_CURVE or _rubs(model)):
             for index in sorted({one.index for one in experiments if one.whole}):
                 found.append(Unknown('', '1', self.own_slots(index)[0], -1.0, 1.0, 1.0))
@@ -294,7 +296,9 @@ class Force(Channel):
                 weakest = effect.as_constant(model.effects[name][0])
                 if other in model.effects:
                     (own,) = (one for one in estimates if one.name == f'{other}.{effect.parameters[0].name}')
-                    may_be = own.value is None or own.std is None or weakest[0] <= own.value + _TIED * own.std
+                    may_be = (
+                        own.value is None or own.std is None or weakest[0] <= own.value + TIED_STANDARD_ERRORS * own.std
+                    )
                 else:
                     signature = left(other, weakest)
                     size = float(np.linalg.norm(signature))
@@ -302,7 +306,7 @@ class Force(Channel):
                     if not may_be:
                         independent = independent_share(autoregression([residual]))
                         std = math.sqrt(float(np.mean(residual**2)) / independent) / size
-                        may_be = float(signature @ residual) / size**2 + _TIED * std >= 1.0
+                        may_be = float(signature @ residual) / size**2 + TIED_STANDARD_ERRORS * std >= 1.0
                 if may_be:
                     found[name] = (other,)
         return found
@@ -338,7 +342,7 @@ class Force(Channel):
         """Return the runs of the residual while displacement and set-points rest."""
         displacement, level = experiment.at_samples('displacement'), experiment.at_samples('level')
         runs = runs_at_rest(experiment.sample_times, displacement, level, 0.0, residual)
-        return [run[:-_LEAD] for run in runs]
+        return [run[:-LEAD_SAMPLES] for run in runs]
 
     def variables(self, experiment: Experiment, simulated: Array, model: Model) -> Mapping[str, Array]:
         """Return what a law may depend on; the force is that without it."""
@@ -364,9 +368,9 @@ class Force(Channel):
         """Return motion, pressures and their products."""
         x, rate, acceleration = (experiment.at_samples(name) for name in ('displacement', 'rate', 'acceleration'))
         # smoothed: the noise of the pressures, which the residual has in it, would pass for a dependence on them
-        difference = uniform_filter1d(_difference(experiment), _SMOOTHED, mode='nearest')
+        difference = uniform_filter1d(_difference(experiment), SMOOTHED_SAMPLES, mode='nearest')
         both = experiment.at_samples('pressure') + experiment.at_samples('opposing')
-        gauge = uniform_filter1d(both, _SMOOTHED, mode='nearest')
+        gauge = uniform_filter1d(both, SMOOTHED_SAMPLES, mode='nearest')
         change = np.gradient(difference)
         centred = (x - np.mean(x)) / max(float(np.std(x)), 1e-12)
         level = difference - np.mean(difference)
@@ -427,18 +431,18 @@ def _difference(experiment: Experiment) -> Array:
 
 def _direction(rate: Array) -> Array:
     """Return in which direction the piston moves: 1, -1, or 0 where it hardly does, shape (m,)."""
-    return np.asarray(np.sign(rate) * (np.abs(rate) > _SLOW * np.std(rate)))
+    return np.asarray(np.sign(rate) * (np.abs(rate) > SLOW_SHARE * np.std(rate)))
 
 
 def _hold_several_levels(experiments: Sequence[Experiment]) -> bool:
     """Return whether the samples that count hold more than one set-point, as they must to tell the area."""
     levels = np.concatenate([one.at_samples('level')[one.fitted] for one in experiments])
-    return bool(np.ptp(levels) > _LEVEL_GAP * np.max(np.abs(levels)))
+    return bool(np.ptp(levels) > LEAST_LEVEL_GAP * np.max(np.abs(levels)))
 
 
 def _resolve_acceleration(experiments: Sequence[Experiment]) -> bool:
     """Return whether the acceleration is seen: what changes at every sample comes and goes between them, too."""
-    return any(_roughness(one.inputs['acceleration']) <= _ROUGH for one in experiments)
+    return any(_roughness(one.inputs['acceleration']) <= ROUGH_ACCELERATION_SHARE for one in experiments)
 
 
 def _roughness(values: Array) -> float:

@@ -25,6 +25,20 @@ from cfd_pneumatic.identification.channels.channel import (
     differences,
     stepped,
 )
+from cfd_pneumatic.identification.channels.thresholds import (
+    FLOW_LAG_STARTS,
+    LARGEST_PRESSURE,
+    LARGEST_RATE_PER_SAMPLE,
+    LARGEST_START_DISTANCE,
+    LEAST_FLOW_LIMIT,
+    LEAST_LEVEL_RATIO,
+    LEAST_PISTON_EVIDENCE,
+    LINEARISED_PERIODS,
+    SENSED_START_TIME,
+    SHORTEST_GAP,
+    SHORTEST_STROKE,
+    SLACK_AT_REST,
+)
 from cfd_pneumatic.identification.channels.unknown import Unknown
 from cfd_pneumatic.identification.data import (
     FEWEST_SAMPLES,
@@ -75,19 +89,7 @@ from cfd_pneumatic.model import CURVE_ENTERS as ENTERS
 from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
 
-_LARGEST = 1e9  # [Pa]
 _SMOOTHED = 25  # samples
-_LEAST_FLOW = 10.0  # that a limit may be drawn from [Pa/s]
-_LEAST_EVIDENCE = 40.0  # by which following the piston must raise twice the log likelihood; noise alone stays below
-_MOST_STEPS = 100.0  # in a sample: what is quicker runs away in them, and no search goes there
-_LINEARISED = 1.5  # periods: where small changes are asked for, by which a quicker model differs hardly
-_SENSED = 0.03  # after which a sensed pressure that is not known at the start is forgotten [s]
-_SHORTEST_GAP = 1e-9  # [s]
-_SHORTEST_STROKE = 1e-5  # that effects along the stroke are tried over, whatever the piston does [m]
-_APART = 1.01  # times the lowest set-point: where they are nearer, no dependence on the pressure is told
-_FARTHEST = 3.0  # times what a pressure spans, that it begins from its set-point at most
-_FLOW_LAGS = (0.03, 0.1, 0.3)  # of the flow that a law depends on [s]
-_SLACK = 6.0  # standard deviations of the displacement's noise by which it may stray at rest
 _OFFSET, _START, _DRIFT = range(3)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
 
@@ -118,8 +120,8 @@ class Pressure(Channel):
             'flow': ('flow', 'set_point'),
             'time': ('set_point', 'flow', 'gain', 'sensing'),
         },
-        memory=_FLOW_LAGS[0],
-        memories={('flow', 'flow'): _FLOW_LAGS, ('set_point', 'flow'): _FLOW_LAGS},
+        memory=FLOW_LAG_STARTS[0],
+        memories={('flow', 'flow'): FLOW_LAG_STARTS, ('set_point', 'flow'): FLOW_LAG_STARTS},
         both_ways=('speed', 'error', 'flow'),
     )
     parameters = MappingProxyType({spec.name: spec.unit for spec in SPECS})
@@ -154,7 +156,7 @@ class Pressure(Channel):
         level = float(np.median(seen if seen.size else pressure))
         times, inputs = self.driven(motion, level if signals.setpoint is None else signals.setpoint, sampled)
         at_rest, part = rests_at_start(motion), split.part_of(sampled)
-        known = sampled >= sampled[0] + _SENSED
+        known = sampled >= sampled[0] + SENSED_START_TIME
         return Experiment(
             recording=recording.name,
             times=times,
@@ -187,7 +189,7 @@ class Pressure(Channel):
             )
         if np.ptp(pressure) == 0.0:
             raise InputError(f'{recording}: {topic} never changes ({pressure[0]:g} Pa): is its sensor connected?')
-        check_range(f'{recording}: {topic}', pressure, _LARGEST, 'Pa')
+        check_range(f'{recording}: {topic}', pressure, LARGEST_PRESSURE, 'Pa')
 
     def starts(self, experiments: Sequence[Experiment]) -> list[Model]:
         """Return models of several regulators."""
@@ -204,7 +206,7 @@ class Pressure(Channel):
 
     def beside_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
         """Return the model, no quicker than small changes tell: Runge and Kutta's steps get as short as it is quick."""
-        told = told_gains(_LINEARISED * shortest_period(experiments))
+        told = told_gains(LINEARISED_PERIODS * shortest_period(experiments))
         return replace(model, parameters=np.clip(model.parameters, *told))
 
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
@@ -225,7 +227,7 @@ class Pressure(Channel):
             alike = [one for one in experiments if one.index == index]
             found.append(Unknown('', 'Pa', offset, -np.inf, np.inf, scale))
             if any(one.whole and (anywhere or not one.starts_at_rest) for one in alike):
-                farthest = _FARTHEST * scale  # of a quick regulator the first samples tell little
+                farthest = LARGEST_START_DISTANCE * scale  # of a quick regulator the first samples tell little
                 found.append(Unknown('', 'Pa', start, -farthest, farthest, scale, passing=True))
             if any(one.drifts for one in alike):
                 lasts = max(float(np.ptp(one.times)) for one in alike)
@@ -238,7 +240,7 @@ class Pressure(Channel):
         held = dict.fromkeys(model.untold, NOT_ESTIMATED)
         if CURVE in model.effects and not is_of_flow(model.effects[CURVE]):
             held[f'{CURVE}.lag'] = 'the law is none of the flow'
-        if levels.size and float(np.max(levels)) >= _APART * float(np.min(levels)):
+        if levels.size and float(np.max(levels)) >= LEAST_LEVEL_RATIO * float(np.min(levels)):
             return held
         reason = 'recordings at one set-point do not tell it: it stands as a data sheet has it'
         return held | {
@@ -254,7 +256,7 @@ class Pressure(Channel):
         """Raise InputError where the pressure is explained as well by one that does not follow the piston at all."""
         if any(estimate.identifiable for estimate in estimates) and (
             any(np.ptp(one.inputs['setpoint']) > 0.0 for one in experiments)
-            or _evidence(experiments, simulated) >= _LEAST_EVIDENCE
+            or _evidence(experiments, simulated) >= LEAST_PISTON_EVIDENCE
         ):
             return
         if not any(np.ptp(one.inputs['displacement']) for one in experiments):
@@ -341,7 +343,7 @@ class Pressure(Channel):
             for row in unlike
         ]
         stiffest = max(one.stiffness(*experiment.extremes) for one in cylinders)
-        stiffness = min(stiffest, _MOST_STEPS / experiment.period)
+        stiffness = min(stiffest, LARGEST_RATE_PER_SAMPLE / experiment.period)
         at_rest = experiment.whole and experiment.starts_at_rest
         settles = at_rest and any(self.effects[name].moves_rest for name in effects)
         late = self._late(effects)
@@ -391,7 +393,7 @@ class Pressure(Channel):
     def rests(self, experiment: Experiment, residual: Array) -> list[Array]:
         """Return the runs of the residual while displacement and set-point rest."""
         displacement, setpoint = experiment.at_samples('displacement'), experiment.at_samples('setpoint')
-        slack = _SLACK * experiment.motion.noise
+        slack = SLACK_AT_REST * experiment.motion.noise
         return runs_at_rest(experiment.sample_times, displacement, setpoint, slack, residual)
 
     def noise(self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model) -> Noise:
@@ -495,13 +497,13 @@ class Pressure(Channel):
             'level': float(np.mean(pressures)),
             'highest_pressure': float(np.max(pressures)),
             'x_low': float(np.min(displacement)),
-            'x_high': max(float(np.max(displacement)), float(np.min(displacement)) + _SHORTEST_STROKE),
+            'x_high': max(float(np.max(displacement)), float(np.min(displacement)) + SHORTEST_STROKE),
             'speed': speed_of(one.times, one.inputs['displacement']),
             'lag': lag_of(one.sample_times, one.measured, simulated[longest]),
             'period': shortest_period(experiments),
             'duration': float(np.ptp(one.sample_times)),
-            'largest_charge': max(charge, _LEAST_FLOW),
-            'largest_exhaust': max(exhaust, _LEAST_FLOW),
+            'largest_charge': max(charge, LEAST_FLOW_LIMIT),
+            'largest_exhaust': max(exhaust, LEAST_FLOW_LIMIT),
             'slow_frequency': strongest_frequency(one.sample_times, residuals[longest]),
         }
 
@@ -557,5 +559,5 @@ def _slope(times: Array, values: Array) -> Array:
     """Return how fast values change, from each one's neighbours, shape (n, 1) [SI/s]."""
     at = np.arange(times.size)
     before, after = np.maximum(at - 1, 0), np.minimum(at + 1, times.size - 1)
-    between = np.maximum(times[after] - times[before], _SHORTEST_GAP)
+    between = np.maximum(times[after] - times[before], SHORTEST_GAP)
     return np.asarray((values[after] - values[before]) / between[:, None])

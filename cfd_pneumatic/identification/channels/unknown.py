@@ -9,16 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cfd_pneumatic.identification.channels.thresholds import (
+    END_SHARE,
+    FEWEST_PERIODS,
+    LARGEST_FREQUENCY,
+    LARGEST_WIDTH_SHARE,
+    LEAST_LAG_SHARE,
+    LEAST_SUPPLY_RATIO,
+)
 from cfd_pneumatic.identification.data import Experiment, shortest_period
 from cfd_pneumatic.model import EffectParameter
-
-_SHORTEST_LAG = 0.15  # of a sample: what is faster can't be told from nothing, and would cost steps
-_NYQUIST = 0.5  # periods in a sample: what swings faster passes for something slower, and would cost steps
-_FEWEST_PERIODS = 0.5  # in the longest experiment: with fewer, a period can't be told from a drift
-
-_AT_AN_END = 0.1  # of the stroke: a place closer to an end has no other side to be told from
-_SHORT = 0.5  # of the stroke: over more of it nothing opens and shuts
-_LEAST_SUPPLY = 1.05  # of the highest pressure that was recorded: a valve with less behind it would hardly pass air
 
 
 @dataclass(frozen=True)
@@ -61,18 +61,18 @@ def bounds_of(parameter: EffectParameter, experiments: Sequence[Experiment]) -> 
     """Return between which values a parameter is searched [its unit]: what experiments tell bounds it."""
     lower, upper = parameter.lower if parameter.least is None else parameter.least, parameter.upper
     if parameter.unit == 's' and parameter.logarithmic:
-        lower = max(lower, _SHORTEST_LAG * shortest_period(experiments))
+        lower = max(lower, LEAST_LAG_SHARE * shortest_period(experiments))
     elif parameter.unit == 'Hz':
-        upper = min(upper, _NYQUIST / shortest_period(experiments))
+        upper = min(upper, LARGEST_FREQUENCY / shortest_period(experiments))
         if parameter.logarithmic:
-            lower = max(lower, _FEWEST_PERIODS / max(float(np.ptp(one.sample_times)) for one in experiments))
+            lower = max(lower, FEWEST_PERIODS / max(float(np.ptp(one.sample_times)) for one in experiments))
     if parameter.is_supply:
-        lower = max(lower, _LEAST_SUPPLY * max(float(np.max(one.measured)) for one in experiments))
+        lower = max(lower, LEAST_SUPPLY_RATIO * max(float(np.max(one.measured)) for one in experiments))
     if parameter.on_stroke:
         low = min(float(np.min(one.inputs['displacement'])) for one in experiments)
         stroke = max(float(np.max(one.inputs['displacement'])) for one in experiments) - low
         if parameter.on_stroke == 'place':
-            lower, upper = low + _AT_AN_END * stroke, low + (1.0 - _AT_AN_END) * stroke
+            lower, upper = low + END_SHARE * stroke, low + (1.0 - END_SHARE) * stroke
         else:
-            upper = _SHORT * stroke
+            upper = LARGEST_WIDTH_SHARE * stroke
     return min(lower, upper), upper

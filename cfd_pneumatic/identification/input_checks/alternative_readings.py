@@ -21,9 +21,11 @@ from cfd_pneumatic.identification.channels import Channel, Model, Pressure
 from cfd_pneumatic.identification.conclusion import maybe_more
 from cfd_pneumatic.identification.data import AUTO, Experiment, Options, observed_motion, split_recordings
 from cfd_pneumatic.identification.fit import Fit, Likelihood, find_optimum, fit_model
-from cfd_pneumatic.identification.input_checks.recordings import CHAMBER_LENGTHS, GAUGE_PRESSURES, scales
+from cfd_pneumatic.identification.input_checks.recordings import scales
 from cfd_pneumatic.identification.input_checks.setpoint_steps import with_steps
 from cfd_pneumatic.identification.input_checks.thresholds import (
+    CHAMBER_LENGTHS,
+    GAUGE_PRESSURES,
     LARGEST_ALIKE_READING,
     LARGEST_READING_RATIO,
     LARGEST_RESIDUAL_SHARE,

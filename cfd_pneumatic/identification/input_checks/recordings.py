@@ -27,21 +27,27 @@ from cfd_pneumatic.identification.input_checks.samples import (
     stuck,
     two_sources,
 )
+from cfd_pneumatic.identification.input_checks.thresholds import (
+    AT_SETPOINT_SHARE,
+    ATMOSPHERE_TOLERANCE,
+    FEWEST_INTERVALS,
+    GAUGE_PRESSURES,
+    LARGEST_BATCH_SHARE,
+    LARGEST_DUPLICATE_DIFFERENCE,
+    LARGEST_ROUGHNESS,
+    LARGEST_SETPOINT_ERROR,
+    LARGEST_SETPOINT_ERROR_SHARE,
+    LARGEST_SHARED_TIMES,
+    LEAST_GAUGE_PRESSURE,
+    LONGEST_BATCH_INTERVAL,
+    MOST_GUESSES,
+    MOST_INSPECTED_SAMPLES,
+    PERIODS,
+    STROKES,
+)
 from cfd_pneumatic.notices import Notice, note, warning
 from cfd_pneumatic.recording import ABSOLUTE, GAUGE, CylinderSignals, Recording, Signal, count_of
 from cfd_pneumatic.units import PSI, UNITS
-
-STROKES = (2e-5, 0.5)
-"""What a piston moves [m]."""
-
-PERIODS = (4e-5, 0.5)
-"""Between samples [s]."""
-
-GAUGE_PRESSURES = (1.5e4, 1e6)
-"""At which a regulator holds a cylinder [Pa]."""
-
-CHAMBER_LENGTHS = (5e-3, 0.45)
-"""Absolute pressure over `k_x`: how long a chamber of the piston's area would be [m]."""
 
 LENGTHS = ('m', 'cm', 'mm', 'um', 'inch', 'mil')
 """Units in which people record a displacement."""
@@ -49,20 +55,7 @@ LENGTHS = ('m', 'cm', 'mm', 'um', 'inch', 'mil')
 PRESSURES = ('Pa', 'mbar', 'kPa', 'psi', 'bar', 'MPa')
 """Units in which people record a pressure."""
 
-_BELOW_AMBIENT = -5e3  # gauge; no regulator holds a vacuum [Pa]
-_OFF_SETPOINT = 1e4  # by which a pressure at rest may miss its set-point [Pa]
-_OFF_SHARE = 0.3  # likewise, of the gauge pressure
-_AT_SETPOINT = 0.1  # likewise, where another unit is the reason
-_AN_ATMOSPHERE = 0.15  # share by which a difference may miss ambient pressure and still be one
-_MOST_LOOKED_AT = 100_000  # samples
 _STEADY, _ALIVE = 0.05, 0.5  # share of the samples at which a set-point changes at most, a pressure at least
-_ALIKE = 1e-9
-_LONGEST_BATCH = 0.5  # longer intervals are gaps [s]
-_IN_A_BATCH = 0.3  # of the mean interval: jitter about a clock, and samples that are missed, leave most of them longer
-_FEWEST_INTERVALS = 100
-_MOST_SHARED_TIMES = 0.3  # share of the samples: more are no samples that were logged twice by chance
-_MOST_GUESSES = 3
-_ROUGHEST = 0.6  # change from sample to sample, as a share of the spread; 1.4 of independent samples
 
 
 def describe(recording: Recording, ambient_pressure: float) -> list[str]:
@@ -145,7 +138,7 @@ def duplicates(recordings: Sequence[Recording]) -> Iterator[Notice]:
 
 
 def _of_shared_times(recording: Recording) -> Iterator[Notice]:
-    if recording.shared_times > _MOST_SHARED_TIMES:
+    if recording.shared_times > LARGEST_SHARED_TIMES:
         yield warning(
             'times_suspect',
             f'{100.0 * recording.shared_times:.0f} % of the samples have the time of another, and were left out: '
@@ -170,19 +163,19 @@ def check_motion(displacement: Signal) -> Iterator[Notice]:
             f'a sample every {period:.3g} s, {float(np.ptp(displacement.times)):.4g} s in all',
             'check the unit of the time' + _were_it(period, PERIODS, _SCALES, lambda value: f'{value:.3g} s'),
         )
-    intervals = np.diff(displacement.times[:_MOST_LOOKED_AT])
-    intervals = intervals[intervals < _LONGEST_BATCH]
-    if intervals.size >= _FEWEST_INTERVALS and np.mean(intervals < _IN_A_BATCH * np.mean(intervals)) > 0.5:
+    intervals = np.diff(displacement.times[:MOST_INSPECTED_SAMPLES])
+    intervals = intervals[intervals < LONGEST_BATCH_INTERVAL]
+    if intervals.size >= FEWEST_INTERVALS and np.mean(intervals < LARGEST_BATCH_SHARE * np.mean(intervals)) > 0.5:
         yield warning(
             'times_suspect',
             f'most samples are {1e3 * float(np.median(intervals)):.3g} ms apart, on average '
             f'{1e3 * float(np.mean(intervals)):.3g} ms: their times come in batches',
             'use the time at which each sample was taken, or give the sample period in the mapping file',
         )
-    values = displacement.values[:_MOST_LOOKED_AT]
+    values = displacement.values[:MOST_INSPECTED_SAMPLES]
     values = np.clip(values, *np.percentile(values, (1.0, 99.0)))  # single wild ones say nothing of the rate
     spread = float(np.std(values))
-    if spread and float(np.sqrt(np.mean(np.diff(values) ** 2))) > _ROUGHEST * spread:
+    if spread and float(np.sqrt(np.mean(np.diff(values) ** 2))) > LARGEST_ROUGHNESS * spread:
         yield warning(
             'sampling_slow',
             f'the displacement is another one at each sample, every {period:.3g} s',
@@ -202,9 +195,9 @@ def _of_pressure(
             f'{name}: the pressure moves in steps, and the set-point at every sample',
             'swap pressure and set-point',
         )
-    elif abs(abs(off) - ambient) < _AN_ATMOSPHERE * ambient and gauge < GAUGE_PRESSURES[1]:
+    elif abs(abs(off) - ambient) < ATMOSPHERE_TOLERANCE * ambient and gauge < GAUGE_PRESSURES[1]:
         yield warning('reference_suspect', f'{apart}, an atmosphere', _whose_reference(own, off > 0.0))
-    elif gauge < _BELOW_AMBIENT:
+    elif gauge < LEAST_GAUGE_PRESSURE:
         yield warning(
             'reference_suspect',
             f'{name}: the pressure is mostly {gauge / 1e3:.4g} kPa gauge, below ambient, which no regulator holds',
@@ -212,7 +205,7 @@ def _of_pressure(
         )
     elif unusual := _of_level(name, 'pressure', own.pressure, ambient):
         yield from [*unusual, *_of_level(name, 'set-point', own.setpoint, ambient)]
-    elif abs(off) > max(_OFF_SETPOINT, _OFF_SHARE * gauge):
+    elif abs(off) > max(LARGEST_SETPOINT_ERROR, LARGEST_SETPOINT_ERROR_SHARE * gauge):
         whose = warning('setpoint_suspect', apart, _whose(name, own, cylinders, ambient))
         yield from _of_level(name, 'set-point', own.setpoint, ambient) or [whose]
 
@@ -266,7 +259,7 @@ def _at_its_set_point(own: CylinderSignals, ambient: float) -> Iterator[str]:
             scaled = {**pair, what: replace(signal, values=factor * signal.values + shift)}
             gauge = float(np.median(_some(scaled[what].values))) - ambient
             is_usual = GAUGE_PRESSURES[0] <= gauge <= GAUGE_PRESSURES[1]
-            if is_usual and abs(_off(*scaled.values())) < _AT_SETPOINT * gauge:
+            if is_usual and abs(_off(*scaled.values())) < AT_SETPOINT_SHARE * gauge:
                 yield f'the {what} is {reference} {unit}'
 
 
@@ -310,14 +303,14 @@ def _assumptions(recording: Recording) -> Iterator[Notice]:
 
 def _off(pressure: Signal, setpoint: Signal) -> float:
     """Return by how much a pressure is mostly above what its set-point was then [Pa]."""
-    every = max(1, len(pressure) // _MOST_LOOKED_AT)
+    every = max(1, len(pressure) // MOST_INSPECTED_SAMPLES)
     held = np.searchsorted(setpoint.times, pressure.times[::every], side='right') - 1
     return float(np.median(pressure.values[::every] - setpoint.values[np.maximum(held, 0)]))
 
 
 def _look_swapped(pressure: Signal, setpoint: Signal) -> bool:
     """Return whether what is said to be a pressure holds still like a set-point, and the reverse."""
-    values = pressure.values[:_MOST_LOOKED_AT]
+    values = pressure.values[:MOST_INSPECTED_SAMPLES]
     if len(values) < 2 or len(setpoint) < 2:
         return False
     changes = float(np.mean(np.diff(values) != 0.0))
@@ -327,17 +320,19 @@ def _look_swapped(pressure: Signal, setpoint: Signal) -> bool:
 
 def _same(one: Signal, other: Signal) -> bool:
     """Return whether signals hold the same values, whenever they were."""
-    return len(one) == len(other) and bool(np.allclose(one.values, other.values, rtol=_ALIKE, atol=0.0))
+    return len(one) == len(other) and bool(
+        np.allclose(one.values, other.values, rtol=LARGEST_DUPLICATE_DIFFERENCE, atol=0.0)
+    )
 
 
 def _some(values: Array) -> Array:
     """Return values evenly spread over a signal."""
-    return values[:: max(1, len(values) // _MOST_LOOKED_AT)]
+    return values[:: max(1, len(values) // MOST_INSPECTED_SAMPLES)]
 
 
 def _period(signal: Signal) -> float:
     """Return the usual interval [s], 0 of a single sample."""
-    return float(np.median(np.diff(signal.times[:_MOST_LOOKED_AT]))) if len(signal) > 1 else 0.0
+    return float(np.median(np.diff(signal.times[:MOST_INSPECTED_SAMPLES]))) if len(signal) > 1 else 0.0
 
 
 _SCALES = {
@@ -372,6 +367,6 @@ def _were_it(
     """Return what a value would be with other factors, the likeliest first, as far as that is usual."""
     low, high = usual
     fitting = {name: value * factor for name, factor in factors.items() if low <= value * factor <= high}
-    likely = sorted(fitting, key=lambda name: abs(math.log(fitting[name] / math.sqrt(low * high))))[:_MOST_GUESSES]
+    likely = sorted(fitting, key=lambda name: abs(math.log(fitting[name] / math.sqrt(low * high))))[:MOST_GUESSES]
     each = ' or '.join(f'{shown(fitting[name])} {name}' for name in likely)
     return f' (it would be {each})' if each else ''

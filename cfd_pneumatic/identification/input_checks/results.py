@@ -21,16 +21,11 @@ from cfd_pneumatic.identification.input_checks.alternative_readings import (
     force_error_share,
     pressure_readings,
 )
-from cfd_pneumatic.identification.input_checks.recordings import (
-    CHAMBER_LENGTHS,
-    LENGTHS,
-    check_recordings,
-    in_other_units,
-    shown_length,
-)
+from cfd_pneumatic.identification.input_checks.recordings import LENGTHS, check_recordings, in_other_units, shown_length
 from cfd_pneumatic.identification.input_checks.thresholds import (
     ATMOSPHERE_TOLERANCE,
     BORES,
+    CHAMBER_LENGTHS,
     ERROR_PIECES,
     FEWEST_COMPARED_RECORDINGS,
     FEWEST_PIECE_SAMPLES,

@@ -10,52 +10,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.identification.input_checks.thresholds import (
+    ANSWER_TIME,
+    FEWEST_FROZEN_SAMPLES,
+    FEWEST_SAMPLES_AT_LIMIT,
+    FEWEST_STUCK_VALUES,
+    LARGEST_EVEN_RATIO,
+    LARGEST_LEVEL_CHANGE,
+    LARGEST_REPEATED_SHARE,
+    LARGEST_SHARE_BEYOND,
+    LARGEST_STEP_SHARE,
+    LARGEST_STEPS_INTO_LIMIT,
+    LEAST_ALTERNATING_SHARE,
+    LEAST_ALTERNATION,
+    LEAST_CHANGE_RATIO,
+    LEAST_CLIPPED_RANGE,
+    LEAST_FROZEN_SHARE,
+    LEAST_FROZEN_TIME,
+    LEAST_HELD_SHARE,
+    LEAST_LEAP_OUT,
+    LEAST_LIMIT_SHARE,
+    LEAST_LONE_SHIFT,
+    LEAST_MOVED_SHARE,
+    LEAST_PILE_RATIO,
+    LEAST_PILE_SHARE,
+    LEAST_PRESSURE_LEAP,
+    LEAST_RANGE_AT_SETPOINT,
+    LEAST_SHARE_BETWEEN,
+    LEAST_SHIFT,
+    LEAST_SHIFT_COUNTS,
+    LEAST_SHIFT_SHARE,
+    LEAST_SOURCE_DISTANCE,
+    LEAST_SPEED_CHANGE,
+    LEAST_STEPS_TO_STUCK,
+    LEVEL_SAMPLES,
+    LONGEST_RESOLVED_INTERVAL,
+    LONGEST_SPIKE,
+    MEAN_SAMPLES,
+    MOST_INSPECTED_SAMPLES,
+    MOST_SHIFTS,
+    RARELY_REPEATED_SHARE,
+    SETTLING_TIME,
+    SHIFT_TIME,
+    STROKE_TIME,
+)
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import Signal, count_of, is_noisy
 
-_SPIKE = 3  # samples that a leap out and back may last
-_LEAP = 0.25  # of the absolute pressure: what leaps by less may be the piston's doing
-_MOST_LOOKED_AT = 100_000  # samples
-_MOVED = 0.05  # share of the stroke, before and after, within
-_WHILE = 0.05  # so long: the pressure answers the piston within that [s]
-_FROZEN = 0.03  # how long a pressure holds still then [s]
-_FEWEST_FROZEN = 5  # samples that are as the one before
-_FROZEN_SHARE = 0.05  # of the samples at which the piston moves
-_EVEN = 1.5  # times the median number of repeats: no more are those of a slow sensor that is asked often
-_STROKE = 0.5  # in which a piston moves to and fro, about [s]
-_FINE = 0.01  # of a pressure's span in that time: with coarser steps of a sensor much looks still
-_IN_TURN = 10.0  # times as far from the sample before as from the one before that
-_APART = 0.01  # of the span, by which two sensors differ at least
-_SHARE_IN_TURN = 0.3  # of the samples; of noise it is a sixteenth
-_FEWEST_AT_LIMIT = 100  # samples that tell
-_LEAST_AT_LIMIT = 0.005  # share of the samples
-_REPEATED = 0.3  # share of samples as the one before, elsewhere: a coarse sensor repeats itself anywhere
-_STEPS_INTO = 1.5  # of the sensor: where a piston turns round, a coarse one goes by single steps
-_LEAPS_OUT = 2.0  # times what a hundredth of the steps elsewhere exceed
-_RARELY_REPEATED = 0.1  # share of samples as the one before
-_FEWEST_PLACES = 2  # where it is stuck: a force without contact rests at one
-_RESOLVED = 5.5e-3  # interval between samples in which no piston or pressure goes all of a step [s]
-_SHIFT = 5.0  # times what a hundredth of the changes exceed
-_SHIFT_SHARE = 0.05  # of the span
-_COUNTS = 10.0  # times the smallest change: a sensor may flicker by a count
-_ALONE = 5.0  # times the largest change around it
-_STAYS = 0.1  # so long before and behind: a pulse of the pressure has fallen off by then [s]
-_MOST_SHIFTS = 3
-_FAR = 4.0  # steps of the sensor into and out of a value: what settles there comes in small ones
 _NOISE_OF_BENDS = 1.0 / (0.6745 * math.sqrt(6.0))  # standard deviation of white noise, of its median second difference
-_AVERAGED = 9  # samples of a mean
-_WIDE = 60.0  # times the noise of a mean, that a pressure moves at least
-_LEAST_PILE = 0.02  # share of the samples; of clean recordings 0.001
-_STEEP = 2.5  # times as many samples in a pile as below it; at the turns of a sine 2.4 times
-_MOST_BEYOND = 2e-3  # share of the samples
-_BETWEEN_PILES = 0.1  # share of the samples
-_SETTLED = 0.5  # behind a step of the set-point [s]
-_WIDE_BETWEEN = 10.0  # times the noise of a mean, about the set-point
-_CHANGES_SPEED = 0.25  # of the standard deviation of all speeds; at the turns of a pressure that follows it less
-_CHANGING = 0.5  # changes of a set-point for each sample of the pressure
-_HELD = 50  # samples of a mean of the set-point
-_SAME_LEVEL = 5.0  # times the noise of such a mean
-_MOSTLY_HELD = 0.6  # share of the means that are as the one before
 
 
 def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
@@ -63,14 +65,14 @@ def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
     if role not in ('displacement', 'pressure'):  # a force has the jerks of what moves
         return
     values = signal.values
-    low, middle, high = np.percentile(values[:: max(1, len(values) // _MOST_LOOKED_AT)], (1.0, 50.0, 99.0))
-    span = max(float(high - low), _LEAP * float(middle) if role == 'pressure' else 0.0)
+    low, middle, high = np.percentile(values[:: max(1, len(values) // MOST_INSPECTED_SAMPLES)], (1.0, 50.0, 99.0))
+    span = max(float(high - low), LEAST_PRESSURE_LEAP * float(middle) if role == 'pressure' else 0.0)
     if not span or (np.max(values) <= high + span and np.min(values) >= low - span):
         return
     outside = (values > high + span) | (values < low - span)
     edges = np.diff(outside.astype(np.int8), prepend=0, append=0)
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    inner = (ends - begins <= _SPIKE) & (begins > 0) & (ends < len(values))
+    inner = (ends - begins <= LONGEST_SPIKE) & (begins > 0) & (ends < len(values))
     begins, ends = begins[inner], ends[inner]
     there, back = np.abs(values[begins] - values[begins - 1]), np.abs(values[ends - 1] - values[ends])
     spikes = np.minimum(there, back) > span
@@ -87,13 +89,13 @@ def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
 
 def two_sources(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
     """Ask whether samples come in turn from two sensors, as of two nodes that publish one topic."""
-    values = signal.values[:_MOST_LOOKED_AT]
-    if role == 'setpoint' or len(values) < _FEWEST_AT_LIMIT:
+    values = signal.values[:MOST_INSPECTED_SAMPLES]
+    if role == 'setpoint' or len(values) < FEWEST_SAMPLES_AT_LIMIT:
         return
     from_last, from_one_before = np.abs(values[2:] - values[1:-1]), np.abs(values[2:] - values[:-2])
-    in_turn = (from_last > _IN_TURN * from_one_before) & (from_last > _APART * np.ptp(values))
+    in_turn = (from_last > LEAST_ALTERNATION * from_one_before) & (from_last > LEAST_SOURCE_DISTANCE * np.ptp(values))
     share = float(np.mean(in_turn))
-    if share > _SHARE_IN_TURN:
+    if share > LEAST_ALTERNATING_SHARE:
         name = role if cylinder is None else f'{cylinder} {role}'
         yield warning(
             'samples_suspect',
@@ -109,21 +111,21 @@ def stuck(role: str, signal: Signal) -> Iterator[Notice]:
     What rests really has noise as before, or begins to move in small steps, or rests at one value, as a force without
     contact.
     """
-    values, times = signal.values[:_MOST_LOOKED_AT], signal.times[:_MOST_LOOKED_AT]
+    values, times = signal.values[:MOST_INSPECTED_SAMPLES], signal.times[:MOST_INSPECTED_SAMPLES]
     changes = np.diff(values)
     steps = np.abs(changes)
     begins = np.flatnonzero(np.append(True, steps != 0.0))  # of runs of one value
     ends = np.append(begins[1:], len(values))  # the first sample behind each
-    is_long = (ends - begins >= _FEWEST_FROZEN) & (times[ends - 1] - times[begins] >= _FROZEN)
+    is_long = (ends - begins >= FEWEST_FROZEN_SAMPLES) & (times[ends - 1] - times[begins] >= LEAST_FROZEN_TIME)
     inner = is_long & (ends < len(values))
     moving = np.repeat(~is_long, ends - begins)[1:]
-    if not inner.any() or not moving.any() or np.mean(steps[moving] == 0.0) > _REPEATED:
+    if not inner.any() or not moving.any() or np.mean(steps[moving] == 0.0) > LARGEST_REPEATED_SHARE:
         return
     out = steps[np.minimum(ends, len(values) - 1) - 1]
-    leaps_out = inner & (out > _LEAPS_OUT * np.percentile(steps[moving], 99.0))
-    has_noise = is_noisy(changes[moving]) and np.mean(steps[moving] == 0.0) < _RARELY_REPEATED
+    leaps_out = inner & (out > LEAST_LEAP_OUT * np.percentile(steps[moving], 99.0))
+    has_noise = is_noisy(changes[moving]) and np.mean(steps[moving] == 0.0) < RARELY_REPEATED_SHARE
     held = inner if has_noise else leaps_out
-    if len(np.unique(values[begins[held]])) < _FEWEST_PLACES:
+    if len(np.unique(values[begins[held]])) < FEWEST_STUCK_VALUES:
         return
     share = float(np.sum((ends - begins)[held])) / len(values)
     yield warning(
@@ -140,26 +142,26 @@ def shifted(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]
 
     A piston and a pressure that move so far do it in several samples, if these come every 5 ms or faster.
     """
-    values, times = signal.values[:_MOST_LOOKED_AT], signal.times[:_MOST_LOOKED_AT]
-    if role not in ('displacement', 'pressure') or len(values) < _FEWEST_AT_LIMIT:
+    values, times = signal.values[:MOST_INSPECTED_SAMPLES], signal.times[:MOST_INSPECTED_SAMPLES]
+    if role not in ('displacement', 'pressure') or len(values) < FEWEST_SAMPLES_AT_LIMIT:
         return
     steps, intervals = np.abs(np.diff(values)), np.diff(times)
     period = float(np.median(intervals))
-    if period > _RESOLVED or not np.median(steps):
+    if period > LONGEST_RESOLVED_INTERVAL or not np.median(steps):
         return
     least = max(
-        _SHIFT * float(np.percentile(steps, 99.0)),
-        _SHIFT_SHARE * float(np.ptp(values)),
-        _COUNTS * float(np.min(steps[steps > 0.0])),
+        LEAST_SHIFT * float(np.percentile(steps, 99.0)),
+        LEAST_SHIFT_SHARE * float(np.ptp(values)),
+        LEAST_SHIFT_COUNTS * float(np.min(steps[steps > 0.0])),
     )
-    around, shifts = round(_STAYS / period), []
-    for index in np.flatnonzero((steps > least) & (intervals < _RESOLVED)).tolist():
+    around, shifts = round(SHIFT_TIME / period), []
+    for index in np.flatnonzero((steps > least) & (intervals < LONGEST_RESOLVED_INTERVAL)).tolist():
         before, behind = values[max(index + 1 - around, 0) : index + 1], values[index + 1 : index + 1 + around]
         largest = max(float(np.max(np.abs(np.diff(some)), initial=0.0)) for some in (before, behind))
         stays = abs(np.median(behind) - np.median(before)) > 0.5 * steps[index]
-        if stays and np.ptp(before) and np.ptp(behind) and steps[index] > _ALONE * largest:
+        if stays and np.ptp(before) and np.ptp(behind) and steps[index] > LEAST_LONE_SHIFT * largest:
             shifts.append(f'{times[index + 1]:.4g}')
-    if 0 < len(shifts) <= _MOST_SHIFTS:
+    if 0 < len(shifts) <= MOST_SHIFTS:
         name = role if cylinder is None else f'{cylinder} {role}'
         yield warning(
             'samples_suspect',
@@ -174,25 +176,25 @@ def at_limit(displacement: Signal) -> Iterator[Notice]:
 
     At a stop, too, a piston holds still at once, but its sensor goes on to have noise.
     """
-    values = displacement.values[:_MOST_LOOKED_AT]
-    if len(values) < _FEWEST_AT_LIMIT or np.ptp(values) == 0.0:
+    values = displacement.values[:MOST_INSPECTED_SAMPLES]
+    if len(values) < FEWEST_SAMPLES_AT_LIMIT or np.ptp(values) == 0.0:
         return
     steps = np.diff(values)
     moved = np.abs(steps[steps != 0.0])
-    least = max(0.5 * float(np.median(moved)), _STEPS_INTO * float(np.min(moved)))
+    least = max(0.5 * float(np.median(moved)), LARGEST_STEPS_INTO_LIMIT * float(np.min(moved)))
     for limit, towards in ((np.max(values), 1.0), (np.min(values), -1.0)):
         held = values == limit
         edges = np.diff(held.astype(np.int8), prepend=0, append=0)
         begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-        long = (ends - begins >= _FEWEST_FROZEN) & (begins > 1)
+        long = (ends - begins >= FEWEST_FROZEN_SAMPLES) & (begins > 1)
         begins, ends = begins[long], ends[long]
         elsewhere = ~(held[1:] | held[:-1])
-        is_fine = np.mean(steps[elsewhere] == 0.0) < _REPEATED if elsewhere.any() else False
+        is_fine = np.mean(steps[elsewhere] == 0.0) < LARGEST_REPEATED_SHARE if elsewhere.any() else False
         if not begins.size or not is_fine:
             continue
         runs_into = towards * steps[begins - 2] > least
         share = float(np.sum(ends - begins)) / len(values)
-        if np.mean(runs_into) > 0.5 and share > _LEAST_AT_LIMIT:
+        if np.mean(runs_into) > 0.5 and share > LEAST_LIMIT_SHARE:
             yield warning(
                 'samples_suspect',
                 f'the displacement holds quite still at its {"highest" if towards > 0.0 else "lowest"} value, '
@@ -208,29 +210,29 @@ def clipped(name: str, pressure: Signal, setpoint: Signal | None, displacement: 
     A mean over some samples then has less noise than the pressure, and a pile narrower than any real turn of it. The
     piston changes its speed meanwhile, which the pressure follows between the piles, also where no set-point steps.
     """
-    values, times = pressure.values[:_MOST_LOOKED_AT], pressure.times[:_MOST_LOOKED_AT]
-    if len(values) < _FEWEST_AT_LIMIT:
+    values, times = pressure.values[:MOST_INSPECTED_SAMPLES], pressure.times[:MOST_INSPECTED_SAMPLES]
+    if len(values) < FEWEST_SAMPLES_AT_LIMIT:
         return
     noise = float(np.median(np.abs(np.diff(values, 2)))) * _NOISE_OF_BENDS
     means = _means(values)
-    width = noise / math.sqrt(_AVERAGED)
-    if not width or np.ptp(means) < _WIDE * width:
+    width = noise / math.sqrt(MEAN_SAMPLES)
+    if not width or np.ptp(means) < LEAST_CLIPPED_RANGE * width:
         return
-    middles = times[_AVERAGED // 2 :][: len(means)]
+    middles = times[MEAN_SAMPLES // 2 :][: len(means)]
     speed = np.gradient(np.interp(middles, displacement.times, displacement.values), middles)
-    speed = np.convolve(speed, np.full(_AVERAGED, 1.0 / _AVERAGED), 'same')
+    speed = np.convolve(speed, np.full(MEAN_SAMPLES, 1.0 / MEAN_SAMPLES), 'same')
     piles = [_pile(means, width), _pile(-means, width)]
     shares = [float(np.mean(pile)) for pile in piles]
-    if min(shares) < _LEAST_PILE:
+    if min(shares) < LEAST_PILE_SHARE:
         return
-    if any(np.std(speed[pile]) < _CHANGES_SPEED * np.std(speed) for pile in piles):
+    if any(np.std(speed[pile]) < LEAST_SPEED_CHANGE * np.std(speed) for pile in piles):
         return
     between = ~(piles[0] | piles[1])
     if setpoint is not None:
         index = np.searchsorted(setpoint.times[1:], middles, side='right')
-        between &= middles - setpoint.times[index] > _SETTLED
+        between &= middles - setpoint.times[index] > SETTLING_TIME
         means = means - setpoint.values[index]
-    if np.mean(between) < _BETWEEN_PILES or np.std(means[between]) < _WIDE_BETWEEN * width:
+    if np.mean(between) < LEAST_SHARE_BETWEEN or np.std(means[between]) < LEAST_RANGE_AT_SETPOINT * width:
         return
     yield warning(
         'samples_suspect',
@@ -241,7 +243,7 @@ def clipped(name: str, pressure: Signal, setpoint: Signal | None, displacement: 
 
 
 def _means(values: Array) -> Array:
-    return np.convolve(values, np.full(_AVERAGED, 1.0 / _AVERAGED), 'valid')
+    return np.convolve(values, np.full(MEAN_SAMPLES, 1.0 / MEAN_SAMPLES), 'valid')
 
 
 def _pile(means: Array, width: float) -> NDArray[np.bool_]:
@@ -251,7 +253,7 @@ def _pile(means: Array, width: float) -> NDArray[np.bool_]:
     pile: NDArray[np.bool_] = np.abs(means - level) < 2.0 * width
     below = (means <= level - 2.0 * width) & (means > level - 6.0 * width)
     beyond = float(np.mean(means > level + 3.0 * width))
-    is_pile = beyond < _MOST_BEYOND and np.mean(pile) > _STEEP * np.mean(below)
+    is_pile = beyond < LARGEST_SHARE_BEYOND and np.mean(pile) > LEAST_PILE_RATIO * np.mean(below)
     return pile if is_pile else np.zeros(len(means), bool)
 
 
@@ -261,15 +263,19 @@ def noisy_setpoint(name: str, setpoint: Signal, pressure: Signal) -> Iterator[No
 
     A controller changes its set-point at each sample, too, but does not hold the mean of many.
     """
-    values = setpoint.values[:_MOST_LOOKED_AT]
+    values = setpoint.values[:MOST_INSPECTED_SAMPLES]
     changes = np.diff(values)
-    if len(setpoint) < _CHANGING * len(pressure) or len(values) < _FEWEST_AT_LIMIT or not is_noisy(changes):
+    if (
+        len(setpoint) < LEAST_CHANGE_RATIO * len(pressure)
+        or len(values) < FEWEST_SAMPLES_AT_LIMIT
+        or not is_noisy(changes)
+    ):
         return
     noise = float(np.median(np.abs(np.diff(values, 2)))) * _NOISE_OF_BENDS
-    length = len(values) // _HELD * _HELD
-    means = values[:length].reshape(-1, _HELD).mean(axis=1)
-    is_held = np.abs(np.diff(means)) < _SAME_LEVEL * noise / math.sqrt(_HELD)
-    if np.mean(is_held) < _MOSTLY_HELD:
+    length = len(values) // LEVEL_SAMPLES * LEVEL_SAMPLES
+    means = values[:length].reshape(-1, LEVEL_SAMPLES).mean(axis=1)
+    is_held = np.abs(np.diff(means)) < LARGEST_LEVEL_CHANGE * noise / math.sqrt(LEVEL_SAMPLES)
+    if np.mean(is_held) < LEAST_HELD_SHARE:
         return
     yield warning(
         'setpoint_suspect',
@@ -286,36 +292,36 @@ def standstill(name: str, pressure: Signal, displacement: Signal, least: float) 
     At a steady speed, and at rest, a pressure with less noise than its sensor has steps is still, too. A piston moves
     by `least` [m] or more.
     """
-    values, times = pressure.values[:_MOST_LOOKED_AT], pressure.times[:_MOST_LOOKED_AT]
+    values, times = pressure.values[:MOST_INSPECTED_SAMPLES], pressure.times[:MOST_INSPECTED_SAMPLES]
     begins = np.flatnonzero(np.append(True, np.diff(values) != 0.0))  # of runs of one value, which follow each other
     repeats = np.diff(begins, append=len(values)) - 1
     held = values[begins]
-    if len(held) < 2 or np.sum(repeats) <= _FROZEN_SHARE * (len(values) - 1):
+    if len(held) < 2 or np.sum(repeats) <= LEAST_FROZEN_SHARE * (len(values) - 1):
         return
     several = repeats[repeats > 0]
-    if np.percentile(several, 90.0) < _EVEN * np.median(several):
+    if np.percentile(several, 90.0) < LARGEST_EVEN_RATIO * np.median(several):
         return  # a logger that asks faster than the sensor answers
     steps = np.abs(np.diff(held))
-    finest, strokes = np.min(steps), max(1, min(len(values) // 2, int((times[-1] - times[0]) / _STROKE)))
+    finest, strokes = np.min(steps), max(1, min(len(values) // 2, int((times[-1] - times[0]) / STROKE_TIME)))
     spans = [float(np.ptp(one)) for one in np.array_split(values, strokes) if np.any(one != one[:1])] or [0.0]
-    if finest > _FINE * np.median(spans):
+    if finest > LARGEST_STEP_SHARE * np.median(spans):
         return
 
     before, here, after = (
-        np.interp(times + by, displacement.times, displacement.values) for by in (-_WHILE, 0, _WHILE)
+        np.interp(times + by, displacement.times, displacement.values) for by in (-ANSWER_TIME, 0, ANSWER_TIME)
     )
-    low, high = np.percentile(displacement.values[:: max(1, len(displacement) // _MOST_LOOKED_AT)], (1.0, 99.0))
-    moved = np.minimum(np.abs(here - before), np.abs(after - here)) > max(_MOVED * (high - low), least)
+    low, high = np.percentile(displacement.values[:: max(1, len(displacement) // MOST_INSPECTED_SAMPLES)], (1.0, 99.0))
+    moved = np.minimum(np.abs(here - before), np.abs(after - here)) > max(LEAST_MOVED_SHARE * (high - low), least)
     direction = np.where(moved, np.sign(after - before), np.nan)
     turns = np.fmin.reduceat(direction, begins) < np.fmax.reduceat(direction, begins)
 
     at_an_end = (held == np.min(held)) | (held == np.max(held))
-    sudden = np.minimum(np.append(0.0, steps), np.append(steps, 0.0)) > _FAR * finest
-    is_long = (repeats >= _FEWEST_FROZEN) & (times[begins + repeats] - times[begins] >= _FROZEN)
+    sudden = np.minimum(np.append(0.0, steps), np.append(steps, 0.0)) > LEAST_STEPS_TO_STUCK * finest
+    is_long = (repeats >= FEWEST_FROZEN_SAMPLES) & (times[begins + repeats] - times[begins] >= LEAST_FROZEN_TIME)
     is_frozen = is_long & (turns | (at_an_end & sudden))
     frozen = moved & np.repeat(is_frozen, repeats + 1)
     share = np.sum(frozen) / max(1, np.sum(moved))
-    if share <= _FROZEN_SHARE:
+    if share <= LEAST_FROZEN_SHARE:
         return
     value = np.median(values[frozen])
     where = 'its lowest' if value == np.min(values) else 'its highest' if value == np.max(values) else 'the same'
