@@ -153,7 +153,7 @@ class MonitorNode(ModelNode):
     def _commit(self, stamp: int, position: float) -> bool:
         now = time.monotonic()
         setpoints = self._absolute_setpoints()
-        prediction = self._watch.piston(stamp, position, setpoints, now)
+        prediction = self._watch.add_piston_sample(stamp, position, setpoints, now)
         if prediction is Arrival.IMPOSSIBLE:
             return False
         if isinstance(prediction, Arrival):
@@ -179,11 +179,11 @@ class MonitorNode(ModelNode):
         if channel in self._cylinders:
             self._range.measured(channel, told[1])
         now = time.monotonic()
-        self._watch.measured(channel, stamp, told[1], now)
+        self._watch.add_measurement(channel, stamp, told[1], now)
         self._publish_residuals(now)
 
     def _publish_residuals(self, now: float) -> None:
-        for residual in self._watch.residuals(now):
+        for residual in self._watch.new_residuals(now):
             self._residuals.publish(*residual)
 
     def _on_learn(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -195,7 +195,7 @@ class MonitorNode(ModelNode):
 
     def _look(self) -> None:
         self._watch.faults(time.monotonic())
-        self._watch.look_after()
+        self._watch.update_alarms()
 
     # what is said
 
@@ -206,16 +206,16 @@ class MonitorNode(ModelNode):
             self._verdict_on_feed(),
             feed | {'defaults': self._told_defaults(), 'not identifiable': self._told_doubtful()},
         )
-        for name, channel in self._watch.channels().items():
-            values = {'times that a chart has rung': str(channel.rings)}
+        for name, channel in self._watch.signals().items():
+            values = {'times that a chart has rung': str(channel.ring_count)}
             if channel.baseline is not None:
                 unit = 'N' if name == convention.CONTACT_FORCE else 'Pa'
-                values[f'usual residual, root mean square [{unit}]'] = f'{channel.usual:.4g}'
+                values[f'usual residual, root mean square [{unit}]'] = f'{channel.usual_rms:.4g}'
                 values[f'tolerance of the mean [{unit}]'] = f'{channel.baseline.mean.tolerance:.4g}'
-                values['largest sum over its threshold [-]'] = f'{channel.nearness:.3f}'
+                values['largest sum over its threshold [-]'] = f'{channel.alarm_proximity:.3f}'
             self._say(name, self._verdict_on(name), values)
 
-        self._worker.look_after()
+        self._worker.restart_if_ended()
         self._say('diagnosis', self._verdict_on_worker(), {'process started again': str(self._worker.restarts)})
 
     def _verdict_on_worker(self) -> tuple[bytes, str]:
@@ -232,8 +232,8 @@ class MonitorNode(ModelNode):
     def _verdict_on_feed(self) -> tuple[bytes, str]:
         """Return level and words on the topics."""
         faults = self._watch.faults(time.monotonic())
-        missing = self._watch.missing()
-        words = [fault.why for fault in faults]
+        missing = self._watch.missing_topics()
+        words = [fault.message for fault in faults]
         words += [f'no {topic} yet' for topic in missing]
         if self._health.meanwhile is not None and self._health.silence > self._value('timeout'):
             words.append(self._health.meanwhile)
@@ -248,14 +248,14 @@ class MonitorNode(ModelNode):
     def _verdict_on(self, name: str) -> tuple[bytes, str]:
         """Return level and words on a cylinder or the contact force."""
         watch = self._watch
-        channel = watch.channels()[name]
-        if channel.learned < 1.0:
-            return DiagnosticStatus.OK, f'learning what its model usually leaves: {100.0 * channel.learned:.0f} %'
+        channel = watch.signals()[name]
+        if channel.learned_share < 1.0:
+            return DiagnosticStatus.OK, f'learning what its model usually leaves: {100.0 * channel.learned_share:.0f} %'
         alarm = watch.alarms.get(name)
         if alarm is None:
             return DiagnosticStatus.OK if channel.misfit is None else DiagnosticStatus.WARN, describe_agreement(channel)
         follows = name == convention.CONTACT_FORCE and len(watch.alarms) > 1
-        level = DiagnosticStatus.ERROR if watch.stands(alarm) else DiagnosticStatus.WARN
+        level = DiagnosticStatus.ERROR if watch.is_confirmed(alarm) else DiagnosticStatus.WARN
         return level, f'{describe_departure(watch.departure(name))}: {describe_diagnosis(alarm, follows)}'
 
     def destroy_node(self) -> None:
