@@ -62,16 +62,16 @@ class StampMonitor:
 
     def check(self, stamp: int, now: float) -> Fault | None:
         """Check a stamp [ns] that was received at a steady time [s]; return its fault, or None."""
-        before, heard = self.stamp, self.heard_at
+        before, last_heard = self.stamp, self.heard_at
         self.stamp, self.heard_at = stamp, now
-        if before is None or heard is None:
+        if before is None or last_heard is None:
             return None
         elapsed = (stamp - before) / NANOSECONDS
         if 0.0 <= elapsed <= self._longest:
             return None
         if elapsed < 0.0:
             return Fault(self._topic, 'clock', f'the clock of {self._topic} jumped back by {-elapsed:.3g} s')
-        if now - heard < _PASSED_SHARE * elapsed:
+        if now - last_heard < _PASSED_SHARE * elapsed:
             return Fault(self._topic, 'clock', f'the clock of {self._topic} jumped ahead by {elapsed:.3g} s')
         return Fault(self._topic, 'silent', f'{self._topic} was silent for {elapsed:.3g} s')
 

@@ -266,7 +266,7 @@ class Watch:
         if self._predictions:
             last = self._predictions[-1]
             period = (stamp - last.stamp) / NANOSECONDS
-            rates = tuple((value - old) / period for value, old in zip(values, last.values))
+            rates = tuple((value - last_value) / period for value, last_value in zip(values, last.values))
         prediction = Prediction(stamp, values, rates)
         self._predictions.append(prediction)
         while stamp - self._predictions[0].stamp > self.settings.max_gap * NANOSECONDS:
@@ -495,5 +495,5 @@ class Watch:
             for name, alarm in self.alarms.items():
                 alarm.diagnosed_until = pending.end
                 alarm.failure = finding.failure
-                found = finding.diagnoses.get(name)
-                alarm.new_findings = None if found is None else new_findings(found, before.get(name))
+                diagnosis = finding.diagnoses.get(name)
+                alarm.new_findings = None if diagnosis is None else new_findings(diagnosis, before.get(name))

@@ -69,11 +69,11 @@ class RollingSignal:
     def held_from(self, begin: int, epoch: int) -> Signal | None:
         """Return the changes of a held value from a stamp on [ns]; None if the value is unknown at the stamp."""
         stamps, values = np.array(self._stamps, dtype=np.int64), np.array(self._values, dtype=np.float64)
-        held = int(np.searchsorted(stamps, begin, side='right')) - 1
-        if held < 0:
+        first = int(np.searchsorted(stamps, begin, side='right')) - 1
+        if first < 0:
             return None
-        changes = np.concatenate([[True], np.diff(values[held:]) != 0.0])
-        return Signal((np.maximum(stamps[held:], begin)[changes] - epoch) / NANOSECONDS, values[held:][changes])
+        changes = np.concatenate([[True], np.diff(values[first:]) != 0.0])
+        return Signal((np.maximum(stamps[first:], begin)[changes] - epoch) / NANOSECONDS, values[first:][changes])
 
 
 class Window:
