@@ -176,7 +176,7 @@ class InputRange:
                 yield (
                     f'the measured pressures of {a} and {b} look swapped: {_format_span(observed_a)} Pa and '
                     f'{_format_span(observed_b)} Pa, identified {_format_span(reference_a)} Pa and '
-                    f'{_format_span(reference_b)} Pa'
+                    f'{_format_span(reference_b)} Pa: check the topics'
                 )
                 return
         for name, observed, reference in outside:

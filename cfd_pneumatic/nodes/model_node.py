@@ -354,7 +354,9 @@ class ModelNode(BoundedNode):
         sample = self._piston.read(message)
         if sample is None and self._joint not in self._piston.names:  # several publishers may share the topic
             self._health.counts[WITHOUT_JOINT] += 1
-            self._health.foreign_input = f'no joint {self._joint!r}, but {_NAMES.repr(self._piston.names)}'
+            self._health.foreign_input = (
+                f'no joint {self._joint!r}, but {_NAMES.repr(self._piston.names)}: check the parameter joint'
+            )
             if self._health.silence > self._value('timeout'):
                 self._health.warn(f'{convention.PISTON_STATE} has {self._health.foreign_input}')
             return

@@ -51,7 +51,7 @@ def check_arguments(program: str, arguments: Sequence[str]) -> None:
         raise InputError(f'{first} is no argument of {program}: see {program} --help')
     line = printable(shlex.join([program, '--ros-args', *accepted, *corrected]))
     is_outside = '--ros-args' not in arguments[: arguments.index(strays[0])]
-    raise InputError(f'{first} {"is outside --ros-args" if is_outside else "belongs to no option"}: use {line}')
+    raise InputError(f'{first} {"is outside --ros-args" if is_outside else "belongs to no option"}: {line}')
 
 
 def _split_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:

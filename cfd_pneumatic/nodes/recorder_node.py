@@ -152,7 +152,7 @@ class RecorderNode(BoundedNode):
             if self._bag.follow():
                 self.get_logger().warning(
                     f'the folder of the bag was moved: the recording goes on, and the bag will be {self._bag.path}. '
-                    'The node will end with exit code 2, since the bag is not where it was named.'
+                    'The node will end with exit code 2, because the bag is not at the given path.'
                 )
         except InputError as error:
             self._fail(error)
@@ -176,7 +176,7 @@ class RecorderNode(BoundedNode):
             self._bag.close()
         except InputError as error:
             self._bag.leave()
-            raise InputError(f'{error}; what was recorded before is in {self._bag.path}') from error
+            raise InputError(f'{error}; the messages before the error are in {self._bag.path}') from error
         lost = f', {self._lost} were lost' if self._lost else ''
         self.get_logger().info(f'{self._written} messages in {self._bag.path}{lost}')
         self._bag.check_place()

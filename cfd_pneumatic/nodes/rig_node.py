@@ -228,7 +228,7 @@ class RigNode(BoundedNode):
             if math.isfinite(message.data):
                 piston.command(message.data)
             else:
-                self._warnings.warn(f'ignored: piston_command {message.data:g} m')
+                self._warnings.warn(f'ignored: piston_command {message.data:g} m, not a finite number')
 
         listen = partial(subscribe_latched, self, Float64, qos=COMMAND_QOS, on_large=self._warnings.warn)
         listen(convention.PISTON_COMMAND, on_piston_command)
@@ -331,7 +331,7 @@ class RigNode(BoundedNode):
         limit = self._seconds() + _DELIVERY
         for out in self.publishers:
             if not out.wait_for_all_acked(Duration(seconds=max(limit - self._seconds(), 0.0))):
-                self.get_logger().warning(f'{out.topic_name}: the last samples have not reached every subscriber')
+                self.get_logger().warning(f'{out.topic_name}: not every subscriber has received the last samples')
 
 
 def _integer(lower: int, upper: int, description: str) -> ParameterDescriptor:

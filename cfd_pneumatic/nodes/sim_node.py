@@ -128,7 +128,7 @@ class SimNode(ModelNode):
         """Warn of a restart of the model; `step` is the time since the last sample [s]."""
         self._health.counts['resets'] += 1
         if arrival is Arrival.DIVERGED:
-            reason = 'the effects that are on drove the model out of the range of numbers; weaken them'
+            reason = 'the active effects drove the model out of the range of numbers; reduce their strengths'
         else:
             reason = (
                 f'the stamp of {convention.PISTON_STATE} moved by {step:.6f} s '
@@ -136,7 +136,7 @@ class SimNode(ModelNode):
             )
             publishers = self.count_publishers(self.resolve_topic_name(convention.PISTON_STATE))
             if publishers > 1:
-                reason += f'; {publishers} publish it'
+                reason += f'; {publishers} publishers send the topic'
         self._health.warn(f'the model started anew at rest: {reason}')
 
     def _publish(self, out: SignalOutputs, stamp: int, state: DeviceState) -> None:

@@ -693,7 +693,7 @@ def test_a_good_value_acts_from_the_next_sample(sim: SimClient) -> None:
     ('cylinder_b__tau', [0.01, 0.01, 0.01, -1.0], 'cylinder_b.tau[3] = -1 is outside 1e-05 to 100 s'),
     ('cylinder_a__k_x', [4, 4, 4, 4], 'cylinder_a.k_x is INTEGER_ARRAY, and must be DOUBLE_ARRAY (write 1.0 for 1)'),
     ('cylinder_a__k_x', 4e6, 'cylinder_a.k_x is DOUBLE, and must be DOUBLE_ARRAY'),
-    ('cylinder_a__k_x', ['fast'], 'cylinder_a.k_x is STRING_ARRAY where'),
+    ('cylinder_a__k_x', ['fast'], 'cylinder_a.k_x is STRING_ARRAY, and must be'),
     ('max_gap', 1, 'max_gap is INTEGER, and must be DOUBLE (write 1.0 for 1)'),
     ('axis', True, 'axis is BOOL, and must be STRING (quote it'),
     ('max_gap', math.nan, 'max_gap out of range'),
