@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cell: the device, or the virtual rig in its place, with the simulator and the monitor beside it."""
+"""Start a cell: the device or the virtual rig, the simulator, and the monitor."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
@@ -12,11 +12,11 @@ from cfd_pneumatic.nodes.launching import (
     DEVICE,
     PARAMETERS,
     TABLE_1,
-    beside_device,
     common_arguments,
     device_argument,
-    heard_arguments,
-    our_node,
+    device_listener,
+    package_node,
+    topic_arguments,
 )
 
 
@@ -26,7 +26,7 @@ def generate_launch_description():
         [
             *common_arguments(),
             *device_argument(),
-            *heard_arguments(dict.fromkeys((*SIM_INPUTS, *MONITOR_INPUTS))),
+            *topic_arguments(dict.fromkeys((*SIM_INPUTS, *MONITOR_INPUTS))),
             DeclareLaunchArgument(
                 'rig',
                 default_value='true',
@@ -36,37 +36,37 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'schedule',
                 default_value='surface_following',
-                description='what the rig plays over and over: paper_step, out_and_back, surface_following, or a '
-                'schedule.csv; none for a piston that follows piston_command [m]',
+                description='schedule that the rig repeats: paper_step, out_and_back, surface_following, or a '
+                'schedule.csv; none: the piston follows piston_command [m]',
             ),
             DeclareLaunchArgument(
                 'parameters',
                 default_value=TABLE_1,
                 description='parameter file of simulator and monitor: the parameters.yaml of the identification of '
-                "this device; the paper's Table 1 where none is given",
+                "this device; default: the paper's Table 1",
             ),
             DeclareLaunchArgument(
                 'monitor',
                 default_value='auto',
                 choices=['auto', 'true', 'false'],
-                description='auto: the device is watched where parameters are given, for the watch needs its own',
+                description='auto: the monitor runs if parameters are given, because it needs those of this device',
             ),
-            our_node(
+            package_node(
                 'rig_node',
                 namespace=DEVICE,
                 parameters=[{'schedule': schedule, 'start_subscribers': 1, 'repeat': True, 'joint': joint}],
                 remappings=[(topic, LaunchConfiguration(topic)) for topic in MONITOR_INPUTS],
                 condition=IfCondition(LaunchConfiguration('rig')),
             ),
-            beside_device('sim_node', 'sim', SIM_INPUTS),
-            beside_device('monitor_node', 'monitor', MONITOR_INPUTS, condition=IfCondition(monitor_is_wanted())),
+            device_listener('sim_node', 'sim', SIM_INPUTS),
+            device_listener('monitor_node', 'monitor', MONITOR_INPUTS, condition=IfCondition(monitor_is_wanted())),
         ]
     )
 
 
 def monitor_is_wanted():
-    """Return 'True' where the monitor was asked for, or can be expected."""
-    asked = LaunchConfiguration('monitor')
+    """Return 'True' if the monitor is requested, or if it is `auto` and parameters are given."""
+    monitor = LaunchConfiguration('monitor')
     return PythonExpression(
-        ["'", asked, "' == 'true' or '", asked, "' == 'auto' and r'", PARAMETERS, "' != r'", TABLE_1, "'"]
+        ["'", monitor, "' == 'true' or '", monitor, "' == 'auto' and r'", PARAMETERS, "' != r'", TABLE_1, "'"]
     )

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The identifier of a cell: on request it identifies bags, and sets the result on the cell's simulator."""
+"""Start the identifier of a cell: it identifies bags on request, and sets the result on the cell's simulator."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.parameter_descriptions import ParameterValue
 
-from cfd_pneumatic.nodes.launching import CELL, common_arguments, our_node
+from cfd_pneumatic.nodes.launching import CELL, common_arguments, package_node
 
 
 def generate_launch_description():
@@ -23,26 +23,26 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'input_folders',
                 default_value='none',
-                description='folders below which bags and mapping have to be, with commas in between; none: the '
+                description='folders below which bags and mapping must be, separated by commas; none: the '
                 'working folder, unless it is the home folder or above it',
             ),
             DeclareLaunchArgument(
                 'output_folder',
                 default_value='none',
-                description='folder below which output_dir has to be; none: the working folder, unless it is the home '
+                description='folder below which output_dir must be; none: the working folder, unless it is the home '
                 'folder or above it',
             ),
             DeclareLaunchArgument(
                 'bags',
                 default_value='none',
-                description='paths of the bags to identify jointly, with commas in between; '
-                'they may be set later too, as the parameter of that name',
+                description='paths of the bags to identify jointly, separated by commas; '
+                'the parameter bags may also be set later',
             ),
             DeclareLaunchArgument(
                 'output_dir', default_value='identified', description='folder for the reports and parameters.yaml'
             ),
             DeclareLaunchArgument(
-                'mapping', default_value='none', description='mapping file of bags with topics other than ours'
+                'mapping', default_value='none', description='mapping file for bags with other topics'
             ),
             DeclareLaunchArgument(
                 'close_loop', description='true: name the physical effects that the model lacks, and add them', **switch
@@ -54,8 +54,8 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'apply_to',
                 default_value=[CELL, '/sim/sim_node'],
-                description='node on which the result is set; none for no node',
+                description='node on which the result is set; none: no node',
             ),
-            our_node('identifier_node', namespace=CELL, parameters=[{**lists, **texts, **switches}]),
+            package_node('identifier_node', namespace=CELL, parameters=[{**lists, **texts, **switches}]),
         ]
     )

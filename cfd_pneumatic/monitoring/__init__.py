@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A device watched beside its model, sample by sample; nothing of ROS.
+Compare a device with its model, sample by sample; independent of ROS.
 
-A `Watch` takes what is measured, says what the model predicts, tests what is left of it with CUSUM charts, has the loop
-closed on an alarm in a process of its own (`Worker`), and tells faults of the feed from those of the device.
+A `Watch` predicts each measured value and tests the residuals with CUSUM charts. After an alarm it has the loop closed
+in a separate process (`Worker`). It distinguishes faults of topics and sensors from faults of the device.
 """
 
 from cfd_pneumatic.monitoring.alarm_texts import describe_agreement, describe_departure, describe_diagnosis
 from cfd_pneumatic.monitoring.chart import Chart, warm_up
-from cfd_pneumatic.monitoring.finding import Diagnosis, Finding, diagnose, news
+from cfd_pneumatic.monitoring.finding import Diagnosis, Finding, diagnose, new_findings
 from cfd_pneumatic.monitoring.watch import Alarm, Settings, Watch
 from cfd_pneumatic.monitoring.watched_signal import Departure, ResidualBlock, WatchedSignal
 from cfd_pneumatic.monitoring.worker import Worker

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the watch puts it to people."""
+"""Texts that describe alarms and their causes to people."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from cfd_pneumatic.convention import CONTACT_FORCE
 from cfd_pneumatic.identification import number, readable_name, title
-from cfd_pneumatic.monitoring.finding import News
+from cfd_pneumatic.monitoring.finding import NewFindings
 from cfd_pneumatic.monitoring.watch import Alarm
 from cfd_pneumatic.monitoring.watched_signal import Departure, WatchedSignal
 
@@ -19,63 +19,65 @@ _DIGITS = 3
 
 
 def describe_departure(departure: Departure) -> str:
-    """Return how a signal parts from its model: `cylinder A loses 1.2 kPa more than its model at rest`."""
+    """Describe how a signal departs from its model: `cylinder A loses 1.2 kPa more than its model at rest`."""
     name = title(departure.channel)
     name = name[:1].lower() + name[1:]
-    if not departure.level:
-        now, usual = (_amount(value, departure.channel) for value in (departure.root_mean_square, departure.usual))
-        return f'{name} parts from its model by {now} RMS, where {usual} are usual'
-    shift = departure.shift if departure.at_rest is None else departure.at_rest
-    where = 'on the average' if departure.at_rest is None else 'at rest'
-    amount = _amount(abs(shift), departure.channel)
+    if not departure.is_mean_shift:
+        present, usual = (
+            _format_amount(value, departure.channel) for value in (departure.root_mean_square, departure.usual_rms)
+        )
+        return f'{name} deviates from its model by {present} RMS (usual: {usual})'
+    shift = departure.shift if departure.shift_at_rest is None else departure.shift_at_rest
+    where = 'on average' if departure.shift_at_rest is None else 'at rest'
+    amount = _format_amount(abs(shift), departure.channel)
     if departure.channel == CONTACT_FORCE:
         return f'{name} is {amount} {"below" if shift < 0.0 else "above"} its model {where}'
     return f'{name} {"loses" if shift < 0.0 else "holds"} {amount} more than its model {where}'
 
 
-def describe_agreement(channel: WatchedSignal) -> str:
-    """Return what there is to say where there is no alarm."""
-    misfit = channel.misfit
+def describe_agreement(signal: WatchedSignal) -> str:
+    """Describe a signal without an alarm."""
+    misfit = signal.misfit
     if misfit is None:
         return 'agrees with its model'
-    amount = _amount(abs(misfit), channel.name)
+    amount = _format_amount(abs(misfit), signal.name)
     side = 'above' if misfit > 0.0 else 'below'
-    return f'is as it was while learning, {amount} {side} its model: check parameters and set-points, then learn anew'
+    return f'is {amount} {side} its model since learning. Correct the parameters or set-points, then call ~/learn'
 
 
 def describe_diagnosis(alarm: Alarm, follows: bool = False) -> str:
-    """Return what is known of the cause of an alarm; one on the force `follows` where pressures have parted, too."""
+    """Describe the cause of an alarm; `follows` if it is on the force and pressures have alarms, too."""
     if alarm.failure is not None:
-        return f'which effect it is cannot be told ({alarm.failure})'
-    if alarm.news is None:
-        return 'is being diagnosed'
-    if follows and not alarm.news.effects:
+        return f'the cause is not determined ({alarm.failure})'
+    if alarm.new_findings is None:
+        return 'the diagnosis is running'
+    if follows and not alarm.new_findings.effects:
         return 'follows from the pressures'
-    return _looks_like(alarm.news)
+    return _describe_causes(alarm.new_findings)
 
 
-def _looks_like(news: News) -> str:
-    causes = [_effect(name, others, news) for name, others in news.effects.items()]
-    if news.law:
-        causes.append(f'a law that is none of the effects known ({news.law})')
+def _describe_causes(findings: NewFindings) -> str:
+    causes = [_describe_effect(name, alternatives, findings) for name, alternatives in findings.effects.items()]
+    if findings.characteristic:
+        causes.append(f'an unknown characteristic ({findings.characteristic})')
     if not causes:
-        causes = [_change(before, after) for before, after in news.gains.values()]
+        causes = [_describe_gain_change(before, after) for before, after in findings.gains.values()]
     if not causes:
-        return 'no effect that is known explains it'
-    rest = ', and like something that no known effect explains' if news.unexplained else ''
-    return f'looks like {" and ".join(causes)}{rest}'
+        return 'no known effect explains it'
+    further_cause = '. No known effect explains the remaining error' if findings.unexplained else ''
+    return f'looks like {" and ".join(causes)}{further_cause}'
 
 
-def _effect(name: str, others: Iterable[str], news: News) -> str:
-    sizes = [_sized(one) for full, one in news.estimates.items() if full.startswith(f'{name}.')]
-    told = [size for size in sizes if size]
-    sized = f' ({", ".join(told)})' if told else ''
-    rivals = ''.join(f' or {readable_name(other)}' for other in others)
-    return f'{readable_name(name)}{sized}{rivals}' + (' (not to be told apart)' if rivals else '')
+def _describe_effect(name: str, alternatives: Iterable[str], findings: NewFindings) -> str:
+    sizes = [_format_estimate(estimate) for full, estimate in findings.estimates.items() if full.startswith(f'{name}.')]
+    known_sizes = [size for size in sizes if size]
+    size_text = f' ({", ".join(known_sizes)})' if known_sizes else ''
+    suffix = ''.join(f' or {readable_name(effect)}' for effect in alternatives)
+    return f'{readable_name(name)}{size_text}{suffix}' + (' (not distinguishable)' if suffix else '')
 
 
-def _sized(estimate: Estimate) -> str:
-    """Return a parameter with its value and standard error."""
+def _format_estimate(estimate: Estimate) -> str:
+    """Format a parameter with its value and standard error; empty without a value."""
     if estimate.value is None:
         return ''
     name = readable_name(estimate.name.partition('.')[2])
@@ -84,13 +86,13 @@ def _sized(estimate: Estimate) -> str:
     return f'{name} {number(estimate.value, _DIGITS)}{error}{unit}'
 
 
-def _change(before: Estimate, after: Estimate) -> str:
-    values = [number(one.value, _DIGITS) for one in (before, after) if one.value is not None]
+def _describe_gain_change(before: Estimate, after: Estimate) -> str:
+    values = [number(estimate.value, _DIGITS) for estimate in (before, after) if estimate.value is not None]
     return f'a change of {after.name} from {" to ".join(values)} {after.unit}'
 
 
-def _amount(value: float, channel: str) -> str:
-    """Return a pressure in Pa or kPa, or a force."""
+def _format_amount(value: float, channel: str) -> str:
+    """Format a pressure in Pa or kPa, or a force in N."""
     if channel == CONTACT_FORCE:
         return f'{number(value, 2)} N'
     return f'{number(value, 2)} Pa' if value < 999.5 else f'{number(value * 1e-3, 2)} kPa'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a model usually leaves of a signal, learned from a stretch in which the device is as it should be."""
+"""The usual residual of a signal, learned while the device is healthy."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification import autoregression, whitened
-from cfd_pneumatic.monitoring.chart import LEAST_SPREAD, Series, usual
+from cfd_pneumatic.monitoring.chart import LEAST_SPREAD, SeriesModel, learn_series
 
-_FAST = 0.1  # share of the samples, those where the signal changes fastest, that tell what its timing is worth
-_SLOW = 25  # blocks over which a mean is slow
-_CHANCE = 3.0  # standard deviations that such a mean may stray by chance
-_LEAST_PERSISTENCE = 0.02
-_FEW = 5  # blocks: longer than the memory of a sensor
-_CUBE_ROOT = math.sqrt(2.0 / 9.0)  # standard deviation of a mean square's cube root, times the root of the samples
+_FAST_SHARE = 0.1  # share of the samples with the fastest changes, from which the timing error is estimated
+_DRIFT_BLOCKS = 25  # blocks over which drift is averaged
+_CHANCE_LIMIT = 3.0  # standard deviations by which such an average may differ by chance
+_LEAST_DC_GAIN = 0.02
+_STRETCH_BLOCKS = 5  # blocks in a stretch: longer than the autocorrelation of a sensor
+_CUBE_ROOT_STD = math.sqrt(2.0 / 9.0)  # of the cube root of a mean square, times the root of the samples
 FEWEST_BLOCKS = 100
 
 
 @dataclass(frozen=True)
-class Weighing:
+class NoiseModel:
     """
-    How much a residual is worth.
+    The noise of a residual: its size, its growth with the rate of the signal, and its autocorrelation.
 
     Attributes
     ----------
     noise
         Standard deviation while the signal rests [signal's unit].
     timing
-        How much a residual grows with the signal's rate [s]: jitter of the stamps, and what the model is late by.
+        Growth of the residual with the signal's rate [s]: jitter of the stamps, and delay of the model.
     coefficients
-        Memory of the weighed residuals from sample to sample, as `autoregression` has it.
+        Autoregression of the weighted residuals from sample to sample, as `autoregression` returns it.
     innovation
-        Standard deviation of what is new in a weighed residual [signal's unit].
+        Standard deviation of the innovations [signal's unit].
 
     """
 
@@ -46,27 +46,27 @@ class Weighing:
     innovation: float = 1.0
 
     @property
-    def persistence(self) -> float:
-        """What is new in each residual of a lasting shift, over the shift [-]."""
-        return max(1.0 - float(np.sum(self.coefficients)), _LEAST_PERSISTENCE)
+    def dc_gain(self) -> float:
+        """DC gain of the whitening filter: innovation over lasting shift [-]."""
+        return max(1.0 - float(np.sum(self.coefficients)), _LEAST_DC_GAIN)
 
-    def weighed(self, residuals: Array, rates: Array) -> Array:
-        """Return residuals that spread alike at any rate of the signal [signal's unit], shape (n,)."""
-        weighed: Array = residuals / np.sqrt(1.0 + (self.timing * rates / self.noise) ** 2)
-        return weighed
+    def weighted(self, residuals: Array, rates: Array) -> Array:
+        """Return residuals with the same variance at any rate of the signal [signal's unit], shape (n,)."""
+        weighted: Array = residuals / np.sqrt(1.0 + (self.timing * rates / self.noise) ** 2)
+        return weighted
 
-    def innovations(self, weighed: Array, before: Array) -> Array:
-        """Return what is new in each weighed residual, shape (n,); those `before` it are zero where there are none."""
+    def innovations(self, weighted: Array, before: Array) -> Array:
+        """Whiten weighted residuals, shape (n,); residuals that are missing in `before` count as zero."""
         order = self.coefficients.size
-        behind = np.concatenate([np.zeros(order), before])[before.size :]
-        return whitened(np.concatenate([behind, weighed]), self.coefficients)[order:]
+        history = np.concatenate([np.zeros(order), before])[before.size :]
+        return whitened(np.concatenate([history, weighted]), self.coefficients)[order:]
 
     def features(self, innovations: Array) -> tuple[Array, Array]:
         """
         Return mean and energy of blocks, each of shape (blocks,).
 
-        The mean is that of the residuals, but for their memory. The energy is the cube root of the innovations' mean
-        square over the usual one: nearly normal (Wilson and Hilferty, 1931).
+        The mean is the mean innovation over the DC gain. The energy is the cube root of the innovations' mean square
+        over the usual mean square: nearly normal (Wilson and Hilferty, 1931).
 
         Parameters
         ----------
@@ -75,77 +75,83 @@ class Weighing:
 
         """
         squares = np.mean(innovations**2, axis=1) / self.innovation**2
-        return np.mean(innovations, axis=1) / self.persistence, np.cbrt(squares)
+        return np.mean(innovations, axis=1) / self.dc_gain, np.cbrt(squares)
 
     def root_mean_square(self, energy: float) -> float:
-        """Return the root mean square of residuals that an energy stands for [signal's unit]."""
+        """Return the root mean square of the residuals from an energy [signal's unit]."""
         return self.noise * math.sqrt(max(energy, 0.0) ** 3)
 
 
 @dataclass(frozen=True)
 class Baseline:
     """
-    What is usual for a signal's residual.
+    The usual residual of a signal.
 
     Attributes
     ----------
-    weighing
-        What a residual is worth.
+    noise_model
+        Noise of the residual.
     mean, energy
-        What is usual for the means [signal's unit] and energies [-] of blocks.
+        Usual means [signal's unit] and energies [-] of blocks.
 
     """
 
-    weighing: Weighing
-    mean: Series
-    energy: Series
+    noise_model: NoiseModel
+    mean: SeriesModel
+    energy: SeriesModel
 
 
-def learn(residuals: list[Array], rates: list[Array], tolerance: float | None = None) -> Baseline:
+def learn_baseline(residuals: list[Array], rates: list[Array], tolerance: float | None = None) -> Baseline:
     """
-    Return what is usual.
+    Learn the usual residual from blocks of a healthy device.
 
     Parameters
     ----------
     residuals, rates
-        Of each block, at least `FEWEST_BLOCKS` of them, each of shape (samples,) [signal's unit, unit/s].
+        One array for each of at least `FEWEST_BLOCKS` blocks, shape (samples,) [signal's unit, unit/s].
     tolerance
-        How far the mean may stray for a lasting time [signal's unit]; None: as far as it did here, beyond chance.
+        Accepted lasting shift of the mean [signal's unit]; None: the drift in these blocks beyond chance.
 
     """
-    ends = np.cumsum([one.size for one in residuals])[:-1]
-    weighing, innovations = _weighing(np.concatenate(residuals), np.concatenate(rates), ends[_FEW - 1 :: _FEW])
-    blocks = [weighing.features(block[None]) for block in np.split(innovations, ends)]
+    ends = np.cumsum([block.size for block in residuals])[:-1]
+    noise_model, innovations = _fit_noise_model(
+        np.concatenate(residuals), np.concatenate(rates), ends[_STRETCH_BLOCKS - 1 :: _STRETCH_BLOCKS]
+    )
+    blocks = [noise_model.features(block[None]) for block in np.split(innovations, ends)]
     means, energies = (np.array([float(block[index][0]) for block in blocks]) for index in (0, 1))
     samples = innovations.size / means.size
     if tolerance is None:
-        tolerance = _wandering(means, weighing.innovation / weighing.persistence / math.sqrt(samples))
-    return Baseline(weighing, usual(means, tolerance), usual(energies, _wandering(energies, _CUBE_ROOT / samples**0.5)))
+        tolerance = _drift_beyond_chance(means, noise_model.innovation / noise_model.dc_gain / math.sqrt(samples))
+    return Baseline(
+        noise_model,
+        learn_series(means, tolerance),
+        learn_series(energies, _drift_beyond_chance(energies, _CUBE_ROOT_STD / samples**0.5)),
+    )
 
 
-def _weighing(residuals: Array, rates: Array, ends: NDArray[np.intp]) -> tuple[Weighing, Array]:
+def _fit_noise_model(residuals: Array, rates: Array, ends: NDArray[np.intp]) -> tuple[NoiseModel, Array]:
     """
-    Return what residuals are worth, from samples of different rates, and what is new in each of them.
+    Estimate the noise of residuals; return the noise model and the innovations.
 
-    Their memory is that of a sensor: what lasts from one of the stretches that end at `ends` to the next is left to
-    the charts.
+    The autoregression covers the sensor's memory only: each stretch up to one of the `ends` is centred first. The
+    charts handle slower changes.
     """
     order = np.argsort(np.abs(rates), kind='stable')
-    squares, ascending = (residuals[order] - np.median(residuals)) ** 2, rates[order]
+    squares, sorted_rates = (residuals[order] - np.median(residuals)) ** 2, rates[order]
     noise = max(float(np.mean(squares[: squares.size // 2])), LEAST_SPREAD**2)
-    fast = slice(squares.size - max(int(_FAST * squares.size), 1), None)
-    moved = float(np.sum(ascending[fast] ** 2))
+    fast = slice(squares.size - max(int(_FAST_SHARE * squares.size), 1), None)
+    fast_energy = float(np.sum(sorted_rates[fast] ** 2))
     excess = max(float(np.sum(squares[fast] - noise)), 0.0)
-    plain = Weighing(math.sqrt(noise), math.sqrt(excess / moved) if moved > 0.0 else 0.0)
-    weighed = plain.weighed(residuals, rates)
-    coefficients = autoregression([stretch - np.mean(stretch) for stretch in np.split(weighed, ends)])
-    coloured = replace(plain, coefficients=coefficients)
-    innovations = coloured.innovations(weighed, np.empty(0))
+    white = NoiseModel(math.sqrt(noise), math.sqrt(excess / fast_energy) if fast_energy > 0.0 else 0.0)
+    weighted = white.weighted(residuals, rates)
+    coefficients = autoregression([stretch - np.mean(stretch) for stretch in np.split(weighted, ends)])
+    coloured = replace(white, coefficients=coefficients)
+    innovations = coloured.innovations(weighted, np.empty(0))
     return replace(coloured, innovation=max(float(np.std(innovations)), LEAST_SPREAD)), innovations
 
 
-def _wandering(means: Array, by_chance: float) -> float:
-    """Return how far slow means stray from their mean beyond chance, which is the standard deviation of a block's."""
-    groups = means.size // _SLOW
-    slow = np.mean(means[: groups * _SLOW].reshape(groups, _SLOW), axis=1) - np.mean(means)
-    return max(0.0, float(np.max(np.abs(slow))) - _CHANCE * by_chance / math.sqrt(_SLOW))
+def _drift_beyond_chance(means: Array, chance_std: float) -> float:
+    """Return the largest drift of averaged means beyond chance, given the standard deviation of a block's mean."""
+    groups = means.size // _DRIFT_BLOCKS
+    slow = np.mean(means[: groups * _DRIFT_BLOCKS].reshape(groups, _DRIFT_BLOCKS), axis=1) - np.mean(means)
+    return max(0.0, float(np.max(np.abs(slow))) - _CHANCE_LIMIT * chance_std / math.sqrt(_DRIFT_BLOCKS))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the loop makes of a stretch of a device's signals, and what is new in it against an earlier stretch."""
+"""Diagnoses of a device, and their changes since it was healthy."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification import ChannelResult, Estimate, Options
     from cfd_pneumatic.recording import Recording
 
-_SURE = 3.0  # standard errors
+_SIGNIFICANT = 3.0  # standard errors
 _MATERIAL = 0.05  # share of a parameter
 
 
 @dataclass(frozen=True)
 class Diagnosis:
     """
-    What the loop ended with on one signal.
+    Result of the closed loop for a signal.
 
     Attributes
     ----------
     verdict
         One of `verdict.VERDICTS`.
     why
-        It in a sentence.
+        The verdict in a sentence.
     effects
         Names of effects.
     alternatives
-        For each effect those that can't be told from it.
+        For each effect the effects that are not distinguishable from it.
     estimates
-        What was fitted, by name.
-    law
-        What a law does that was drawn, in a clause; empty where none was.
+        Fitted parameters by name.
+    characteristic
+        What an estimated unknown characteristic does, in a clause; empty without one.
 
     """
 
@@ -45,43 +45,48 @@ class Diagnosis:
     effects: tuple[str, ...]
     alternatives: Mapping[str, tuple[str, ...]]
     estimates: Mapping[str, Estimate]
-    law: str = ''
+    characteristic: str = ''
 
     @classmethod
-    def of(cls, result: ChannelResult) -> Diagnosis:
-        """Return what is kept of a result."""
+    def from_result(cls, result: ChannelResult) -> Diagnosis:
+        """Return the diagnosis of a result."""
         conclusion = result.findings
         estimates = {estimate.name: estimate for estimate in result.found.estimates}
-        law = '' if conclusion.unknown is None else conclusion.unknown.words
+        characteristic = '' if conclusion.unknown is None else conclusion.unknown.words
         return cls(
-            conclusion.verdict, conclusion.why, conclusion.effects, dict(conclusion.alternatives), estimates, law
+            conclusion.verdict,
+            conclusion.why,
+            conclusion.effects,
+            dict(conclusion.alternatives),
+            estimates,
+            characteristic,
         )
 
 
 @dataclass(frozen=True)
 class Finding:
     """
-    What the loop ended with on each signal, or why it could not be closed.
+    Diagnoses of all signals, or why there are none.
 
     Attributes
     ----------
-    found
+    diagnoses
         By `cylinder_a`, `cylinder_b`, `contact_force`.
     failure
-        Why there is nothing, or None.
+        Why there are no diagnoses, or None.
     ended_early
-        Whether the failure is of the process and not of the recording: the diagnosis is worth repeating.
+        Whether the process failed, not the recording: the diagnosis is worth repeating.
 
     """
 
-    found: Mapping[str, Diagnosis]
+    diagnoses: Mapping[str, Diagnosis]
     failure: str | None = None
     ended_early: bool = False
 
 
 def diagnose(recording: Recording, options: Options) -> Finding:
     """Close the loop on a recording, as `identify_bag --close-loop` does."""
-    from cfd_pneumatic.identification import identify  # in the worker: a watch does not wait for it at its start
+    from cfd_pneumatic.identification import identify  # imported in the worker only, so that a watch starts quickly
 
     try:
         identification = identify([recording], options)
@@ -89,29 +94,29 @@ def diagnose(recording: Recording, options: Options) -> Finding:
         return Finding({}, str(error))
     return Finding(
         {
-            CONTACT_FORCE if result.name == 'force' else result.name: Diagnosis.of(result)
+            CONTACT_FORCE if result.name == 'force' else result.name: Diagnosis.from_result(result)
             for result in identification.closed
         }
     )
 
 
 @dataclass(frozen=True)
-class News:
+class NewFindings:
     """
-    What is new in a finding.
+    Changes of a diagnosis since the device was healthy.
 
     Attributes
     ----------
     effects
-        Effects that are new, or have other parameters than before, with those that can't be told from each.
+        New effects and effects with changed parameters, each with the effects not distinguishable from it.
     estimates
         Their parameters, by `EFFECT.PARAMETER`.
     gains
-        Before and after, of the model's own parameters that have changed.
+        Earlier and present estimates of model parameters that have changed.
     unexplained
-        Whether something is left that no effect explains.
-    law
-        What a law does that was drawn, where none was before.
+        Whether a remaining error is not explained by known effects.
+    characteristic
+        What a new unknown characteristic does, in a clause; empty without one.
 
     """
 
@@ -119,31 +124,33 @@ class News:
     estimates: Mapping[str, Estimate]
     gains: Mapping[str, tuple[Estimate, Estimate]]
     unexplained: bool
-    law: str = ''
+    characteristic: str = ''
 
 
-def news(found: Diagnosis, before: Diagnosis | None) -> News:
-    """Return what is new in what was found, against what was found before the device parted from its model."""
+def new_findings(present: Diagnosis, before: Diagnosis | None) -> NewFindings:
+    """Return the changes of a diagnosis since an earlier diagnosis."""
     earlier = before.effects if before is not None else ()
     known = before.estimates if before is not None else {}
-    changed = {name for name, one in found.estimates.items() if name in known and _differ(known[name], one)}
+    changed = {name for name, estimate in present.estimates.items() if name in known and _differ(known[name], estimate)}
     effects = {
-        effect: found.alternatives.get(effect, ())
-        for effect in found.effects
+        effect: present.alternatives.get(effect, ())
+        for effect in present.effects
         if effect not in earlier or any(name.startswith(f'{effect}.') for name in changed)
     }
-    return News(
+    return NewFindings(
         effects=effects,
-        estimates={name: one for name, one in found.estimates.items() if name.partition('.')[0] in effects},
-        gains={name: (known[name], found.estimates[name]) for name in sorted(changed) if '.' not in name},
-        unexplained=found.verdict == 'unexplained',
-        law='' if before is not None and before.law else found.law,
+        estimates={name: estimate for name, estimate in present.estimates.items() if name.partition('.')[0] in effects},
+        gains={name: (known[name], present.estimates[name]) for name in sorted(changed) if '.' not in name},
+        unexplained=present.verdict == 'unexplained',
+        characteristic='' if before is not None and before.characteristic else present.characteristic,
     )
 
 
 def _differ(before: Estimate, after: Estimate) -> bool:
-    """Return whether two estimates are of different values, by more than their errors and more than a little."""
+    """Return whether two estimates differ significantly and by a material share of the value."""
     if before.value is None or after.value is None or before.std is None or after.std is None:
         return False
-    apart = abs(after.value - before.value)
-    return apart > _SURE * (before.std**2 + after.std**2) ** 0.5 and apart > _MATERIAL * abs(before.value)
+    difference = abs(after.value - before.value)
+    return difference > _SIGNIFICANT * (before.std**2 + after.std**2) ** 0.5 and difference > _MATERIAL * abs(
+        before.value
+    )

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How long a CUSUM chart runs until it gives a false alarm, and the threshold that makes it as long as is wanted.
+Thresholds of a CUSUM chart for a given mean time between false alarms.
 
 The chart adds standard normal scores less a slack and starts anew at zero (Page, 1954). Its mean run is Siegmund's
 approximation (1985), which holds to a percent for the slack and the thresholds here. Mean and spread of the scores are
-learned from a limited stretch; what the rate of false alarms is on the average over what may have been learned decides
-about the threshold.
+learned from a limited stretch. The threshold gives the wanted rate of false alarms on average over the uncertainty of
+mean and spread.
 
-Where scores are heavier than normal or remember what came before, sums go farther. How far is learned from the same
-stretch, by the chart's own excursions from zero, and the threshold is moved to where it is passed as seldom.
+Heavy-tailed or autocorrelated scores cause larger excursions of the sum. Excursions are measured in the same stretch,
+and the threshold is raised so that they exceed it as rarely.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ from numpy.polynomial.hermite_e import hermegauss
 from cfd_pneumatic.arrays import Array
 
 SLACK = 0.5
-"""What a score has to exceed on the average until an alarm comes [standard deviations]."""
+"""Mean score above which the sum grows until an alarm [standard deviations]."""
 
-_OVERSHOOT = 1.166  # what the sum passes either end by on the average, together, Siegmund (1985)
+_OVERSHOOT = 1.166  # mean overshoot of the sum at both ends together, Siegmund (1985)
 _LOWEST, _HIGHEST = 0.1, 1e4  # thresholds
 _PRECISION = 1e-7  # of a threshold
 _NODES, _WEIGHTS = hermegauss(15)
 _SMALLEST_SPREAD = 0.2
 _LONGEST_EXPONENT = 700.0  # of floating point's range
-_HEIGHT = 1.5  # of excursions that count
-_NORMAL_EXCESS = 1.0 / (2.0 * SLACK)  # over any height, of normal scores, Siegmund (1985)
-_EXPECTED = 5  # excursions with which such scores are expected before any was seen
+_HEIGHT = 1.5  # an excursion counts if it is higher
+_NORMAL_EXCESS = 1.0 / (2.0 * SLACK)  # mean excess of excursions over any height for normal scores, Siegmund (1985)
+_EXPECTED = 5  # weight of the prior, in excursions of normal scores
 
 
-def mean_run(threshold: float, slack: float = SLACK, shift: float = 0.0, spread: float = 1.0) -> float:
+def mean_run_length(threshold: float, slack: float = SLACK, shift: float = 0.0, spread: float = 1.0) -> float:
     """
-    Return after how many scores, on the average, the sum exceeds a threshold.
+    Return the mean number of scores until the sum exceeds a threshold.
 
     Parameters
     ----------
     threshold, slack
-        Of the chart [-].
+        Threshold and slack of the chart [-].
     shift, spread
         Mean and standard deviation of the scores [-].
 
@@ -59,7 +59,7 @@ def mean_run(threshold: float, slack: float = SLACK, shift: float = 0.0, spread:
 @lru_cache(maxsize=256)
 def threshold_for(wanted: float, learned_from: int) -> float:
     """
-    Return the threshold of a chart whose scores' mean and spread were learned from so many independent scores.
+    Return the threshold for a wanted mean run; mean and spread were learned from independent scores.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def threshold_for(wanted: float, learned_from: int) -> float:
 
     def excess(threshold: float) -> float:
         rate = sum(
-            of_shift * of_spread / mean_run(threshold, SLACK, shift, spread)
+            of_shift * of_spread / mean_run_length(threshold, SLACK, shift, spread)
             for of_shift, shift in zip(weights.tolist(), shifts.tolist())
             for of_spread, spread in zip(weights.tolist(), spreads.tolist())
         )
@@ -91,17 +91,17 @@ def threshold_for(wanted: float, learned_from: int) -> float:
 
 
 class Excursions(NamedTuple):
-    """How high a chart's sum went before it came back to zero, in a stretch where nothing was wrong."""
+    """Excursions of a chart's sum from zero while the device is healthy."""
 
     number: int = 0
-    """Of those that passed 1.5."""
+    """Number of excursions above 1.5."""
 
     excess: float = 0.0
-    """By which their peaks passed it, all together [-]."""
+    """Sum of the peaks' heights above 1.5 [-]."""
 
 
-def excursions(scores: Array, slack: float) -> Excursions:
-    """Return the excursions of a chart's sum over scores, shape (n,) [-]."""
+def find_excursions(scores: Array, slack: float) -> Excursions:
+    """Return the excursions of a chart's sum for scores, shape (n,) [-]."""
     height, peaks = 0.0, [0.0]
     for score in scores.tolist():
         height = max(0.0, height + score - slack)
@@ -112,16 +112,16 @@ def excursions(scores: Array, slack: float) -> Excursions:
     return Excursions(len(excesses), sum(excesses))
 
 
-def as_rare(threshold: float, seen: Excursions) -> float:
+def raise_threshold(threshold: float, excursions: Excursions) -> float:
     """
-    Return the threshold that excursions like those that were seen pass as seldom as those of normal scores pass this.
+    Raise a threshold for normal scores so that the measured excursions exceed it as rarely.
 
-    By how much peaks pass a height is distributed exponentially. With a mean that is known from some excursions only,
-    the chance to pass a threshold is that of a Pareto distribution. A mean that is smaller than that of normal scores,
-    or larger by less than its standard error, counts as theirs.
+    The excess of peaks over a height is distributed exponentially. Its mean is known from some excursions only, so the
+    chance to exceed a threshold is that of a Pareto distribution. The threshold stays if the mean excess does not
+    exceed that of normal scores by more than its standard error.
     """
-    known = _EXPECTED + seen.number
-    mean = (_EXPECTED * _NORMAL_EXCESS + seen.excess) / known
+    known = _EXPECTED + excursions.number
+    mean = (_EXPECTED * _NORMAL_EXCESS + excursions.excess) / known
     if mean <= _NORMAL_EXCESS * (1.0 + 1.0 / math.sqrt(known)):
         return threshold
     return max(threshold, _HEIGHT + mean * known * math.expm1((threshold - _HEIGHT) / _NORMAL_EXCESS / known))

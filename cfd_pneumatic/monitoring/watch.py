@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The watch over a device: its model beside it, the charts, the topics' faults, and what the loop makes of an alarm."""
+"""The watch over a device: predictions, residuals, faults of topics, alarms and their diagnoses."""
 
 from __future__ import annotations
 
@@ -13,43 +13,43 @@ from typing import NamedTuple
 from cfd_pneumatic import convention
 from cfd_pneumatic.messages import NANOSECONDS
 from cfd_pneumatic.model import Arrival, DeviceModel, LiveDevice
-from cfd_pneumatic.monitoring.feed import Clock, Fault, Sensor
-from cfd_pneumatic.monitoring.finding import Finding, News, news
+from cfd_pneumatic.monitoring.feed import Fault, SensorMonitor, StampMonitor
+from cfd_pneumatic.monitoring.finding import Finding, NewFindings, new_findings
 from cfd_pneumatic.monitoring.watched_signal import Departure, WatchedSignal
 from cfd_pneumatic.monitoring.window import Window
 from cfd_pneumatic.recording import Recording
 
-_SETTLING = 1.0  # after which a model has forgotten where it started, and a device that it was another [s]
-_LINGER = {'silent': 5.0, 'clock': 5.0, 'stuck': 1.0}  # how long a fault is told of after it was seen last [s]
-_PENDING = 5000  # measured values that wait for the displacement, at most
-_AGITATED = 3.0  # standard deviation of pressures that move while the displacement does not, over the noise
-_SHARE_TO_DIAGNOSE = 1.0 / 3.0  # of the window that lies behind a change before the loop is closed, and closed again
+_SETTLING = 1.0  # time after which the start or an earlier fault no longer affects the pressures [s]
+_FAULT_HOLD = {'silent': 5.0, 'clock': 5.0, 'stuck': 1.0}  # how long a fault is reported after its last detection [s]
+_MOST_PENDING = 5000  # largest number of measured values that wait for the displacement
+_PRESSURES_MOVE = 3.0  # residual over noise from which on pressures move while the displacement does not
+_DIAGNOSED_SHARE = 1.0 / 3.0  # share of the window between a change, or a diagnosis, and the next diagnosis
 
-Ask = Callable[[Recording], 'Future[Finding]']
-"""Has the loop closed on a recording, elsewhere."""
+RequestDiagnosis = Callable[[Recording], 'Future[Finding]']
+"""Requests that the loop is closed on a recording in another process."""
 
 
 @dataclass(frozen=True)
 class Settings:
     """
-    How to watch.
+    Settings of a watch.
 
     Attributes
     ----------
     mean_time
         Mean time between false alarms [s].
     learning
-        How long is learned what is usual [s].
+        How long the usual residuals are learned [s].
     window
-        How long a diagnosis looks back [s].
+        Longest stretch that a diagnosis uses [s].
     block
-        Over which residuals are averaged [s].
+        Time over which residuals are averaged [s].
     timeout
-        Silence that is a fault [s].
+        Silence of a topic from which on it is a fault [s].
     max_gap
         Longest time between samples that is no gap [s].
     pressure_tolerance, force_tolerance
-        How far the mean residual may stray for a lasting time [Pa, N]; None: as far as it does while learning.
+        Accepted lasting shift of the mean residual [Pa, N]; None: its drift while learning.
 
     """
 
@@ -64,16 +64,16 @@ class Settings:
 
 
 class Prediction(NamedTuple):
-    """What the model says at a sample of the piston."""
+    """Values that the model predicts at a sample of the piston."""
 
     stamp: int
-    """Of the sample [ns]."""
+    """Stamp of the sample [ns]."""
 
     values: tuple[float, ...]
-    """Of the cylinders' pressures [Pa] and of the contact force [N]."""
+    """Pressures of the cylinders [Pa] and contact force [N]."""
 
     rates: tuple[float, ...]
-    """By which they have changed since the sample before [Pa/s, N/s]."""
+    """Rates of change since the sample before [Pa/s, N/s]."""
 
 
 class Residual(NamedTuple):
@@ -83,28 +83,28 @@ class Residual(NamedTuple):
     """`cylinder_a`, `cylinder_b` or `contact_force`."""
 
     stamp: int
-    """Of the measured value [ns]."""
+    """Stamp of the measured value [ns]."""
 
     value: float
-    """[Pa or N]."""
+    """Residual [Pa or N]."""
 
 
-class _Line:
-    """One measured topic: its stamps, its sensor, and its channel."""
+class _Feed:
+    """A measured topic: checks of its stamps and sensor, and the signal that is watched."""
 
-    def __init__(self, index: int, topic: str, unit: str, channel: WatchedSignal, settings: Settings) -> None:
+    def __init__(self, index: int, topic: str, unit: str, signal: WatchedSignal, settings: Settings) -> None:
         self.index = index
         self.topic = topic
-        self.channel = channel
-        self.clock = Clock(topic, settings.max_gap)
-        self.sensor = Sensor(topic, unit)
-        self.pending: deque[tuple[int, float]] = deque(maxlen=_PENDING)
-        self.hold = 0
-        self.block = -1
+        self.signal = signal
+        self.clock = StampMonitor(topic, settings.max_gap)
+        self.sensor = SensorMonitor(topic, unit)
+        self.pending: deque[tuple[int, float]] = deque(maxlen=_MOST_PENDING)
+        self.ignore_before = 0
+        self.block_index = -1
 
     def restart(self) -> None:
-        """Begin anew behind a break."""
-        self.channel.restart()
+        """Begin anew after a break."""
+        self.signal.restart()
         self.sensor.restart()
         self.pending.clear()
 
@@ -112,93 +112,95 @@ class _Line:
 @dataclass
 class Alarm:
     """
-    A signal that has parted from its model.
+    An alarm: a signal departs from its model.
 
     Attributes
     ----------
     since
-        Stamp from which on [ns].
-    level
-        Whether the mean has moved; otherwise the residual has become larger about it.
-    rung
-        Stamps of the first and of the last time that a chart rang [ns].
-    diagnosed
-        Stamp up to which the loop was closed on it, or 0 [ns].
-    news
-        What is new in what the loop ended with, or None.
+        Stamp of the beginning [ns].
+    is_mean_shift
+        Whether the mean has shifted; otherwise the variance has grown.
+    ring_stamps
+        Stamps of the first and the last alarm of a chart [ns].
+    diagnosed_until
+        Stamp of the end of the last diagnosis, or 0 [ns].
+    new_findings
+        Changes of the diagnosis since the device was healthy, or None.
     failure
-        Why the loop could not be closed, or None.
+        Why there is no diagnosis, or None.
 
     """
 
     since: int
-    level: bool
-    rung: tuple[int, int]
-    diagnosed: int = 0
-    news: News | None = None
+    is_mean_shift: bool
+    ring_stamps: tuple[int, int]
+    diagnosed_until: int = 0
+    new_findings: NewFindings | None = None
     failure: str | None = None
 
 
-class _Asked(NamedTuple):
-    """A diagnosis that is being made."""
+class _PendingDiagnosis(NamedTuple):
+    """A diagnosis that is running."""
 
     answer: Future[Finding]
-    """What comes of it."""
+    """Result when the diagnosis has ended."""
 
     end: int
-    """Stamp up to which it looks [ns]."""
+    """Last stamp of its recording [ns]."""
 
-    breaks: int
-    """How often the feed had broken before: what has broken since makes it worthless."""
+    breaks_before: int
+    """Number of breaks of the feed at the request: a later break makes the diagnosis useless."""
 
-    reference: bool
-    """Whether it is of the device as it should be."""
+    is_reference: bool
+    """Whether the diagnosis is of the healthy device."""
 
 
 class Watch:
     """
-    A device watched beside its model.
+    Compares a device with its model, raises alarms and requests diagnoses.
 
-    Times are of two kinds: stamps of messages [ns], and a steady time at which they are heard [s].
+    Times are of two kinds: stamps of messages [ns], and the steady time of reception [s].
 
     Parameters
     ----------
     device
         The model.
     settings
-        How to watch.
-    ask
-        Closes the loop on a recording.
+        Settings of the watch.
+    request_diagnosis
+        Requests that the loop is closed on a recording.
     supply
-        Absolute pressure that none can exceed [Pa].
+        Absolute supply pressure, the upper limit of all pressures [Pa].
 
     """
 
-    def __init__(self, device: DeviceModel, settings: Settings, ask: Ask, supply: float = math.inf) -> None:
+    def __init__(
+        self, device: DeviceModel, settings: Settings, request_diagnosis: RequestDiagnosis, supply: float = math.inf
+    ) -> None:
         self.settings = settings
         self.alarms: dict[str, Alarm] = {}
-        self._ask = ask
+        self._request_diagnosis = request_diagnosis
         self._live = LiveDevice(device, settings.max_gap, supply)
         self._cylinders = tuple(device.cylinders)
         self._predictions: deque[Prediction] = deque()
         self._window = Window(settings.window)
-        self._piston_clock = Clock(convention.PISTON_STATE, settings.max_gap)
-        self._piston_sensor = Sensor(convention.PISTON_STATE, 'm')
+        self._piston_clock = StampMonitor(convention.PISTON_STATE, settings.max_gap)
+        self._piston_sensor = SensorMonitor(convention.PISTON_STATE, 'm')
         self._setpoints: tuple[float, ...] | None = None
         self._setpoints_changed = 0
         self._faults: dict[str, tuple[Fault, float]] = {}
-        self._lines = self._make_lines()
+        self._feeds = self._make_feeds()
         self._breaks = 0
-        self._pending: _Asked | None = None
+        self._pending: _PendingDiagnosis | None = None
         self._reference: Finding | None = None
-        self._reference_tried = 0  # stamp up to which the last try looked [ns]
+        self._reference_tried = 0  # last stamp of the last recording of the healthy device [ns]
 
-    def _make_lines(self) -> dict[str, _Line]:
+    def _make_feeds(self) -> dict[str, _Feed]:
         settings = self.settings
-        lines = {}
+        feeds = {}
         for index, name in enumerate((*self._cylinders, convention.CONTACT_FORCE)):
             is_force = name == convention.CONTACT_FORCE
-            channel = WatchedSignal(
+            signal = WatchedSignal(
                 name,
                 round(settings.learning / settings.block),
                 round(settings.block * NANOSECONDS),
@@ -206,34 +208,36 @@ class Watch:
                 settings.force_tolerance if is_force else settings.pressure_tolerance,
             )
             topic = convention.MEASURED_FORCE if is_force else convention.pressure_topic(name)
-            lines[name] = _Line(index, topic, 'N' if is_force else 'Pa', channel, settings)
-        return lines
+            feeds[name] = _Feed(index, topic, 'N' if is_force else 'Pa', signal, settings)
+        return feeds
 
-    # what is heard
+    # received messages
 
-    def piston(self, stamp: int, position: float, setpoints: tuple[float, float], now: float) -> Prediction | Arrival:
+    def add_piston_sample(
+        self, stamp: int, position: float, setpoints: tuple[float, float], now: float
+    ) -> Prediction | Arrival:
         """
-        Take a sample of the piston.
+        Add a sample of the piston and predict the signals.
 
         Parameters
         ----------
         stamp
-            Of the sample [ns].
+            Stamp of the sample [ns].
         position
             Piston displacement [m].
         setpoints
-            Absolute set-points of A and B that acted up to it [Pa].
+            Absolute set-points of A and B that acted up to the sample [Pa].
         now
             Steady time [s].
 
         Returns
         -------
         Prediction or Arrival
-            Why there is none: the stamp is repeated, or a pressure would be impossible.
+            The arrival if there is no prediction: the stamp is repeated, or a pressure would be impossible.
 
         """
         before = self._live.committed
-        fault = self._piston_clock.take(stamp, now)
+        fault = self._piston_clock.check(stamp, now)
         arrival = self._live.sample(stamp, position, setpoints)
         if arrival in (Arrival.REPEATED, Arrival.IMPOSSIBLE):
             return arrival
@@ -241,16 +245,16 @@ class Watch:
             self._restart(stamp)
             before = None
         if fault is not None:
-            self._note(fault, now)
+            self._note_fault(fault, now)
         if setpoints != self._setpoints:
             self._setpoints, self._setpoints_changed = setpoints, stamp
             for name, setpoint in zip(convention.CYLINDERS, setpoints):
-                self._window.setpoints[name].take(stamp if before is None else before.stamp, setpoint)
-        self._window.displacement.take(stamp, position)
-        self._piston_sensor.take(position)
+                self._window.setpoints[name].append(stamp if before is None else before.stamp, setpoint)
+        self._window.displacement.append(stamp, position)
+        self._piston_sensor.check(position)
         if self._is_stuck_while_pressures_move(stamp):
-            why = f'{convention.PISTON_STATE} is stuck at {position:.6g} m while the pressures move'
-            self._fault(Fault(convention.PISTON_STATE, 'stuck', why), stamp, now)
+            message = f'{convention.PISTON_STATE} is stuck at {position:.6g} m while the pressures move'
+            self._suspend(Fault(convention.PISTON_STATE, 'stuck', message), stamp, now)
         return self._predict(stamp)
 
     def _predict(self, stamp: int) -> Prediction:
@@ -262,7 +266,7 @@ class Watch:
         if self._predictions:
             last = self._predictions[-1]
             period = (stamp - last.stamp) / NANOSECONDS
-            rates = tuple((value - old) / period for value, old in zip(values, last.values))
+            rates = tuple((value - last_value) / period for value, last_value in zip(values, last.values))
         prediction = Prediction(stamp, values, rates)
         self._predictions.append(prediction)
         while stamp - self._predictions[0].stamp > self.settings.max_gap * NANOSECONDS:
@@ -270,33 +274,33 @@ class Watch:
         return prediction
 
     def _is_stuck_while_pressures_move(self, stamp: int) -> bool:
-        if not self._piston_sensor.paused or stamp - self._setpoints_changed < _SETTLING * NANOSECONDS:
+        if not self._piston_sensor.is_paused or stamp - self._setpoints_changed < _SETTLING * NANOSECONDS:
             return False
-        return all(self._lines[name].channel.agitation > _AGITATED for name in self._cylinders)
+        return all(self._feeds[name].signal.relative_spread > _PRESSURES_MOVE for name in self._cylinders)
 
-    def measured(self, channel: str, stamp: int, value: float, now: float) -> None:
-        """Take a measured pressure [Pa] or force [N] of a channel at a stamp [ns], heard at a steady time [s]."""
-        line = self._lines[channel]
-        if line.clock.heard is None:
-            self._share_false_alarms(1 + len(self.channels()))
-        fault = line.clock.take(stamp, now) or self._apart(line, stamp, now)
-        track = self._window.pressures.get(channel, self._window.force)
+    def add_measurement(self, channel: str, stamp: int, value: float, now: float) -> None:
+        """Add a measured pressure [Pa] or force [N] of a channel: its stamp [ns] and steady time of reception [s]."""
+        feed = self._feeds[channel]
+        if feed.clock.heard_at is None:
+            self._share_false_alarms(1 + len(self.signals()))
+        fault = feed.clock.check(stamp, now) or self._clock_offset(feed, stamp, now)
+        signal = self._window.pressures.get(channel, self._window.force)
         if fault is not None:
-            track.clear()
-            line.restart()
-            line.hold = stamp
+            signal.clear()
+            feed.restart()
+            feed.ignore_before = stamp
             self.alarms.pop(channel, None)
-            self._fault(fault, stamp, now)
-        track.take(stamp, value)
-        line.pending.append((stamp, value))
+            self._suspend(fault, stamp, now)
+        signal.append(stamp, value)
+        feed.pending.append((stamp, value))
 
     def _share_false_alarms(self, channels: int) -> None:
-        """Let so many channels together have the false alarms that are wanted; those that have learned keep theirs."""
-        for line in self._lines.values():
-            line.channel.mean_run = channels * self.settings.mean_time / self.settings.block
+        """Divide the false alarms among the channels; a channel that has learned keeps its rate."""
+        for feed in self._feeds.values():
+            feed.signal.mean_run = channels * self.settings.mean_time / self.settings.block
 
-    def _apart(self, line: _Line, stamp: int, now: float) -> Fault | None:
-        """Return the fault of a clock that is another than the piston's."""
+    def _clock_offset(self, feed: _Feed, stamp: int, now: float) -> Fault | None:
+        """Return the fault of a topic whose clock differs from the piston's clock, or None."""
         piston = self._piston_clock
         silence = piston.silence(now)
         if piston.stamp is None or silence is None or silence > self.settings.timeout:
@@ -305,21 +309,21 @@ class Watch:
         if abs(ahead) <= self.settings.max_gap + silence:
             return None
         side = 'ahead of' if ahead > 0.0 else 'behind'
-        why = f'the clock of {line.topic} is {abs(ahead):.3g} s {side} that of {convention.PISTON_STATE}'
-        return Fault(line.topic, 'clock', why)
+        message = f'the clock of {feed.topic} is {abs(ahead):.3g} s {side} that of {convention.PISTON_STATE}'
+        return Fault(feed.topic, 'clock', message)
 
-    def residuals(self, now: float) -> Iterator[Residual]:
-        """Yield the residuals of what can be compared by now."""
-        for line in self._lines.values():
-            while line.pending and self._predictions and line.pending[0][0] <= self._predictions[-1].stamp:
-                stamp, value = line.pending.popleft()
-                expected = self._expected(line.index, stamp)
+    def new_residuals(self, now: float) -> Iterator[Residual]:
+        """Yield residuals of measured values that can be compared with predictions by now."""
+        for feed in self._feeds.values():
+            while feed.pending and self._predictions and feed.pending[0][0] <= self._predictions[-1].stamp:
+                stamp, value = feed.pending.popleft()
+                expected = self._expected(feed.index, stamp)
                 if expected is not None:
-                    yield Residual(line.channel.name, stamp, value - expected[0])
-                    self._judge(line, stamp, value, *expected, now)
+                    yield Residual(feed.signal.name, stamp, value - expected[0])
+                    self._check_value(feed, stamp, value, *expected, now)
 
     def _expected(self, index: int, stamp: int) -> tuple[float, float] | None:
-        """Return value and rate that are predicted for a stamp, linear between samples; None before the first."""
+        """Return the predicted value and rate at a stamp, linear between samples; None before the first sample."""
         after: Prediction | None = None
         for prediction in reversed(self._predictions):
             if prediction.stamp == stamp:
@@ -332,48 +336,48 @@ class Watch:
             after = prediction
         return None
 
-    def _judge(self, line: _Line, stamp: int, value: float, expected: float, rate: float, now: float) -> None:
-        """Hand a value to its sensor's judge and, where nothing is wrong with the feed, to its charts."""
-        fault = line.sensor.take(value, expected)
+    def _check_value(self, feed: _Feed, stamp: int, value: float, expected: float, rate: float, now: float) -> None:
+        """Check the sensor with a value; add the residual to the charts unless the feed has a fault."""
+        fault = feed.sensor.check(value, expected)
         block = stamp // round(self.settings.block * NANOSECONDS)
-        if block != line.block:
-            line.block = block
-            fault = fault or line.sensor.close_block()
+        if block != feed.block_index:
+            feed.block_index = block
+            fault = fault or feed.sensor.close_block()
         if fault is not None:
-            self._fault(fault, stamp, now)
-        if stamp < line.hold or line.topic in self._faults or convention.PISTON_STATE in self._faults:
+            self._suspend(fault, stamp, now)
+        if stamp < feed.ignore_before or feed.topic in self._faults or convention.PISTON_STATE in self._faults:
             return
-        channel = line.channel
-        learning = channel.baseline is None
-        departure = channel.take(stamp, value - expected, rate)
-        if learning and channel.baseline is not None:
-            line.sensor.learned()
-            self._piston_sensor.learned()
+        signal = feed.signal
+        learning = signal.baseline is None
+        departure = signal.add_residual(stamp, value - expected, rate)
+        if learning and signal.baseline is not None:
+            feed.sensor.end_learning()
+            self._piston_sensor.end_learning()
         if departure is not None:
-            self._ring(departure, stamp)
+            self._raise_alarm(departure, stamp)
 
     # faults of the feed
 
-    def _note(self, fault: Fault, now: float) -> None:
-        self._faults[fault.topic] = fault, now + _LINGER[fault.kind]
+    def _note_fault(self, fault: Fault, now: float) -> None:
+        self._faults[fault.topic] = fault, now + _FAULT_HOLD[fault.kind]
 
-    def _fault(self, fault: Fault, stamp: int, now: float) -> None:
-        """Suspend what a fault touches; it starts anew when the fault is over."""
+    def _suspend(self, fault: Fault, stamp: int, now: float) -> None:
+        """Suspend the signals that a fault affects; they start anew when the fault is over."""
         new = fault.topic not in self._faults
-        self._note(fault, now)
+        self._note_fault(fault, now)
         if fault.topic == convention.PISTON_STATE:
             if new:
                 self._restart(stamp)
             return
-        line = next(line for line in self._lines.values() if line.topic == fault.topic)
-        line.hold = stamp + round(_SETTLING * NANOSECONDS)
+        feed = next(feed for feed in self._feeds.values() if feed.topic == fault.topic)
+        feed.ignore_before = stamp + round(_SETTLING * NANOSECONDS)
         if new:
-            line.channel.restart()
-            self.alarms.pop(line.channel.name, None)
+            feed.signal.restart()
+            self.alarms.pop(feed.signal.name, None)
             self._breaks += 1
 
     def _restart(self, stamp: int) -> None:
-        """Begin anew behind a break of the piston's samples; what was learned stays."""
+        """Begin anew after a break of the piston's samples; learned baselines stay."""
         self._predictions.clear()
         self._window.clear()
         self._setpoints = None
@@ -381,104 +385,115 @@ class Watch:
         self._reference_tried = 0
         self.alarms.clear()
         self._breaks += 1
-        for line in self._lines.values():
-            line.restart()
-            line.hold = stamp + round(_SETTLING * NANOSECONDS)
+        for feed in self._feeds.values():
+            feed.restart()
+            feed.ignore_before = stamp + round(_SETTLING * NANOSECONDS)
 
     def faults(self, now: float) -> list[Fault]:
-        """Return what is wrong with the topics at a steady time [s]."""
+        """Return the faults of the topics at a steady time [s]."""
         self._faults = {topic: kept for topic, kept in self._faults.items() if now < kept[1]}
         for clock, topic in self._clocks():
             silence = clock.silence(now)
             if silence is not None and silence > self.settings.timeout:
-                self._note(Fault(topic, 'silent', f'{topic} has been silent for {silence:.1f} s'), now)
+                self._note_fault(Fault(topic, 'silent', f'{topic} has been silent for {silence:.1f} s'), now)
         return [fault for fault, _ in self._faults.values()]
 
-    def missing(self) -> list[str]:
-        """Return topics that were never heard; there may be no force."""
-        return [topic for clock, topic in self._clocks() if clock.heard is None and topic != convention.MEASURED_FORCE]
+    def missing_topics(self) -> list[str]:
+        """Return required topics without a message so far; the force is optional."""
+        return [
+            topic for clock, topic in self._clocks() if clock.heard_at is None and topic != convention.MEASURED_FORCE
+        ]
 
-    def _clocks(self) -> Iterator[tuple[Clock, str]]:
+    def _clocks(self) -> Iterator[tuple[StampMonitor, str]]:
         yield self._piston_clock, convention.PISTON_STATE
-        yield from ((line.clock, line.topic) for line in self._lines.values())
+        yield from ((feed.clock, feed.topic) for feed in self._feeds.values())
 
     # alarms
 
-    def _ring(self, departure: Departure, stamp: int) -> None:
+    def _raise_alarm(self, departure: Departure, stamp: int) -> None:
         alarm = self.alarms.get(departure.channel)
         if alarm is None:
-            self.alarms[departure.channel] = Alarm(departure.since, departure.level, (stamp, stamp))
+            self.alarms[departure.channel] = Alarm(departure.since, departure.is_mean_shift, (stamp, stamp))
         else:
-            alarm.rung = alarm.rung[0], stamp
-            alarm.level |= departure.level
+            alarm.ring_stamps = alarm.ring_stamps[0], stamp
+            alarm.is_mean_shift |= departure.is_mean_shift
 
     @property
-    def learned(self) -> float:
-        """Share of what has to be learned that is [0 to 1]."""
-        return min((line.channel.learned for line in self._lines.values() if line.clock.heard is not None), default=0.0)
+    def learned_share(self) -> float:
+        """Share of the learning that is complete [0 to 1]."""
+        return min(
+            (feed.signal.learned_share for feed in self._feeds.values() if feed.clock.heard_at is not None), default=0.0
+        )
 
     @property
-    def stamp(self) -> int:
-        """Of the last sample of the piston [ns]."""
+    def latest_stamp(self) -> int:
+        """Stamp of the last sample of the piston [ns]."""
         return self._predictions[-1].stamp if self._predictions else 0
 
-    def channels(self) -> Mapping[str, WatchedSignal]:
-        """Return the channels that something was heard of."""
-        return {name: line.channel for name, line in self._lines.items() if line.clock.heard is not None}
+    def signals(self) -> Mapping[str, WatchedSignal]:
+        """Return the signals with at least one message, by channel."""
+        return {name: feed.signal for name, feed in self._feeds.items() if feed.clock.heard_at is not None}
 
     def departure(self, channel: str) -> Departure:
-        """Return how a signal parts from its model now, where there is an alarm on it."""
-        latest = self.stamp - round(_SHARE_TO_DIAGNOSE * self._window.length)
+        """Return how a signal with an alarm departs from its model now."""
+        latest = self.latest_stamp - round(_DIAGNOSED_SHARE * self._window.length)
         alarm = self.alarms[channel]
-        return self._lines[channel].channel.describe(max(alarm.since, latest), alarm.level)
+        return self._feeds[channel].signal.describe(max(alarm.since, latest), alarm.is_mean_shift)
 
-    def stands(self, alarm: Alarm) -> bool:
-        """Return whether an alarm has been confirmed: it keeps ringing, or what is new was found."""
-        named = alarm.news is not None and bool(alarm.news.effects or alarm.news.gains or alarm.news.law)
-        return named or alarm.rung[1] - alarm.rung[0] > self._window.length
+    def is_confirmed(self, alarm: Alarm) -> bool:
+        """Return whether an alarm is confirmed: charts keep giving alarms, or the diagnosis has changed."""
+        findings = alarm.new_findings
+        named = findings is not None and bool(findings.effects or findings.gains or findings.characteristic)
+        return named or alarm.ring_stamps[1] - alarm.ring_stamps[0] > self._window.length
 
-    def look_after(self) -> None:
-        """Have the loop closed where it is time, take its answers, and end alarms that ring no more."""
+    def update_alarms(self) -> None:
+        """Request due diagnoses, take their results, and end alarms without recent alarms of a chart."""
         self._take_answer()
         self.alarms = {
-            name: alarm for name, alarm in self.alarms.items() if self.stamp - alarm.rung[1] <= self._window.length
+            name: alarm
+            for name, alarm in self.alarms.items()
+            if self.latest_stamp - alarm.ring_stamps[1] <= self._window.length
         }
-        if self._pending is not None or self.learned < 1.0:
+        if self._pending is not None or self.learned_share < 1.0:
             return
         due = [alarm.since for alarm in self.alarms.values() if self._is_due(alarm)]
         if due:
-            self._close_loop(min(due), reference=False)
-        elif self._reference is None and not self.alarms and self._is_long_enough(self._reference_tried, self.stamp):
-            self._close_loop(0, reference=True)
+            self._close_loop(min(due), is_reference=False)
+        elif (
+            self._reference is None
+            and not self.alarms
+            and self._is_long_enough(self._reference_tried, self.latest_stamp)
+        ):
+            self._close_loop(0, is_reference=True)
 
     def _is_due(self, alarm: Alarm) -> bool:
         settled = alarm.since + round(_SETTLING * NANOSECONDS)
-        return self._is_long_enough(max(settled, alarm.diagnosed), self.stamp)
+        return self._is_long_enough(max(settled, alarm.diagnosed_until), self.latest_stamp)
 
     def _is_long_enough(self, begin: int, end: int) -> bool:
-        return end - begin >= _SHARE_TO_DIAGNOSE * self._window.length
+        return end - begin >= _DIAGNOSED_SHARE * self._window.length
 
-    def _close_loop(self, since: int, reference: bool) -> None:
-        """Have the loop closed on what was heard since a stamp [ns], as far as the window reaches back."""
-        end = self.stamp
+    def _close_loop(self, since: int, is_reference: bool) -> None:
+        """Request a diagnosis of the recording since a stamp [ns], within the window."""
+        end = self.latest_stamp
         settled = since + round(_SETTLING * NANOSECONDS)
         begin = max(settled, self._window.begin, end - self._window.length)
         if self._is_long_enough(begin, end):
-            answer = self._ask(self._window.recording(begin, end))
-            self._pending = _Asked(answer, end, self._breaks, reference)
+            answer = self._request_diagnosis(self._window.recording(begin, end))
+            self._pending = _PendingDiagnosis(answer, end, self._breaks, is_reference)
 
     def _take_answer(self) -> None:
         if self._pending is None or not self._pending.answer.done():
             return
-        asked, self._pending = self._pending, None
-        finding = asked.answer.result()
-        if asked.reference:
+        pending, self._pending = self._pending, None
+        finding = pending.answer.result()
+        if pending.is_reference:
             self._reference = None if finding.ended_early else finding
-            self._reference_tried = asked.end
-        elif asked.breaks == self._breaks:
-            before = {} if self._reference is None else self._reference.found
+            self._reference_tried = pending.end
+        elif pending.breaks_before == self._breaks:
+            before = {} if self._reference is None else self._reference.diagnoses
             for name, alarm in self.alarms.items():
-                alarm.diagnosed = asked.end
+                alarm.diagnosed_until = pending.end
                 alarm.failure = finding.failure
-                found = finding.found.get(name)
-                alarm.news = None if found is None else news(found, before.get(name))
+                diagnosis = finding.diagnoses.get(name)
+                alarm.new_findings = None if diagnosis is None else new_findings(diagnosis, before.get(name))

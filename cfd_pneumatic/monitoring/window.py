@@ -11,13 +11,13 @@ from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.messages import NANOSECONDS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
-_WHOLE = 0.95  # share of the window that a signal has to cover
-_SLACK = 0.25  # of what is kept beyond the window
+_COVERED_SHARE = 0.95  # share of the window that a signal must cover
+_EXCESS_SHARE = 0.25  # share of the window kept beyond it, so that values are dropped in batches
 
 
 class RollingSignal:
     """
-    Stamps and values of a signal, those of the last seconds.
+    Stamps and values of the last seconds of a signal.
 
     Parameters
     ----------
@@ -41,49 +41,49 @@ class RollingSignal:
         return self._stamps[0] if self._stamps else 0
 
     def clear(self) -> None:
-        """Forget them."""
+        """Delete all values."""
         del self._stamps[:], self._values[:]
 
-    def take(self, stamp: int, value: float) -> None:
-        """Add a value; one whose stamp [ns] is not behind the last is left out."""
+    def append(self, stamp: int, value: float) -> None:
+        """Append a value unless its stamp [ns] is at or before the last stamp."""
         if self._stamps and stamp <= self._stamps[-1]:
             return
         self._stamps.append(stamp)
         self._values.append(value)
-        if stamp - self._stamps[0] > (1.0 + _SLACK) * self._length:
-            self._drop(stamp - self._length)
+        if stamp - self._stamps[0] > (1.0 + _EXCESS_SHARE) * self._length:
+            self._drop_before(stamp - self._length)
 
-    def _drop(self, before: int) -> None:
-        """Drop what is older than a stamp [ns], but for the value that held then."""
+    def _drop_before(self, before: int) -> None:
+        """Drop values older than a stamp [ns], except the value that held at the stamp."""
         first = int(np.searchsorted(np.frombuffer(self._stamps, dtype=np.int64), before, side='right')) - 1
         if first > 0:
             del self._stamps[:first], self._values[:first]
 
     def between(self, begin: int, end: int, epoch: int) -> Signal:
-        """Return the values from a stamp to another [ns], in seconds since an epoch [ns]."""
+        """Return the values between two stamps [ns], with times in seconds since an epoch [ns]."""
         stamps = np.array(self._stamps, dtype=np.int64)
         chosen = (stamps >= begin) & (stamps <= end)
         times = (stamps[chosen] - epoch).astype(np.float64) / NANOSECONDS
         return Signal(times, np.array(self._values, dtype=np.float64)[chosen])
 
     def held_from(self, begin: int, epoch: int) -> Signal | None:
-        """Return values that hold until the next, from a stamp on [ns]; None where none is known there."""
+        """Return the changes of a held value from a stamp on [ns]; None if the value is unknown at the stamp."""
         stamps, values = np.array(self._stamps, dtype=np.int64), np.array(self._values, dtype=np.float64)
-        held = int(np.searchsorted(stamps, begin, side='right')) - 1
-        if held < 0:
+        first = int(np.searchsorted(stamps, begin, side='right')) - 1
+        if first < 0:
             return None
-        changes = np.concatenate([[True], np.diff(values[held:]) != 0.0])
-        return Signal((np.maximum(stamps[held:], begin)[changes] - epoch) / NANOSECONDS, values[held:][changes])
+        changes = np.concatenate([[True], np.diff(values[first:]) != 0.0])
+        return Signal((np.maximum(stamps[first:], begin)[changes] - epoch) / NANOSECONDS, values[first:][changes])
 
 
 class Window:
     """
-    What was heard of a device in the last seconds.
+    Signals of a device in the last seconds.
 
     Parameters
     ----------
     seconds
-        How long it reaches back [s].
+        Length of the window [s].
 
     """
 
@@ -101,19 +101,19 @@ class Window:
         return self.displacement.begin
 
     def clear(self) -> None:
-        """Forget all of it."""
-        for track in (self.displacement, self.force, *self.pressures.values(), *self.setpoints.values()):
-            track.clear()
+        """Delete all signals."""
+        for signal in (self.displacement, self.force, *self.pressures.values(), *self.setpoints.values()):
+            signal.clear()
 
     def recording(self, begin: int, end: int) -> Recording:
         """
-        Return what was heard from a stamp to another [ns].
+        Return the recording between two stamps [ns].
 
-        A cylinder or force that was not heard all the time is left out.
+        A cylinder or a force without values over the whole time is omitted.
         """
         cylinders = {}
-        for name, track in self.pressures.items():
-            pressure = track.between(begin, end, begin)
+        for name, signal in self.pressures.items():
+            pressure = signal.between(begin, end, begin)
             if _covers(pressure, begin, end):
                 cylinders[name] = CylinderSignals(pressure, self.setpoints[name].held_from(begin, begin))
         force = self.force.between(begin, end, begin)
@@ -128,8 +128,8 @@ class Window:
 
 
 def _covers(signal: Signal, begin: int, end: int) -> bool:
-    """Return whether a signal was heard from a stamp to another [ns], about."""
+    """Return whether a signal covers nearly the whole time between two stamps [ns]."""
     if len(signal) < 2:
         return False
     covered = float(signal.times[-1] - signal.times[0])
-    return covered > _WHOLE * (end - begin) / NANOSECONDS
+    return covered > _COVERED_SHARE * (end - begin) / NANOSECONDS

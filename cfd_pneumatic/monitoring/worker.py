@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A process in which the loop is closed, so that no callback waits for it; it ends with the process that started it."""
+"""A process for diagnoses, so that no callback waits. The process ends together with its parent."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ from cfd_pneumatic.runtime import LIMIT, start_python
 if TYPE_CHECKING:
     from cfd_pneumatic.identification import Options
 
-_NICE = 5  # callbacks come first, and yet it is not to starve on a busy machine
-_PAUSE = 60.0  # the process is started again at most once in this time [s]
+_NICE = 5  # callbacks have priority; the diagnosis must still run on a busy machine
+_RESTART_PAUSE = 60.0  # shortest time between two restarts [s]
 
 
 class Worker:
     """
-    The process; it starts at once, and waits.
+    Starts a process for diagnoses, which waits for requests.
 
-    If something ends the process, as Linux does when memory is short, it is started again, at most once a minute.
+    The process is started again if it was ended, as Linux does when memory is short: at most once a minute.
 
     Attributes
     ----------
     restarts
-        How often it was started again.
+        Number of times that the process was started again.
 
     """
 
     def __init__(self) -> None:
         self.restarts = 0
-        self._asking = threading.Lock()  # of the thread that uses the process, or starts it again
+        self._lock = threading.Lock()  # held while a thread uses the process or starts it again
         self._process: subprocess.Popen[Any] | None = None
         self._restarted = -math.inf
-        self._reason = ''  # why it was started again, or cannot be started
+        self._reason = ''  # why the process was started again, or cannot be started
         self._is_over = False
         self._start()
 
@@ -62,43 +62,43 @@ class Worker:
             self.end()
 
     def diagnose(self, recording: Recording, options: Options) -> Future[Finding]:
-        """Have the loop closed on a recording; one after the other. Without a process the answer says so at once."""
+        """Request a diagnosis; requests run one after another. Without a process the answer fails at once."""
         answer: Future[Finding] = Future()
 
-        def ask() -> None:
-            with self._asking:
-                answer.set_result(self._diagnosed(recording, options))
+        def answer_request() -> None:
+            with self._lock:
+                answer.set_result(self._request_finding(recording, options))
 
         try:
-            # its own, because a pipe takes no more than the process reads
-            threading.Thread(target=ask, daemon=True).start()
+            # a separate thread, because a write to a full pipe blocks until the process reads
+            threading.Thread(target=answer_request, daemon=True).start()
         except RuntimeError as error:  # the system has no more threads
-            answer.set_result(_early(f'the diagnosis cannot begin: {error}'))
+            answer.set_result(_ended_early(f'the diagnosis cannot begin: {error}'))
         return answer
 
-    def _diagnosed(self, recording: Recording, options: Options) -> Finding:
-        if not self._started():
-            return _early(self.fault or 'the diagnosis process has ended')
+    def _request_finding(self, recording: Recording, options: Options) -> Finding:
+        if not self._ensure_started():
+            return _ended_early(self.fault or 'the diagnosis process has ended')
         try:
             self._connection.send((recording, options))
             finding: Finding = self._connection.recv()
         except (EOFError, OSError, MemoryError):
             self._kill()
             reason = self._last_reason
-            self._started()
-            return _early(f'the diagnosis ended early: its process {reason}')
+            self._ensure_started()
+            return _ended_early(f'the diagnosis ended early: its process {reason}')
         return finding
 
-    def look_after(self) -> None:
-        """Start the process again if it has ended while it was idle."""
-        if self._asking.acquire(blocking=False):
+    def restart_if_ended(self) -> None:
+        """Start the process again if it has ended while no diagnosis runs."""
+        if self._lock.acquire(blocking=False):
             try:
-                self._started()
+                self._ensure_started()
             finally:
-                self._asking.release()
+                self._lock.release()
 
-    def _started(self) -> bool:
-        """Return whether the process runs, after starting it again if it has ended and if it is time."""
+    def _ensure_started(self) -> bool:
+        """Start the process again if it has ended and a restart is due; return whether the process runs."""
         if self.is_running or self._is_over:
             return self.is_running
         self._reason = self._last_reason
@@ -110,26 +110,26 @@ class Worker:
 
     @property
     def is_running(self) -> bool:
-        """Whether the process is there."""
+        """Whether the process runs."""
         return self._process is not None and self._process.poll() is None
 
     @property
     def fault(self) -> str | None:
-        """What happened to the process within the last minute, or None."""
-        left = self._seconds_to_restart
+        """Text on an end of the process within the last minute, or None."""
+        seconds = self._seconds_to_restart
         if self.is_running:
-            return f'the diagnosis process {self._reason} and was started again' if left > 0.0 else None
-        again = f': the next start is in {left:.0f} s' if left > 0.0 else ''
-        return f'the diagnosis process {self._last_reason}{again}'
+            return f'the diagnosis process {self._reason} and was started again' if seconds > 0.0 else None
+        next_start = f': the next start is in {seconds:.0f} s' if seconds > 0.0 else ''
+        return f'the diagnosis process {self._last_reason}{next_start}'
 
     @property
     def _last_reason(self) -> str:
-        """Why there is no process; only if there is none."""
-        return self._reason if self._process is None else _end_of(self._process.returncode)
+        """Why there is no process; valid only without a process."""
+        return self._reason if self._process is None else _describe_exit(self._process.returncode)
 
     @property
     def _seconds_to_restart(self) -> float:
-        return self._restarted + _PAUSE - time.monotonic()
+        return self._restarted + _RESTART_PAUSE - time.monotonic()
 
     @property
     def pid(self) -> int | None:
@@ -137,7 +137,7 @@ class Worker:
         return None if self._process is None else self._process.pid
 
     def end(self) -> None:
-        """End the process at once, whatever it is doing, for good."""
+        """End the process at once and for good, even during a diagnosis."""
         self._is_over = True
         self._kill()
 
@@ -147,24 +147,24 @@ class Worker:
             self._process.wait()
 
 
-def _early(reason: str) -> Finding:
-    """Return the finding of a diagnosis that is worth repeating."""
+def _ended_early(reason: str) -> Finding:
+    """Return the finding of a diagnosis that ended early and is worth repeating."""
     return Finding({}, reason, ended_early=True)
 
 
-def _end_of(code: int) -> str:
-    """Return how a process ended, by its exit code."""
+def _describe_exit(code: int) -> str:
+    """Describe how a process ended, by its exit code."""
     return f'was ended by signal {-code} ({signal.strsignal(-code)})' if code < 0 else f'ended with exit code {code}'
 
 
 def serve(requests_from: int, lifeline: int) -> None:
-    """Answer requests that come through a file descriptor, until another one says that nobody is left to ask."""
+    """Answer requests from a file descriptor; exit when `lifeline` closes, because the parent has ended."""
     os.nice(_NICE)
     os.environ[LIMIT] = '1'
-    logging.getLogger('cfd_pneumatic').setLevel(logging.ERROR)  # its node warns of a compile cache that is not used
-    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
+    logging.getLogger('cfd_pneumatic').setLevel(logging.ERROR)  # the parent already warns of an unused compile cache
+    threading.Thread(target=_exit_with_parent, args=(lifeline,), daemon=True).start()
     requests: connection.Connection = connection.Connection(requests_from)
-    import_module('cfd_pneumatic.identification.procedure')  # before it is needed
+    import_module('cfd_pneumatic.identification.procedure')  # loaded before the first request
     while True:
         try:
             requests.send(_diagnose(*requests.recv()))
@@ -175,11 +175,11 @@ def serve(requests_from: int, lifeline: int) -> None:
 def _diagnose(recording: Recording, options: Options) -> Finding:
     try:
         return diagnose(recording, options)
-    except Exception as error:  # what a recording makes the loop stumble over must not end the watch
+    except Exception as error:  # an error with a recording must not end the watch
         return Finding({}, f'the diagnosis failed: {type(error).__name__}: {error}')
 
 
-def _end_with(lifeline: int) -> None:
-    """End the process when the one that started it has, even in the middle of something."""
+def _exit_with_parent(lifeline: int) -> None:
+    """End the process when its parent has ended, even during a diagnosis."""
     os.read(lifeline, 1)
     os._exit(0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS shells: the only place that imports rclpy."""
+"""ROS nodes: the only package that imports rclpy."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`identify_bag` in a process of its own, and the results that it wrote."""
+"""`identify_bag` in a separate process, and its results."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from cfd_pneumatic.runtime import BAD_INPUT, start_python
 CANCELLED = 'cancelled: earlier outputs are untouched'
 
 _POLL = 0.01  # [s]
-_PATIENCE = 1.5  # what an interrupted fit is given to end by itself [s]
-_KEPT_LINES, _LONGEST_LINE = 20, 4_000  # of what a fit writes on standard error
-_LARGEST = 2**26  # of a file of results [bytes]
+_PATIENCE = 1.5  # time for an interrupted fit to end by itself [s]
+_KEPT_LINES, _LONGEST_LINE = 20, 4_000  # of the standard error of a fit
+_LARGEST = 2**26  # largest file of results [bytes]
 
 
 class FitProcess:
-    """`identify_bag` in a process of its own, so that a long fit delays no callback and can be ended at once."""
+    """`identify_bag` in a separate process, so that a long fit delays no callback and can be ended at once."""
 
     def __init__(self, arguments: Sequence[str]) -> None:
-        """Start it."""
-        self.what = 'starting'
-        self.share = 0.0
+        """Start the process with arguments of `identify_bag`."""
+        self.step = 'starting'
+        self.progress = 0.0
         self._checksum: str | None = None
         self._errors: deque[str] = deque(maxlen=_KEPT_LINES)
         self._kill_at = math.inf
@@ -58,15 +58,15 @@ class FitProcess:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             progress = json.loads(line)
-            self.share, self.what = progress[PROGRESS_KEY], progress['what']
+            self.progress, self.step = progress[PROGRESS_KEY], progress['what']
             self._checksum = progress.get(CHECKSUM_KEY)
 
     def _read_errors(self) -> None:
         assert self._process.stderr is not None
         self._errors.extend(line.rstrip()[:_LONGEST_LINE] for line in self._process.stderr)
 
-    def ended(self) -> bool:
-        """Tell whether it has ended; one that does not heed its cancellation in time is ended by force."""
+    def has_ended(self) -> bool:
+        """Return whether the process has ended; kill a cancelled process that does not end in time."""
         if time.monotonic() > self._kill_at:
             self._process.kill()
             self._process.wait()
@@ -76,7 +76,7 @@ class FitProcess:
         """
         Return why the ended fit failed; None if it succeeded.
 
-        Everybody in the graph reads the reason, so it quotes no file.
+        Any node in the graph can read the reason, so the reason quotes no file.
         """
         for reader in self._readers:
             reader.join()
@@ -88,45 +88,47 @@ class FitProcess:
             return without_quotations(self._errors[-1])
         return (
             f'identify_bag ended unexpectedly with code {self._process.returncode}: '
-            'run identify_bag on the same bags in a terminal to see why'
+            'run identify_bag on the same bags in a terminal to see the error'
         )
 
-    def results(self, folder: Path) -> tuple[str, Device]:
+    def load_results(self, folder: Path) -> tuple[str, Device]:
         """
-        Return the report that the fit wrote into a folder, and the device that it found.
+        Return the report and the device that the fit wrote into a folder.
 
-        Others may write there, and nothing of theirs is to be published: checksums tell that the files are the fit's.
+        Checksums verify that the fit wrote the files: other programs may write into the folder.
 
         Raises
         ------
         InputError
-            If they are not.
+            If a file is missing or has another checksum.
 
         """
-        text = _checked(folder / REPORT_FILE, self._checksum).decode()
+        text = _read_checked(folder / REPORT_FILE, self._checksum).decode()
         parameters = folder / PARAMETER_FILE
-        _checked(parameters, json.loads(text)['files'][PARAMETER_FILE])
+        _read_checked(parameters, json.loads(text)['files'][PARAMETER_FILE])
         return text, Device.load(parameters)
 
     def cancel(self) -> None:
-        """Ask it to end; outputs are written whole or not at all."""
+        """Ask the process to end; outputs are written completely or not at all."""
         if self._kill_at == math.inf:
             self._kill_at = time.monotonic() + _PATIENCE
             self._process.send_signal(signal.SIGINT)
 
     def end(self) -> None:
-        """Cancel it and wait until it has ended."""
+        """Cancel the process and wait until it has ended."""
         self.cancel()
-        while not self.ended():
+        while not self.has_ended():
             time.sleep(_POLL)
 
 
-def _checked(path: Path, checksum: str | None) -> bytes:
-    """Return what a file holds, if that has a checksum."""
+def _read_checked(path: Path, checksum: str | None) -> bytes:
+    """Return the content of a file after a check of its checksum."""
     try:
         content = read_input(path, _LARGEST)
     except InputError as error:
         raise InputError(f'{path} {error}') from error
     if hashlib.sha256(content).hexdigest() != checksum:
-        raise InputError(f'{path} is not what this identification wrote: let nobody else write there, and try again')
+        raise InputError(
+            f'{path} was changed after this identification: use a folder that no other program writes to, and try again'
+        )
     return content

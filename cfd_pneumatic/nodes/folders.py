@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folders that a node reads and writes for others: anybody in the graph may set the paths in its parameters."""
+"""Folders that a node may read and write: any node in the graph may set the paths in its parameters."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from cfd_pneumatic.errors import InputError, printable
 INPUTS, OUTPUT = 'input_folders', 'output_folder'
 """Parameters that name the folders."""
 
-_MOST_ENTRIES = 1_000  # of a folder that is read
+_MOST_ENTRIES = 1_000  # entries of a folder that is read
 _LONGEST_SHOWN = 200  # characters of a path in a message
 
 
 class Folders:
     """
-    The folders below which every path from the graph has to be.
+    The folders below which every path from the graph must be.
 
-    Paths are resolved before they are compared, so that no link leads out. Hidden files and folders are refused: they
-    hold keys and settings. A message shows the path as it was given, and nothing of what the path leads to.
+    Paths are resolved before the comparison, so that no link leads out. Hidden files and folders are refused: they
+    hold keys and settings. A message shows the given path only, not its target.
 
     Parameters
     ----------
     inputs
-        Folders that may be read. Without any: the working folder, unless the working folder holds the home folder.
+        Folders that may be read. Empty: the working folder, unless the working folder holds the home folder.
     output
-        Folder that may be written; '' as above. It need not exist.
+        Folder that may be written; it need not exist. Empty: as above.
 
     Raises
     ------
@@ -45,8 +45,8 @@ class Folders:
         working = Path.cwd().resolve()
         default = () if _holds_home(working) else (working,)
         self._folders = {
-            INPUTS: tuple(_given(INPUTS, folder) for folder in inputs) or default,
-            OUTPUT: (_given(OUTPUT, output),) if output else default,
+            INPUTS: tuple(_resolve_folder(INPUTS, folder) for folder in inputs) or default,
+            OUTPUT: (_resolve_folder(OUTPUT, output),) if output else default,
         }
         for folder in self._folders[INPUTS]:
             if not folder.is_dir():
@@ -54,34 +54,36 @@ class Folders:
 
     @property
     def missing(self) -> list[str]:
-        """Names of the parameters without which nothing can be read, or written."""
+        """Names of the parameters that are required for reading or writing but have no folder."""
         return [parameter for parameter, folders in self._folders.items() if not folders]
 
     def check_readable(self, path: str) -> None:
         """
-        Check that a file may be read with the files beside it that belong to it, or a folder with all files in it.
+        Check that a file with its accompanying files, or a folder with all its files, may be read.
 
         Raises
         ------
         InputError
-            If a part lies outside of the input folders, is hidden, or is neither a file nor a folder.
+            If a file is outside the input folders, is hidden, or is neither a file nor a folder.
 
         """
-        shown = self._checked(path, INPUTS)
-        with _system_errors_of(shown):
+        shown_path = self._check_below(path, INPUTS)
+        with _reporting_path_errors(shown_path):
             try:
                 place = Path(path).resolve(strict=True)
             except FileNotFoundError:
-                raise InputError(f'{shown} does not exist: give a path below {INPUTS}') from None
-            found = _parts(place)
-            if len(found) > _MOST_ENTRIES:
-                raise InputError(f'{shown} holds more than {_MOST_ENTRIES:,} files: give the folder of one bag')
+                raise InputError(f'{shown_path} does not exist: give a path below {INPUTS}') from None
+            entries = _files_at(place)
+            if len(entries) > _MOST_ENTRIES:
+                raise InputError(f'{shown_path} holds more than {_MOST_ENTRIES:,} files: give the folder of one bag')
             base = place if place.is_dir() else place.parent
-            parts = [place, *(part for part in found if not _is_hidden(part.relative_to(base)))]  # readers skip these
+            parts = [place, *(part for part in entries if not _is_hidden(part.relative_to(base)))]  # readers skip these
             if not all(part.is_file() or part.is_dir() for part in parts):
-                raise InputError(f'{shown} is or holds a pipe, a device or a broken link: give files and folders only')
+                raise InputError(
+                    f'{shown_path} is or holds a pipe, a device or a broken link: give files and folders only'
+                )
             if not all(self._is_below(part.resolve(), INPUTS) for part in parts):
-                raise InputError(f'{shown} holds a link that leads out of {INPUTS}: replace the link by a copy')
+                raise InputError(f'{shown_path} holds a link that leads out of {INPUTS}: replace the link by a copy')
 
     def check_writable(self, path: str) -> None:
         """
@@ -90,44 +92,44 @@ class Folders:
         Raises
         ------
         InputError
-            If the folder is hidden or not below the output folder: beside the output folder nothing is written.
+            If the folder is hidden or not below the output folder.
 
         """
-        shown = self._checked(path, OUTPUT)
+        shown_path = self._check_below(path, OUTPUT)
         if Path(path).resolve() in self._folders[OUTPUT]:
-            raise InputError(f'{shown} is {OUTPUT} itself: name a folder below it')
+            raise InputError(f'{shown_path} is {OUTPUT} itself: name a folder below it')
 
-    def _checked(self, path: str, parameter: str) -> str:
-        """Return a path as messages show it, after a check that it is below the folders of a parameter."""
+    def _check_below(self, path: str, parameter: str) -> str:
+        """Check that a path is below the folders of a parameter; return the path as messages show it."""
         if not self._folders[parameter]:
             raise InputError(
                 f"parameter '{parameter}' is not given, and the node was started in the home folder or above it: "
                 f'start the node with {parameter}'
             )
-        shown = printable(path)[:_LONGEST_SHOWN]
-        with _system_errors_of(shown):
+        shown_path = printable(path)[:_LONGEST_SHOWN]
+        with _reporting_path_errors(shown_path):
             if self._is_below(Path(path).resolve(), parameter):
-                return shown
+                return shown_path
         raise InputError(
-            f'{shown} is hidden or lies outside of {parameter}: move it, or start the node with another {parameter}'
+            f'{shown_path} is hidden or outside {parameter}: move it, or start the node with another {parameter}'
         )
 
     def _is_below(self, resolved: Path, parameter: str) -> bool:
-        """Return whether a path is one of the folders or below it, on a way without hidden folders."""
+        """Return whether a path is a folder of the parameter, or below a folder, without hidden parts."""
         return any(
             resolved.is_relative_to(folder) and not _is_hidden(resolved.relative_to(folder))
             for folder in self._folders[parameter]
         )
 
 
-def _given(parameter: str, text: str) -> Path:
-    """Return a folder that was given when the node started."""
-    with _system_errors_of(printable(text)):
+def _resolve_folder(parameter: str, text: str) -> Path:
+    """Resolve a folder that a parameter gives at the start of the node."""
+    with _reporting_path_errors(printable(text)):
         folder = Path(text).expanduser().resolve()
     if _holds_home(folder):
         raise InputError(
             f"{folder} (parameter '{parameter}') is the home folder or above it, where keys and settings are: "
-            'give a folder of its own'
+            'give a separate folder'
         )
     return folder
 
@@ -139,10 +141,10 @@ def _holds_home(folder: Path) -> bool:
     return any(Path(home).resolve().is_relative_to(folder) for home in homes)
 
 
-def _parts(place: Path) -> list[Path]:
-    """Return what is in a folder, at any depth; of a file those beside it that begin alike, as a database's journal."""
-    found = place.rglob('*') if place.is_dir() else place.parent.glob(f'{escape(place.name)}-*')
-    return list(islice(found, _MOST_ENTRIES + 1))
+def _files_at(place: Path) -> list[Path]:
+    """Return the entries of a folder at any depth, or the accompanying files of a file, as a database's journal."""
+    entries = place.rglob('*') if place.is_dir() else place.parent.glob(f'{escape(place.name)}-*')
+    return list(islice(entries, _MOST_ENTRIES + 1))
 
 
 def _is_hidden(path: Path) -> bool:
@@ -151,9 +153,9 @@ def _is_hidden(path: Path) -> bool:
 
 
 @contextmanager
-def _system_errors_of(shown: str) -> Iterator[None]:
-    """Turn what the system has against a path into an error for the user."""
+def _reporting_path_errors(shown_path: str) -> Iterator[None]:
+    """Turn the system's errors on a path into an error for the user."""
     try:
         yield
     except (OSError, ValueError, RuntimeError) as error:  # no permission; a null character; a loop of links
-        raise InputError(f'{shown} cannot be used as a path: give another path') from error
+        raise InputError(f'{shown_path} cannot be used as a path: give another path') from error

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node says of itself: warnings that don't flood the log, and messages for `/diagnostics`."""
+"""Health of a node: warnings that do not flood the log, and messages for `/diagnostics`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
-_THROTTLE = 5.0  # a warning that keeps coming is repeated this often [s]
-_KINDS = 20  # so many kinds in that time; a stranger may send another name in each message
+_THROTTLE = 5.0  # a continuing warning is repeated after this time [s]
+_MOST_KINDS = 20  # largest number of kinds in this time: each message may have a new name
 
 _NUMBER = re.compile(r'\d[\d.]*(e[+-]?\d+)?|\b(nan|inf)\b')
 
@@ -25,13 +25,13 @@ LARGE = 'queues shortened for large messages'
 _TROUBLES = (
     'resets', 'ignored samples', 'ignored stamps', 'ignored set-points', 'ignored measurements', LOST, MISMATCHED, LARGE
 )  # fmt: skip
-"""What makes `/diagnostics` warn where it has happened since the last report."""
+"""Counts that make `/diagnostics` warn if they have grown since the last report."""
 
 
 def diagnostics(
     node: Node, part: str, level: bytes, message: str, values: Mapping[str, str], hardware_id: str = ''
 ) -> DiagnosticArray:
-    """Return a message for `/diagnostics` on a part of a node, perhaps with the serial number of the device."""
+    """Return a message for `/diagnostics` on a part of a node; `hardware_id` is the device's serial number."""
     name = node.get_fully_qualified_name()
     status = DiagnosticStatus(name=f'{name}: {part}', hardware_id=hardware_id or name, level=level, message=message)
     status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
@@ -40,97 +40,97 @@ def diagnostics(
     return array
 
 
-def joined(*parts: str | None) -> str:
-    """Return what there is of a message's parts."""
+def join_texts(*parts: str | None) -> str:
+    """Join the parts of a message that are not empty."""
     return '; '.join(part for part in parts if part)
 
 
 class Warnings:
-    """The warnings of a node; those that differ in their numbers alone are of one kind, repeated now and then."""
+    """Throttled warnings of a node; warnings that differ in numbers only are of the same kind."""
 
     def __init__(self, node: Node) -> None:
-        """Warn in the log of a node."""
+        """Set the node that logs the warnings."""
         self._node = node
-        self._last: dict[str, float] = {}
+        self._last_warned: dict[str, float] = {}
 
     def warn(self, message: str) -> None:
-        """Warn, unless there was a warning of this kind a moment ago."""
+        """Log a warning unless a warning of the same kind was logged recently."""
         now, kind = time.monotonic(), _NUMBER.sub('#', message)
-        self._last = {told: at for told, at in self._last.items() if now - at < _THROTTLE}
-        if kind not in self._last and len(self._last) < _KINDS:
-            self._last[kind] = now
+        self._last_warned = {kind: last for kind, last in self._last_warned.items() if now - last < _THROTTLE}
+        if kind not in self._last_warned and len(self._last_warned) < _MOST_KINDS:
+            self._last_warned[kind] = now
             self._node.get_logger().warning(message)
 
 
 class InputHealth(Warnings):
     """
-    Whether an input comes, and is of use; by steady time, which a stopped `/clock` does not stop.
+    Whether an input arrives and is valid, by steady time: a stopped `/clock` does not matter.
 
     Attributes
     ----------
     fault
-        What is wrong with the input that came last, or None.
-    meanwhile
-        What came that is no input of ours since the last one that was, or None.
+        Fault of the last input, or None.
+    foreign_input
+        Text on messages for other receivers since the last input, or None.
     counts
-        How often what has happened.
+        Numbers of events by name.
 
     """
 
     def __init__(self, node: Node, topic: str) -> None:
-        """Watch over the input on a topic."""
+        """Monitor the input on a topic."""
         super().__init__(node)
         self._topic = topic
-        self._last_good = time.monotonic()
+        self._last_accepted = time.monotonic()
         self.fault: str | None = f'no {topic} yet'
-        self.meanwhile: str | None = None
+        self.foreign_input: str | None = None
         self.counts: Counter[str] = Counter()
         self._reported: Counter[str] = Counter()
-        self._standing: set[str] = set()
+        self._lasting: set[str] = set()
 
     @property
     def silence(self) -> float:
-        """Time since the last good input [s]."""
-        return time.monotonic() - self._last_good
+        """Time since the last valid input [s]."""
+        return time.monotonic() - self._last_accepted
 
-    def good(self) -> None:
-        """Note an input that can be used."""
-        self._last_good = time.monotonic()
-        self.fault = self.meanwhile = None
+    def accept(self) -> None:
+        """Note a valid input."""
+        self._last_accepted = time.monotonic()
+        self.fault = self.foreign_input = None
 
-    def bad(self, fault: str) -> None:
-        """Note an input that cannot."""
+    def reject(self, fault: str) -> None:
+        """Note the fault of an invalid input, and warn."""
         self.fault = fault
         self.warn(f'ignored: {fault}')
 
-    def standing(self, words: Sequence[str]) -> None:
-        """Note what lasts; log what has not lasted since the last time."""
-        kinds = {_NUMBER.sub('#', text): text for text in words}
-        for kind in kinds.keys() - self._standing:
+    def set_lasting_warnings(self, warnings: Sequence[str]) -> None:
+        """Set the lasting warnings, and log the new warnings."""
+        kinds = {_NUMBER.sub('#', text): text for text in warnings}
+        for kind in kinds.keys() - self._lasting:
             self.warn(kinds[kind])
-        self._standing = set(kinds)
+        self._lasting = set(kinds)
 
-    def grown(self, count: str) -> int:
-        """Return by how much a count has grown since the last call of `troubles`."""
+    def increase(self, count: str) -> int:
+        """Return the growth of a count since the last call of `recent_troubles`."""
         return self.counts[count] - self._reported[count]
 
-    def troubles(self) -> str | None:
-        """Return in words what has gone wrong since this was asked last, though the last input was good; or None."""
-        grown = {trouble: self.grown(trouble) for trouble in _TROUBLES}
+    def recent_troubles(self) -> str | None:
+        """Describe events since the last call that are no fault of the last input; None without events."""
+        grown = {trouble: self.increase(trouble) for trouble in _TROUBLES}
         self._reported = self.counts.copy()
-        words = [f'{count} {trouble}' for trouble, count in grown.items() if count]
-        return f'since the last report: {", ".join(words)}' if words else None
+        warnings = [f'{count} {trouble}' for trouble, count in grown.items() if count]
+        return f'since the last report: {", ".join(warnings)}' if warnings else None
 
-    def verdict(self, timeout: float, standing: Sequence[str] = ()) -> tuple[bytes, str]:
+    def status(self, timeout: float, lasting: Sequence[str] = ()) -> tuple[bytes, str]:
         """
         Return level and message for `/diagnostics`.
 
-        Silence beyond a `timeout` [s] is an error; what is `standing`, and not as it should be, is a warning.
+        Silence beyond a `timeout` [s] is an error; a `lasting` warning is a warning.
         """
-        troubles = self.troubles()
+        troubles = self.recent_troubles()
         if self.silence > timeout:
             why = self.fault or f'{self._topic} has been silent for {self.silence:.1f} s'
-            return DiagnosticStatus.ERROR, joined(why, self.meanwhile, *standing, troubles)
-        if self.fault is not None or troubles is not None or standing:
-            return DiagnosticStatus.WARN, joined(self.fault, *standing, troubles)
+            return DiagnosticStatus.ERROR, join_texts(why, self.foreign_input, *lasting, troubles)
+        if self.fault is not None or troubles is not None or lasting:
+            return DiagnosticStatus.WARN, join_texts(self.fault, *lasting, troubles)
         return DiagnosticStatus.OK, f'following {self._topic}'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`identifier_node`: `identify_bag` as a ROS service, with the result set on a running simulator."""
+"""`identifier_node`: `identify_bag` as a ROS service; the result is set on a running simulator."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from cfd_pneumatic.nodes.folders import INPUTS, OUTPUT, Folders
 from cfd_pneumatic.nodes.health import diagnostics
 from cfd_pneumatic.nodes.messages import OUTPUT_QOS
 from cfd_pneumatic.nodes.parameter_transfer import SERVICES, ParameterTransfer
-from cfd_pneumatic.nodes.parameters import number, switch, text, texts, value_of
+from cfd_pneumatic.nodes.parameters import given_value, number, switch, text, texts
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.recording import read_mapping
 from cfd_pneumatic.reporting import PAGE_FILE, PARAMETER_FILE, REPORT_FILE
 
-_PERIOD = 0.1  # how often the fit's process is looked after [s]
-_MOST_BAGS = 100  # each is looked at before the fit starts, and no request is answered meanwhile
+_PERIOD = 0.1  # period of the checks of the fit's process [s]
+_MOST_BAGS = 100  # each bag is checked before the fit starts, and no request is answered during the checks
 _SWITCHES = ('per_setpoint', 'close_loop', 'overwrite')  # parameters that are options of `identify_bag`, too
 _BUSY = 'refused: an identification is running; ~/cancel ends it'
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -44,16 +44,16 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 @dataclass(frozen=True)
 class Job:
     """
-    What to identify, as the parameters were when it was asked for.
+    An identification with the parameters at the time of the request.
 
     Attributes
     ----------
     arguments
-        Of `identify_bag`.
+        Arguments of `identify_bag`.
     folder
-        Where the results go.
+        Folder for the results.
     target
-        Node that gets the parameters, or ''.
+        Node whose parameters are set, or ''.
 
     """
 
@@ -66,16 +66,16 @@ class IdentifierNode(BoundedNode):
     """
     Identifies bags on request.
 
-    Services `~/identify` and `~/cancel` (std_srvs/Trigger); the report on the latched topic `~/result`
-    (std_msgs/String, JSON); progress on `/diagnostics`, and in the end what was found. With `close_loop` that is also
-    which physical effects the model lacks. With `apply_to` the parameters and effects are set on that node.
+    Services: `~/identify`, `~/cancel` and `~/revert` (std_srvs/Trigger). The report is on the latched topic `~/result`
+    (std_msgs/String, JSON), progress and verdicts are on `/diagnostics`. With `close_loop` the report names physical
+    effects that the model lacks. With `apply_to` the parameters and effects are set on another node.
     """
 
     def __init__(self, **kwargs: Any) -> None:
         """Declare parameters and offer the services."""
         super().__init__('identifier_node', **kwargs)
         self._declare_parameters()
-        self._folders = Folders([one for one in self._value(INPUTS) if value_of(one)], self._value(OUTPUT))
+        self._folders = Folders([folder for folder in self._value(INPUTS) if given_value(folder)], self._value(OUTPUT))
         for parameter in self._folders.missing:
             self.get_logger().warning(
                 f'requests are refused: the node was started in the home folder or above it, and {parameter} is not '
@@ -93,7 +93,7 @@ class IdentifierNode(BoundedNode):
         self.create_service(Trigger, '~/cancel', self._on_cancel)
         self.create_service(Trigger, '~/revert', self._on_revert)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_PERIOD, self._look_after, clock=steady)
+        self.create_timer(_PERIOD, self._advance, clock=steady)
         self.create_timer(1.0, self._publish_diagnostics, clock=steady)
 
     def _declare_parameters(self) -> None:
@@ -102,7 +102,7 @@ class IdentifierNode(BoundedNode):
             INPUTS,
             [''],
             texts(
-                'folders below which bags and mapping have to be; empty: the working folder, '
+                'folders below which bags and mapping must be; empty: the working folder, '
                 'unless it is the home folder or above it',
                 read_only=True,
             ),
@@ -111,7 +111,7 @@ class IdentifierNode(BoundedNode):
             OUTPUT,
             '',
             text(
-                'folder below which output_dir has to be; empty: the working folder, '
+                'folder below which output_dir must be; empty: the working folder, '
                 'unless it is the home folder or above it',
                 read_only=True,
             ),
@@ -126,29 +126,27 @@ class IdentifierNode(BoundedNode):
             text('folder for report.json, parameters.yaml and, with close_loop, report.html; below output_folder'),
         )
         declare('mapping', '', text('mapping file for bags of other topics, below input_folders; none: no mapping'))
-        declare('namespace', '', text('namespace of the device where a bag holds several; empty: the only one'))
+        declare('namespace', '', text('namespace of the device if a bag holds several devices; empty: the only device'))
         declare('per_setpoint', False, switch('fit a table of operating points'))
         declare(
             'close_loop',
             False,
-            switch('trace what the model leaves of the pressure to physical effects that it lacks, and add them to it'),
+            switch('find physical effects that explain the remaining error of the pressure, and add them to the model'),
         )
         declare(
             'core',
             AUTO,
-            text(f'equations that effects are sought beside: {", ".join(CORES)}; auto: what the recordings need'),
+            text(f'equations to which effects are added: {", ".join(CORES)}; auto: chosen from the recordings'),
         )
         declare(
             'tolerance',
             '',
-            text(
-                'error that does not matter: 300Pa, 2N, 1% of the span, or some, as 300Pa,2N; none: every one matters'
-            ),
+            text('acceptable error: 300Pa, 2N, 1% of the span, or several, as 300Pa,2N; none: every error matters'),
         )
         declare(
             'ambient_pressure',
             convention.AMBIENT_PRESSURE,
-            number('Pa', 1e4, 2e5, 'absolute pressure that gauge pressures are counted from'),
+            number('Pa', 1e4, 2e5, 'absolute pressure that gauge pressures refer to'),
         )
         declare(
             'area',
@@ -157,8 +155,8 @@ class IdentifierNode(BoundedNode):
                 'm^2',
                 0.0,
                 convention.AREAS[1],
-                'area of either piston, held where a measured force at one set-point does not tell it; 0: not known, '
-                'what makes that force',
+                'area of either piston, used if a measured force at a single set-point does not determine it; '
+                '0: not known, computed from that force',
             ),
         )
         declare(
@@ -167,18 +165,18 @@ class IdentifierNode(BoundedNode):
             number(
                 '-',
                 *convention.FACTORS,
-                'contact force over piston force, from the linkage; 0: not known, it counts as a part of the area',
+                'contact force over piston force, from the linkage; 0: not known, included in the area',
             ),
         )
-        declare('apply_to', '', text('node whose parameters the result sets, e.g. /cfd/sim/sim_node; none: no node'))
+        declare('apply_to', '', text('node on which the result is set, e.g. /cfd/sim/sim_node; none: no node'))
         declare('split', '60/20/20', text('percent of train, validation and test'))
 
     def _value(self, name: str) -> Any:
-        return value_of(self.get_parameter(name).value)
+        return given_value(self.get_parameter(name).value)
 
     def _make_job(self) -> Job:
-        """Return what the parameters ask for, or raise InputError where one is missing."""
-        bags = [bag for bag in self._value('bags') if value_of(bag)]
+        """Return the job that the parameters describe; raise InputError if a parameter is missing."""
+        bags = [bag for bag in self._value('bags') if given_value(bag)]
         output, target = self._value('output_dir'), self._value('apply_to')
         if not bags:
             raise InputError("parameter 'bags' is empty: name at least one bag")
@@ -202,14 +200,14 @@ class IdentifierNode(BoundedNode):
             f'--core={self._value("core")}',
             f'--ambient-pressure={self._value("ambient_pressure")!r}',
         ]
-        given = ('mapping', 'namespace', 'area', 'geometric_factor')
-        arguments += [f'--{name.replace("_", "-")}={self._value(name)}' for name in given if self._value(name)]
-        arguments += [f'--tolerance={one}' for one in self._value('tolerance').split(',') if one]
+        optional = ('mapping', 'namespace', 'area', 'geometric_factor')
+        arguments += [f'--{name.replace("_", "-")}={self._value(name)}' for name in optional if self._value(name)]
+        arguments += [f'--tolerance={tolerance}' for tolerance in self._value('tolerance').split(',') if tolerance]
         arguments += [f'--{name.replace("_", "-")}' for name in _SWITCHES if self._value(name)]
         return Job([*arguments, '--', *bags], Path(output), target)
 
     def _check_paths(self, bags: Sequence[str], mapping: str, output: str) -> None:
-        """Check that what is read and written is where the node was started to read and write."""
+        """Check that all paths are below the folders that the node may read or write."""
         for path in dict.fromkeys([*bags, *([mapping] if mapping else [])]):
             self._folders.check_readable(path)
         types = read_mapping(mapping).types if mapping else None
@@ -218,7 +216,7 @@ class IdentifierNode(BoundedNode):
         self._folders.check_writable(output)
 
     def _on_identify(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Begin to identify what the parameters name; refused while an identification runs."""
+        """Start the identification that the parameters describe; refuse while an identification runs."""
         if self._is_busy:
             response.message = _BUSY
             return response
@@ -230,13 +228,13 @@ class IdentifierNode(BoundedNode):
             return response
         self._job = job
         self._report = {}
-        self._tell(DiagnosticStatus.OK, 'identifying')
+        self._set_status(DiagnosticStatus.OK, 'identifying')
         response.success = True
-        response.message = 'accepted: the report comes on ~/result'
+        response.message = 'accepted: the report will be published on ~/result'
         return response
 
     def _on_cancel(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """End the identification that runs; earlier outputs stay."""
+        """Cancel the running identification; earlier outputs stay."""
         if self._fit is None:
             response.message = 'nothing is running'
             return response
@@ -246,15 +244,15 @@ class IdentifierNode(BoundedNode):
         return response
 
     def _on_revert(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Set what `apply_to` had before its parameters were set last; once more brings these back."""
+        """Set the earlier parameters of `apply_to`; a second request restores the present parameters."""
         target, earlier = self._earlier
         if self._is_busy:
             response.message = _BUSY
         elif not earlier:
-            response.message = 'nothing was set that could be taken back'
+            response.message = 'nothing to revert: no parameters were set'
         else:
             self._transfer = ParameterTransfer(self, target, earlier)
-            self._tell(DiagnosticStatus.OK, f'taking back the parameters of {target}')
+            self._set_status(DiagnosticStatus.OK, f'reverting the parameters of {target}')
             response.success = True
             response.message = f'the earlier parameters are being set on {target}'
         return response
@@ -263,51 +261,51 @@ class IdentifierNode(BoundedNode):
     def _is_busy(self) -> bool:
         return self._job is not None or self._transfer is not None
 
-    def _look_after(self) -> None:
-        """Follow the fit, then the setting of parameters, one step at a time."""
+    def _advance(self) -> None:
+        """Advance the fit or the setting of parameters by a step."""
         if self._fit is not None and self._job is not None:
-            if self._fit.ended():
+            if self._fit.has_ended():
                 self._take_results(self._fit, self._job)
         elif self._transfer is not None:
-            outcome = self._transfer.proceed()
+            outcome = self._transfer.advance()
             if outcome is not None:
                 self._transfer.close()
                 self._earlier = self._transfer.target, self._transfer.earlier
                 self._transfer = None
                 level, message = outcome
-                self._finish(level, self._found(message) if self._job is not None else message)
+                self._finish(level, self._summary(message) if self._job is not None else message)
 
     def _take_results(self, fit: FitProcess, job: Job) -> None:
-        """Publish what a fit that has ended found, and set the parameters on another node where that is asked for."""
+        """Publish the results of an ended fit, and set the parameters on the target if there is a target."""
         self._fit = None
         failure = fit.failure()
         if failure is not None:
             self._finish(DiagnosticStatus.WARN if failure == CANCELLED else DiagnosticStatus.ERROR, failure)
             return
         try:
-            text, device = fit.results(job.folder)
+            text, device = fit.load_results(job.folder)
         except InputError as error:
             self._finish(DiagnosticStatus.ERROR, without_quotations(str(error)))
             return
         self._report = json.loads(text)
         self._result_out.publish(String(data=text))
         if not job.target:
-            self._finish(DiagnosticStatus.OK, self._found('done'))
+            self._finish(DiagnosticStatus.OK, self._summary('done'))
             return
         wanted = _with_other_effects_off(device, self._report)
         remedy = f': start it with {job.folder / PARAMETER_FILE}'
         self._transfer = ParameterTransfer(self, job.target, wanted, remedy)
-        self._tell(DiagnosticStatus.OK, f'setting the parameters on {job.target}')
+        self._set_status(DiagnosticStatus.OK, f'setting the parameters on {job.target}')
 
     def _verdicts(self) -> dict[str, dict[str, Any]]:
-        """Return what the report says on each cylinder, and on the force, where the loop was closed."""
+        """Return the report's blocks of cylinders and force with a verdict, by name."""
         blocks = dict(self._report.get('cylinders', {}))
         if 'force' in self._report:
             blocks['force'] = self._report['force']
         return {name: block for name, block in blocks.items() if 'verdict' in block}
 
-    def _found(self, message: str) -> str:
-        """Return a message with the verdict on each cylinder, and where to read more."""
+    def _summary(self, message: str) -> str:
+        """Return a message with the verdict on each cylinder and the path of the report."""
         assert self._job is not None
         verdicts = self._verdicts()
         sentences = [f'{title(name)}: {sentence(block["why"])}' for name, block in verdicts.items()]
@@ -316,10 +314,10 @@ class IdentifierNode(BoundedNode):
 
     def _finish(self, level: bytes, message: str) -> None:
         self._job = None
-        self._tell(level, message)
+        self._set_status(level, message)
 
-    def _tell(self, level: bytes, message: str) -> None:
-        message = printable(message)  # a path may hold anything, a line of the log among it
+    def _set_status(self, level: bytes, message: str) -> None:
+        message = printable(message)  # a path may contain line breaks
         self._status = (level, message)
         if level == DiagnosticStatus.OK:
             self.get_logger().info(message)
@@ -333,8 +331,8 @@ class IdentifierNode(BoundedNode):
         level, message = self._status
         values = {}
         if self._fit is not None:
-            message = self._fit.what
-            values['progress [%]'] = f'{100.0 * self._fit.share:.0f}'
+            message = self._fit.step
+            values['progress [%]'] = f'{100.0 * self._fit.progress:.0f}'
         for name, block in self._verdicts().items():
             values[f'{name} verdict'] = block['verdict']
             values[f'{name} effects'] = ', '.join(block['effects']) or 'none'
@@ -348,12 +346,12 @@ class IdentifierNode(BoundedNode):
 
 
 def _with_other_effects_off(device: Device, report: Mapping[str, Any]) -> dict[str, Value]:
-    """Return a device's parameters, with every effect off that was looked for and not found."""
+    """Return a device's parameters, with every effect switched off that was not found."""
     identified = [*report['cylinders'], *([convention.CONTACT_FORCE] if 'force' in report else [])]
     switches = [name for name in DESCRIPTORS if name.count('.') == 2 and name.endswith('.enabled')]
     off: dict[str, Value] = {name: False for name in switches if name.partition('.')[0] in identified}
-    told: dict[str, Value] = {f'{name}.not_identifiable': NO_NAMES for name in report['cylinders']}
-    return {**off, **told, **device.given}
+    not_identifiable: dict[str, Value] = {f'{name}.not_identifiable': NO_NAMES for name in report['cylinders']}
+    return {**off, **not_identifiable, **device.given}
 
 
 main = partial(run, 'identifier_node', IdentifierNode)

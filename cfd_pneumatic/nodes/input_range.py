@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a node's input lies within what its device was identified with, and what it looks like if not."""
+"""Comparison of a node's input with the range of the identification, and likely input errors."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.device import SPEED_INTERVAL, IdentifiedRange, Span
 from cfd_pneumatic.units import PSI
 
-_MARGIN = 0.1  # of a span, by which a value may lie outside of it
+_SPAN_MARGIN = 0.1  # share of a span by which a value may be outside
 _SPEED_MARGIN = 1.2  # times the largest speed
-_PRESSURE_ROOM = 5e3  # by which a set-point or a pressure may lie outside in any case [Pa]
-_DISPLACEMENT_ROOM = 2e-5  # and a displacement [m]
-_NOISE_ROOM = 1e-5  # by which noise may move a displacement [m]
-_SHORTEST = SPEED_INTERVAL / 2  # time over which a speed is computed at least, as of a vibration [s]
-_LONG = 0.1  # no piston of such a device travels as far [m]
-_TIMES = 20.0  # times the farthest displacement, beyond which the unit is another one
-_KILOPASCAL = 1e3  # set-points up to this are likelier in another unit [Pa]
+_PRESSURE_ROOM = 5e3  # by which a set-point or pressure may be outside in any case [Pa]
+_DISPLACEMENT_ROOM = 2e-5  # by which a displacement may be outside in any case [m]
+_NOISE_ROOM = 1e-5  # change of a displacement by noise [m]
+_SHORTEST = SPEED_INTERVAL / 2  # shortest time over which a speed is computed, as for a vibration [s]
+_LONGEST_TRAVEL = 0.1  # longest travel of a piston of such a device [m]
+_UNIT_RATIO = 20.0  # ratio to the largest displacement above which the unit is wrong
+_KILOPASCAL = 1e3  # set-points up to this value probably have another unit [Pa]
 _UNITS = {'MPa': 1e6, 'bar': 1e5, 'psi': PSI, 'kPa': 1e3, 'mbar': 1e2}  # [Pa]
-_UNKNOWN = 'the model is not known to hold there'
+_UNTESTED = 'the model is not validated there'
 
 
 class _Values:
-    """The span of a quantity since the last report, or its last value if none came since."""
+    """The span of a quantity since the last report, or its last value if there is no new value."""
 
     def __init__(self) -> None:
         self._span: Span | None = None
@@ -47,17 +47,17 @@ class _Values:
 
 class InputRange:
     """
-    Input and predicted pressures since the last report, compared with the range in which the device was identified.
+    Compares input and predicted pressures since the last report with the range of the identification.
 
-    `report` returns warnings. A warning lasts as long as its cause: until another value comes.
+    `report` returns warnings. A warning lasts until a new value arrives.
     """
 
     def __init__(self, identified: IdentifiedRange) -> None:
-        """Compare input with an identified range; `compare_with` sets another one."""
+        """Set the identified range; `compare_with` changes the range."""
         self.compare_with(identified)
         self._displacement = _Values()
-        self._before: Span | None = None  # displacement as of the last report
-        self._lowest = self._highest = (0.0, 0)  # positions and stamps in the interval of which the speed is computed
+        self._before: Span | None = None  # displacement in the last report
+        self._lowest = self._highest = (0.0, 0)  # positions and stamps in the interval of the speed
         self._start = self._latest = -1
         self._speed = 0.0
         self._predicted: defaultdict[str, _Values] = defaultdict(_Values)
@@ -69,7 +69,7 @@ class InputRange:
         ambient_pressure: float = AMBIENT_PRESSURE,
         operating_points: Mapping[str, Span] | None = None,
     ) -> None:
-        """Compare with an identified range, and with operating points if no set-points were identified [Pa]."""
+        """Set the identified range, and the operating points for unidentified set-points [Pa]."""
         self._identified = identified
         self._ambient = ambient_pressure
         self._operating_points = operating_points or {}
@@ -79,11 +79,11 @@ class InputRange:
         if not math.isfinite(position):
             return
         self._displacement.add(position)
-        if stamp != self._latest:  # the model leaves repeated stamps out, too
+        if stamp != self._latest:  # the model ignores repeated stamps, too
             self._note_speed(stamp, position)
 
     def _note_speed(self, stamp: int, position: float) -> None:
-        """Compute the speed if an interval has ended: the travel in it over the time between lowest and highest."""
+        """Compute the speed at the end of an interval: travel over the time between lowest and highest position."""
         sample = position, stamp
         if self._start < 0 or stamp < self._latest:
             self._start, self._lowest, self._highest = stamp, sample, sample
@@ -114,100 +114,105 @@ class InputRange:
         ]
 
     def _on_displacement(self) -> Iterator[str]:
-        seen, known = self._displacement.report(), self._identified.displacement
-        if seen is None:
+        observed, reference = self._displacement.report(), self._identified.displacement
+        if observed is None:
             return
-        before, self._before = self._before or seen, seen
-        if known is None:
-            # Only the travel counts: an encoder may count from anywhere.
-            travel = max(seen[1], before[1]) - min(seen[0], before[0])
-            if travel > _LONG:
+        before, self._before = self._before or observed, observed
+        if reference is None:
+            # Only the travel counts, because the origin of an encoder is arbitrary.
+            travel = max(observed[1], before[1]) - min(observed[0], before[0])
+            if travel > _LONGEST_TRAVEL:
                 yield f'{convention.PISTON_STATE} travels {travel:g} m, which looks like millimetres: publish metres'
             return
-        farthest = max(map(abs, seen))
-        if farthest > max(_TIMES * max(map(abs, known)), _DISPLACEMENT_ROOM):
+        farthest = max(map(abs, observed))
+        if farthest > max(_UNIT_RATIO * max(map(abs, reference)), _DISPLACEMENT_ROOM):
             yield f'{convention.PISTON_STATE} reaches {farthest:g} m, which looks like millimetres: publish metres'
-        elif _outside(seen, known, _DISPLACEMENT_ROOM):
-            span = _shown(known)
-            yield f'{convention.PISTON_STATE} is {_shown(seen)} m, outside of the identified {span} m: {_UNKNOWN}'
+        elif _is_outside(observed, reference, _DISPLACEMENT_ROOM):
+            yield (
+                f'{convention.PISTON_STATE} is {_format_span(observed)} m, outside the identified '
+                f'{_format_span(reference)} m: {_UNTESTED}'
+            )
 
     def _on_speed(self) -> Iterator[str]:
         speed, self._speed = self._speed, 0.0
         fastest = self._identified.speed
         if fastest and speed > _SPEED_MARGIN * fastest:
-            yield f'the piston moves at {speed:.3g} m/s, faster than the identified {fastest:.3g} m/s: {_UNKNOWN}'
+            yield f'the piston moves at {speed:.3g} m/s, faster than the identified {fastest:.3g} m/s: {_UNTESTED}'
 
     def _on_setpoints(self, setpoints: Mapping[str, float]) -> Iterator[str]:
         for name, setpoint in setpoints.items():
             topic, identified = convention.setpoint_topic(name), self._identified.setpoints.get(name)
-            known = identified or self._operating_points.get(name)
-            seen = setpoint, setpoint
-            is_small = 0.0 < abs(setpoint) <= _KILOPASCAL and (known is None or known[0] > _KILOPASCAL)
-            is_outside = known is not None and _outside(seen, known, _PRESSURE_ROOM)
+            reference = identified or self._operating_points.get(name)
+            observed = setpoint, setpoint
+            is_small = 0.0 < abs(setpoint) <= _KILOPASCAL and (reference is None or reference[0] > _KILOPASCAL)
+            is_outside = reference is not None and _is_outside(observed, reference, _PRESSURE_ROOM)
             if not is_small and not is_outside:
                 continue
-            units = '' if known is None else _likely_units(seen, known)
+            units = '' if reference is None else _likely_units(observed, reference)
             if is_small and identified is None:
                 units = units or 'bar, psi or kPa'
             if units:
                 yield f'{topic} {setpoint:g} Pa looks like {units}: publish Pa above ambient'
             elif identified is not None:
-                yield f'{topic} {setpoint:.6g} Pa is outside of the identified {_shown(identified)} Pa: {_UNKNOWN}'
-            elif known is not None:
+                yield f'{topic} {setpoint:.6g} Pa is outside the identified {_format_span(identified)} Pa: {_UNTESTED}'
+            elif reference is not None:
                 yield (
-                    f'{topic} {setpoint:.6g} Pa is outside the operating points {_shown(known)} Pa: '
+                    f'{topic} {setpoint:.6g} Pa is outside the operating points {_format_span(reference)} Pa: '
                     'the nearest gains act'
                 )
 
     def _on_predicted(self) -> Iterator[str]:
-        for name, seen, known in self._outside_of_identified(self._predicted):
-            span = _shown(known)
-            yield f'the pressure of {name} is {_shown(seen)} Pa, outside of the identified {span} Pa: {_UNKNOWN}'
+        for name, observed, reference in self._outside_identified_range(self._predicted):
+            shown, span = _format_span(observed), _format_span(reference)
+            yield f'the pressure of {name} is {shown} Pa, outside the identified {span} Pa: {_UNTESTED}'
 
     def _on_measured(self) -> Iterator[str]:
-        outside = [*self._outside_of_identified(self._measured)]
+        outside = [*self._outside_identified_range(self._measured)]
         if len(outside) == len(convention.CYLINDERS):
-            (a, seen_a, known_a), (b, seen_b, known_b) = outside
-            if not _outside(seen_a, known_b, _PRESSURE_ROOM) and not _outside(seen_b, known_a, _PRESSURE_ROOM):
+            (a, observed_a, reference_a), (b, observed_b, reference_b) = outside
+            if not _is_outside(observed_a, reference_b, _PRESSURE_ROOM) and not _is_outside(
+                observed_b, reference_a, _PRESSURE_ROOM
+            ):
                 yield (
-                    f'the measured pressures of {a} and {b} look swapped: {_shown(seen_a)} Pa and {_shown(seen_b)} Pa, '
-                    f'identified {_shown(known_a)} Pa and {_shown(known_b)} Pa'
+                    f'the measured pressures of {a} and {b} look swapped: {_format_span(observed_a)} Pa and '
+                    f'{_format_span(observed_b)} Pa, identified {_format_span(reference_a)} Pa and '
+                    f'{_format_span(reference_b)} Pa: check the topics'
                 )
                 return
-        for name, seen, known in outside:
-            absolute = seen[0] + self._ambient, seen[1] + self._ambient
-            units = _likely_units(seen, known)
-            if not units and not _outside(absolute, known, _PRESSURE_ROOM):
+        for name, observed, reference in outside:
+            absolute = observed[0] + self._ambient, observed[1] + self._ambient
+            units = _likely_units(observed, reference)
+            if not units and not _is_outside(absolute, reference, _PRESSURE_ROOM):
                 units = 'gauge pressure'
             remedy = f'it looks like {units}, publish absolute Pa' if units else 'check the sensor and its unit'
             yield (
-                f'the measured pressure of {name} is {_shown(seen)} Pa, outside of the identified {_shown(known)} Pa: '
-                f'{remedy}'
+                f'the measured pressure of {name} is {_format_span(observed)} Pa, outside the identified '
+                f'{_format_span(reference)} Pa: {remedy}'
             )
 
-    def _outside_of_identified(self, pressures: Mapping[str, _Values]) -> Iterator[tuple[str, Span, Span]]:
-        """Yield the cylinders whose pressures are outside of the identified range: name, pressures and range [Pa]."""
+    def _outside_identified_range(self, pressures: Mapping[str, _Values]) -> Iterator[tuple[str, Span, Span]]:
+        """Yield cylinders with pressures outside the identified range: name, pressures and range [Pa]."""
         for name in sorted(pressures):
-            seen, known = pressures[name].report(), self._identified.pressures.get(name)
-            if seen is not None and known is not None and _outside(seen, known, _PRESSURE_ROOM):
-                yield name, seen, known
+            observed, reference = pressures[name].report(), self._identified.pressures.get(name)
+            if observed is not None and reference is not None and _is_outside(observed, reference, _PRESSURE_ROOM):
+                yield name, observed, reference
 
 
-def _likely_units(seen: Span, known: Span) -> str:
-    """Return the units that bring values into a known range of pressures [Pa]; an empty text if none does."""
-    scaled = {unit: (factor * seen[0], factor * seen[1]) for unit, factor in _UNITS.items()}
-    return ' or '.join(unit for unit, span in scaled.items() if not _outside(span, known, _PRESSURE_ROOM))
+def _likely_units(observed: Span, reference: Span) -> str:
+    """Return the units that bring values into a known range of pressures [Pa]; empty if no unit does."""
+    scaled = {unit: (factor * observed[0], factor * observed[1]) for unit, factor in _UNITS.items()}
+    return ' or '.join(unit for unit, span in scaled.items() if not _is_outside(span, reference, _PRESSURE_ROOM))
 
 
 def _widened(span: Span | None, value: float) -> Span:
     return (value, value) if span is None else (min(span[0], value), max(span[1], value))
 
 
-def _outside(seen: Span, known: Span, room: float) -> bool:
-    """Return whether values lie outside of a span by more than a margin, and by more than some room."""
-    margin = max(_MARGIN * (known[1] - known[0]), room)
-    return seen[0] < known[0] - margin or seen[1] > known[1] + margin
+def _is_outside(observed: Span, reference: Span, room: float) -> bool:
+    """Return whether values are outside a span by more than its margin and by more than `room`."""
+    margin = max(_SPAN_MARGIN * (reference[1] - reference[0]), room)
+    return observed[0] < reference[0] - margin or observed[1] > reference[1] + margin
 
 
-def _shown(span: Span) -> str:
+def _format_span(span: Span) -> str:
     return f'{span[0]:.6g}' if span[0] == span[1] else f'{span[0]:.6g} to {span[1]:.6g}'

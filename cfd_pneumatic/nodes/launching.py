@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the launch files share: the arguments that they have in common, and the nodes beside a device."""
+"""Arguments and nodes that the launch files share."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cfd_pneumatic.convention import PISTON_JOINT, meaning
 PACKAGE = 'cfd_pneumatic'
 SHARE = FindPackageShare(PACKAGE)
 TABLE_1 = PathJoinSubstitution([SHARE, 'config', 'table_1.yaml'])
-"""The paper's parameters, where none were identified."""
+"""The paper's parameters, used without identified parameters."""
 
 CELL = LaunchConfiguration('cell')
 DEVICE = LaunchConfiguration('device')
@@ -29,24 +29,26 @@ USE_SIM_TIME = LaunchConfiguration('use_sim_time')
 def common_arguments() -> list[LaunchDescriptionEntity]:
     """Declare `cell`, `use_sim_time` and `enclave`."""
     return [
-        DeclareLaunchArgument('cell', default_value='/cfd', description='namespace of the cell, one for each device'),
+        DeclareLaunchArgument(
+            'cell', default_value='/cfd', description='namespace of the cell, a separate namespace for each device'
+        ),
         OpaqueFunction(function=_check_absolute, args=['cell']),
         DeclareLaunchArgument(
             'use_sim_time',
             default_value='false',
             choices=['true', 'false'],
-            description='true: time is that of /clock, as of a simulated robot or a bag that is played',
+            description='true: use the time of /clock, as with a simulated robot or a bag that is played',
         ),
         DeclareLaunchArgument(
             'enclave',
             default_value=CELL,
-            description='enclave below which each node has its own, as /cfd/sim_node; of use with security alone',
+            description='parent of the enclaves of the nodes, as /cfd/sim_node; used only with security',
         ),
     ]
 
 
 def device_argument() -> list[LaunchDescriptionEntity]:
-    """Declare `device`, whose topics the nodes beside it hear."""
+    """Declare `device`, the namespace of the topics that the nodes receive."""
     return [
         DeclareLaunchArgument(
             'device',
@@ -58,17 +60,19 @@ def device_argument() -> list[LaunchDescriptionEntity]:
 
 
 def _check_absolute(context: LaunchContext, argument: str) -> None:
-    """Refuse a namespace that each node would take for one below its own."""
+    """Refuse a relative namespace, which ROS would resolve in the namespace of each node."""
     namespace = LaunchConfiguration(argument).perform(context)
     if not namespace.startswith('/'):
-        raise RuntimeError(f'{argument}:={namespace} is to begin with a slash: {argument}:=/{namespace}')
+        raise RuntimeError(f'{argument}:={namespace} must begin with a slash: use {argument}:=/{namespace}')
 
 
-def heard_arguments(topics: Sequence[str]) -> list[LaunchDescriptionEntity]:
-    """Declare for each of the device's topics an argument of its name, and for its joint."""
+def topic_arguments(topics: Sequence[str]) -> list[LaunchDescriptionEntity]:
+    """Declare an argument for each topic of the device, and for its joint."""
     return [
         DeclareLaunchArgument(
-            'joint', default_value=PISTON_JOINT, description='name of the piston joint, where no parameter file says it'
+            'joint',
+            default_value=PISTON_JOINT,
+            description='name of the piston joint, unless a parameter file has the name',
         ),
         *(
             DeclareLaunchArgument(
@@ -79,23 +83,23 @@ def heard_arguments(topics: Sequence[str]) -> list[LaunchDescriptionEntity]:
     ]
 
 
-def beside_device(program: str, role: str, topics: Sequence[str], **options: Any) -> Node:
+def device_listener(program: str, role: str, topics: Sequence[str], **options: Any) -> Node:
     """
-    Return a node that hears a device.
+    Return a node that subscribes to topics of a device.
 
     Parameters
     ----------
     program
         The node's executable.
     role
-        What it is in its cell: the last part of its namespace, unless `options` say another.
+        Role in the cell: the last part of the namespace, unless `options` has a namespace.
     topics
-        Those of the device that it hears; the others are in its own namespace.
+        Topics of the device; other topics are in the node's namespace.
     options
-        What `launch_ros.actions.Node` takes besides.
+        Further arguments of `launch_ros.actions.Node`.
 
     """
-    return our_node(
+    return package_node(
         program,
         namespace=options.pop('namespace', [CELL, f'/{role}']),
         parameters=[{'joint': ParameterValue(LaunchConfiguration('joint'), value_type=str)}, PARAMETERS],
@@ -104,24 +108,24 @@ def beside_device(program: str, role: str, topics: Sequence[str], **options: Any
     )
 
 
-def alone_beside_device(
+def listener_launch(
     program: str, role: str, topics: Sequence[str], parameters: DeclareLaunchArgument
 ) -> LaunchDescription:
-    """Return what a launch file describes that starts one node beside a device, with all arguments that it takes."""
+    """Return the launch description of a node that subscribes to a device, with all arguments."""
     return LaunchDescription(
         [
             *common_arguments(),
             *device_argument(),
-            *heard_arguments(topics),
+            *topic_arguments(topics),
             parameters,
             DeclareLaunchArgument('namespace', default_value=[CELL, f'/{role}'], description=f'namespace of {program}'),
-            beside_device(program, role, topics, namespace=LaunchConfiguration('namespace')),
+            device_listener(program, role, topics, namespace=LaunchConfiguration('namespace')),
         ]
     )
 
 
-def our_node(program: str, parameters: Sequence[Any], **options: Any) -> Node:
-    """Return a node of this package, with parameters and what `launch_ros.actions.Node` takes besides."""
+def package_node(program: str, parameters: Sequence[Any], **options: Any) -> Node:
+    """Return a node of this package, with parameters and further arguments of `launch_ros.actions.Node`."""
     return Node(
         package=PACKAGE,
         executable=program,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`monitor_node`: the identified model beside the real device, and when the two part."""
+"""`monitor_node`: compares the device with its identified model, and reports departures."""
 
 from __future__ import annotations
 
@@ -27,40 +27,40 @@ from cfd_pneumatic.monitoring import (
     describe_diagnosis,
     warm_up,
 )
-from cfd_pneumatic.nodes.health import REPEATED, joined
-from cfd_pneumatic.nodes.model_node import ModelNode, no_time
-from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs, writers
+from cfd_pneumatic.nodes.health import REPEATED, join_texts
+from cfd_pneumatic.nodes.model_node import ModelNode, invalid_stamp_text
+from cfd_pneumatic.nodes.outputs import Outputs, ResidualOutputs, make_writers
 from cfd_pneumatic.nodes.parameters import number
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.samples import force_reader, pressure_reader
 
-_LOOK_PERIOD = 0.1  # how often diagnoses and silence are looked after [s]
+_LOOK_PERIOD = 0.1  # period of the checks of diagnoses and silence [s]
 _DIAGNOSTICS_PERIOD = 1.0  # [s]
-_REPEAT = 60.0  # between two log messages about the process for diagnoses [s]
+_REPEAT = 60.0  # time between two log messages about the process for diagnoses [s]
 _DAY = 86_400.0  # [s]
-_LARGEST = 1e12  # no pressure is [Pa], no force [N]; beyond, the charts would leave floating point's range
-_SHOWN = {
+_LARGEST = 1e12  # largest pressure [Pa] and force [N]; beyond, the charts would leave floating point's range
+_MODEL_INDEPENDENT = {
     'frame_id',
     'axis',
     'joint',
     'hardware_id',
     'stroke_lower',
     'stroke_upper',
-}  # parameters that nothing that was learned depends on
+}  # parameters that do not affect what is learned
 
 
 class MonitorNode(ModelNode):
     """
-    Watches a device beside its model.
+    Compares a device with its model.
 
-    Subscribes what the device publishes: `piston_state`, `cylinder_*/setpoint`, `cylinder_*/pressure`,
-    `measured_force`. Publishes measured less predicted on `cylinder_*/residual` and `contact_force/residual`, the
-    model's pressures and force below `predicted/`, and on `/diagnostics` whether device and model agree, in words. Its
-    first minutes are for learning what the model usually leaves; `~/learn` begins them again.
+    Subscribes to the topics of the device: `piston_state`, `cylinder_*/setpoint`, `cylinder_*/pressure`,
+    `measured_force`. Publishes measured minus predicted values on `cylinder_*/residual` and `contact_force/residual`,
+    and the model's pressures and force below `predicted/`. `/diagnostics` reports whether device and model agree. The
+    node learns the usual residuals in the first minutes; `~/learn` starts the learning again.
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        """Declare parameters, compile the model, start the process for diagnoses, and listen."""
+        """Declare parameters, compile the model, start the process for diagnoses, and subscribe."""
         super().__init__('monitor_node', **kwargs)
         self._worker = Worker()
         self._watch = self._make_watch({})
@@ -80,20 +80,20 @@ class MonitorNode(ModelNode):
         declare(
             'false_alarm_interval',
             _DAY,
-            number('s', 60.0, 1e9, 'mean time between false alarms, of all that is watched together'),
+            number('s', 60.0, 1e9, 'mean time between false alarms of all signals together'),
         )
-        declare('learning', 300.0, number('s', 2.0, 1e5, 'how long is learned what the model usually leaves'))
-        declare('diagnosis_window', 60.0, number('s', 10.0, 600.0, 'how long a diagnosis of an alarm looks back'))
-        declare('block', 0.2, number('s', 0.02, 10.0, 'over which residuals are averaged before they are tested'))
+        declare('learning', 300.0, number('s', 2.0, 1e5, 'how long the usual residuals are learned'))
+        declare('diagnosis_window', 60.0, number('s', 10.0, 600.0, 'longest stretch that a diagnosis of an alarm uses'))
+        declare('block', 0.2, number('s', 0.02, 10.0, 'time over which residuals are averaged before the test'))
         declare(
             'pressure_tolerance',
             -1.0,
-            number('Pa', -1.0, 1e5, 'mean residual of a pressure that is no alarm; -1: as it wanders while learning'),
+            number('Pa', -1.0, 1e5, 'accepted shift of the mean residual of a pressure; -1: its drift while learning'),
         )
         declare(
             'force_tolerance',
             -1.0,
-            number('N', -1.0, 1e3, 'mean residual of the force that is no alarm; -1: as it wanders while learning'),
+            number('N', -1.0, 1e3, 'accepted shift of the mean residual of the force; -1: its drift while learning'),
         )
 
     def _make_watch(self, changes: Mapping[str, Any]) -> Watch:
@@ -116,17 +116,17 @@ class MonitorNode(ModelNode):
         diagnose = partial(self._worker.diagnose, options=options)
         return Watch(self._device, settings, diagnose, self._supply)
 
-    def _adopt(self, changes: Mapping[str, Any]) -> None:
-        """Learn anew: what is usual for one model says nothing of another."""
+    def _apply_changes(self, changes: Mapping[str, Any]) -> None:
+        """Apply changed parameters; learn anew if the model changes, because its usual residuals change."""
         self._orient(changes)
-        if not changes.keys() <= _SHOWN:
+        if not changes.keys() <= _MODEL_INDEPENDENT:
             self._watch = self._make_watch(changes)
 
     def _orient(self, changes: Mapping[str, Any]) -> None:
         frame_id, axis = self._value('frame_id', changes), self._value('axis', changes)
-        made = writers(self, frame_id, axis)
+        writers = make_writers(self, frame_id, axis)
         for out in (self._outputs, self._residuals):
-            out.orient(made)
+            out.set_writers(writers)
         self._readers = {name: pressure_reader(self) for name in self._cylinders}
         self._readers[convention.CONTACT_FORCE] = force_reader(self, axis)
 
@@ -136,7 +136,7 @@ class MonitorNode(ModelNode):
         self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE, convention.PREDICTED)
         self._residuals = ResidualOutputs(self, self._cylinders)
         self._orient({})
-        # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
+        # set-points first: SingleThreadedExecutor delivers messages of the same time in this order
         self._listen_to_setpoints()
         self._listen_to_samples(JointState, convention.PISTON_STATE, self._on_piston)
         for name in self._cylinders:
@@ -144,7 +144,7 @@ class MonitorNode(ModelNode):
         self._listen_to_measured(WrenchStamped, convention.CONTACT_FORCE, convention.MEASURED_FORCE)
         self.create_service(Trigger, '~/learn', self._on_learn)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # a stopped /clock must not stop the watchdog
-        self.create_timer(_LOOK_PERIOD, self._look, clock=steady)
+        self.create_timer(_LOOK_PERIOD, self._check_watch, clock=steady)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
 
     def _listen_to_measured(self, message_type: type, channel: str, topic: str) -> None:
@@ -153,7 +153,7 @@ class MonitorNode(ModelNode):
     def _commit(self, stamp: int, position: float) -> bool:
         now = time.monotonic()
         setpoints = self._absolute_setpoints()
-        prediction = self._watch.piston(stamp, position, setpoints, now)
+        prediction = self._watch.add_piston_sample(stamp, position, setpoints, now)
         if prediction is Arrival.IMPOSSIBLE:
             return False
         if isinstance(prediction, Arrival):
@@ -167,59 +167,59 @@ class MonitorNode(ModelNode):
         return True
 
     def _on_measured(self, channel: str, topic: str, message: bytes) -> None:
-        told = self._readers[channel].read(message)
-        if told is None or not abs(told[1]) <= _LARGEST:  # neither is NaN
+        sample = self._readers[channel].read(message)
+        if sample is None or not abs(sample[1]) <= _LARGEST:  # NaN fails the comparison, too
             self._health.counts['ignored measurements'] += 1
-            self._health.warn(f'ignored: {topic} {told and told[1]}, not a number that can be measured')
+            self._health.warn(f'ignored: {topic} {sample and sample[1]}, not a possible measurement')
             return
-        stamp = self._stamp(told[0], topic)
+        stamp = self._stamp(sample[0], topic)
         if stamp is None:
-            self._health.warn(f'ignored: {no_time(topic)}')
+            self._health.warn(f'ignored: {invalid_stamp_text(topic)}')
             return
         if channel in self._cylinders:
-            self._range.measured(channel, told[1])
+            self._range.measured(channel, sample[1])
         now = time.monotonic()
-        self._watch.measured(channel, stamp, told[1], now)
+        self._watch.add_measurement(channel, stamp, sample[1], now)
         self._publish_residuals(now)
 
     def _publish_residuals(self, now: float) -> None:
-        for residual in self._watch.residuals(now):
+        for residual in self._watch.new_residuals(now):
             self._residuals.publish(*residual)
 
     def _on_learn(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Learn anew what the model usually leaves, as after a repair."""
+        """Learn the usual residuals again, as after a repair."""
         self._watch = self._make_watch({})
         response.success = True
-        response.message = f'what is usual is learned anew, for {self._value("learning"):g} s'
+        response.message = f'the usual residuals are learned again for {self._value("learning"):g} s'
         return response
 
-    def _look(self) -> None:
+    def _check_watch(self) -> None:
         self._watch.faults(time.monotonic())
-        self._watch.look_after()
+        self._watch.update_alarms()
 
-    # what is said
+    # diagnostics
 
     def _publish_diagnostics(self) -> None:
         feed = {key: str(count) for key, count in sorted(self._health.counts.items())}
-        self._say(
+        self._publish_status(
             'feed',
-            self._verdict_on_feed(),
-            feed | {'defaults': self._told_defaults(), 'not identifiable': self._told_doubtful()},
+            self._feed_status(),
+            feed | {'defaults': self._listed_defaults(), 'not identifiable': self._listed_not_identifiable()},
         )
-        for name, channel in self._watch.channels().items():
-            values = {'times that a chart has rung': str(channel.rings)}
-            if channel.baseline is not None:
+        for name, signal in self._watch.signals().items():
+            values = {'times that a chart has rung': str(signal.ring_count)}
+            if signal.baseline is not None:
                 unit = 'N' if name == convention.CONTACT_FORCE else 'Pa'
-                values[f'usual residual, root mean square [{unit}]'] = f'{channel.usual:.4g}'
-                values[f'tolerance of the mean [{unit}]'] = f'{channel.baseline.mean.tolerance:.4g}'
-                values['largest sum over its threshold [-]'] = f'{channel.nearness:.3f}'
-            self._say(name, self._verdict_on(name), values)
+                values[f'usual residual, root mean square [{unit}]'] = f'{signal.usual_rms:.4g}'
+                values[f'tolerance of the mean [{unit}]'] = f'{signal.baseline.mean.tolerance:.4g}'
+                values['largest sum over its threshold [-]'] = f'{signal.alarm_proximity:.3f}'
+            self._publish_status(name, self._channel_status(name), values)
 
-        self._worker.look_after()
-        self._say('diagnosis', self._verdict_on_worker(), {'process started again': str(self._worker.restarts)})
+        self._worker.restart_if_ended()
+        self._publish_status('diagnosis', self._worker_status(), {'process started again': str(self._worker.restarts)})
 
-    def _verdict_on_worker(self) -> tuple[bytes, str]:
-        """Return level and words on the process for diagnoses."""
+    def _worker_status(self) -> tuple[bytes, str]:
+        """Return level and message on the process for diagnoses."""
         fault = self._worker.fault
         if fault is None:
             return DiagnosticStatus.OK, 'ready'
@@ -229,37 +229,39 @@ class MonitorNode(ModelNode):
         self.get_logger().error(f'alarms are not diagnosed: {fault}', throttle_duration_sec=_REPEAT)
         return DiagnosticStatus.ERROR, f'alarms are not diagnosed: {fault}'
 
-    def _verdict_on_feed(self) -> tuple[bytes, str]:
-        """Return level and words on the topics."""
+    def _feed_status(self) -> tuple[bytes, str]:
+        """Return level and message on the topics."""
         faults = self._watch.faults(time.monotonic())
-        missing = self._watch.missing()
-        words = [fault.why for fault in faults]
-        words += [f'no {topic} yet' for topic in missing]
-        if self._health.meanwhile is not None and self._health.silence > self._value('timeout'):
-            words.append(self._health.meanwhile)
+        missing = self._watch.missing_topics()
+        warnings = [fault.message for fault in faults]
+        warnings += [f'no {topic} yet' for topic in missing]
+        if self._health.foreign_input is not None and self._health.silence > self._value('timeout'):
+            warnings.append(self._health.foreign_input)
         if self._health.fault is not None and convention.PISTON_STATE not in missing:
-            words.append(self._health.fault)
-        standing, troubles = self._standing(), self._health.troubles()
-        if not words and not standing and troubles is None:
+            warnings.append(self._health.fault)
+        lasting, troubles = self._lasting_warnings(), self._health.recent_troubles()
+        if not warnings and not lasting and troubles is None:
             return DiagnosticStatus.OK, f'following {convention.PISTON_STATE}'
-        passing = not missing and all(fault.kind == 'clock' for fault in faults)
-        return DiagnosticStatus.WARN if passing else DiagnosticStatus.ERROR, joined(*words, *standing, troubles)
+        is_transient = not missing and all(fault.kind == 'clock' for fault in faults)
+        return DiagnosticStatus.WARN if is_transient else DiagnosticStatus.ERROR, join_texts(
+            *warnings, *lasting, troubles
+        )
 
-    def _verdict_on(self, name: str) -> tuple[bytes, str]:
-        """Return level and words on a cylinder or the contact force."""
+    def _channel_status(self, name: str) -> tuple[bytes, str]:
+        """Return level and message on a cylinder or the contact force."""
         watch = self._watch
-        channel = watch.channels()[name]
-        if channel.learned < 1.0:
-            return DiagnosticStatus.OK, f'learning what its model usually leaves: {100.0 * channel.learned:.0f} %'
+        signal = watch.signals()[name]
+        if signal.learned_share < 1.0:
+            return DiagnosticStatus.OK, f'learning the usual residual: {100.0 * signal.learned_share:.0f} %'
         alarm = watch.alarms.get(name)
         if alarm is None:
-            return DiagnosticStatus.OK if channel.misfit is None else DiagnosticStatus.WARN, describe_agreement(channel)
+            return DiagnosticStatus.OK if signal.misfit is None else DiagnosticStatus.WARN, describe_agreement(signal)
         follows = name == convention.CONTACT_FORCE and len(watch.alarms) > 1
-        level = DiagnosticStatus.ERROR if watch.stands(alarm) else DiagnosticStatus.WARN
+        level = DiagnosticStatus.ERROR if watch.is_confirmed(alarm) else DiagnosticStatus.WARN
         return level, f'{describe_departure(watch.departure(name))}: {describe_diagnosis(alarm, follows)}'
 
     def destroy_node(self) -> None:
-        """End the process for diagnoses, whatever it is doing."""
+        """End the process for diagnoses, even during a diagnosis."""
         self._worker.end()
         super().destroy_node()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a device measures and its simulator answers: pressures, applied set-points, the contact force."""
+"""Output topics of devices and their models: pressures, applied set-points, contact force, residuals."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from sensor_msgs.msg import FluidPressure
 
 from cfd_pneumatic import convention
 from cfd_pneumatic.nodes.samples import SampleWriter, force_writer, pressure_writer
-from cfd_pneumatic.nodes.topics import publish_on
+from cfd_pneumatic.nodes.topics import create_publisher
 
 Writers = tuple[SampleWriter, SampleWriter]
-"""What makes the messages of pressures, and of forces."""
+"""Writers of the messages of pressures and of forces."""
 
 
-def writers(node: Node, frame_id: str, axis: str) -> Writers:
-    """Return what makes the messages of a frame in which the force points along an axis."""
+def make_writers(node: Node, frame_id: str, axis: str) -> Writers:
+    """Return the writers of messages in a frame, with the force along an axis."""
     return pressure_writer(node, frame_id), force_writer(node, frame_id, axis)
 
 
-class Answers:
+class SignalOutputs:
     """The topics on which pressures and the force are published."""
 
-    def __init__(self, node: Node, cylinders: Sequence[str], force_topic: str, below: str = '') -> None:
-        """Open topics for some cylinders and for the force, below a name where there is one. Then `orient`."""
+    def __init__(self, node: Node, cylinders: Sequence[str], force_topic: str, prefix: str = '') -> None:
+        """Open topics for cylinders and the force, with a prefix; call `set_writers` before `publish`."""
         self._pressures_out = [
-            publish_on(node, FluidPressure, below + convention.pressure_topic(name)) for name in cylinders
+            create_publisher(node, FluidPressure, prefix + convention.pressure_topic(name)) for name in cylinders
         ]
-        self._force_out = publish_on(node, WrenchStamped, below + force_topic)
+        self._force_out = create_publisher(node, WrenchStamped, prefix + force_topic)
 
-    def orient(self, writers: Writers) -> None:
-        """Write messages as these do from now on."""
+    def set_writers(self, writers: Writers) -> None:
+        """Set the writers of the messages."""
         self._pressure, self._force = writers
 
     def publish(self, stamp: int, pressures: Iterable[float], force: float) -> None:
@@ -47,33 +47,34 @@ class Answers:
             publisher.publish(self._pressure.filled(stamp, pressure))
 
 
-class Outputs(Answers):
-    """The topics on which every sample is answered, also with the set-points that acted."""
+class Outputs(SignalOutputs):
+    """The topics that answer each sample: pressures, force, and applied set-points."""
 
-    def __init__(self, node: Node, cylinders: Sequence[str], force_topic: str, below: str = '') -> None:
-        """Open topics for some cylinders and for the force, below a name where there is one. Then `orient`."""
-        super().__init__(node, cylinders, force_topic, below)
+    def __init__(self, node: Node, cylinders: Sequence[str], force_topic: str, prefix: str = '') -> None:
+        """Open topics for cylinders and the force, with a prefix; call `set_writers` before `publish`."""
+        super().__init__(node, cylinders, force_topic, prefix)
         self._applied_out = [
-            publish_on(node, FluidPressure, below + convention.setpoint_applied_topic(name)) for name in cylinders
+            create_publisher(node, FluidPressure, prefix + convention.setpoint_applied_topic(name))
+            for name in cylinders
         ]
         self._present = [convention.CYLINDERS.index(name) for name in cylinders]
 
     def publish_applied(self, stamp: int, setpoints: Sequence[float]) -> None:
-        """Publish those of the absolute set-points (A, B) [Pa] that acted up to a sample at a stamp [ns]."""
+        """Publish the absolute set-points (A, B) [Pa] that acted up to a sample at a stamp [ns], by cylinder."""
         self._publish(self._applied_out, stamp, (setpoints[index] for index in self._present))
 
 
 class ResidualOutputs:
-    """The topics on which measured less predicted is published: a difference, also where the type is a pressure's."""
+    """The topics of residuals, measured minus predicted; differences of pressures have the type of pressures."""
 
     def __init__(self, node: Node, cylinders: Sequence[str]) -> None:
-        """Open topics for some cylinders and for the contact force. Then `orient`."""
-        self._out = {name: publish_on(node, FluidPressure, convention.residual_topic(name)) for name in cylinders}
+        """Open topics for cylinders and the contact force; call `set_writers` before `publish`."""
+        self._out = {name: create_publisher(node, FluidPressure, convention.residual_topic(name)) for name in cylinders}
         force = convention.CONTACT_FORCE
-        self._out[force] = publish_on(node, WrenchStamped, convention.residual_topic(force))
+        self._out[force] = create_publisher(node, WrenchStamped, convention.residual_topic(force))
 
-    def orient(self, writers: Writers) -> None:
-        """Write messages as these do from now on."""
+    def set_writers(self, writers: Writers) -> None:
+        """Set the writers of the messages."""
         pressure, force = writers
         self._writers = {**dict.fromkeys(self._out, pressure), convention.CONTACT_FORCE: force}
 

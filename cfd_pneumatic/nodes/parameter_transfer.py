@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Setting the parameters of another node."""
+"""Transfer of parameters to another node."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from cfd_pneumatic.device import DESCRIPTORS, Value
 SERVICES = {GetParameters: 'get_parameters', SetParametersAtomically: 'set_parameters_atomically'}
 """The services of the target, and their names."""
 
-_ASK_AGAIN = 1.0  # a request to set or get parameters is repeated after this time [s]
-_SERVICE_WAIT = 5.0  # how long a target may take to appear or answer [s]
+_RETRY_PERIOD = 1.0  # a request without a reply is repeated after this time [s]
+_SERVICE_WAIT = 5.0  # longest time until a target appears or answers [s]
 
 
 class ParameterTransfer:
     """
-    Setting parameters on another node, all at once or not at all.
+    Sets parameters on another node atomically.
 
-    A target that has a cylinder more or less than is wanted keeps it, which is said: nodes take that at their start
-    alone, as they do initial set-points.
+    The target keeps its cylinders and initial set-points, which nodes read at their start only. The outcome reports
+    cylinders that differ.
 
     Attributes
     ----------
     earlier
-        What the target had before, once it was set.
+        Parameters of the target before the transfer; empty until the transfer has succeeded.
 
     """
 
     def __init__(self, node: Node, target: str, wanted: Mapping[str, Value], remedy: str = '') -> None:
-        """Begin with parameters by their names, and a remedy where cylinders differ; `proceed` goes on."""
+        """Begin the transfer of parameters by name; `remedy` is the text if cylinders differ."""
         self.target = target.rstrip('/')
         self.earlier: dict[str, Value] = {}
         self._node = node
@@ -51,43 +51,43 @@ class ParameterTransfer:
             service.Request: node.create_client(service, f'{self.target}/{name}') for service, name in SERVICES.items()
         }
         self._deadline = time.monotonic() + _SERVICE_WAIT
-        self._dialogue = self._talk()
-        self._request = next(self._dialogue)
+        self._requests = self._exchange()
+        self._request = next(self._requests)
         self._reply: Future | None = None
-        self._asked = 0.0
+        self._sent_at = 0.0
 
-    def proceed(self) -> tuple[bytes, str] | None:
-        """Go on as far as possible; return level and message when it has ended."""
+    def advance(self) -> tuple[bytes, str] | None:
+        """Advance the transfer; return level and message when the transfer has ended."""
         if self._reply is None:
             if all(client.service_is_ready() for client in self._clients.values()):
-                self._ask()
+                self._send_request()
         elif self._reply.done():
             try:
-                self._request = self._dialogue.send(self._reply.result())
+                self._request = self._requests.send(self._reply.result())
             except StopIteration as ended:
                 outcome: tuple[bytes, str] = ended.value
                 return outcome
-            self._ask()
-        elif time.monotonic() - self._asked > _ASK_AGAIN:
-            self._ask()  # a reply is lost if it leaves before its sender has discovered this client
+            self._send_request()
+        elif time.monotonic() - self._sent_at > _RETRY_PERIOD:
+            self._send_request()  # a reply is lost if the target has not discovered this client yet
         if time.monotonic() > self._deadline:
-            return DiagnosticStatus.ERROR, f'{self.target} (parameter apply_to) is not there: check its name'
+            return DiagnosticStatus.ERROR, f'{self.target} (parameter apply_to) does not answer: check its name'
         return None
 
-    def _ask(self) -> None:
-        self._asked = time.monotonic()
+    def _send_request(self) -> None:
+        self._sent_at = time.monotonic()
         self._reply = self._clients[type(self._request)].call_async(self._request)
 
-    def _talk(self) -> Generator[Any, Any, tuple[bytes, str]]:
-        """Yield requests, get their replies, and return level and message."""
+    def _exchange(self) -> Generator[Any, Any, tuple[bytes, str]]:
+        """Yield requests, receive their replies, and return level and message."""
         names = [*self._values, *self._present]
-        held = (yield GetParameters.Request(names=names)).values
-        earlier = {name: parameter_value_to_python(value) for name, value in zip(names, held)}
+        present_values = (yield GetParameters.Request(names=names)).values
+        earlier = {name: parameter_value_to_python(value) for name, value in zip(names, present_values)}
         if len(earlier) < len(names) or None in earlier.values():
-            return DiagnosticStatus.ERROR, f'{self.target} (parameter apply_to) is no sim_node'
+            return DiagnosticStatus.ERROR, f'{self.target} (parameter apply_to) is no sim_node: name a sim_node'
         present = {name: earlier.pop(name) for name in self._present}
         differ = [f'{name} is {str(on).lower()} there' for name, on in present.items() if on != self._present[name]]
-        values = {name: list(one) if isinstance(one, tuple) else one for name, one in self._values.items()}
+        values = {name: list(value) if isinstance(value, tuple) else value for name, value in self._values.items()}
         parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         result = (yield SetParametersAtomically.Request(parameters=parameters)).result
         if not result.successful:
@@ -99,6 +99,6 @@ class ParameterTransfer:
         return DiagnosticStatus.OK, done
 
     def close(self) -> None:
-        """Give the clients back."""
+        """Destroy the clients."""
         for client in self._clients.values():
             self._node.destroy_client(client)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS parameters of the model: declared with unit, range and description, checked before they act."""
+"""ROS parameters of the model: declarations with unit, range and description, and checks."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ FRAME_LENGTH = '1 to 256 characters'
 _LONGEST_FRAME = 256
 
 NONE = 'none'
-"""Says that a text is not given: an empty one can't be typed in a shell."""
+"""Value of a text that is not given: a shell cannot pass an empty text."""
 
 
-def value_of(value: Any) -> Any:
-    """Return a parameter's value; nothing where it says `none`."""
+def given_value(value: Any) -> Any:
+    """Return a parameter's value, or an empty text for `none`."""
     return '' if value == NONE else value
 
 
@@ -62,7 +62,7 @@ def switch(description: str, read_only: bool = False) -> ParameterDescriptor:
 
 
 def numbers(unit: str, description: str, constraints: str) -> ParameterDescriptor:
-    """Return the descriptor of a list of numbers; rclpy checks no range of a list, its owner has to."""
+    """Return the descriptor of a list of numbers; rclpy checks no ranges of lists, so the node must."""
     return ParameterDescriptor(
         type=ParameterType.PARAMETER_DOUBLE_ARRAY,
         description=f'{description} [{unit}]',
@@ -92,16 +92,19 @@ def checked_frame(frame_id: str) -> str:
     return frame_id
 
 
-def as_declared(node: Node, parameters: Sequence[Parameter]) -> list[Parameter]:
+def convert_numbers(node: Node, parameters: Sequence[Parameter]) -> list[Parameter]:
     """
-    Return parameters with texts as numbers if numbers are declared and the texts are numbers.
+    Convert texts to numbers if numbers are declared and the texts are numbers.
 
-    `ros2 param set` and `ros2 param load` send 1e-06 as a text: YAML takes numbers without a point for texts.
+    `ros2 param set` and `ros2 param load` send 1e-06 as a text: YAML reads numbers without a point as texts.
     """
-    return [_as_declared(node, given) if node.has_parameter(given.name) else given for given in parameters]
+    return [
+        _convert_number(node, parameter) if node.has_parameter(parameter.name) else parameter
+        for parameter in parameters
+    ]
 
 
-def _as_declared(node: Node, parameter: Parameter) -> Parameter:
+def _convert_number(node: Node, parameter: Parameter) -> Parameter:
     declared, value = Parameter.Type(node.describe_parameter(parameter.name).type), parameter.value
     if declared == Parameter.Type.DOUBLE and isinstance(value, str) and _NUMBER.fullmatch(value):
         return Parameter(parameter.name, declared, float(value))
@@ -113,42 +116,42 @@ def _as_declared(node: Node, parameter: Parameter) -> Parameter:
 
 
 def wrong_type(node: Node, parameters: Sequence[Parameter]) -> str | None:
-    """Return which of these parameters is not of its declared type, or None; rclpy's own reason leaves the name out."""
+    """Return a text on the first parameter of a wrong type, or None; rclpy's text has no name."""
     for parameter in parameters:
         if node.has_parameter(parameter.name):
             declared = Parameter.Type(node.describe_parameter(parameter.name).type).name
             given = parameter.type_.name
             if given != declared:
-                return f'{parameter.name} is {given} where {declared} belongs{_HINTS.get((given, declared), "")}'
+                return f'{parameter.name} is {given}, and must be {declared}{_HINTS.get((given, declared), "")}'
     return None
 
 
 def warn_of_undeclared(node: Node) -> None:
-    """Warn of parameters that were given to a node and that it does not have."""
+    """Warn of given parameters that a node does not have."""
     for name in node._parameter_overrides:
         if not node.has_parameter(name):
             near = get_close_matches(name, node._parameters, n=1)
-            hint = f': did you mean {near[0]}?' if near else ''
-            node.get_logger().warning(f'parameter {name} is none of this node, and has no effect{hint}')
+            hint = f'. Did you mean {near[0]}?' if near else ''
+            node.get_logger().warning(f'this node has no parameter {name}: its value has no effect{hint}')
 
 
 def declare_device(node: Node) -> None:
     """
     Declare every parameter of a device.
 
-    Gains that are not given are Table 1's at the set-points that are.
+    Gains that are not given are those of Table 1 at the given set-points.
 
     Raises
     ------
     InputError
-        If these set-points are none.
+        If the set-points are invalid.
 
     """
     declared: dict[str, Value] = {}
     for name, descriptor in DESCRIPTORS.items():
         default = default_of(name, declared)
-        own = list(default) if isinstance(default, tuple) else default
-        declared[name] = node.declare_parameter(name, own, _as_ros(descriptor)).value
+        ros_default = list(default) if isinstance(default, tuple) else default
+        declared[name] = node.declare_parameter(name, ros_default, _ros_descriptor(descriptor)).value
 
 
 def device_of(node: Node, changes: Mapping[str, Any]) -> Device:
@@ -158,18 +161,18 @@ def device_of(node: Node, changes: Mapping[str, Any]) -> Device:
     Raises
     ------
     InputError
-        If lengths differ or a value is out of its range, with the parameter's name.
+        If lengths differ or a value is out of its range; the message has the parameter's name.
 
     """
     values = {name: changes[name] if name in changes else node.get_parameter(name).value for name in DESCRIPTORS}
     return Device({name: value if isinstance(value, bool | float) else tuple(value) for name, value in values.items()})
 
 
-def _as_ros(one: Descriptor) -> ParameterDescriptor:
-    if isinstance(one.default, bool):
-        return switch(one.description, one.at_start)
-    if isinstance(one.default, float):
-        return number(one.unit, one.lower, one.upper, one.description, one.at_start)
-    if one.lists_names:
-        return texts(one.description)
-    return numbers(one.unit, one.description, one.constraints)
+def _ros_descriptor(descriptor: Descriptor) -> ParameterDescriptor:
+    if isinstance(descriptor.default, bool):
+        return switch(descriptor.description, descriptor.at_start)
+    if isinstance(descriptor.default, float):
+        return number(descriptor.unit, descriptor.lower, descriptor.upper, descriptor.description, descriptor.at_start)
+    if descriptor.lists_names:
+        return texts(descriptor.description)
+    return numbers(descriptor.unit, descriptor.description, descriptor.constraints)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every node's main does: say what it is, start, spin, end cleanly, say in one line what is wrong."""
+"""Main function of every node: help, start, spin, clean end, errors in a single line."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ try:
 except ImportError:  # before Jazzy
     EventsExecutor = None  # type: ignore[assignment]
 
-_SPIN_FOR = 0.2  # EventsExecutor's own spin() does not return on a signal; spin_once with a limit does [s]
-_SHUTDOWN = 1.0  # how long callbacks may take to end [s]
-_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_SPIN_FOR = 0.2  # EventsExecutor.spin() does not return on a signal; spin_once() with a limit does [s]
+_SHUTDOWN = 1.0  # longest time for callbacks to end [s]
+_END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 _HINTS = {
     'Sequence should be of same type': 'write 1.0 for 1',
@@ -47,7 +47,7 @@ _HINTS = {
 }
 """What to do about some of ROS 2's own messages."""
 
-_MISTAKES = (
+_USER_ERRORS = (
     InputError,
     InvalidParameterTypeException,
     InvalidParameterValueException,
@@ -60,37 +60,37 @@ def run(name: str, make_node: Callable[[], Node], args: Sequence[str] | None = N
     """
     Run a node until it is interrupted or ROS shuts down; return the program's exit code.
 
-    A mistake in the parameters or files that the user gave is one line on standard error and exit code 2. With `--help`
-    it says what the node is, with `--version` which one, and starts nothing.
+    An invalid parameter or file is reported in a single line on standard error, with exit code 2. The options `--help`
+    and `--version` print a text and start nothing.
     """
     if print_help_or_version(name, sys.argv[1:] if args is None else args):
         return 0
-    ending = _Ending()
+    shutdown = _Shutdown()
     try:
         check_arguments(name, sys.argv[1:] if args is None else args)
         patch_rclpy()
-        _start(args)
+        _initialise(args)
         logging.getLogger('cfd_pneumatic').addHandler(_RosLog(name))
-        node = _made(make_node)
+        node = _make_node(make_node)
         warn_of_undeclared(node)
-        ending.made.set()
+        shutdown.node_made.set()
         try:
-            _spin(node, ending)
+            _spin(node, shutdown)
         finally:
             node.destroy_node()
     except ExternalShutdownException:
         pass
-    except _MISTAKES as error:
-        print(f'{name}: error: {_one_line(str(error))}', file=sys.stderr)
+    except _USER_ERRORS as error:
+        print(f'{name}: error: {_format_error(str(error))}', file=sys.stderr)
         return BAD_INPUT
     finally:
         rclpy.try_shutdown()
-        ending.over()
+        shutdown.ignore_signals()
     return 0
 
 
 class _RosLog(logging.Handler):
-    """Has ROS log what the package warns of, such as a compile cache that is not used."""
+    """Logs the package's warnings in ROS, such as an unused compile cache."""
 
     def __init__(self, name: str) -> None:
         super().__init__(logging.WARNING)
@@ -100,59 +100,60 @@ class _RosLog(logging.Handler):
         self._logger.warning(record.getMessage())
 
 
-def _made(make_node: Callable[[], Node]) -> Node:
-    """Return the node; what ROS has against it is the user's to mend, as a missing enclave."""
+def _make_node(make_node: Callable[[], Node]) -> Node:
+    """Make the node; ROS's errors, as a missing enclave, become errors for the user."""
     try:
         with catch_warnings():
-            simplefilter('ignore')  # rcl has another complaint about a node that it could not make
+            simplefilter('ignore')  # rcl also warns about a node that it could not make
             return make_node()
     except RuntimeError as error:
-        if type(error).__name__ != 'RCLError':  # which rclpy does not export
+        if type(error).__name__ != 'RCLError':  # rclpy does not export the class
             raise
         raise InputError(f'ROS cannot make the node: {error}') from error
 
 
-class _Ending:
+class _Shutdown:
     """
-    What SIGINT, SIGTERM, and SIGHUP of a terminal that is closed, do at any moment.
+    Handles SIGINT, SIGTERM, and SIGHUP of a closed terminal.
 
-    Until the node is made they end the program at once, which has nothing to finish yet: an exception would be raised
-    in whatever library is at work. Then they ask the spinning to end, and nothing stops what has to be finished, such
-    as a bag. rclpy's own handlers would take the context away from callbacks that are running.
+    Before the node is made a signal ends the program at once: there is nothing to finish, and an exception could be
+    raised in any library. Later a signal requests the end of spinning, and unfinished work, such as a bag, is
+    completed. rclpy's handlers would shut down the context while callbacks run.
     """
 
     def __init__(self) -> None:
-        self.asked = False
-        self.made = Event()
-        for number in _ENDING:
-            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
-                signal.signal(number, self._ask)
-        heard, print_help_or_version = os.pipe()
-        os.set_blocking(print_help_or_version, False)
-        signal.set_wakeup_fd(print_help_or_version, warn_on_full_buffer=False)
-        Thread(target=self._listen, args=(heard,), daemon=True).start()
+        self.is_requested = False
+        self.node_made = Event()
+        for number in _END_SIGNALS:
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup ignores SIGHUP
+                signal.signal(number, self._request)
+        read_end, write_end = os.pipe()
+        os.set_blocking(write_end, False)
+        signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
+        Thread(target=self._listen, args=(read_end,), daemon=True).start()
 
-    def _ask(self, *_: object) -> None:
-        self.asked = True
-        if not self.made.is_set():
+    def _request(self, *_: object) -> None:
+        self.is_requested = True
+        if not self.node_made.is_set():
             os._exit(0)
 
-    def over(self) -> None:
-        """Be deaf from now on: Python itself, as it ends, would let another signal end it with its own exit code."""
-        for number in _ENDING:
+    def ignore_signals(self) -> None:
+        """Ignore further signals, which would change the exit code while Python ends."""
+        for number in _END_SIGNALS:
             signal.signal(number, signal.SIG_IGN)
 
-    def _listen(self, heard: int) -> None:
-        """Do so where the main thread is in machine code, as the compiler's, and does not hear a signal."""
-        os.read(heard, 1)
-        self._ask()
+    def _listen(self, read_end: int) -> None:
+        """Handle a signal while the main thread runs machine code, as the compiler's, and runs no handler."""
+        os.read(read_end, 1)
+        self._request()
 
 
-def _start(args: Sequence[str] | None) -> None:
-    """Initialise ROS; a parameter file that it cannot read is the user's to mend."""
-    if not any(map(os.environ.get, ('HOME', 'ROS_HOME', 'ROS_LOG_DIR'))):  # rcutils would say more, and less clearly
-        raise InputError('ROS cannot start: it writes its log below HOME, which is not set: set it, or ROS_LOG_DIR')
-    set_logger_level('rcl', LoggingSeverity.FATAL)  # it would say the same in a line of its own
+def _initialise(args: Sequence[str] | None) -> None:
+    """Initialise ROS; ROS's errors, as an unreadable parameter file, become errors for the user."""
+    # The message of rcutils is longer and less clear.
+    if not any(map(os.environ.get, ('HOME', 'ROS_HOME', 'ROS_LOG_DIR'))):
+        raise InputError('ROS cannot start: the log folder is below HOME, and HOME is not set. Set HOME or ROS_LOG_DIR')
+    set_logger_level('rcl', LoggingSeverity.FATAL)  # rcl would log the same error in a second line
     try:
         options = SignalHandlerOptions.NO
         rclpy.init(args=None if args is None else list(args), signal_handler_options=options)
@@ -162,18 +163,18 @@ def _start(args: Sequence[str] | None) -> None:
         set_logger_level('rcl', LoggingSeverity.UNSET)
 
 
-def _one_line(message: str) -> str:
-    """Return a message in one line, without where in rcl's sources it comes from, and with what to do about it."""
+def _format_error(message: str) -> str:
+    """Format a message in a single line, without places in rcl's sources, and with a hint."""
     line = ' '.join(re.sub(r', at \S+:\d+', '', message).split())
     hint = next((hint for fragment, hint in _HINTS.items() if fragment in line), None)
     return line if hint is None else f'{line} ({hint})'
 
 
-def _spin(node: Node, ending: _Ending) -> None:
+def _spin(node: Node, shutdown: _Shutdown) -> None:
     executor = _make_executor()
     try:
         executor.add_node(node)
-        while rclpy.ok() and not ending.asked:
+        while rclpy.ok() and not shutdown.is_requested:
             executor.spin_once(timeout_sec=_SPIN_FOR)
     finally:
         executor.shutdown(timeout_sec=_SHUTDOWN)
@@ -181,8 +182,8 @@ def _spin(node: Node, ending: _Ending) -> None:
 
 def _make_executor() -> Executor:
     """
-    Return the executor that hands messages over in the order in which they came.
+    Return the executor that delivers messages in the order of arrival.
 
-    A set-point sent just before its sample must act on it; SingleThreadedExecutor hands them over by topic instead.
+    A set-point sent just before a sample must act on the sample. SingleThreadedExecutor delivers messages by topic.
     """
     return SingleThreadedExecutor() if EventsExecutor is None else EventsExecutor()

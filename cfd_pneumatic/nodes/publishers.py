@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who publishes what a node hears, as far as discovery tells: too many, unheard, or on another topic."""
+"""Publishers that discovery shows for a node's topics: too many, incompatible, or on another topic."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cfd_pneumatic.convention import JOINT_STATE
 from cfd_pneumatic.errors import printable
 
 _MOST_SHOWN = 5  # names in a message
-_LONGEST_SHOWN = 100  # characters of each
+_LONGEST_SHOWN = 100  # characters of a name in a message
 
 
 def type_name(message_type: type) -> str:
@@ -24,60 +24,63 @@ def type_name(message_type: type) -> str:
 def several_publishers(topic: str, senders: Collection[str]) -> Iterator[str]:
     """Yield a warning if a topic that must have one publisher has several."""
     if len(senders) > 1:
-        yield f'{len(senders)} publish {topic}, {_listed(senders)}: leave one'
+        yield f'{len(senders)} publish {topic}, {_list_names(senders)}: stop all but one'
 
 
 def publisher_names(node: Node, topic: str, expected_type: str) -> list[str]:
-    """Return the nodes that publish a topic with the expected type, a node once for each of its publishers."""
-    return sorted(_name(publisher) for publisher in publishers_of(node, topic) if publisher.topic_type == expected_type)
+    """Return the nodes that publish a topic with the expected type, once for each publisher."""
+    return sorted(
+        _node_name(publisher) for publisher in publishers_of(node, topic) if publisher.topic_type == expected_type
+    )
 
 
 def unheard_publishers(node: Node, topic: str, expected_type: str, qos: QoSProfile) -> Iterator[str]:
-    """Yield a warning for the publishers that a subscription with this type and QoS does not hear."""
+    """Yield warnings on publishers that a subscription with this type and QoS does not receive."""
     publishers = publishers_of(node, topic)
     is_reliable = qos.reliability in (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.SYSTEM_DEFAULT)
     unheard = sorted(
-        _name(publisher)
+        _node_name(publisher)
         for publisher in publishers
         if is_reliable
         and publisher.topic_type == expected_type
         and publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
     )
     if unheard:
-        yield f'{topic} of {_listed(unheard)} is best effort, and so not heard: publish it reliably'
+        yield f'{topic} of {_list_names(unheard)} is best effort, and not received: publish it reliably'
     for wrong_type in sorted({publisher.topic_type for publisher in publishers} - {expected_type}):
-        names = sorted(_name(publisher) for publisher in publishers if publisher.topic_type == wrong_type)
-        yield f'{topic} of {_listed(names)} is {_listed([wrong_type])}, and so not heard: publish {expected_type}'
+        names = sorted(_node_name(publisher) for publisher in publishers if publisher.topic_type == wrong_type)
+        shown_type = _list_names([wrong_type])
+        yield f'{topic} of {_list_names(names)} is {shown_type}, and not received: publish {expected_type}'
 
 
 def other_topics(node: Node, topic: str) -> str | None:
-    """Return a message about other topics on which joints are published; None if there are none."""
+    """Return a text on other topics with joints, or None."""
     expected = node.resolve_topic_name(topic)
     try:
-        found = [
+        topics = [
             name
             for name, types in node.get_topic_names_and_types()
             if JOINT_STATE in types and name != expected and node.count_publishers(name)
         ]
-    except UnicodeDecodeError:  # of a stranger's names
+    except UnicodeDecodeError:  # a name that is no text
         return None
-    return f'joints are published on {_listed(sorted(found))}: remap it, {topic}:=TOPIC' if found else None
+    return f'joints are published on {_list_names(sorted(topics))}: remap {topic}:=TOPIC' if topics else None
 
 
 def publishers_of(node: Node, topic: str) -> list[TopicEndpointInfo]:
-    """Return who publishes a topic; nobody if one of them has a name that is no text, for then rclpy tells of none."""
+    """Return the publishers of a topic; empty if the name of a publisher is no text, which rclpy cannot handle."""
     try:
         return list(node.get_publishers_info_by_topic(node.resolve_topic_name(topic)))
     except UnicodeDecodeError:
         return []
 
 
-def _name(publisher: TopicEndpointInfo) -> str:
+def _node_name(publisher: TopicEndpointInfo) -> str:
     """Return the full name of a publisher's node."""
     return f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
 
 
-def _listed(names: Iterable[str]) -> str:
+def _list_names(names: Iterable[str]) -> str:
     names = list(names)
     shown = ', '.join(printable(name)[:_LONGEST_SHOWN] for name in names[:_MOST_SHOWN])
     return shown if len(names) <= _MOST_SHOWN else f'{shown} and {len(names) - _MOST_SHOWN} more'

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Samples in messages: a stamp and one number, read from serialised messages and written into them.
+Readers and writers of samples: a stamp and a number in a serialised message.
 
-rclpy takes longer to make a `JointState` of its bytes than the model takes for a step, and there are five answers to a
-sample. So stamp and number are taken from the bytes, where the layout of the message before says, and filled into an
-answer that was serialised once. Whether rclpy takes the bytes likewise is tried when a reader or writer is made; where
-it doesn't, messages are made after all, and the node says so.
+rclpy needs longer to deserialise a `JointState` than the model needs for a step, and each sample has five answers. So
+readers take stamp and number from the bytes, at the places of the message before. Writers fill them into an answer that
+was serialised once. A trial compares the bytes with rclpy's when a reader or writer is created. If they differ, rclpy
+handles the messages, and the node logs a warning.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ from cfd_pneumatic.messages import (
 from cfd_pneumatic.nodes.messages import is_time, nanoseconds, stamp_message
 
 Sample = tuple['int | None', float]
-"""A stamp [ns], None where it is no time, and a number."""
+"""A stamp [ns], None if the stamp is invalid, and a number."""
 
 _TYPE_NAME = re.compile(r'[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*')  # the grammar of ROS 2
 _LONGEST_SHOWN = 100  # characters of a type's name in a message
 
-_TRIED = (12_000_000_034, 56.78)
+_TEST_SAMPLE = (12_000_000_034, 56.78)
 
 _LARGEST = 64 * 1024
-"""Size of a message in which a sample is looked for [bytes]: a thousand joints. A larger one takes long to parse."""
+"""Largest message that is read [bytes]: a thousand joints. A larger message takes too long to parse."""
 
 
 class SampleReader(Protocol):
@@ -55,7 +55,7 @@ class SampleReader(Protocol):
         """Names of the entries in the last message, as JointState has them."""
 
     def read(self, message: bytes) -> Sample | None:
-        """Return what a serialised message tells; None where it has no such number, or is none of its type."""
+        """Return the sample of a serialised message; None if the number is missing or the type is wrong."""
 
 
 class SampleWriter(Protocol):
@@ -66,29 +66,29 @@ class SampleWriter(Protocol):
 
 
 def joint_reader(node: Node, joint: str) -> SampleReader:
-    """Return what reads the position of a joint [m]."""
-    example = _blank(JOINT_STATE)
+    """Return a reader for the position of a joint [m]."""
+    example = _empty_message(JOINT_STATE)
     example.name = [joint]
     return _reader(node, JOINT_STATE, FieldPath((Step('position', joint),)), example)
 
 
 def pressure_reader(node: Node) -> SampleReader:
-    """Return what reads a pressure [Pa]."""
-    return _reader(node, FLUID_PRESSURE, _PRESSURE, _blank(FLUID_PRESSURE))
+    """Return a reader for a pressure [Pa]."""
+    return _reader(node, FLUID_PRESSURE, _PRESSURE, _empty_message(FLUID_PRESSURE))
 
 
 def force_reader(node: Node, axis: str) -> SampleReader:
-    """Return what reads a force along an axis [N]."""
-    return _reader(node, WRENCH_STAMPED, _force(axis), _blank(WRENCH_STAMPED))
+    """Return a reader for a force along an axis [N]."""
+    return _reader(node, WRENCH_STAMPED, _force(axis), _empty_message(WRENCH_STAMPED))
 
 
 def pressure_writer(node: Node, frame_id: str) -> SampleWriter:
-    """Return what makes messages of a pressure [Pa]."""
+    """Return a writer for messages of a pressure [Pa]."""
     return _writer(node, Form(FLUID_PRESSURE, frame_id=frame_id), _PRESSURE, frame_id)
 
 
 def force_writer(node: Node, frame_id: str, axis: str) -> SampleWriter:
-    """Return what makes messages of a force along an axis [N]."""
+    """Return a writer for messages of a force along an axis [N]."""
     return _writer(node, Form(WRENCH_STAMPED, axis=axis, frame_id=frame_id), _force(axis), frame_id)
 
 
@@ -101,8 +101,8 @@ def message_class(msgtype: str) -> Any:
     """
     Return the class of a message type such as std_msgs/msg/Float64.
 
-    The name may come from a stranger in the graph, and to import a module runs the module. So only the packages of
-    messages that ROS 2 ships are imported.
+    Any node in the graph may send the name, and an import runs the module. So only packages of messages that ROS 2
+    ships are imported.
 
     Raises
     ------
@@ -119,8 +119,8 @@ def message_class(msgtype: str) -> Any:
         raise InputError(f'the package {package} is not installed with the message {name}: install it') from error
 
 
-class _ByLayout:
-    """Reads bytes, which are mostly laid out like those before."""
+class _LayoutReader:
+    """Reads bytes by the layout of the message before."""
 
     def __init__(self, msgtype: str, path: FieldPath) -> None:
         self._msgtype, self._path = msgtype, path
@@ -136,26 +136,26 @@ class _ByLayout:
             self._layout = None
             return None
         if self._layout is None or not self._layout.fits(message):
-            self._learn(message)
+            self._learn_layout(message)
         if self._places is None:
             return None
-        seconds, rest, number = (place.number(message) for place in self._places)
-        return int(seconds) * NANOSECONDS + int(rest) if is_time(seconds, rest) else None, number
+        seconds, fraction, number = (place.number(message) for place in self._places)
+        return int(seconds) * NANOSECONDS + int(fraction) if is_time(seconds, fraction) else None, number
 
-    def _learn(self, message: bytes) -> None:
-        """Find out where stamp and number are."""
+    def _learn_layout(self, message: bytes) -> None:
+        """Find the places of stamp and number."""
         self._layout, self._places = None, None
         try:
             self._layout = layout = Layout(message, types_with(self._msgtype), self._msgtype, Serialization.CDR)
         except LayoutError:
             return
-        seconds, rest, number = map(layout.place, (SECOND, NANOSECOND, self._path))
-        if seconds and rest and number:
-            self._places = seconds, rest, number
+        seconds, fraction, number = map(layout.place, (SECOND, NANOSECOND, self._path))
+        if seconds and fraction and number:
+            self._places = seconds, fraction, number
 
 
-class _ByMessage:
-    """Has rclpy make a message of the bytes."""
+class _MessageReader:
+    """Reads messages that rclpy deserialises."""
 
     def __init__(self, msgtype: str, path: FieldPath) -> None:
         self._class, self._path = message_class(msgtype), path
@@ -166,26 +166,26 @@ class _ByMessage:
         if len(message) > _LARGEST:
             return None
         try:
-            made = deserialize_message(message, self._class)
-        except Exception:  # whatever the middleware has for it
+            parsed = deserialize_message(message, self._class)
+        except Exception:  # the middleware raises any exception for bytes that it cannot parse
             return None
-        self.names = list(getattr(made, 'name', []))
-        number = _number_in(made, self._path)
-        stamp = made.header.stamp
+        self.names = list(getattr(parsed, 'name', []))
+        number = _number_at(parsed, self._path)
+        stamp = parsed.header.stamp
         return None if number is None else (nanoseconds(stamp) if is_time(stamp.sec, stamp.nanosec) else None, number)
 
 
-class _Message:
-    """A message of rclpy's, filled anew for each sample."""
+class _MessageWriter:
+    """Writes messages that rclpy serialises."""
 
     def __init__(self, form: Form, path: FieldPath, frame_id: str) -> None:
-        self._blank, self._path = _blank(form.msgtype), path
+        self._blank, self._path = _empty_message(form.msgtype), path
         self._blank.header.frame_id = frame_id
 
     def filled(self, stamp: int, number: float) -> Any:
-        made = copy.deepcopy(self._blank)
-        _put(made, self._path, (stamp, number))
-        return made
+        message = copy.deepcopy(self._blank)
+        _write_sample(message, self._path, (stamp, number))
+        return message
 
 
 _PRESSURE = FieldPath((Step('fluid_pressure'),))
@@ -196,28 +196,28 @@ def _force(axis: str) -> FieldPath:
 
 
 def _reader(node: Node, msgtype: str, path: FieldPath, example: Any) -> SampleReader:
-    """Return what reads samples; `example` is a message that has the path."""
-    _put(example, path, _TRIED)
-    if _ByLayout(msgtype, path).read(bytes(serialize_message(example))) == _TRIED:
-        return _ByLayout(msgtype, path)
+    """Return a reader of samples; `example` is a message with the path."""
+    _write_sample(example, path, _TEST_SAMPLE)
+    if _LayoutReader(msgtype, path).read(bytes(serialize_message(example))) == _TEST_SAMPLE:
+        return _LayoutReader(msgtype, path)
     _warn(node, msgtype)
-    return _ByMessage(msgtype, path)
+    return _MessageReader(msgtype, path)
 
 
 def _writer(node: Node, form: Form, path: FieldPath, frame_id: str) -> SampleWriter:
-    """Return what makes messages by a form, or without one."""
+    """Return a writer of messages: the form if rclpy reads its bytes, otherwise a message of rclpy."""
     try:
-        made = deserialize_message(form.filled(*_TRIED), message_class(form.msgtype))
-        told = (nanoseconds(made.header.stamp), _number_in(made, path), made.header.frame_id)
-    except Exception:  # whatever the middleware has for it
-        told = None
-    if told == (*_TRIED, frame_id):
+        message = deserialize_message(form.filled(*_TEST_SAMPLE), message_class(form.msgtype))
+        written = (nanoseconds(message.header.stamp), _number_at(message, path), message.header.frame_id)
+    except Exception:  # the middleware raises any exception for bytes that it cannot parse
+        written = None
+    if written == (*_TEST_SAMPLE, frame_id):
         return form
     _warn(node, form.msgtype)
-    return _Message(form, path, frame_id)
+    return _MessageWriter(form, path, frame_id)
 
 
-def _number_in(message: Any, path: FieldPath) -> float | None:
+def _number_at(message: Any, path: FieldPath) -> float | None:
     """Return the number of a message at a path."""
     for step in path.steps:
         names, message = getattr(message, 'name', ()), getattr(message, step.name)
@@ -226,8 +226,8 @@ def _number_in(message: Any, path: FieldPath) -> float | None:
     return float(message)
 
 
-def _put(message: Any, path: FieldPath, sample: tuple[int, float]) -> None:
-    """Write a sample into a message; an array at the path has it as its only entry."""
+def _write_sample(message: Any, path: FieldPath, sample: tuple[int, float]) -> None:
+    """Write a sample into a message; an array at the path gets the number as its only entry."""
     stamp, number = sample
     message.header.stamp = stamp_message(stamp)
     *above, last = path.steps
@@ -236,11 +236,11 @@ def _put(message: Any, path: FieldPath, sample: tuple[int, float]) -> None:
     setattr(message, last.name, number if last.index is None else [number])
 
 
-def _blank(msgtype: str) -> Any:
+def _empty_message(msgtype: str) -> Any:
     return message_class(msgtype)()
 
 
 def _warn(node: Node, msgtype: str) -> None:
     node.get_logger().warning(
-        f'{msgtype} is serialised otherwise than expected here: messages are made one by one, which takes longer'
+        f'{msgtype} is serialised in an unexpected layout. rclpy handles its messages, which takes longer'
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`sim_node`: the device's model, driven by piston displacement and set-points."""
+"""`sim_node`: simulates the device from piston displacement and set-points."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cfd_pneumatic.model import Arrival, DeviceState, LiveDevice
 from cfd_pneumatic.nodes.health import LARGE, LOST, MISMATCHED, REPEATED, WITHOUT_JOINT
 from cfd_pneumatic.nodes.messages import LATEST
 from cfd_pneumatic.nodes.model_node import ModelNode
-from cfd_pneumatic.nodes.outputs import Answers, Outputs, writers
+from cfd_pneumatic.nodes.outputs import Outputs, SignalOutputs, make_writers
 from cfd_pneumatic.nodes.parameters import number
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.units import PSI
@@ -32,18 +32,19 @@ _COUNTED = (
 
 class SimNode(ModelNode):
     """
-    Pressures and contact force of the model, answered sample by sample.
+    Simulates pressures and contact force for each sample of the piston.
 
-    Subscribes `piston_state`, `cylinder_*/setpoint`, `force_setpoint`; publishes `cylinder_*/pressure`,
-    `cylinder_*/setpoint_applied`, `contact_force` and `/diagnostics`, and below `preview/` where pressures and force go
-    while `piston_state` is silent; serves `~/reset`. The pressure is what the
-    cylinder's sensor reads; the contact force follows from the pressure in the chamber, which is another one where an
-    effect on the sensor is on. Effects on the force, as friction, change it alone. Every parameter is described, with
-    its unit, in its descriptor.
+    Subscribes to `piston_state`, `cylinder_*/setpoint`, `force_setpoint`. Publishes `cylinder_*/pressure`,
+    `cylinder_*/setpoint_applied`, `contact_force` and `/diagnostics`. While `piston_state` is silent, predictions are
+    published below `preview/`. Serves `~/reset`.
+
+    The published pressure is the reading of the cylinder's sensor. The contact force depends on the pressure in the
+    chamber, which differs if an effect on the sensor is on. Effects on the force, as friction, change the force only.
+    Each parameter is described, with its unit, in its descriptor.
     """
 
     def __init__(self, **kwargs: Any) -> None:
-        """Declare parameters, compile the model, and listen."""
+        """Declare parameters, compile the model, and subscribe."""
         super().__init__('sim_node', **kwargs)
         self._live = LiveDevice(self._device, self._value('max_gap'), self._supply)
         self._open_topics()
@@ -55,44 +56,46 @@ class SimNode(ModelNode):
     def _declare_parameters(self) -> None:
         super()._declare_parameters()
         self.declare_parameter(
-            'bias_pressure', 10.0 * PSI, number('Pa', 0.0, 2e6, 'gauge mean of the pair that force_setpoint sets')
+            'bias_pressure',
+            10.0 * PSI,
+            number('Pa', 0.0, 2e6, 'gauge mean of the two set-points that force_setpoint sets'),
         )
         self.declare_parameter(
             'preview_period',
             0.1,
-            number('s', 1e-2, 10.0, 'how often previews are published while piston_state is silent', read_only=True),
+            number('s', 1e-2, 10.0, 'period of the previews while piston_state is silent', read_only=True),
         )
 
-    def _adopt(self, changes: Mapping[str, Any]) -> None:
+    def _apply_changes(self, changes: Mapping[str, Any]) -> None:
         self._live.device, self._live.supply = self._device, self._supply
         self._live.max_gap = self._value('max_gap', changes)
         self._orient(changes)
 
     def _orient(self, changes: Mapping[str, Any]) -> None:
-        made = writers(self, self._value('frame_id', changes), self._value('axis', changes))
+        writers = make_writers(self, self._value('frame_id', changes), self._value('axis', changes))
         for out in (self._outputs, self._previews):
-            out.orient(made)
+            out.set_writers(writers)
 
     # topics
 
     def _open_topics(self) -> None:
         self._outputs = Outputs(self, self._cylinders, convention.CONTACT_FORCE)
-        self._previews = Answers(self, self._cylinders, convention.CONTACT_FORCE, convention.PREVIEW)
+        self._previews = SignalOutputs(self, self._cylinders, convention.CONTACT_FORCE, convention.PREVIEW)
         self._orient({})
-        # set-points first: SingleThreadedExecutor hands over in this order what is there at the same time
+        # set-points first: SingleThreadedExecutor delivers messages of the same time in this order
         self._listen_to_setpoints()
         self._listen_to_commands(convention.FORCE_SETPOINT, self._on_force_setpoint)
         self._listen_to_samples(JointState, convention.PISTON_STATE, self._on_piston)
         self.create_service(Trigger, '~/reset', self._on_reset)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # a stopped /clock must not stop the watchdog
-        self.create_timer(self._value('preview_period'), self._preview, clock=steady)
+        self.create_timer(self._value('preview_period'), self._publish_preview, clock=steady)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
 
     def _on_force_setpoint(self, message: Float64) -> None:
         pair = self._device.setpoints(message.data, self._value('bias_pressure'))
         wanted = dict(zip(convention.CYLINDERS, pair))
         for name in self._cylinders:
-            refusal = self._refusal(wanted[name])
+            refusal = self._setpoint_refusal(wanted[name])
             if refusal is not None:
                 self._ignore_setpoint(
                     convention.FORCE_SETPOINT,
@@ -101,7 +104,7 @@ class SimNode(ModelNode):
                 return
         self._refused_setpoints.clear()
         self._setpoints.update(wanted)
-        self._waiting.clear()
+        self._without_setpoint.clear()
 
     def _commit(self, stamp: int, position: float) -> bool:
         last = self._live.committed
@@ -121,30 +124,30 @@ class SimNode(ModelNode):
         self._outputs.publish_applied(stamp, setpoints)
         return True
 
-    def _warn_of_reset(self, arrival: Arrival, moved: float) -> None:
-        """Warn that the model started anew, `moved` seconds after the last sample."""
+    def _warn_of_reset(self, arrival: Arrival, step: float) -> None:
+        """Warn of a restart of the model; `step` is the time since the last sample [s]."""
         self._health.counts['resets'] += 1
         if arrival is Arrival.DIVERGED:
-            reason = 'the effects that are on drove the model out of the range of numbers; weaken them'
+            reason = 'the active effects drove the model out of the range of numbers; reduce their strengths'
         else:
             reason = (
-                f'the stamp of {convention.PISTON_STATE} moved by {moved:.6f} s '
+                f'the stamp of {convention.PISTON_STATE} moved by {step:.6f} s '
                 f'(allowed: forward, at most max_gap {self._live.max_gap:g} s)'
             )
             publishers = self.count_publishers(self.resolve_topic_name(convention.PISTON_STATE))
             if publishers > 1:
-                reason += f'; {publishers} publish it'
-        self._health.warn(f'started anew at rest: {reason}')
+                reason += f'; {publishers} publishers send the topic'
+        self._health.warn(f'the model started anew at rest: {reason}')
 
-    def _publish(self, out: Answers, stamp: int, state: DeviceState) -> None:
+    def _publish(self, out: SignalOutputs, stamp: int, state: DeviceState) -> None:
         out.publish(stamp, state.readings, self._live.device.contact_force(state))
 
-    def _preview(self) -> None:
+    def _publish_preview(self) -> None:
         """
-        While piston_state is silent show what the pressures do meanwhile, the piston held.
+        Publish a prediction with the piston held while piston_state is silent.
 
-        No longer than `max_gap`, after which the model starts anew anyway, not where the input is faulty, and not
-        where no stamp is left. What was applied is not published: a preview is no sample.
+        There is no preview beyond `max_gap`, after which the model starts anew, after a faulty input, or beyond the
+        largest stamp. Applied set-points are not published: a preview is no sample.
         """
         committed = self._live.committed
         silence = self._health.silence
@@ -168,15 +171,15 @@ class SimNode(ModelNode):
         for name, cylinder in self._device.cylinders.items():
             values[f'{name} set-point, gauge [Pa]'] = f'{self._setpoints[name]:.1f}'
             values[f'{name} effects'] = ', '.join(cylinder.effects) or 'none'
-        values['defaults'] = self._told_defaults()
-        values['not identifiable'] = self._told_doubtful()
+        values['defaults'] = self._listed_defaults()
+        values['not identifiable'] = self._listed_not_identifiable()
         values[f'{convention.CONTACT_FORCE} effects'] = ', '.join(self._live.device.force_effects) or 'none'
         committed = self._live.committed
         if committed is not None:
             for name, state in zip(convention.CYLINDERS, (committed.state.a, committed.state.b)):
                 if state is not None:
                     values[f'{name} pressure, absolute [Pa]'] = f'{state.reading:.1f}'
-        self._say('input', self._health.verdict(self._value('timeout'), self._standing()), values)
+        self._publish_status('input', self._health.status(self._value('timeout'), self._lasting_warnings()), values)
 
 
 main = partial(run, 'sim_node', SimNode)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opening topics whose QoS parameters can override: `qos_overrides./cfd/sim/piston_state.subscription.reliability`."""
+"""Topics with QoS that parameters can override, as `qos_overrides./cfd/sim/piston_state.subscription.reliability`."""
 
 from __future__ import annotations
 
@@ -29,31 +29,31 @@ try:
 except ImportError:  # before Jazzy
     from rclpy.qos_event import SubscriptionEventCallbacks
 
-_WAIT = 200_000_000  # longer no sample should wait for its callback [ns]
-_SHORT = 50_000_000  # until they wait no longer than this, once too many wait [ns]
-_STANDING = 1_000_000_000  # for so long all may, as behind a process that stood still [ns]
-_KEPT = 10  # of so many samples one is taken while they wait for longer
+_LONGEST_WAIT = 200_000_000  # longest wait of a sample for its callback [ns]
+_SHORT_WAIT = 50_000_000  # wait below which a backlog is over [ns]
+_STALE_AFTER = 1_000_000_000  # how long samples may wait too long, as after a pause of the process [ns]
+_KEEP_EVERY = 10  # while a backlog is stale, only each tenth sample is taken
 
 BUDGET = 8 * 2**20
-"""Largest size of the messages of a topic that wait [bytes]: 5,000 samples of a robot with twenty joints fit."""
+"""Largest size of the waiting messages of a topic [bytes]: 5,000 samples of a robot with twenty joints fit."""
 
-_OVERHEAD = 256  # of a message in the middleware's queue [bytes]
-_PAUSE = 0.01  # in which the executor lets go of a queue [s]
-_REMEMBERED = 1_000  # messages by which one that comes twice is recognised
-_LOOK_PERIOD = 0.1  # how often publishers are looked for that keep their last message [s]
-_LATCHED_DEPTH = 10  # publishers whose last message is heard
-_CALM = 30.0  # after the last large message the queue gets its full depth again [s]
+_OVERHEAD = 256  # size of a message's header in the middleware's queue [bytes]
+_PAUSE = 0.01  # time until the executor has released a queue [s]
+_REMEMBERED = 1_000  # recent messages among which duplicates are recognised
+_LOOK_PERIOD = 0.1  # period of the search for latched publishers [s]
+_LATCHED_DEPTH = 10  # latched publishers of a topic
+_CALM_TIME = 30.0  # time after the last large message until the queue has its full depth again [s]
 
 
-def publish_on(node: Node, message_type: type, topic: str) -> Publisher:
-    """Return a publisher with `OUTPUT_QOS`, a copy of it: rclpy writes the overrides into what it is given."""
-    with _named(topic):
+def create_publisher(node: Node, message_type: type, topic: str) -> Publisher:
+    """Return a publisher with a copy of `OUTPUT_QOS`, because rclpy writes the overrides into the profile."""
+    with _naming(topic):
         return node.create_publisher(
             message_type, topic, copy(OUTPUT_QOS), qos_overriding_options=QoSOverridingOptions.with_default_policies()
         )
 
 
-def listen_to(
+def subscribe(
     node: Node,
     message_type: type,
     topic: str,
@@ -63,31 +63,31 @@ def listen_to(
     on_lost: Callable[[int], None] | None = None,
     on_mismatch: Callable[[int, str], None] | None = None,
     on_large: Callable[[str], None] | None = None,
-    queue: Queue | None = None,
+    backlog: Backlog | None = None,
     budget: int = BUDGET,
     accept: Callable[[Mapping[str, Any]], bool] = lambda _: True,
 ) -> QoSProfile:
     """
-    Call a function for each message on a topic, with the serialised message if `raw`; return the QoS that acts.
+    Call a function for each message on a topic, serialised if `raw`; return the QoS that applies.
 
     Parameters
     ----------
     node, message_type, topic, callback, qos
-        As of `Node.create_subscription`; `qos` stays as it is, and parameters of the node may override it.
+        As in `Node.create_subscription`; parameters of the node may override a copy of `qos`.
     raw
-        Whether the function takes serialised messages. Messages that are none of the type are counted as lost if not.
+        Whether the function takes serialised messages. Otherwise invalid messages are counted as lost.
     on_lost
-        Is called with the number of messages that were lost since its last call.
+        Called with the number of messages lost since the last call.
     on_mismatch
-        Is called with the number of further publishers that offer less than `qos`, and the policy that differs.
+        Called with the number of new publishers that offer less than `qos`, and the differing policy.
     on_large
-        Is called with a text when the depth of the queue changes because of the messages' size.
-    queue
-        If given, one of ten waiting messages is taken while messages come faster than they are taken.
+        Called with a text when large messages reduce the depth of the queue.
+    backlog
+        If given, only each tenth message is taken while messages arrive faster than they are taken.
     budget
-        Largest size of the messages that wait [bytes].
+        Largest size of the waiting messages [bytes].
     accept
-        Tells by what the middleware knows of a message whether it is taken.
+        Returns whether a message is taken, from the middleware's information.
 
     Raises
     ------
@@ -100,27 +100,28 @@ def listen_to(
         and (lambda event: on_mismatch(event.total_count_change, qos_policy_name_from_kind(event.last_policy_kind)))
     )
     lost = on_lost or (lambda _: None)
-    take = callback if raw else _deserialised(message_type, callback, lost)
-    counting = Counting(take, lost, lambda: node.count_publishers(node.resolve_topic_name(topic)), queue, accept)
-    return _Subscribed(node, message_type, topic, counting, qos, events, on_large or (lambda _: None), budget).qos
+    take = callback if raw else _deserialising(message_type, callback, lost)
+    counter = LossCounter(take, lost, lambda: node.count_publishers(node.resolve_topic_name(topic)), backlog, accept)
+    subscription = _BoundedSubscription(
+        node, message_type, topic, counter, qos, events, on_large or (lambda _: None), budget
+    )
+    return subscription.qos
 
 
-def listen_to_held(
+def subscribe_latched(
     node: Node, message_type: type, topic: str, callback: Callable[[Any], None], qos: QoSProfile, **options: Any
 ) -> QoSProfile:
     """
-    Call a function for each value on a topic where the last one holds, also with what was sent before we came.
+    Call a function for each message on a topic, including latched messages; return the QoS that applies.
 
-    Return the QoS that acts, with the overrides in the node's parameters.
-
-    A publisher that is transient local keeps its last message for those who come later. Who asks for it does not hear
-    the others, who complain, so it is a subscription of its own, made when there is such a publisher; a message that
-    both hear counts once.
+    A transient local publisher keeps its last message for later subscribers. A transient local subscription does not
+    receive volatile publishers. So a second subscription is created when a transient local publisher appears. A message
+    that both subscriptions receive counts once.
 
     Parameters
     ----------
     node, message_type, topic, callback, qos, options
-        As of `listen_to`.
+        As in `subscribe`.
 
     """
     seen: deque[tuple[int, int | None]] = deque(maxlen=_REMEMBERED)
@@ -132,62 +133,63 @@ def listen_to_held(
         seen.append(key)
         return True
 
-    acting = listen_to(node, message_type, topic, callback, qos, accept=is_new, **options)
-    take = _deserialised(message_type, callback, options.get('on_lost') or (lambda _: None))
+    acting_qos = subscribe(node, message_type, topic, callback, qos, accept=is_new, **options)
+    take = _deserialising(message_type, callback, options.get('on_lost') or (lambda _: None))
 
     def listen_if_latched() -> None:
-        durabilities = {one.qos_profile.durability for one in publishers_of(node, topic)}
+        durabilities = {publisher.qos_profile.durability for publisher in publishers_of(node, topic)}
         if DurabilityPolicy.TRANSIENT_LOCAL not in durabilities:
             return
-        node.destroy_timer(looking)
+        node.destroy_timer(timer)
         node.create_subscription(
             message_type,
             topic,
-            _WithInfo(lambda message, info: is_new(info) and take(message)),
+            _InfoCallback(lambda message, info: is_new(info) and take(message)),
             QoSProfile(depth=_LATCHED_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL),
             raw=True,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),  # others may be volatile
+            # The default callbacks would warn of volatile publishers.
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
         )
 
-    looking = node.create_timer(_LOOK_PERIOD, listen_if_latched, clock=Clock(clock_type=ClockType.STEADY_TIME))
-    return acting
+    timer = node.create_timer(_LOOK_PERIOD, listen_if_latched, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    return acting_qos
 
 
-def _deserialised(
+def _deserialising(
     message_type: type, callback: Callable[[Any], None], on_lost: Callable[[int], None]
 ) -> Callable[[bytes], None]:
-    """Return a function that calls another one with the message that it deserialises."""
+    """Return a function that deserialises a message and calls `callback`."""
 
     def take(message: bytes) -> None:
         try:
-            made = deserialize_message(message, message_type)
-        except Exception:  # the middleware raises whatever a stranger's bytes make it stumble over
+            deserialised = deserialize_message(message, message_type)
+        except Exception:  # the middleware raises any exception for bytes that it cannot parse
             on_lost(1)
             return
-        callback(made)
+        callback(deserialised)
 
     return take
 
 
-class _WithInfo:
-    """A callback that takes a message and what the middleware knows of it."""
+class _InfoCallback:
+    """A callback with a message and the middleware's information on the message."""
 
     def __init__(self, take: Callable[[bytes, Mapping[str, Any]], object]) -> None:
         self._take = take
-        self.__signature__ = signature(lambda message, info: None)  # by which rclpy sees that it wants both
+        self.__signature__ = signature(lambda message, info: None)  # rclpy inspects the signature
 
     def __call__(self, *given: Any) -> None:
-        message, info = given if len(given) == 2 else given[0]  # EventsExecutor gives the pair
+        message, info = given if len(given) == 2 else given[0]  # EventsExecutor passes a pair
         self._take(message, info)
 
 
-class _Subscribed:
+class _BoundedSubscription:
     """
     A subscription whose queue is bounded in bytes.
 
-    The middleware bounds a queue in messages only, and it keeps the memory of the largest ones. So a topic whose large
-    messages wait is opened anew with less depth, and with the full depth again when large messages have stayed away.
-    While a topic is opened anew messages are lost, and counted.
+    The middleware bounds a queue in messages only, and keeps the memory of the largest messages. So a topic with large
+    waiting messages is opened anew with less depth, and later with the full depth again. Messages that arrive in
+    between are lost, and counted.
     """
 
     def __init__(
@@ -195,18 +197,18 @@ class _Subscribed:
         node: Node,
         message_type: type,
         topic: str,
-        counting: Counting,
+        counter: LossCounter,
         qos: QoSProfile,
         events: SubscriptionEventCallbacks,
         on_large: Callable[[str], None],
         budget: int,
     ) -> None:
-        self._node, self._topic, self._counting = node, topic, counting
+        self._node, self._topic, self._counter = node, topic, counter
         self._on_large, self._budget = on_large, budget
         self._create = partial(
-            node.create_subscription, message_type, topic, _WithInfo(self._take), raw=True, event_callbacks=events
+            node.create_subscription, message_type, topic, _InfoCallback(self._take), raw=True, event_callbacks=events
         )
-        with _named(topic):
+        with _naming(topic):
             overriding = QoSOverridingOptions.with_default_policies()
             self._subscription = self._create(qos_profile=copy(qos), qos_overriding_options=overriding)
         self.qos = self._subscription.qos_profile
@@ -215,24 +217,24 @@ class _Subscribed:
 
     def _take(self, message: bytes, info: Mapping[str, Any]) -> None:
         self._fit_depth(len(message) + _OVERHEAD, info['received_timestamp'])
-        self._counting(message, info)
+        self._counter(message, info)
 
     def _fit_depth(self, size: int, received: int) -> None:
-        """Open the topic with the depth that messages of a size [bytes] leave room for, if the node falls behind."""
+        """Reduce the depth for messages of a size [bytes] if the node falls behind; restore the depth later."""
         fitting = max(1, min(self._full, self._budget // size))
         if fitting < self._full:
-            self._large_until = time.monotonic() + _CALM
-        if fitting < self.qos.depth and time.time_ns() - received > _SHORT:
+            self._large_until = time.monotonic() + _CALM_TIME
+        if fitting < self.qos.depth and time.time_ns() - received > _SHORT_WAIT:
             self._reopen(fitting)
             self._on_large(
-                f'{self._topic} has messages of {size:,} bytes, faster than they are taken: at most {fitting} of them '
-                'wait, others are lost. Find out who publishes them'
+                f'{self._topic} has messages of {size:,} bytes, faster than they are processed. At most {fitting} '
+                'messages wait, further messages are lost. Reduce their size or rate'
             )
         elif self.qos.depth < self._full and time.monotonic() > self._large_until:
             self._reopen(self._full)
 
     def _reopen(self, depth: int) -> None:
-        """Close the topic, and open it when the executor has released the queue: two queues would share memory."""
+        """Close the topic, and open it after the executor has released the queue: two queues would share memory."""
         self.qos.depth = depth
         self._node.destroy_subscription(self._subscription)
         self._opening = self._node.create_timer(_PAUSE, self._open, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -244,31 +246,31 @@ class _Subscribed:
 
 
 def _return_memory() -> None:
-    """Have the C library give freed memory back to the system, of which it keeps what a queue of large messages had."""
+    """Return freed memory to the system: the C library would keep that of large messages."""
     trim = getattr(ctypes.CDLL(None), 'malloc_trim', None)
     if trim is not None:
         trim(0)
 
 
-class Counting:
+class LossCounter:
     """
-    A callback before which messages are counted that did not come: a queue that overflows raises no event.
+    A callback that counts lost messages: the overflow of a queue raises no event.
 
-    A publisher numbers its messages. A message does not say whose it is, so each is taken for the next of whoever's
-    numbers it follows most closely.
+    Publishers number their messages, but a message does not name its publisher. So each message is assigned to the
+    publisher with the closest smaller number.
 
     Parameters
     ----------
     callback
-        Takes messages.
+        Called with each message.
     on_lost
-        Is told how many were lost since it was told last.
+        Called with the number of messages lost since the last call.
     publishers
-        Says how many there are.
-    queue
-        In which the messages wait, where one of ten will do while they come faster than they are taken.
+        Returns the number of publishers.
+    backlog
+        Backlog of the messages; while it is stale, only each tenth message is taken.
     accept
-        Tells by what the middleware knows of a message whether it is taken.
+        Returns whether a message is taken, from the middleware's information.
 
     """
 
@@ -277,19 +279,23 @@ class Counting:
         callback: Callable[[Any], None],
         on_lost: Callable[[int], None],
         publishers: Callable[[], int],
-        queue: Queue | None = None,
+        backlog: Backlog | None = None,
         accept: Callable[[Mapping[str, Any]], bool] = lambda _: True,
     ) -> None:
         self._callback, self._on_lost, self._publishers, self._accept = callback, on_lost, publishers, accept
-        self._expected: list[int] = []  # last the number of whoever was heard last
-        self._queue = queue
+        self._expected: list[int] = []  # next number of each publisher, the most recent publisher last
+        self._backlog = backlog
 
     def __call__(self, message: Any, info: Mapping[str, Any]) -> None:
-        """Take a message, and what the middleware tells of it."""
+        """Take a message with the middleware's information."""
         number = info.get('publication_sequence_number')
-        if number is not None:  # else the middleware does not tell
+        if number is not None:  # the middleware may not provide it
             self._count(number)
-            if self._queue is not None and self._queue.stands(info['received_timestamp']) and number % _KEPT:
+            if (
+                self._backlog is not None
+                and self._backlog.is_stale(info['received_timestamp'])
+                and number % _KEEP_EVERY
+            ):
                 self._on_lost(1)
                 return
         if self._accept(info):
@@ -301,9 +307,9 @@ class Counting:
             expected.remove(number)
             expected.append(number + 1)
             return
-        before = max((one for one in expected if one < number), default=None)
+        before = max((next_number for next_number in expected if next_number < number), default=None)
         publishers = self._publishers()
-        if before is None or len(expected) < publishers:  # one who has just come
+        if before is None or len(expected) < publishers:  # a new publisher
             expected.append(number + 1)
             del expected[: -max(publishers, 1)]
         else:
@@ -312,35 +318,35 @@ class Counting:
             self._on_lost(number - before)
 
 
-class Queue:
+class Backlog:
     """
     The messages that wait for a node's callbacks.
 
-    After a process stood still they are many, and soon none. Where they stay many they come faster than they are
-    taken: then whatever is taken is old, and waiting longer helps nobody.
+    After a pause of the process the backlog is long, and soon empty. A backlog that stays long is stale: messages
+    arrive faster than they are taken, so that all taken messages are old.
     """
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Begin without a backlog."""
         self._since: int | None = None
-        self._stands = False
+        self._is_stale = False
 
-    def stands(self, received: int) -> bool:
-        """Return whether messages have waited too long for too long, this one since it was received [ns]."""
+    def is_stale(self, received: int) -> bool:
+        """Return whether the backlog is stale, given when the present message was received [ns]."""
         now = time.time_ns()
-        enough = _SHORT if self._stands else _WAIT
-        if now - received <= enough or not received:  # else the middleware does not tell
-            self._since, self._stands = None, False
+        enough = _SHORT_WAIT if self._is_stale else _LONGEST_WAIT
+        if now - received <= enough or not received:  # the middleware may not provide it
+            self._since, self._is_stale = None, False
             return False
         if self._since is None:
             self._since = now
-        self._stands = now - self._since > _STANDING
-        return self._stands
+        self._is_stale = now - self._since > _STALE_AFTER
+        return self._is_stale
 
 
 @contextmanager
-def _named(topic: str) -> Iterator[None]:
-    """Turn an override that rclpy cannot use into an error for the user, with the topic's name."""
+def _naming(topic: str) -> Iterator[None]:
+    """Turn an invalid override into an error for the user, with the topic's name."""
     try:
         yield
     except (RuntimeError, ValueError) as error:

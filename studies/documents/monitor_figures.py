@@ -92,7 +92,7 @@ def watchers(blocks: Iterator[ResidualBlock], name: str, channels: int) -> dict[
         for label, interval in INTERVALS.items()
     }
     for block, channel in itertools.product(itertools.islice(blocks, learning), found.values()):
-        channel.take_block(block)
+        channel.add_block(block)
     return found
 
 
@@ -107,18 +107,18 @@ def alarms_of(found: dict[str, WatchedSignal], residuals: np.ndarray, rates: np.
     """Return how often charts ring over blocks, whose features are the same at each interval."""
     baseline = next(iter(found.values())).baseline
     assert baseline is not None  # it has learned
-    weighing = baseline.weighing
-    innovations = weighing.innovations(weighing.weighed(residuals, rates), np.empty(0))
-    features = weighing.features(innovations.reshape(-1, SAMPLES))
+    noise_model = baseline.noise_model
+    innovations = noise_model.innovations(noise_model.weighted(residuals, rates), np.empty(0))
+    features = noise_model.features(innovations.reshape(-1, SAMPLES))
     return {label: sum(map(rings, channel.charts, features)) for label, channel in found.items()}
 
 
 def rings(chart: Chart, values: np.ndarray) -> int:
     """Return how often a chart rings."""
     alarms = 0
-    while (at := chart.take(values)) >= 0:
+    while (at := chart.update(values)) >= 0:
         alarms += 1
-        chart.again()
+        chart.reset_sums()
         values = values[at + 1 :]
     return alarms
 

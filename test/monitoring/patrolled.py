@@ -47,11 +47,11 @@ def samples(record: RigRecord) -> Iterator[Sample]:
 
 def hear(watch: Watch, sample: Sample, now: float) -> list[tuple[str, int, float]]:
     """Let the watch hear a sample; return the residuals."""
-    watch.piston(sample.stamp, sample.position, sample.setpoints, now)
+    watch.add_piston_sample(sample.stamp, sample.position, sample.setpoints, now)
     for name, pressure in zip(CYLINDERS, sample.pressures):
-        watch.measured(name, sample.stamp, pressure, now)
-    watch.measured(CONTACT_FORCE, sample.stamp, sample.force, now)
-    return list(watch.residuals(now))
+        watch.add_measurement(name, sample.stamp, pressure, now)
+    watch.add_measurement(CONTACT_FORCE, sample.stamp, sample.force, now)
+    return list(watch.new_residuals(now))
 
 
 Spoil = Callable[[Sample], 'Sample | None']
@@ -109,8 +109,8 @@ class Patrol:
                     self.residuals += hear(self.watch, spoilt, self.now)
             found = self.watch.faults(self.now)
             self.kinds |= {fault.kind for fault in found}
-            self.faults += [fault.why for fault in found]
-            self.watch.look_after()
+            self.faults += [fault.message for fault in found]
+            self.watch.update_alarms()
         return self
 
     def let(self, **effects: float) -> Patrol:

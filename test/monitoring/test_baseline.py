@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from cfd_pneumatic.monitoring.baseline import FEWEST_BLOCKS, Baseline, learn
+from cfd_pneumatic.monitoring.baseline import FEWEST_BLOCKS, Baseline, learn_baseline
 from cfd_pneumatic.monitoring.watched_signal import ResidualBlock, WatchedSignal
 
 NOISE, TIMING, SAMPLES, BLOCKS = 50.0, 2e-4, 100, 400
@@ -26,32 +26,32 @@ def residuals(seed: int, memory: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def learned(together: np.ndarray, rates: np.ndarray, tolerance: float | None = None) -> Baseline:
-    return learn(list(together), list(rates), tolerance)
+    return learn_baseline(list(together), list(rates), tolerance)
 
 
 def test_noise_and_timing_are_told_apart() -> None:
-    weighing = learned(*residuals(1)).weighing
-    assert weighing.noise == pytest.approx(NOISE, rel=0.05)
-    assert weighing.timing == pytest.approx(TIMING, rel=0.1)
-    assert weighing.coefficients.size == 0
+    noise_model = learned(*residuals(1)).noise_model
+    assert noise_model.noise == pytest.approx(NOISE, rel=0.05)
+    assert noise_model.timing == pytest.approx(TIMING, rel=0.1)
+    assert noise_model.coefficients.size == 0
 
 
 def test_the_memory_of_noise_is_taken_out() -> None:
     together, _ = residuals(2, memory=0.8)
     baseline = learned(together, np.zeros_like(together))
-    weighing = baseline.weighing
-    innovations = weighing.innovations(together.ravel(), np.empty(0))
+    noise_model = baseline.noise_model
+    innovations = noise_model.innovations(together.ravel(), np.empty(0))
     assert np.corrcoef(innovations[1:], innovations[:-1])[0, 1] == pytest.approx(0.0, abs=0.02)
     assert baseline.mean.std == pytest.approx(NOISE * 3.0 / np.sqrt(SAMPLES), rel=0.2), 'long-run: root of 1.8 over 0.2'
 
 
 def test_pieces_have_the_innovations_of_the_whole() -> None:
     together, _ = residuals(3, memory=0.8)
-    weighing = learned(together, np.zeros_like(together)).weighing
-    whole = weighing.innovations(together.ravel(), np.empty(0))
+    noise_model = learned(together, np.zeros_like(together)).noise_model
+    whole = noise_model.innovations(together.ravel(), np.empty(0))
     before, pieces = np.empty(0), []
     for piece in np.split(together.ravel(), [3, 4, 150, 151, 2000]):
-        pieces.append(weighing.innovations(piece, before))
+        pieces.append(noise_model.innovations(piece, before))
         before = np.concatenate([before, piece])[-20:]
     assert np.concatenate(pieces) == pytest.approx(whole)
 
@@ -59,10 +59,10 @@ def test_pieces_have_the_innovations_of_the_whole() -> None:
 def test_means_and_energies_are_those_of_the_blocks() -> None:
     together, rates = residuals(4)
     baseline = learned(together, rates)
-    means, energies = baseline.weighing.features(together[:, :] + 1000.0)
+    means, energies = baseline.noise_model.features(together[:, :] + 1000.0)
     assert np.mean(means) == pytest.approx(1000.0, rel=0.02)
     assert baseline.energy.mean == pytest.approx(1.0, abs=0.02)
-    assert baseline.weighing.root_mean_square(baseline.energy.mean) == pytest.approx(NOISE, rel=0.1)
+    assert baseline.noise_model.root_mean_square(baseline.energy.mean) == pytest.approx(NOISE, rel=0.1)
     assert np.all(energies > 2.0)
 
 
@@ -98,8 +98,8 @@ def test_whatever_is_learned_from_what_comes_then_is_charted(
         for number, blocks in enumerate(
             zip(np.split(residuals, FEWEST_BLOCKS), np.split(np.resize(rates, count), FEWEST_BLOCKS))
         ):
-            channel.take_block(ResidualBlock(10 * number, *blocks))
+            channel.add_block(ResidualBlock(10 * number, *blocks))
         for number in range(FEWEST_BLOCKS, FEWEST_BLOCKS + 30):
-            channel.take_block(ResidualBlock(10 * number, np.array(then), np.zeros(10)))
-        departure = channel.describe(10 * FEWEST_BLOCKS, level=True)
-    assert np.all(np.isfinite([channel.usual, channel.nearness, channel.agitation, departure.shift]))
+            channel.add_block(ResidualBlock(10 * number, np.array(then), np.zeros(10)))
+        departure = channel.describe(10 * FEWEST_BLOCKS, is_mean_shift=True)
+    assert np.all(np.isfinite([channel.usual_rms, channel.alarm_proximity, channel.relative_spread, departure.shift]))

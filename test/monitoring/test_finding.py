@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from cfd_pneumatic.identification import Estimate
-from cfd_pneumatic.monitoring import Alarm, Departure, Diagnosis, describe_departure, describe_diagnosis, news
+from cfd_pneumatic.monitoring import Alarm, Departure, Diagnosis, describe_departure, describe_diagnosis, new_findings
 
 
 def estimate(name: str, value: float, std: float, unit: str = '1/s') -> Estimate:
@@ -24,14 +24,14 @@ K_SV = estimate('k_sv', 180.0, 1.0)
 
 
 def said(now: Diagnosis, before: Diagnosis | None = None) -> str:
-    return describe_diagnosis(Alarm(0, True, (0, 0), news=news(now, before)))
+    return describe_diagnosis(Alarm(0, True, (0, 0), new_findings=new_findings(now, before)))
 
 
 @pytest.mark.parametrize(
     ('now', 'before', 'words'),
     [
         (found(LEAK), None, 'looks like leakage (conductance 0.420 ± 0.010 1/s)'),
-        (found(LEAK), found(LEAK), 'no effect that is known explains it'),
+        (found(LEAK), found(LEAK), 'no known effect explains it'),
         (
             found(estimate('leakage.conductance', 0.84, 0.01)),
             found(LEAK),
@@ -40,22 +40,22 @@ def said(now: Diagnosis, before: Diagnosis | None = None) -> str:
         (
             found(LEAK, droop=(), leakage=('droop', 'set_point_drift')),
             found(verdict='no_missing_effect'),
-            'looks like leakage (conductance 0.420 ± 0.010 1/s) or droop or set-point drift (not to be told apart)',
+            'looks like leakage (conductance 0.420 ± 0.010 1/s) or droop or set-point drift (not distinguishable)',
         ),
         (
             found(estimate('k_sv', 140.0, 1.0), verdict='no_missing_effect'),
             found(K_SV),
             'looks like a change of k_sv from 180 to 140 1/s',
         ),
-        (found(estimate('k_sv', 182.0, 1.0)), found(K_SV), 'no effect that is known explains it'),
+        (found(estimate('k_sv', 182.0, 1.0)), found(K_SV), 'no known effect explains it'),
         (
             found(LEAK, verdict='unexplained'),
             None,
-            'looks like leakage (conductance 0.420 ± 0.010 1/s), and like something that no known effect explains',
+            'looks like leakage (conductance 0.420 ± 0.010 1/s). No known effect explains the remaining error',
         ),
-        (found(verdict='unexplained'), None, 'no effect that is known explains it'),
-        (LAW, None, 'looks like a law that is none of the effects known (the piston sticks: look at it)'),
-        (LAW, LAW, 'no effect that is known explains it'),
+        (found(verdict='unexplained'), None, 'no known effect explains it'),
+        (LAW, None, 'looks like an unknown characteristic (the piston sticks: look at it)'),
+        (LAW, LAW, 'no known effect explains it'),
     ],
 )
 def test_only_what_is_new_is_named(now: Diagnosis, before: Diagnosis | None, words: str) -> None:
@@ -71,15 +71,15 @@ def test_only_what_is_new_is_named(now: Diagnosis, before: Diagnosis | None, wor
         ),
         (
             Departure('cylinder_b', 0, True, 57.0, None, 80.0, 54.0),
-            'cylinder B holds 57 Pa more than its model on the average',
+            'cylinder B holds 57 Pa more than its model on average',
         ),
         (
             Departure('contact_force', 0, True, -0.8, None, 0.9, 0.1),
-            'contact force is 0.80 N below its model on the average',
+            'contact force is 0.80 N below its model on average',
         ),
         (
             Departure('cylinder_a', 0, False, 3.0, None, 350.0, 54.0),
-            'cylinder A parts from its model by 350 Pa RMS, where 54 Pa are usual',
+            'cylinder A deviates from its model by 350 Pa RMS (usual: 54 Pa)',
         ),
     ],
 )

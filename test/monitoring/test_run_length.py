@@ -13,8 +13,15 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from scipy.stats import norm, poisson
 
-from cfd_pneumatic.monitoring.chart import Chart, usual
-from cfd_pneumatic.monitoring.run_length import SLACK, Excursions, as_rare, excursions, mean_run, threshold_for
+from cfd_pneumatic.monitoring.chart import Chart, learn_series
+from cfd_pneumatic.monitoring.run_length import (
+    SLACK,
+    Excursions,
+    find_excursions,
+    mean_run_length,
+    raise_threshold,
+    threshold_for,
+)
 
 
 def exact_mean_run(threshold: float, shift: float, spread: float, states: int = 400) -> float:
@@ -33,7 +40,7 @@ def exact_mean_run(threshold: float, shift: float, spread: float, states: int = 
     ('shift', 'spread'), [(0.0, 1.0), (0.1, 1.0), (-0.1, 1.0), (0.0, 1.05), (1.0, 1.0), (0.5, 1.0)]
 )
 def test_the_mean_run_is_the_exact_one(threshold: float, shift: float, spread: float) -> None:
-    assert mean_run(threshold, SLACK, shift, spread) == pytest.approx(
+    assert mean_run_length(threshold, SLACK, shift, spread) == pytest.approx(
         exact_mean_run(threshold, shift, spread), rel=0.03
     )
 
@@ -45,19 +52,19 @@ def test_a_threshold_grows_with_the_run_that_is_wanted_and_with_what_was_not_lea
     threshold = threshold_for(wanted, learned)
     assert threshold_for(2.0 * wanted, learned) > threshold
     assert threshold_for(wanted, 2 * learned) < threshold
-    assert mean_run(threshold) > wanted
+    assert mean_run_length(threshold) > wanted
 
 
 def test_where_much_was_learned_the_threshold_is_that_of_the_mean_run_alone() -> None:
-    assert mean_run(threshold_for(1e6, 10**9)) == pytest.approx(1e6, rel=1e-2)
+    assert mean_run_length(threshold_for(1e6, 10**9)) == pytest.approx(1e6, rel=1e-2)
 
 
 def alarms(chart: Chart, values: np.ndarray) -> int:
     """Return how often a chart rings."""
     count, left = 0, values
-    while (at := chart.take(left)) >= 0:
+    while (at := chart.update(left)) >= 0:
         count += 1
-        chart.again()
+        chart.reset_sums()
         left = left[at + 1 :]
     return count
 
@@ -69,7 +76,7 @@ def test_false_alarms_are_as_rare_as_is_wanted_on_the_average_over_what_was_lear
     rung = 0
     for _ in range(runs):
         noise = lfilter([1.0], [1.0, -memory], rng.standard_normal(300 + length))
-        rung += alarms(Chart(usual(noise[:300]), wanted, two_sided=True), noise[300:])
+        rung += alarms(Chart(learn_series(noise[:300]), wanted, two_sided=True), noise[300:])
     expected = runs * length / wanted
     assert poisson.ppf(1e-4, 0.75 * expected) < rung < poisson.ppf(1.0 - 1e-4, 1.6 * expected)
 
@@ -95,7 +102,7 @@ def test_what_a_poor_model_leaves_rings_hardly_more_often(
     rung = as_if_normal = 0
     for _ in range(runs):
         values = scores(rng, 1500 + length)
-        learned = usual(values[:1500])
+        learned = learn_series(values[:1500])
         rung += alarms(Chart(learned, wanted, two_sided=True), values[1500:])
         unaware = replace(learned, excursions=(Excursions(), Excursions()))
         as_if_normal += alarms(Chart(unaware, wanted, two_sided=True), values[1500:])
@@ -105,16 +112,16 @@ def test_what_a_poor_model_leaves_rings_hardly_more_often(
 
 
 def test_excursions_are_those_of_the_sum() -> None:
-    assert excursions(np.array([2.0, -9.0, 3.0, 1.5, -9.0, 1.0]), 0.5) == Excursions(1, 2.0)
+    assert find_excursions(np.array([2.0, -9.0, 3.0, 1.5, -9.0, 1.0]), 0.5) == Excursions(1, 2.0)
 
 
 @given(st.floats(3.0, 30.0), st.integers(0, 10**6), st.floats(0.0, 50.0))
 def test_excursions_never_lower_a_threshold_and_larger_ones_raise_it(threshold: float, count: int, mean: float) -> None:
-    raised = as_rare(threshold, Excursions(count, count * mean))
+    raised = raise_threshold(threshold, Excursions(count, count * mean))
     assert threshold <= raised < np.inf
-    assert as_rare(threshold, Excursions(count, 1.5 * count * mean)) >= raised
+    assert raise_threshold(threshold, Excursions(count, 1.5 * count * mean)) >= raised
 
 
 def test_many_excursions_stretch_the_threshold_as_they_are_larger_than_normal_ones() -> None:
-    assert as_rare(13.0, Excursions(10**9, 2.0 * 10**9)) == pytest.approx(1.5 + 2.0 * 11.5, rel=1e-6)
-    assert as_rare(13.0, Excursions(10**9, 1.0 * 10**9)) == 13.0
+    assert raise_threshold(13.0, Excursions(10**9, 2.0 * 10**9)) == pytest.approx(1.5 + 2.0 * 11.5, rel=1e-6)
+    assert raise_threshold(13.0, Excursions(10**9, 1.0 * 10**9)) == 13.0

@@ -24,20 +24,20 @@ def test_a_healthy_device_gives_no_alarm_and_a_leak_is_named_with_its_size() -> 
 
     patrol = Patrol(close_loop_twice).go_on(LEARNED + 15.0)
     watch = patrol.watch
-    assert (watch.learned, watch.alarms, patrol.faults) == (1.0, {}, [])
+    assert (watch.learned_share, watch.alarms, patrol.faults) == (1.0, {}, [])
     assert len(patrol.asked) == 1, 'the loop is closed on the healthy device, to tell what is new later'
     noise = Sensors().pressure_noise
     for name in CYLINDERS:
         residuals = np.array([value for channel, _, value in patrol.residuals if channel == name])
         assert np.std(residuals[500:]) == pytest.approx(noise, rel=0.1)
     patrol.let(leak_conductance=1e-10).go_on(2.0)
-    assert describe_diagnosis(watch.alarms['cylinder_a']) == 'is being diagnosed'
-    assert not watch.stands(watch.alarms['cylinder_a'])
+    assert describe_diagnosis(watch.alarms['cylinder_a']) == 'the diagnosis is running'
+    assert not watch.is_confirmed(watch.alarms['cylinder_a'])
     patrol.go_on(14.0)
     alarm = watch.alarms['cylinder_a']
-    assert watch.stands(alarm)
+    assert watch.is_confirmed(alarm)
     departure = watch.departure('cylinder_a')
-    assert departure.level
+    assert departure.is_mean_shift
     assert departure.shift < -300.0
     assert (alarm.since - EPOCH) / SECOND == pytest.approx(LEARNED + 15.0, abs=1.0)
     assert describe_departure(departure).startswith('cylinder A loses ')
@@ -69,8 +69,8 @@ def test_while_nothing_moves_the_words_say_at_rest() -> None:
 def test_a_sensor_that_lags_is_told_by_its_energy() -> None:
     patrol = learned().let(sensor_lag=1e-3).go_on(3.0)
     departure = patrol.watch.departure('cylinder_a')
-    assert not departure.level
-    assert describe_departure(departure).startswith('cylinder A parts from its model by ')
+    assert not departure.is_mean_shift
+    assert describe_departure(departure).startswith('cylinder A deviates from its model by ')
 
 
 def silent(sample: Sample) -> None:
@@ -114,12 +114,12 @@ def test_a_fault_of_the_feed_is_named_as_such_and_the_test_begins_anew_behind_it
     patrol = learned()
     patrol.go_on(4.0, spoil)
     assert kind in patrol.kinds
-    assert any(why.startswith(words) for why in patrol.faults), patrol.faults
+    assert any(message.startswith(words) for message in patrol.faults), patrol.faults
     settled = spoil if kind == 'clock' else lambda sample: sample
     patrol.go_on(12.0, settled)
     assert patrol.watch.faults(patrol.now) == []
     assert patrol.watch.alarms == {}
-    assert all(channel.baseline is not None for channel in patrol.watch.channels().values())
+    assert all(channel.baseline is not None for channel in patrol.watch.signals().values())
     patrol.let(leak_conductance=1e-10).go_on(3.0, settled)
     assert 'cylinder_a' in patrol.watch.alarms, 'it watches again'
 
@@ -130,7 +130,7 @@ def test_an_alarm_ends_where_its_topic_falls_silent_and_comes_back_with_another_
     later = SETTINGS.timeout + 1.0
     now = LEARNED + 3.0 + later
     assert 'silent' in {fault.kind for fault in watch.faults(now)}
-    watch.measured('cylinder_a', watch.stamp + 3600 * SECOND, 2e5, now)
+    watch.add_measurement('cylinder_a', watch.latest_stamp + 3600 * SECOND, 2e5, now)
     assert all(watch.departure(name) for name in watch.alarms)
     assert 'cylinder_a' not in watch.alarms
 
@@ -138,7 +138,7 @@ def test_an_alarm_ends_where_its_topic_falls_silent_and_comes_back_with_another_
 def test_a_diagnosis_of_a_broken_feed_names_nothing() -> None:
     patrol = Patrol(close_loop).go_on(LEARNED)
     patrol.go_on(20.0, stuck_pressure)
-    assert all(alarm.news is None for name, alarm in patrol.watch.alarms.items() if name != CONTACT_FORCE)
+    assert all(alarm.new_findings is None for name, alarm in patrol.watch.alarms.items() if name != CONTACT_FORCE)
     assert 'cylinder_a' not in patrol.watch.alarms
 
 
@@ -147,9 +147,9 @@ def test_measurements_between_the_piston_s_samples_are_compared_with_what_lies_b
     predicted, residuals = [], []
     for index in range(10):
         stamp, now = EPOCH + index * 2_000_000, index * 2e-3
-        watch.measured('cylinder_a', stamp - 1_000_000, 0.0, now)
-        predicted.append(watch.piston(stamp, 1e-5 * index, (2e5, 1.5e5), now).values[0])
-        residuals += [residual.value for residual in watch.residuals(now)]
+        watch.add_measurement('cylinder_a', stamp - 1_000_000, 0.0, now)
+        predicted.append(watch.add_piston_sample(stamp, 1e-5 * index, (2e5, 1.5e5), now).values[0])
+        residuals += [residual.value for residual in watch.new_residuals(now)]
     between = 0.5 * (np.array(predicted[1:]) + predicted[:-1])
     assert np.ptp(between) > 10.0
     assert residuals == pytest.approx(-between)
@@ -158,16 +158,16 @@ def test_measurements_between_the_piston_s_samples_are_compared_with_what_lies_b
 def test_a_topic_that_is_not_there_is_missing_and_a_force_need_not_be() -> None:
     patrol = Patrol()
     patrol.go_on(0.1, silent)
-    assert patrol.watch.missing() == ['piston_state', 'cylinder_a/pressure', 'cylinder_b/pressure']
+    assert patrol.watch.missing_topics() == ['piston_state', 'cylinder_a/pressure', 'cylinder_b/pressure']
     patrol.go_on(0.1)
-    assert patrol.watch.missing() == []
+    assert patrol.watch.missing_topics() == []
 
 
 def test_where_the_loop_knows_nothing_the_words_say_so() -> None:
     patrol = Patrol(lambda recording: Finding({}, 'the piston does not move')).go_on(LEARNED)
     patrol.let(leak_conductance=1e-10).go_on(8.0)
     assert describe_diagnosis(patrol.watch.alarms['cylinder_a']) == (
-        'which effect it is cannot be told (the piston does not move)'
+        'the cause is not determined (the piston does not move)'
     )
 
 
@@ -197,4 +197,4 @@ def test_a_displacement_that_rests_and_one_that_is_stuck_are_told_apart_also_aft
     assert patrol.kinds == set()
     patrol.go_on(8.0, stuck_piston)
     assert patrol.kinds == {'stuck'}
-    assert any('piston_state is stuck' in why for why in patrol.faults)
+    assert any('piston_state is stuck' in message for message in patrol.faults)

@@ -15,12 +15,12 @@ EPOCH = 1_700_000_000 * SECOND
 
 @given(st.lists(st.integers(-5, 3 * SECOND), min_size=1, max_size=100))
 def test_a_track_keeps_the_last_seconds_in_order(steps: list[int]) -> None:
-    track = RollingSignal(5 * SECOND)
+    signal = RollingSignal(5 * SECOND)
     stamps = (EPOCH + np.cumsum(steps)).tolist()
     for index, stamp in enumerate(stamps):
-        track.take(stamp, float(index))
+        signal.append(stamp, float(index))
     end = max(stamps)
-    kept = track.between(end - 5 * SECOND, end, EPOCH)
+    kept = signal.between(end - 5 * SECOND, end, EPOCH)
     expected = [(stamp, index) for index, stamp in enumerate(stamps) if stamp > max([-1, *stamps[:index]])]
     expected = [(stamp, index) for stamp, index in expected if stamp >= end - 5 * SECOND]
     assert np.round(kept.times * SECOND).astype(int).tolist() == [stamp - EPOCH for stamp, _ in expected]
@@ -31,12 +31,12 @@ def filled(seconds: float, force_from: float) -> Window:
     window = Window(10.0)
     for index in range(round(seconds * 100)):
         stamp = EPOCH + index * SECOND // 100
-        window.displacement.take(stamp, index * 1e-6)
-        window.pressures['cylinder_a'].take(stamp, 2e5)
+        window.displacement.append(stamp, index * 1e-6)
+        window.pressures['cylinder_a'].append(stamp, 2e5)
         if index >= force_from * 100:
-            window.force.take(stamp, 1.0)
+            window.force.append(stamp, 1.0)
         if index in (0, 100, 1800):
-            window.setpoints['cylinder_a'].take(stamp, 2e5 + index)
+            window.setpoints['cylinder_a'].append(stamp, 2e5 + index)
     return window
 
 

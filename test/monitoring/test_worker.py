@@ -120,16 +120,16 @@ def test_one_that_is_killed_again_and_again_is_started_once_in_a_while(
 ) -> None:
     assert worker.fault is None
     kill(worker)
-    worker.look_after()
+    worker.restart_if_ended()
     assert worker.is_running
     assert worker.fault == 'the diagnosis process was ended by signal 9 (Killed) and was started again'
     kill(worker)
-    worker.look_after()
+    worker.restart_if_ended()
     assert not worker.is_running
     finding = worker.diagnose(recording(), Options()).result(5.0)
     assert re.fullmatch(r'the diagnosis process was ended .*: the next start is in \d+ s', str(finding.failure))
     assert finding.ended_early
-    monkeypatch.setattr(worker_module, '_PAUSE', 0.0)
+    monkeypatch.setattr(worker_module, '_RESTART_PAUSE', 0.0)
     assert diagnosed(worker).failure is None
     assert (worker.fault, worker.restarts) == (None, 2)
 
@@ -148,8 +148,8 @@ def test_one_that_cannot_be_started_is_tried_again(monkeypatch: pytest.MonkeyPat
         reason = 'the diagnosis process cannot be started (Too many open files): the next start is in '
         assert str(finding.failure).startswith(reason)
         assert finding.ended_early
-        monkeypatch.setattr(worker_module, '_PAUSE', 0.0)
-        worker.look_after()
+        monkeypatch.setattr(worker_module, '_RESTART_PAUSE', 0.0)
+        worker.restart_if_ended()
         assert worker.is_running
         assert diagnosed(worker).failure is None
     finally:

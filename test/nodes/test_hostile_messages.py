@@ -51,7 +51,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.nodes import topics
 from cfd_pneumatic.nodes.messages import LATEST, nanoseconds, stamp_message
 from cfd_pneumatic.nodes.samples import message_class
-from cfd_pneumatic.nodes.topics import listen_to
+from cfd_pneumatic.nodes.topics import subscribe
 from cfd_pneumatic.units import PSI
 
 NUMBERS = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e155, 1e13, 5e-324, -0.0)
@@ -297,7 +297,7 @@ def test_identifier_node_refuses_what_the_system_cannot_take(
     good = {'bags': [str(tmp_path)], 'split': '60/20/20', 'apply_to': ''}
     assert graph.set_atomically(node, output_dir=str(tmp_path / 'out'), **good).successful
     for name, value, why in (
-        ('bags', ['x' * 5000], 'lies outside of input_folders'),
+        ('bags', ['x' * 5000], 'outside input_folders'),
         ('bags', [str(tmp_path / ('x' * 5000))], 'cannot be used as a path'),
         ('apply_to', '{nobody}', "parameter 'apply_to' is '{nobody}'"),
         ('apply_to', 'x' * 300, "parameter 'apply_to' is"),
@@ -357,7 +357,7 @@ def test_large_requests_leave_the_memory_alone(graph: Graph) -> None:
             client.call_async(request)
         refusal = graph.set(node, frame_id='x' * 1000)
         assert (refusal.successful, 'must have 1 to 256 characters' in refusal.reason) == (False, True)
-        assert 'must have at most 32,768' in graph.set(node, hardware_id='x' * 100_000).reason
+        assert 'the limit is 32,768' in graph.set(node, hardware_id='x' * 100_000).reason
         graph.until(lambda: memory(process.pid, 'RssAnon') < before + 100.0)
 
 
@@ -401,15 +401,15 @@ def test_no_request_about_parameters_ends_a_node(graph: Graph, nodes: dict[str, 
 def test_a_queue_shortened_for_large_messages_gets_its_depth_back(
     graph: Graph, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(topics, '_CALM', 0.5)
-    monkeypatch.setattr(topics, '_SHORT', 0)  # as if each message had waited
+    monkeypatch.setattr(topics, '_CALM_TIME', 0.5)
+    monkeypatch.setattr(topics, '_SHORT_WAIT', 0)  # as if each message had waited
     namespace = unique_namespace()
     taken: list[bytes] = []
     said: list[str] = []
     topic = f'{namespace}/text'
     out = graph.publisher(String, topic)
     with graph.run_here(Node('listener', context=graph.context)) as node:
-        listen_to(node, String, topic, taken.append, QoSProfile(depth=100), True, on_large=said.append, budget=100_000)
+        subscribe(node, String, topic, taken.append, QoSProfile(depth=100), True, on_large=said.append, budget=100_000)
 
         def depths() -> list[int]:
             return [one.qos_profile.depth for one in node.subscriptions]
@@ -420,7 +420,7 @@ def test_a_queue_shortened_for_large_messages_gets_its_depth_back(
         count = len(taken)
         graph.until(lambda: len(taken) > count, doing=lambda: out.publish(String(data='small')))
     assert len(said) == 1
-    assert 'at most 9 of them wait' in said[0]
+    assert 'At most 9 messages wait' in said[0]
 
 
 def test_a_clock_that_is_no_time_changes_nothing(graph: Graph, nodes: dict[str, str]) -> None:
@@ -447,7 +447,7 @@ def test_what_is_stamped_with_the_last_time_of_a_clock_is_survived(graph: Graph,
         )
         client.sample(SANE, 0.0)
         graph.listen(JointState, f'{device}/{PISTON_STATE}')
-        graph.until(lambda: 'no stamp is left' in rig.stderr, doing=lambda: clock.publish(last))
+        graph.until(lambda: 'exceeds what a ROS stamp can hold' in rig.stderr, doing=lambda: clock.publish(last))
         graph.until(lambda: 'played 350 samples' in rig.stderr)
 
 

@@ -200,7 +200,7 @@ def test_a_target_that_is_missing_refuses_or_is_no_simulator_is_named(
             node.set(bags=[str(bag)], output_dir=str(tmp_path / target), apply_to=f'{namespace}/{target}')
             node.identify()
             assert node.status(words).level == DiagnosticStatus.ERROR
-        assert other.status(f'{nobody} (parameter apply_to) is not there').level == DiagnosticStatus.ERROR
+        assert other.status(f'{nobody} (parameter apply_to) does not answer').level == DiagnosticStatus.ERROR
         assert other.result()['schema'] == 1, 'the report is there all the same'
 
 

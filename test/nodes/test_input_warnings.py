@@ -25,7 +25,7 @@ from cfd_pneumatic.device import Device, IdentifiedRange
 from cfd_pneumatic.nodes.input_range import InputRange
 from cfd_pneumatic.nodes.messages import COMMAND_QOS, stamp_message
 from cfd_pneumatic.nodes.parameter_files import unread_files
-from cfd_pneumatic.nodes.topics import listen_to_held
+from cfd_pneumatic.nodes.topics import subscribe_latched
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.units import PSI
 
@@ -99,7 +99,7 @@ def warns_while(sim: SimClient, words: str, doing: Callable[[], None]) -> None:
     ('position', 'words'),
     [
         (lambda time: 1.0 + 0.01 * np.sin(time), 'which looks like millimetres: publish metres'),
-        (lambda time: 4e-3, 'outside of the identified 0 to 0.003 m'),
+        (lambda time: 4e-3, 'outside the identified 0 to 0.003 m'),
         (lambda time: 1.5e-3 + 1.4e-3 * np.sin(150.0 * time), 'faster than the identified 0.1 m/s'),
     ],
 )
@@ -116,7 +116,7 @@ def test_displacements_beyond_what_was_identified_are_a_warning(
         (10.0, 'looks like psi'),
         (69.0, 'looks like kPa'),
         (690.0, 'looks like mbar'),
-        (30 * PSI, f'outside of the identified {5 * PSI:.6g} to {15 * PSI:.6g} Pa'),
+        (30 * PSI, f'outside the identified {5 * PSI:.6g} to {15 * PSI:.6g} Pa'),
     ],
 )
 def test_set_points_that_are_none_are_a_warning(sim: SimClient, setpoint: float, words: str) -> None:
@@ -159,7 +159,7 @@ def test_a_best_effort_set_point_is_a_warning_while_somebody_publishes_it(graph:
     topic = sim.setpoints_out[0].topic_name
     other = graph.node.create_publisher(Float64, topic, BEST_EFFORT)
     for _ in range(3):
-        status = report(sim, lambda one: 'is best effort, and so not heard' in one.message, following(sim))
+        status = report(sim, lambda one: 'is best effort, and not received' in one.message, following(sim))
         assert status.level == status.WARN
         assert setpoint_topic(CYLINDERS[0]) in status.message
     graph.node.destroy_publisher(other)
@@ -191,7 +191,7 @@ def test_other_joints_on_the_topic_are_no_warning(graph: Graph, sim: SimClient) 
 def test_a_best_effort_force_set_point_is_a_warning_while_somebody_publishes_it(graph: Graph, sim: SimClient) -> None:
     other = graph.node.create_publisher(Float64, sim.force_out.topic_name, BEST_EFFORT)
     for _ in range(3):
-        status = report(sim, lambda one: 'is best effort, and so not heard' in one.message, following(sim))
+        status = report(sim, lambda one: 'is best effort, and not received' in one.message, following(sim))
         assert FORCE_SETPOINT in status.message
     graph.node.destroy_publisher(other)
     report(sim, lambda one: one.level == one.OK, following(sim))
@@ -204,7 +204,7 @@ def test_a_wrong_message_type_is_named_while_somebody_publishes_it(graph: Graph,
     other = Node('wrong_type', context=context)
     publisher = other.create_publisher(Float32, f'{sim.node.rpartition("/")[0]}/{topic}', QoSProfile(depth=1))
     expected = 'sensor_msgs/msg/JointState' if topic == PISTON_STATE else 'std_msgs/msg/Float64'
-    message = f'{topic} of /wrong_type is std_msgs/msg/Float32, and so not heard: publish {expected}'
+    message = f'{topic} of /wrong_type is std_msgs/msg/Float32, and not received: publish {expected}'
     for _ in range(3):
         status = report(sim, lambda one: message in one.message, following(sim))
         assert status.level == status.WARN
@@ -315,7 +315,9 @@ def test_a_file_for_another_node_only_is_a_warning(graph: Graph, described: Path
     namespace = unique_namespace()
     overlay = tmp_path / 'overlay.yaml'
     overlay.write_text('/cell_7/sim_node:\n  ros__parameters: {joint: slide}\n')
-    warning = f'{overlay} has parameters for /cell_7/sim_node, and not for {namespace}/sim_node: let it begin with /**:'
+    warning = (
+        f'{overlay} has parameters for /cell_7/sim_node, and not for {namespace}/sim_node: begin the file with /**:'
+    )
     for others in (['--params-file', str(described)], []):
         with graph.run('sim_node', [*ros_arguments(namespace), *others, '--params-file', str(overlay)]):
             status = graph.next_diagnostics(f'{namespace}/sim_node', lambda one: 'no piston_state' in one.message)
@@ -431,7 +433,7 @@ def test_a_value_that_two_subscriptions_hear_counts_once(graph: Graph, latched: 
     out = graph.node.create_publisher(Float64, topic, LATCHED if latched else QoSProfile(depth=100))
     taken: list[float] = []
     with graph.run_here(Node('listener', context=graph.context)) as node:
-        listen_to_held(node, Float64, topic, lambda message: taken.append(message.data), COMMAND_QOS)
+        subscribe_latched(node, Float64, topic, lambda message: taken.append(message.data), COMMAND_QOS)
         graph.until(lambda: out.get_subscription_count() == 1 + latched)
         sent = [float(index) for index in range(20)]
 
@@ -587,11 +589,11 @@ def test_noise_at_rest_is_no_speed() -> None:
         ((171e3, 137e3), []),
         (
             (171.0, 137.0),
-            ['cylinder_a is 171 Pa, outside of the identified 155000 to 198000 Pa: it looks like kPa', 'kPa'],
+            ['cylinder_a is 171 Pa, outside the identified 155000 to 198000 Pa: it looks like kPa', 'kPa'],
         ),
         ((171e3 - AMBIENT_PRESSURE, 137e3), ['155000 to 198000 Pa: it looks like gauge pressure, publish absolute Pa']),
         ((137e3, 171e3), ['the measured pressures of cylinder_a and cylinder_b look swapped']),
-        ((171e3, 0.0), ['cylinder_b is 0 Pa, outside of the identified 126000 to 149000 Pa: check the sensor']),
+        ((171e3, 0.0), ['cylinder_b is 0 Pa, outside the identified 126000 to 149000 Pa: check the sensor']),
     ],
 )
 def test_measured_pressures_are_compared(measured: tuple[float, float], warnings: list[str]) -> None:

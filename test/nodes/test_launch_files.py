@@ -161,5 +161,5 @@ def test_the_identifier_waits_for_bags_where_none_are_given(graph, workspace):
 def test_a_relative_namespace_is_refused(workspace, argument):
     with launched(workspace, 'sim', f'{argument}:=cell_7') as process:
         said = process.communicate(timeout=allowed())[0]
-    assert f'{argument}:=cell_7 is to begin with a slash: {argument}:=/cell_7' in said
+    assert f'{argument}:=cell_7 must begin with a slash: use {argument}:=/cell_7' in said
     assert process.returncode != 0

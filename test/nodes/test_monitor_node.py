@@ -160,12 +160,12 @@ def test_a_leak_that_appears_is_named_and_samples_that_are_lost_are_counted(grap
         return latest[-1]
 
     with graph.run('monitor_node', beside(own, real, identified)) as process, device(real) as rig:
-        assert status('cylinder_a', 'learning what its model usually leaves').level == DiagnosticStatus.OK
+        assert status('cylinder_a', 'learning the usual residual').level == DiagnosticStatus.OK
         assert status('cylinder_a', 'agrees with its model').level == DiagnosticStatus.OK
         assert graph.set(f'{real}/rig_node', faults=LEAK).successful
         alarm = status('cylinder_a', 'cylinder A loses ')
         assert alarm.level == DiagnosticStatus.WARN
-        what = r'cylinder A loses [\d.]+ Pa more than its model (on the average|at rest): is being diagnosed'
+        what = r'cylinder A loses [\d.]+ Pa more than its model (on average|at rest): the diagnosis is running'
         assert re.fullmatch(what, alarm.message), 'as the piston moves or rests just then'
         named = sooner_or_later('cylinder_a', 'looks like leakage (conductance ')
         assert named.level == DiagnosticStatus.ERROR

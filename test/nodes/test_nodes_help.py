@@ -46,9 +46,9 @@ def test_it_says_its_version_without_ros(
 @pytest.mark.parametrize(
     ('name', 'line'),
     [
-        ('sim_node', 'timeout (0.5): silence of piston_state that /diagnostics calls an error [s]'),
-        ('monitor_node', 'learning (300): how long is learned what the model usually leaves [s]'),
-        ('rig_node', 'sample_rate (500): samples in a second [Hz]'),
+        ('sim_node', 'timeout (0.5): silence of piston_state after which /diagnostics reports an error [s]'),
+        ('monitor_node', 'learning (300): how long the usual residuals are learned [s]'),
+        ('rig_node', 'sample_rate (500): samples per second [Hz]'),
         ('recorder_node', 'storage (mcap): storage of the bag; mcap or sqlite3'),
         ('identifier_node', 'split (60/20/20): percent of train, validation and test'),
     ],
@@ -70,7 +70,7 @@ def test_the_examples_come_up_together_and_end(graph: Graph, examples) -> None:
     try:
         graph.until(lambda: set(NODES) <= set(graph.node.get_node_names()))
         # the rig moves farther than it did while the device was identified
-        graph.next_diagnostics('/cfd/sim/sim_node', lambda status: 'outside of the identified' in status.message)
+        graph.next_diagnostics('/cfd/sim/sim_node', lambda status: 'outside the identified' in status.message)
         graph.next_diagnostics('/cfd/monitor/monitor_node', lambda status: 'learning' in status.message)
         for process in running.values():
             process.send_signal(signal.SIGINT)

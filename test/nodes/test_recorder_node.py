@@ -265,7 +265,7 @@ def test_on_a_full_disk_it_ends_in_one_line_and_leaves_what_is_written(graph: Gr
         graph.until(lambda: process.exit_code is not None, doing=burst)
         process.wait()
         assert process.exit_code == 2
-        assert process.stderr.endswith(f'choose another folder; what was recorded before is in {bag}\n')
+        assert process.stderr.endswith(f'choose another folder; the messages before the error are in {bag}\n')
         assert 'Traceback' not in process.stderr
         assert 'is cut off: salvaged' in Bag(bag).notes[0]
     finally:

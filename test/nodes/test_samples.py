@@ -32,7 +32,7 @@ from cfd_pneumatic.nodes.samples import (
 )
 
 STAMPS = st.integers(0, 2**31 * 10**9 - 1)
-WARNING = 'is serialised otherwise than expected here: messages are made one by one, which takes longer'
+WARNING = 'is serialised in an unexpected layout. rclpy handles its messages, which takes longer'
 
 
 class Logger:
@@ -62,7 +62,7 @@ def tools(request: pytest.FixtureRequest) -> Tools:
     node = Logger()
     with pytest.MonkeyPatch.context() as patch:
         if request.param == 'messages':
-            patch.setattr(samples._ByLayout, 'read', lambda *_: None)
+            patch.setattr(samples._LayoutReader, 'read', lambda *_: None)
             patch.setattr(Form, 'filled', lambda *_: b'nonsense')
         made = Tools(
             joint_reader(node, 'piston'),

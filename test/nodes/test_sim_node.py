@@ -72,7 +72,7 @@ SimNode._commit = lambda *given: (time.sleep(2e-3), commit(*given))
 
 SERIALISED_OTHERWISE = """\
 from cfd_pneumatic.nodes import samples
-samples._ByLayout.read = lambda *_: None
+samples._LayoutReader.read = lambda *_: None
 samples.Form.filled = lambda *_: b'nonsense'
 """
 
@@ -691,17 +691,17 @@ def test_a_good_value_acts_from_the_next_sample(sim: SimClient) -> None:
     ('cylinder_b__setpoints', [4e4, 3e4, 5e4, 6e4], 'cylinder_b.setpoints must be finite and strictly increasing'),
     ('cylinder_b__k_sv', [100.0, math.nan, 100.0, 100.0], 'cylinder_b.k_sv[1] = nan is outside 0.001 to 5000 1/s'),
     ('cylinder_b__tau', [0.01, 0.01, 0.01, -1.0], 'cylinder_b.tau[3] = -1 is outside 1e-05 to 100 s'),
-    ('cylinder_a__k_x', [4, 4, 4, 4], 'cylinder_a.k_x is INTEGER_ARRAY where DOUBLE_ARRAY belongs (write 1.0 for 1)'),
-    ('cylinder_a__k_x', 4e6, 'cylinder_a.k_x is DOUBLE where DOUBLE_ARRAY belongs'),
-    ('cylinder_a__k_x', ['fast'], 'cylinder_a.k_x is STRING_ARRAY where'),
-    ('max_gap', 1, 'max_gap is INTEGER where DOUBLE belongs (write 1.0 for 1)'),
-    ('axis', True, 'axis is BOOL where STRING belongs (quote it'),
+    ('cylinder_a__k_x', [4, 4, 4, 4], 'cylinder_a.k_x is INTEGER_ARRAY, and must be DOUBLE_ARRAY (write 1.0 for 1)'),
+    ('cylinder_a__k_x', 4e6, 'cylinder_a.k_x is DOUBLE, and must be DOUBLE_ARRAY'),
+    ('cylinder_a__k_x', ['fast'], 'cylinder_a.k_x is STRING_ARRAY, and must be'),
+    ('max_gap', 1, 'max_gap is INTEGER, and must be DOUBLE (write 1.0 for 1)'),
+    ('axis', True, 'axis is BOOL, and must be STRING (quote it'),
     ('max_gap', math.nan, 'max_gap out of range'),
     ('area', -1.0, 'area out of range'),
     ('geometric_factor', 0.0, 'geometric_factor is 0'),
     ('axis', 'w', "axis 'w' is not one of x, y, z"),
     ('frame_id', '', 'frame_id has 0 characters'),
-    ('stroke_lower', 1.0, 'stroke_lower 1 m does not lie below stroke_upper 1 m'),
+    ('stroke_lower', 1.0, 'stroke_lower 1 m is not below stroke_upper 1 m'),
     ('cylinder_b__enabled', False, 'read-only parameter: cylinder_b.enabled'),
     ('preview_period', 1.0, 'read-only parameter: preview_period'),
 ])  # fmt: skip
@@ -760,7 +760,7 @@ def test_values_that_nobody_gave_are_told(graph: Graph, tmp_path: Path) -> None:
         graph.discover(SetParameters, *(f'{node}/set_parameters' for node, _ in with_some))
         for node, process in with_some:
             assert told(node) == ('area, cylinder_a.k_v, cylinder_b.tau', 'cylinder_b.k_sv')
-            assert process.stderr.count('no recording told cylinder_b.k_sv') == 1
+            assert process.stderr.count('not identifiable: cylinder_b.k_sv') == 1
             assert process.stderr.count('not given: area, cylinder_a.k_v, cylinder_b.tau; ') == 1
             assert graph.set(node, area=1.2e-3).successful
             assert graph.set(node, cylinder_b__tau=[0.02]).successful
@@ -785,7 +785,7 @@ BAD_FILES = (
      'cylinder_a.enabled and cylinder_b.enabled are both false: leave one of them true'),
     ('    axis: w\n', "axis 'w' is not one of x, y, z"),
     ("    frame_id: ''\n", 'frame_id has 0 characters'),
-    ('    stroke_lower: 2.0\n', 'stroke_lower 2 m does not lie below stroke_upper 1 m'),
+    ('    stroke_lower: 2.0\n', 'stroke_lower 2 m is not below stroke_upper 1 m'),
     ('    max_gap: 1\n', "'max_gap' to '1' of type 'INTEGER', expecting type 'DOUBLE': max_gap (write 1.0 for 1)"),
     ('    qos_overrides:\n      /piston_state:\n        subscription:\n          reliability: perhaps\n',
      'piston_state: Unexpected QoS override'),
@@ -865,7 +865,7 @@ def test_who_compiles_and_who_waits_for_a_compiler_says_so(graph: Graph, tmp_pat
     """On diagnostics until it is heard: the middleware meets a new node up to three seconds late."""
     cache, namespace = {'NUMBA_CACHE_DIR': str(tmp_path)}, unique_namespace()
     with graph.run('sim_node', ros_arguments(namespace), environment=cache) as compiling:
-        graph.until(lambda: f'compiling the model, once: it is kept in {tmp_path}' in compiling.stderr)  # and is ended
+        graph.until(lambda: f'compiling the model, once: the cache is {tmp_path}' in compiling.stderr)  # and is ended
     with ExitStack() as stack:
         for path in tmp_path.rglob('compiling.lock'):
             fcntl.flock(stack.enter_context(path.open('w')), fcntl.LOCK_EX)
@@ -909,6 +909,6 @@ def test_a_middleware_that_serialises_otherwise_is_answered_by_messages(graph: G
         for stamp, position in stroke(20):
             answer = sim.sample(stamp, position)
             assert (answer[PRESSURE_A], answer[PRESSURE_B]) == expected(live, stamp, position, (REST, REST))
-        assert process.stderr.count('is serialised otherwise than expected here') == len(
+        assert process.stderr.count('is serialised in an unexpected layout') == len(
             ['JointState', 'FluidPressure', 'WrenchStamped']
         )

@@ -233,11 +233,11 @@ def test_previews_read_the_sensor_too(sim: SimClient) -> None:
 @pytest.mark.parametrize(('name', 'value', 'reason'), [
     ('cylinder_a.leakage.conductance', -0.1, 'cylinder_a.leakage.conductance out of range Min: 0.0, Max: 100.0'),
     ('cylinder_a.leakage.conductance', math.nan, 'cylinder_a.leakage.conductance out of range'),
-    ('cylinder_a.leakage.conductance', 1, 'leakage.conductance is INTEGER where DOUBLE belongs (write 1.0 for 1)'),
-    ('cylinder_a.leakage.enabled', 1, 'cylinder_a.leakage.enabled is INTEGER where BOOL belongs'),
+    ('cylinder_a.leakage.conductance', 1, 'leakage.conductance is INTEGER, and must be DOUBLE (write 1.0 for 1)'),
+    ('cylinder_a.leakage.enabled', 1, 'cylinder_a.leakage.enabled is INTEGER, and must be BOOL'),
     ('cylinder_a.transport_delay.delay', 0.6, 'cylinder_a.transport_delay.delay out of range Min: -0.02, Max: 0.5'),
     ('contact_force.seal_friction.coulomb', -1.0, 'contact_force.seal_friction.coulomb out of range Min: 0.0'),
-    ('contact_force.moving_mass.enabled', 1, 'contact_force.moving_mass.enabled is INTEGER where BOOL belongs'),
+    ('contact_force.moving_mass.enabled', 1, 'contact_force.moving_mass.enabled is INTEGER, and must be BOOL'),
     ('contact_force.seal_play', -1e-6, 'contact_force.seal_play out of range Min: 0.0, Max: 0.001'),
 ])  # fmt: skip
 def test_a_bad_value_is_rejected_with_its_reason_and_the_old_one_kept(

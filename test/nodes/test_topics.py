@@ -14,7 +14,7 @@ from graph import Graph, ros_arguments
 from cfd_pneumatic.convention import MONITOR_INPUTS, SIM_INPUTS
 from cfd_pneumatic.model import TABLE_1
 from cfd_pneumatic.nodes import topics
-from cfd_pneumatic.nodes.topics import Counting, Queue
+from cfd_pneumatic.nodes.topics import Backlog, LossCounter
 from cfd_pneumatic.rig import SCHEDULES, schedule_named
 from studies.documents.layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
 
@@ -61,15 +61,15 @@ def test_what_the_layout_of_a_cell_shows_is_published(cell):
 @pytest.fixture
 def standing(monkeypatch):
     """Let what waits be shed after a tenth of a second."""
-    monkeypatch.setattr(topics, '_STANDING', 100_000_000)
+    monkeypatch.setattr(topics, '_STALE_AFTER', 100_000_000)
 
 
 @pytest.mark.usefixtures('standing')
 def test_what_waits_too_long_is_shed_until_little_waits():
-    queue = Queue()
+    backlog = Backlog()
 
     def stands(waited: float) -> bool:
-        return queue.stands(time.time_ns() - round(waited * 1e9))
+        return backlog.is_stale(time.time_ns() - round(waited * 1e9))
 
     assert not stands(0.3)  # as behind a process that stood still
     time.sleep(0.15)
@@ -83,7 +83,7 @@ def test_what_waits_too_long_is_shed_until_little_waits():
 def test_whatever_is_shed_is_told_though_nothing_comes_after_it():
     lost: list[int] = []
     taken: list[int] = []
-    count = Counting(taken.append, lost.append, lambda: 1, Queue())
+    count = LossCounter(taken.append, lost.append, lambda: 1, Backlog())
 
     def send(numbers: range) -> None:
         for number in numbers:
