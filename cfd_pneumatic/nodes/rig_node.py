@@ -65,10 +65,10 @@ class Commanded:
         """Let effects appear, grow or go before the next sample."""
         self._bench.change(parameters)
 
-    def take(self, samples: int) -> RigRecord:
+    def advance(self, samples: int) -> RigRecord:
         """Return the next samples."""
         positions, velocities = self.piston.move(samples * _KNOTS, self._bench.sampling_period / _KNOTS)
-        return self._bench.take(positions, velocities, [self.setpoints] * samples)
+        return self._bench.advance(positions, velocities, [self.setpoints] * samples)
 
 
 class RigNode(BoundedNode):
@@ -298,7 +298,7 @@ class RigNode(BoundedNode):
         for _ in range(min(due - self._published, _BURST)):
             if not self._play.remaining:
                 break
-            self._publish(self._play.take(1))
+            self._publish(self._play.advance(1))
             self._announce()
         if not self._play.remaining:
             self._finish()
