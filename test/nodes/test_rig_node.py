@@ -293,7 +293,7 @@ def test_every_parameter_is_described() -> None:
         ({'sample_rate': 0.0}, InvalidParameterValueException, 'sample_rate'),
         ({'device': 'best'}, InputError, "device 'best' is not known: use one of real, paper"),
         ({'faults': 'effects_a.leak=1e-10'}, InputError, 'effects_a.leak is not known'),
-        ({'faults': 'seal.coulomb=1.0'}, InputError, 'seal.coulomb cannot change'),
+        ({'faults': 'seal.coulomb=1.0'}, InputError, 'seal.coulomb cannot be a fault'),
         ({'faults': 'effects_a.dead_band=many'}, InputError, "'effects_a.dead_band=many' must be NAME=NUMBER"),
         ({'faults': 'effects_a.dead_band=-5.0'}, InputError, 'give a positive number'),
         ({'faults': 'a leak'}, InputError, "'a' must be NAME=NUMBER"),
