@@ -43,7 +43,7 @@ Job = Callable[[], object]
 
 def simulating(samples: int, folder: Path, slopes: bool) -> Job:
     inputs = record(samples)
-    return lambda: Course(GAINS, SETPOINT).follow(*inputs, slopes=slopes)
+    return lambda: Course(GAINS, SETPOINT).simulate_piece(*inputs, slopes=slopes)
 
 
 def fitting(samples: int, folder: Path) -> Job:

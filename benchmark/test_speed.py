@@ -114,7 +114,7 @@ def test_simulation_of_irregular_times(benchmark, samples):
 @pytest.mark.parametrize('samples', LENGTHS)
 def test_simulation_with_sensitivities(benchmark, samples):
     groups(benchmark, 'simulate', samples)
-    benchmark(lambda: Course(GAINS, SETPOINT).follow(*record(samples)))
+    benchmark(lambda: Course(GAINS, SETPOINT).simulate_piece(*record(samples)))
 
 
 @pytest.mark.parametrize('samples', LENGTHS[:2])

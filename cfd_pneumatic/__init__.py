@@ -2,7 +2,7 @@
 """
 Simulate, identify and watch a pneumatic constant-force device.
 
-`import cfd_pneumatic as cfd` offers the names of `__all__`. Each is loaded when it is first asked for.
+`import cfd_pneumatic as cfd` offers the names of `__all__`. Each name is loaded on first access.
 """
 
 from __future__ import annotations
@@ -52,5 +52,5 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    """Return the names that are offered."""
+    """Return the public names."""
     return sorted([*__all__, '__version__', '__doc__'])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Check the arguments that users pass in Python: a wrong type is an `InputError` with one clear line."""
+"""Checks of arguments of the Python interface; a wrong type is an `InputError` with a clear line."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from cfd_pneumatic.errors import InputError
 
 def check_type(name: str, value: object, types: type | tuple[type, ...], wanted: str) -> None:
     """
-    Refuse an argument that has none of some types.
+    Refuse an argument of a wrong type.
 
     Parameters
     ----------
     name
         Name of the argument.
     value
-        What the user passed.
+        Value that the user passed.
     types
-        Types that are accepted.
+        Accepted types.
     wanted
-        The types for people, with an article: `a recording`.
+        Accepted types in the message, with an article: `a recording`.
 
     Raises
     ------
     InputError
-        If the type differs.
+        If the type is wrong.
 
     """
     if not isinstance(value, types):
@@ -37,25 +37,25 @@ def check_type(name: str, value: object, types: type | tuple[type, ...], wanted:
 
 
 def check_number(name: str, value: object) -> None:
-    """Refuse an argument that is no number; its range is checked elsewhere."""
+    """Refuse an argument that is not a number; its range is checked elsewhere."""
     if isinstance(value, bool):
         raise InputError(f'{name} must be a number, not {value}')
     check_type(name, value, Real, 'a number')
 
 
 def check_numbers(*, optional: bool = False, **values: object) -> None:
-    """Refuse arguments that are no numbers, or None if they are optional."""
+    """Refuse arguments that are not numbers; None is accepted if they are optional."""
     for name, value in values.items():
         if not (optional and value is None):
             check_number(name, value)
 
 
 def check_switches(**values: object) -> None:
-    """Refuse arguments that are neither true nor false: any text would count as true."""
+    """Refuse arguments that are not True or False, because any text would count as true."""
     for name, value in values.items():
         check_type(name, value, (bool, np.bool_), 'True or False')
 
 
 def check_path(name: str, value: object) -> None:
-    """Refuse an argument that is no path."""
+    """Refuse an argument that is not a path."""
     check_type(name, value, (str, os.PathLike), 'a path')

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Names that the nodes, the recordings and the rig agree on.
+Names and defaults that nodes, recordings and rig share.
 
-Topic names are relative: a namespace tells the real device (``/cfd/device``) from its simulator (``/cfd/sim``). A
-signal that is recorded is a row of `ROLES`; what reads, writes, maps, compares and documents signals goes by that.
+Topic names are relative; the namespace distinguishes the real device (``/cfd/device``) from its simulator
+(``/cfd/sim``). Each recorded signal is a row of `ROLES`, which all code that handles signals uses.
 """
 
 from __future__ import annotations
@@ -26,31 +26,31 @@ PISTON_JOINT = 'piston'
 """Default name of the joint in `PISTON_STATE`."""
 
 PREDICTED = 'predicted/'
-"""What the monitor's model predicts is published below this name, under the names that it is measured by."""
+"""Prefix of the topics of predictions, which have the names of the measured topics."""
 
 PREVIEW = 'preview/'
-"""Where pressures and force go while the piston is silent is published below this name."""
+"""Prefix of the topics of pressures and force while no piston sample arrives."""
 
 AMBIENT_PRESSURE = 101_325.0
 """Default ambient pressure, absolute [Pa]."""
 
 AMBIENT_PRESSURES = (1e4, 2e5)
-"""The lowest and the highest ambient pressure that is believed, absolute [Pa]."""
+"""The lowest and the highest plausible ambient pressure, absolute [Pa]."""
 
 SUPPLY_PRESSURE = 517_106.8
-"""Default supply pressure, gauge: 75 psi, as the paper has it [Pa]. A set-point above it is refused."""
+"""Default supply pressure, gauge, of the paper: 75 psi [Pa]. A set-point above the supply pressure is refused."""
 
 PISTON_AREA = 1.14e-3
 """Default area of either piston [m^2]."""
 
 AREAS = (1e-6, 1.0)
-"""The smallest and the largest area of a piston that is believed [m^2]."""
+"""The smallest and the largest plausible area of a piston [m^2]."""
 
 FACTORS = (-1e3, 1e3)
-"""The smallest and the largest geometric factor that is believed, contact force over piston force [-]."""
+"""The smallest and the largest plausible geometric factor, contact force / piston force [-]."""
 
 SCHEDULE_COLUMNS = ('time_s', 'displacement_m', 'velocity_m_per_s', 'cylinder_a_setpoint_pa', 'cylinder_b_setpoint_pa')
-"""Head of a schedule in a file: set-points are gauge and hold from their time on."""
+"""Header of a schedule in a file; set-points are gauge and hold from their time on."""
 
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -59,30 +59,30 @@ WRENCH_STAMPED = 'geometry_msgs/msg/WrenchStamped'
 FLOAT64 = 'std_msgs/msg/Float64'
 
 EITHER = 'cylinder_*'
-"""Stands for the name of either cylinder in what is said of both."""
+"""Placeholder for the name of a cylinder in names and texts for both cylinders."""
 
 
 @dataclass(frozen=True)
 class Role:
     """
-    What a recorded signal is.
+    Meaning and topic of a recorded signal.
 
     Attributes
     ----------
     name : str
-        In mappings and messages for people.
+        Name in mappings and messages for people.
     topic : str
-        On which it is; of a cylinder's with `EITHER` in the cylinder's place.
+        Topic, with `EITHER` in place of a cylinder's name.
     msgtype : str
         Type of the messages.
     quantity : str
         `length`, `pressure` or `force`.
     meaning : str
-        What the topic carries, with its unit.
+        Content of the topic, with its unit.
     held : bool
-        Whether a value holds until the next.
+        Whether a value holds until the next value.
     gauge : bool
-        Whether pressures in messages are above ambient.
+        Whether pressures in messages are gauge pressures.
 
     """
 
@@ -96,11 +96,11 @@ class Role:
 
     @property
     def of_cylinder(self) -> bool:
-        """Whether each cylinder has one."""
+        """Whether each cylinder has such a signal."""
         return EITHER in self.topic
 
     def topic_of(self, cylinder: str | None = None) -> str:
-        """Return the topic, of a cylinder where each has one."""
+        """Return the topic; that of a cylinder if each cylinder has such a signal."""
         return self.topic.replace(EITHER, cylinder or EITHER)
 
 
@@ -142,11 +142,11 @@ ROLES: Mapping[str, Role] = {
             MEASURED_FORCE,
             WRENCH_STAMPED,
             'force',
-            'contact force [N] that a load cell reads, along the parameter `axis`, or x where a node has none',
+            'contact force [N] of a load cell, along the parameter `axis`, or along x in a node without `axis`',
         ),
     )
 }
-"""By their names. One that no field of a `Recording` is for stands in its `others`."""
+"""Roles by name. A signal without a field of `Recording` is in `Recording.others`."""
 
 
 def pressure_topic(cylinder: str) -> str:
@@ -165,30 +165,30 @@ def setpoint_applied_topic(cylinder: str) -> str:
 
 
 def residual_topic(name: str) -> str:
-    """Return the topic of what is measured less what the model predicts, of a cylinder or of `CONTACT_FORCE`."""
+    """Return the topic of measured minus predicted values, of a cylinder or of `CONTACT_FORCE`."""
     return f'{name}/residual'
 
 
 MODEL_INPUTS = (PISTON_STATE, *map(setpoint_topic, CYLINDERS))
-"""What drives the model, and so is read from the device."""
+"""Topics of the model's inputs, which are read from the device."""
 
 SIM_INPUTS = (*MODEL_INPUTS, FORCE_SETPOINT)
-"""What `sim_node` hears."""
+"""Topics to which `sim_node` subscribes."""
 
 MONITOR_INPUTS = (*MODEL_INPUTS, *map(pressure_topic, CYLINDERS), MEASURED_FORCE)
-"""What `monitor_node` hears."""
+"""Topics to which `monitor_node` subscribes."""
 
 TOPICS = {
     **{role.topic: role.meaning for role in ROLES.values()},
-    PISTON_COMMAND: 'displacement that the rig moves its piston to [m]',
-    residual_topic(EITHER): 'measured less predicted pressure, a difference [Pa]',
-    FORCE_SETPOINT: 'desired contact force [N], made a pair of set-points about `bias_pressure`; the last writer wins',
-    CONTACT_FORCE: 'contact force [N] that the pressures make, along `axis` of `frame_id`',
-    residual_topic(CONTACT_FORCE): 'measured less predicted contact force [N]',
-    RESULT: 'report.json of the last identification; latched: who comes later gets it too',
-    DIAGNOSTICS: 'state of the node, counts, and in words what is wrong',
+    PISTON_COMMAND: "target displacement of the rig's piston [m]",
+    residual_topic(EITHER): 'measured minus predicted pressure, a difference [Pa]',
+    FORCE_SETPOINT: 'desired contact force [N], converted to set-points about `bias_pressure`; the last message wins',
+    CONTACT_FORCE: 'contact force [N] of the pressures, along `axis` of `frame_id`',
+    residual_topic(CONTACT_FORCE): 'measured minus predicted contact force [N]',
+    RESULT: 'report.json of the last identification; latched, so that late subscribers receive it',
+    DIAGNOSTICS: 'state of the node, counts, and a message about each fault',
 }
-"""What each topic carries, with its unit."""
+"""Content of each topic, with its unit."""
 
 _TYPES = {
     **{role.topic: role.msgtype for role in ROLES.values()},
@@ -201,28 +201,28 @@ _TYPES = {
 
 
 def expected_type(topic: str) -> str | None:
-    """Return the message type of a topic of the convention, given in any namespace; None of another topic."""
+    """Return the message type of a topic of the convention in any namespace; None for another topic."""
     name = f'/{topic}'
     for cylinder in CYLINDERS:
         name = name.replace(f'/{cylinder}/', f'/{EITHER}/')
     return next((msgtype for known, msgtype in _TYPES.items() if name.endswith(f'/{known}')), None)
 
 
-_BELOW = {PREDICTED: 'predicted: ', PREVIEW: 'while `piston_state` is silent, with the piston held: '}
+_PREFIX_MEANINGS = {PREDICTED: 'predicted: ', PREVIEW: 'while no `piston_state` arrives, with the piston at rest: '}
 
 
 def meaning(topic: str) -> str:
     """
-    Return what a topic carries, by its name without the device's namespace.
+    Return the content of a topic, by its name without the device's namespace.
 
     Raises
     ------
     KeyError
-        If it is no topic of ours.
+        If the topic is not part of the convention.
 
     """
-    below = next((below for below in _BELOW if topic.startswith(below)), '')
-    name = topic[len(below) :]
+    prefix = next((prefix for prefix in _PREFIX_MEANINGS if topic.startswith(prefix)), '')
+    name = topic[len(prefix) :]
     for cylinder in CYLINDERS:
         name = name.replace(cylinder, EITHER)
-    return _BELOW.get(below, '') + TOPICS[name]
+    return _PREFIX_MEANINGS.get(prefix, '') + TOPICS[name]

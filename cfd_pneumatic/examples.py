@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-An example for each program, as its `--help` shows it and as a shell takes it.
+An example for each program, as its `--help` shows it and as a shell runs it.
 
-They follow each other in one folder, in this order; the tests run them.
+The examples run in this order in a folder; the tests run them.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ t_ms,stroke_mm,p_psi,set_psi,load_N
 END
 cat > press.yaml <<END
 table: {time: {column: t_ms, unit: ms}, delimiter: comma, header_rows: 1}
-displacement: {column: stroke_mm, unit: mm, sign: 1}  # -1 where it is counted the other way
-cylinder_a:  # and so cylinder_b, where there is a second one
+displacement: {column: stroke_mm, unit: mm, sign: 1}  # -1 if it is counted the other way
+cylinder_a:  # likewise cylinder_b, if there is a second cylinder
   pressure: {column: p_psi, unit: psi, reference: gauge}  # or absolute
   setpoint: {column: set_psi, unit: psi, reference: gauge}
 force: {column: load_N, unit: N}
@@ -81,9 +81,9 @@ recorder_node --ros-args -p output:=cell_bag \\
 identifier_node --ros-args -r __ns:=/cfd -p bags:=[rig_bag] -p output_dir:=found -p close_loop:=true
 """,
 }
-"""Example by program."""
+"""Examples by program."""
 
 
 def example_of(program: str) -> str:
-    """Return the example of a program, as it stands at the end of its help."""
+    """Return the example of a program, as the end of its help shows it."""
     return f'example:\n\n{EXAMPLES[program]}'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Properties that are computed, and names of packages that are loaded, when they are first asked for."""
+"""Properties that are computed on first access, and packages that load their names on first access."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ class lazy_property(Generic[Value]):  # noqa: N801  # read as a decorator
     """
     A property that is computed once.
 
-    As `functools.cached_property` is from Python 3.12 on. Before, all instances of a class share its lock: threads that
-    compute it for one instance wait for one that computes it for another. Here two threads that ask one instance at
-    once may both compute it.
+    The behaviour is that of `functools.cached_property` from Python 3.12 on. In older versions all instances share a
+    lock, so that threads wait for each other. Without the lock two threads may both compute the property of an
+    instance.
     """
 
     def __init__(self, compute: Callable[[Any], Value]) -> None:
@@ -27,7 +27,7 @@ class lazy_property(Generic[Value]):  # noqa: N801  # read as a decorator
         self.__doc__ = compute.__doc__
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Remember what it is called."""
+        """Store the name of the property."""
         self._name = name
 
     @overload
@@ -37,7 +37,7 @@ class lazy_property(Generic[Value]):  # noqa: N801  # read as a decorator
     def __get__(self, instance: object, owner: type) -> Value: ...
 
     def __get__(self, instance: object | None, owner: type) -> lazy_property[Value] | Value:
-        """Return the value, which the instance has from now on."""
+        """Compute the value, store it in the instance and return it."""
         if instance is None:
             return self
         value = vars(instance)[self._name] = self._compute(instance)
@@ -46,10 +46,10 @@ class lazy_property(Generic[Value]):  # noqa: N801  # read as a decorator
 
 def loader_of(package: str) -> Callable[[str], Any]:
     """
-    Return the `__getattr__` of a package that loads a name when it is first asked for.
+    Return a `__getattr__` with which a package loads a name on first access.
 
     The package's source imports its names for type checkers, below `if TYPE_CHECKING:`. These imports are the table of
-    names and modules, and what `__all__` names; programs start before all modules are needed.
+    names and modules, and `__all__`. Programs start faster, because modules are loaded when needed.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def loader_of(package: str) -> Callable[[str], Any]:
     Raises
     ------
     AttributeError
-        By the returned function, if the package does not export a name.
+        Raised by the returned function, if the package does not export a name.
 
     """
     sources: dict[str, tuple[str, str]] = {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What has to be said about data and results: mistakes that they look like, and what was assumed."""
+"""Notices about data and results: likely input errors, and assumptions."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ WARNING, NOTE = 'warning', 'note'
 @dataclass(frozen=True)
 class Notice:
     """
-    Something that has to be said.
+    A notice to the user about data or results.
 
     Attributes
     ----------
     code
-        What kind it is, for programs: `unit_suspect` and so on.
+        Kind of the notice, for programs: `unit_suspect` and so on.
     level
-        `warning`: no verdict is to be trusted before it is looked into. `note`: an assumption, or good to know.
+        `warning`: do not trust a verdict before the cause is checked. `note`: an assumption or information.
     message
-        What was seen.
+        What was found.
     fix
-        What to do about it.
+        What to do.
 
     """
 
@@ -35,12 +35,12 @@ class Notice:
     fix: str
 
     def __str__(self) -> str:
-        """Return it in a line."""
+        """Return the notice in a line."""
         return f'{self.message}: {self.fix}' if self.fix else self.message
 
 
 class SuspectError(InputError):
-    """Input that can't be used, and what it looks like."""
+    """Unusable input with a likely cause."""
 
     def __init__(self, notice: Notice) -> None:
         super().__init__(str(notice))
@@ -48,15 +48,15 @@ class SuspectError(InputError):
 
 
 def warning(code: str, message: str, fix: str) -> Notice:
-    """Return a notice without which a verdict would mislead."""
+    """Return a notice that puts a verdict in question."""
     return Notice(code, WARNING, message, fix)
 
 
 def note(code: str, message: str, fix: str = '') -> Notice:
-    """Return a notice that one may want to know."""
+    """Return a notice for information."""
     return Notice(code, NOTE, message, fix)
 
 
 def any_warning(notices: Iterable[Notice]) -> bool:
-    """Return whether one of them is a warning."""
-    return any(one.level == WARNING for one in notices)
+    """Return whether any notice is a warning."""
+    return any(notice.level == WARNING for notice in notices)

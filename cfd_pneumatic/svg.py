@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Charts as SVG: panels below each other over one axis.
+Charts as SVG: stacked panels with a common axis.
 
-Lengths are CSS pixels. Words and rules take the colour and the font of the page around; curves have any CSS colour.
+Lengths are CSS pixels. Texts and rules have the colour and the font of the surrounding page; curves have any CSS
+colour.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ from numpy.typing import NDArray
 from cfd_pneumatic.arrays import Array
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 14, 24, 40
-_GAP = 34  # between panels, with the lower one's title
-_TITLE, _NUMBER = 12, 11  # sizes of text
+_GAP = 34  # between panels, with the title of the lower panel
+_TITLE, _NUMBER = 12, 11  # font sizes
 _TICK = 4
-_APART = 65  # numbers below an axis, at least
-_MARGIN = 0.08  # of an axis, above and below its curves
-_FINE = 10  # steps of a curve's points in a pixel
+_APART = 65  # least distance of numbers below an axis
+_MARGIN = 0.08  # share of the curves' range, above and below the curves
+_FINE = 10  # resolution of a curve's points in a pixel
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 _DASHES = {'': '', 'dashed': ' stroke-dasharray="4 3"', 'dotted': ' stroke-dasharray="2 3"'}
 
@@ -41,9 +42,9 @@ class Curve:
     colour : str
         CSS colour.
     width : float
-        Of the line or the dots.
+        Width of the line or the dots.
     dots : bool
-        Whether the points are not joined.
+        Whether the points are dots and not joined.
 
     """
 
@@ -62,21 +63,21 @@ class Panel:
     Attributes
     ----------
     title : str
-        What is drawn, with its unit.
+        Quantity of the curves, with its unit.
     height : float
-        Of the axes.
+        Height of the axes.
     curves : sequence of Curve
-        The last is on top.
+        Curves; the last curve is on top.
     ticks : int
-        Numbers beside the axis, at most.
+        Largest number of ticks of the axis.
     headroom : float
-        Room for words above the curves, as a share of their range.
-    words : sequence
-        Words above the curves, and from where on [unit of x].
+        Space for texts above the curves, as a share of their range.
+    labels : sequence
+        Positions [unit of x] and texts above the curves.
     band : float or None
         Half the height of a shaded band about zero.
     levels : sequence
-        Horizontal dashed lines: where, and their colour.
+        Heights and colours of horizontal dashed lines.
 
     """
 
@@ -85,17 +86,17 @@ class Panel:
     curves: Sequence[Curve]
     ticks: int = 6
     headroom: float = 0.0
-    words: Sequence[tuple[float, str]] = ()
+    labels: Sequence[tuple[float, str]] = ()
     band: float | None = None
     levels: Sequence[tuple[float, str]] = ()
 
     @property
     def range(self) -> tuple[float, float]:
-        """From where to where its axis goes."""
-        drawn = [curve.y for curve in self.curves if curve.y.size]
-        drawn += [np.array([level for level, _ in self.levels])] if self.levels else []
-        low = min((float(np.min(one)) for one in drawn), default=0.0)
-        high = max((float(np.max(one)) for one in drawn), default=0.0)
+        """Lowest and highest value of the axis."""
+        heights = [curve.y for curve in self.curves if curve.y.size]
+        heights += [np.array([level for level, _ in self.levels])] if self.levels else []
+        low = min((float(np.min(values)) for values in heights), default=0.0)
+        high = max((float(np.max(values)) for values in heights), default=0.0)
         if self.band is not None:
             low, high = min(low, -self.band), max(high, self.band)
         span = high - low or abs(high) or 1.0
@@ -118,34 +119,34 @@ def chart(
     Parameters
     ----------
     panels
-        From top to bottom.
+        Panels from top to bottom.
     width
-        Of the whole.
+        Width of the chart.
     span
-        From where to where the common axis goes.
+        Lowest and highest value of the common axis.
     axis
-        What it is, with its unit.
+        Quantity of the common axis, with its unit.
     label
-        What the chart shows, for those who don't see it.
+        Content of the chart, for screen readers.
     marks
-        Where dotted lines go through all panels.
+        Positions of vertical dotted lines through all panels.
     whole
         Whether the common axis has whole numbers only.
 
     """
     right = width - _RIGHT
     total = _TOP + sum(panel.height for panel in panels) + _GAP * (len(panels) - 1) + _BOTTOM
-    across = _Scale(span, (_LEFT, right))
+    x_scale = _Scale(span, (_LEFT, right))
     top, parts = float(_TOP), list[str]()
     for panel in panels:
         bottom = top + panel.height
-        down = _Scale(panel.range, (bottom, top))
-        parts += _panel(panel, across, down)
-        parts += [_line((across(one), top), (across(one), bottom), 'dotted', 0.5) for one in marks]
+        y_scale = _Scale(panel.range, (bottom, top))
+        parts += _panel(panel, x_scale, y_scale)
+        parts += [_line((x_scale(mark), top), (x_scale(mark), bottom), 'dotted', 0.5) for mark in marks]
         ticks = ticks_of(span, max(2, round((right - _LEFT) / _APART)), whole)
-        parts += [_line((across(one), bottom), (across(one), bottom + _TICK), '', 0.35) for one, _ in ticks]
+        parts += [_line((x_scale(tick), bottom), (x_scale(tick), bottom + _TICK), '', 0.35) for tick, _ in ticks]
         if panel is panels[-1]:
-            parts += [_text(across(one), bottom + 17, number, 'middle') for one, number in ticks]
+            parts += [_text(x_scale(tick), bottom + 17, number, 'middle') for tick, number in ticks]
         top = bottom + _GAP
     parts.append(_text(right, total - 6, axis, 'end'))
     return (
@@ -157,11 +158,11 @@ def chart(
 
 
 def ticks_of(span: tuple[float, float], most: int, whole: bool = False) -> list[tuple[float, str]]:
-    """Return at most so many round numbers in a range, and how they are written."""
+    """Return at most `most` round numbers in a range, with their texts."""
     low, high = span
     least = (high - low) / most
     power = 10.0 ** math.floor(math.log10(least))
-    step = next(one * power for one in _STEPS if one * power >= least * (1.0 - 1e-9))
+    step = next(digit * power for digit in _STEPS if digit * power >= least * (1.0 - 1e-9))
     if whole:
         step = max(1.0, float(math.ceil(step)))
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
@@ -171,7 +172,7 @@ def ticks_of(span: tuple[float, float], most: int, whole: bool = False) -> list[
 
 @dataclass(frozen=True)
 class _Scale:
-    """From a range of values to one of pixels."""
+    """Linear map from a range of values to a range of pixels."""
 
     values: tuple[float, float]
     pixels: tuple[float, float]
@@ -181,36 +182,36 @@ class _Scale:
         return begin + (value - low) * ((end - begin) / (high - low or 1.0))
 
 
-def _panel(panel: Panel, across: _Scale, down: _Scale) -> Iterator[str]:
-    left, right = across.pixels
-    bottom, top = down.pixels
-    yield f'<text x="{left:g}" y="{top - 8:g}" font-size="{_TITLE}" {_INK}>{escape(panel.title)}</text>'
+def _panel(panel: Panel, x_scale: _Scale, y_scale: _Scale) -> Iterator[str]:
+    left_edge, right_edge = x_scale.pixels
+    bottom, top = y_scale.pixels
+    yield f'<text x="{left_edge:g}" y="{top - 8:g}" font-size="{_TITLE}" {_INK}>{escape(panel.title)}</text>'
     if panel.band is not None:
-        low, high = down(panel.band), down(-panel.band)
+        low, high = y_scale(panel.band), y_scale(-panel.band)
         yield (
-            f'<rect x="{left:g}" y="{low:.1f}" width="{right - left:g}" height="{high - low:.1f}" '
+            f'<rect x="{left_edge:g}" y="{low:.1f}" width="{right_edge - left_edge:g}" height="{high - low:.1f}" '
             'fill="currentColor" fill-opacity=".08" stroke="none"/>'
         )
-    for value, number in ticks_of(down.values, panel.ticks):
-        yield _line((left - _TICK, down(value)), (left, down(value)), '', 0.35)
-        yield _text(left - _TICK - 3, down(value) + 4, number, 'end')
-    yield _line((left, top), (left, bottom), '', 0.35)
-    yield _line((left, bottom), (right, bottom), '', 0.35)
+    for value, number in ticks_of(y_scale.values, panel.ticks):
+        yield _line((left_edge - _TICK, y_scale(value)), (left_edge, y_scale(value)), '', 0.35)
+        yield _text(left_edge - _TICK - 3, y_scale(value) + 4, number, 'end')
+    yield _line((left_edge, top), (left_edge, bottom), '', 0.35)
+    yield _line((left_edge, bottom), (right_edge, bottom), '', 0.35)
     for level, colour in panel.levels:
-        yield _line((left, down(level)), (right, down(level)), 'dashed', 1.0, colour)
+        yield _line((left_edge, y_scale(level)), (right_edge, y_scale(level)), 'dashed', 1.0, colour)
     for curve in panel.curves:
-        yield _curve(curve, across, down)
-    for begin, word in panel.words:
-        yield _text(across(begin) + 4, top + 11, word, 'start')
+        yield _curve(curve, x_scale, y_scale)
+    for begin, text in panel.labels:
+        yield _text(x_scale(begin) + 4, top + 11, text, 'start')
 
 
 _INK = 'fill="currentColor" stroke="none"'
 
 
-def _text(x: float, y: float, words: str, anchor: str) -> str:
+def _text(x: float, y: float, text: str, anchor: str) -> str:
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" font-size="{_NUMBER}" text-anchor="{anchor}" {_INK} fill-opacity=".7">'
-        f'{escape(words)}</text>'
+        f'{escape(text)}</text>'
     )
 
 
@@ -224,9 +225,9 @@ def _line(
     )
 
 
-def _curve(curve: Curve, across: _Scale, down: _Scale) -> str:
-    """Return a curve, its points in fractions of a pixel, each from the one before."""
-    points = np.rint(_FINE * np.stack([across(curve.x), down(curve.y)], axis=1)).astype(np.int64)
+def _curve(curve: Curve, x_scale: _Scale, y_scale: _Scale) -> str:
+    """Return a curve as a path of steps in fractions of a pixel."""
+    points = np.rint(_FINE * np.stack([x_scale(curve.x), y_scale(curve.y)], axis=1)).astype(np.int64)
     if curve.dots:
         path = ''.join(f'M{x} {y}h0' for x, y in points.tolist())
     elif len(points):

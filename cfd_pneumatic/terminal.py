@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Consoles that print words as they are: brackets and colons in a file's name are no markup; and their tables."""
+"""Consoles and tables that print texts literally, because names of files may contain brackets and colons."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-_WIDTH = 120  # characters, where there is no terminal
-_NARROW = 110  # characters, as text
-_AS_IT_IS: dict[str, Any] = {'markup': False, 'highlight': False, 'emoji': False}
+_WIDTH = 120  # characters, without a terminal
+_NARROW = 110  # characters, of text
+_LITERAL: dict[str, Any] = {'markup': False, 'highlight': False, 'emoji': False}
 
 
 def terminal() -> Console:
     """Return the console of standard output."""
-    return Console(width=None if sys.stdout.isatty() else _WIDTH, **_AS_IT_IS)
+    return Console(width=None if sys.stdout.isatty() else _WIDTH, **_LITERAL)
 
 
-def printed(work: Callable[[Console], None]) -> str:
-    """Return as text what is printed on a console."""
+def printed(print_on: Callable[[Console], None]) -> str:
+    """Return the text that a function prints on a console."""
     stream = io.StringIO()
-    work(Console(file=stream, width=_NARROW, force_jupyter=False, color_system=None, **_AS_IT_IS))
+    print_on(Console(file=stream, width=_NARROW, force_jupyter=False, color_system=None, **_LITERAL))
     return stream.getvalue().rstrip()
 
 
 def table(title: str, *headings: str, words: Collection[str] = ()) -> Table:
-    """Return a table with these columns; numbers stand to the right, and `words` are the headings of others."""
-    made = Table(title=title, title_justify='left', caption_justify='left')
+    """Return a table with right-aligned columns of numbers; `words` are the headings of columns of text."""
+    new_table = Table(title=title, title_justify='left', caption_justify='left')
     for heading in headings:
-        made.add_column(heading, justify='left' if heading in words else 'right')
-    return made
+        new_table.add_column(heading, justify='left' if heading in words else 'right')
+    return new_table

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Units at the edges: factors to SI, and the paper's units for display."""
+"""Units of inputs and outputs: factors to SI, and the paper's units for display."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PSI_PER_INCH = PSI / INCH
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of measurement: its quantity and what one of it is in SI."""
+    """A unit of measurement: its quantity and its value in SI."""
 
     quantity: str
     si: float

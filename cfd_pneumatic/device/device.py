@@ -292,7 +292,7 @@ def default_of(name: str, given: Mapping[str, Value]) -> Value:
     if gain not in NAMES or setpoints not in given:
         return DESCRIPTORS[name].default
     try:
-        return tuple(getattr(TABLE_1.at(given[setpoints]), gain).tolist())
+        return tuple(getattr(TABLE_1.interpolate(given[setpoints]), gain).tolist())
     except ValueError as error:
         raise InputError(f'{owner}.{error}') from error
 

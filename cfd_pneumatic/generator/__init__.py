@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The generator of `cfd_pneumatic/model/composed.py`; `python -m cfd_pneumatic.generator` writes it."""
+"""The generator that writes `cfd_pneumatic/model/composed.py`: `python -m cfd_pneumatic.generator`."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The text of the extended model's kernel: every effect behind a switch, put together by a template."""
+"""The source of the extended model's kernel, in which a template puts every effect behind a switch."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from cfd_pneumatic.model.places import FORCE_PLACES, FORCE_STATES, PARAMETERS, P
 _TEMPLATES = Path(__file__).parent
 
 
-def composed() -> str:
-    """Return the kernel's text."""
-    effects = [_described(name, PLACES[name], 'y{}') for name in PRESSURE_PARTS]
-    force_effects = [_described(name, FORCE_PLACES[name], 'state[{}]') for name in FORCE_PARTS]
+def composed_source() -> str:
+    """Return the source of the kernel."""
+    effects = [_effect_variables(name, PLACES[name], 'y{}') for name in PRESSURE_PARTS]
+    force_effects = [_effect_variables(name, FORCE_PLACES[name], 'state[{}]') for name in FORCE_PARTS]
     templates = Environment(loader=FileSystemLoader(_TEMPLATES), undefined=StrictUndefined, keep_trailing_newline=True)
 
     def having(function: str) -> list[dict[str, Any]]:
@@ -34,25 +34,25 @@ def composed() -> str:
         of_states=lambda letter: [f'{letter}{index}' for index in range(STATES)],
         states=STATES,
         parameters=PARAMETERS,
-        resting=_resting(effects),
+        resting=_rest_values(effects),
         last_lag=max(effect['rank'] for effect in effects if effect['follows'] == 'signal'),
         force_states=FORCE_STATES,
         fingerprint=_fingerprint(),
     )
 
 
-def _described(name: str, place: Place, state: str) -> dict[str, Any]:
-    """Return what the template says of an effect; `state` is how a state with a number is written."""
+def _effect_variables(name: str, place: Place, state: str) -> dict[str, Any]:
+    """Return the template's variables of an effect; `state` is the format of a state by its number."""
     states = place.state_indices
-    own = [state.format(index) for index in states]
+    arguments = [state.format(index) for index in states]
     effect, row = MODULES[name].EFFECT, name.upper()
     parameters, held = len(effect.parameters), effect.held
-    own.append(f'*floats(a, {place.parameters.start}, {parameters})')
+    arguments.append(f'*load_floats(a, {place.parameters.start}, {parameters})')
     return {
         'name': name,
         'switch': place.switch,
-        'own': ', '.join(own),
-        'states': ', '.join(own[: len(states)]),
+        'arguments': ', '.join(arguments),
+        'states': ', '.join(arguments[: len(states)]),
         'first_state': place.states.start,
         'follows': effect.follows,
         'rests_at_pressure': effect.rests_at_pressure,
@@ -60,16 +60,16 @@ def _described(name: str, place: Place, state: str) -> dict[str, Any]:
         'parameters': parameters,
         'held': held,
         'row': row,
-        'own_row': f'{row}_HELD' if held else row,
-        'own_rows': held or parameters,
+        'argument_row': f'{row}_HELD' if held else row,
+        'argument_count': held or parameters,
         'rank': effect.rank,
         'integrated': hasattr(MODULES[name], 'evolve'),
         'compiled': any(hasattr(MODULES[name], function) for function in FUNCTIONS),
     }
 
 
-def _resting(effects: Sequence[Mapping[str, Any]]) -> dict[int, str]:
-    """Return what each state is at rest, as the template writes it."""
+def _rest_values(effects: Sequence[Mapping[str, Any]]) -> dict[int, str]:
+    """Return the source of each state's value at rest, by the state's index."""
     resting = dict.fromkeys(range(PRESSURES), 'pressure')
     for effect in effects:
         for rank, index in enumerate(effect['state_indices']):
@@ -80,6 +80,6 @@ def _resting(effects: Sequence[Mapping[str, Any]]) -> dict[int, str]:
 
 
 def _fingerprint() -> str:
-    """Return what changes with all that is compiled in: Numba's files are made anew when the kernel's text changes."""
+    """Return a hash of all inlined sources; Numba compiles the kernel again when its source changes."""
     text = ''.join(inspect.getsource(module) for module in (*MODULES.values(), knots, flow_function, lanes, lanewise))
     return hashlib.sha256(text.encode()).hexdigest()[:16]

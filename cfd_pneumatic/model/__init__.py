@@ -41,12 +41,12 @@ if TYPE_CHECKING:
     from cfd_pneumatic.model.first_principles import AspiratorTube, Regulator, first_guess
     from cfd_pneumatic.model.gain_starts import (
         HINTS,
+        alternative_starts,
         displacement_sensitivity,
         flows,
-        other_gains,
+        identifiable_gain_bounds,
         slowest,
         starting_gains,
-        told_gains,
     )
     from cfd_pneumatic.model.kernels import fused, kernel, summed
     from cfd_pneumatic.model.lanes import COUNT

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The paper's equations and every physical effect, each behind a switch, for Runge-Kutta of fourth order.
+The paper's equations and every physical effect, each with a switch, integrated by Runge-Kutta of fourth order.
 
-Eight cylinders that differ in their parameters alone are simulated side by side, in lanes that a processor takes at
-once: that is how a fit gets its derivatives. What stays from step to step stands in one array of rows, a row being one
-number of each lane.
+Eight cylinders that differ only in their parameters are simulated in parallel, in the lanes of a processor; a fit gets
+its derivatives from them. All numbers that persist between steps are in an array of rows. A row has a number of each
+lane.
 
-Made by `make kernel` from the effects, fingerprint ada0c28a00a5b984; changes by hand are lost.
+Written by `make kernel` from the effects, fingerprint 111be4c3adf3d4b3; do not edit.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ from cfd_pneumatic.model.effects import (
 )
 from cfd_pneumatic.model.effects.effect import ForceMoment, Moment
 from cfd_pneumatic.model.kernels import inlined, kernel
-from cfd_pneumatic.model.lanes import COUNT, floats, load, loads, rows_of, store, where
+from cfd_pneumatic.model.lanes import COUNT, load, load_floats, load_rows, rows_address, store, where
 
-# states: pressures p and p_f, then the effects' own
+# states: pressures p and p_f, then those of the effects
 Y0, Y1, Y2, Y3, Y4, Y5, Y6, Y7, Y8, Y9, Y10, Y11 = range(0 * COUNT, 12 * COUNT, COUNT)
-# displacements that the chamber followed last and that was measured last [m]
+# last displacement that the chamber followed, and last measured displacement [m]
 FOLLOWED, MEASURED = range(12 * COUNT, 14 * COUNT, COUNT)
-# parameters: gains, then the first of each effect's own
+# parameters: gains, then the first parameter of each effect
 K_X, K_SV, K_V, TAU = range(14 * COUNT, 18 * COUNT, COUNT)
 FLOW_SATURATION = 18 * COUNT
 PHYSICAL_CORE = 20 * COUNT
@@ -73,34 +73,34 @@ NONLINEAR_VALVE = 59 * COUNT
 LINE_RESTRICTION = 60 * COUNT
 CURVE = 62 * COUNT
 HEAT_TRANSFER = 86 * COUNT
-# what effects hold from one sample to the next
+# results of the effects' `hold` functions, constant between samples
 PHYSICAL_CORE_HELD = 87 * COUNT
-# what each lane's set-point lies above the common one [Pa]
+# difference of each lane's set-point and the common set-point [Pa]
 OFFSET = 99 * COUNT
-# states and rates of a stage of Runge and Kutta, and the rates' weighted sum
+# states and rates of a Runge-Kutta stage, and the weighted sum of the rates
 S0, S1, S2, S3, S4, S5, S6, S7, S8, S9, S10, S11 = range(100 * COUNT, 112 * COUNT, COUNT)
 K0, K1, K2, K3, K4, K5, K6, K7, K8, K9, K10, K11 = range(112 * COUNT, 124 * COUNT, COUNT)
 SUM = 124 * COUNT
-# the piston's displacement [m] and speed [m/s], the set-point [Pa], and what the pressure sensor reads [Pa]
+# the piston's displacement [m] and speed [m/s], the set-point [Pa], and the reading of the pressure sensor [Pa]
 X, RATE, SETPOINT, SIGNAL = range(136 * COUNT, 140 * COUNT, COUNT)
 
 SIZE = 140 * COUNT
 """Length of the array of rows."""
 
 STATE_ROWS = slice(0, 14)
-"""Rows of the states: pressures p and p_f, those of the effects, displacements followed and measured last."""
+"""Rows of the states: pressures p and p_f, states of the effects, last followed and last measured displacement."""
 
 PARAMETER_ROWS = slice(14, 87)
 """Rows of the parameters: the gains, then those of the effects."""
 
 OFFSET_ROW = OFFSET // COUNT
-"""Row of what each lane's set-point lies above the common one [Pa]."""
+"""Row of the differences of each lane's set-point and the common set-point [Pa]."""
 
 SIGNAL_ROW = SIGNAL // COUNT
-"""Row of what the pressure sensor reads [Pa]."""
+"""Row of the readings of the pressure sensor [Pa]."""
 
-# stages of Runge and Kutta: what is kept of the rates' sum, the weight of the rate there, the share of the sum that the
-# states take, how far ahead the rate is followed, and how much time passes to the next stage
+# Runge-Kutta stages: factor of the sum of rates so far, weight of the stage's rate, share of the sum added to the
+# states, share of the step for the next stage's states, and share of the step until the next stage
 KEPT = np.array([0.0, 1.0, 1.0, 1.0])
 WEIGHT = np.array([1.0, 2.0, 2.0, 1.0])
 SHARE = np.array([0.0, 0.0, 0.0, 1.0 / 6.0])
@@ -108,133 +108,133 @@ AHEAD = np.array([0.5, 0.5, 1.0, 0.0])
 PASSED = np.array([0.5, 0.0, 0.5, 0.0])
 
 FORCE_STATES = 3
-"""States of the effects on the force."""
+"""Number of states of the effects on the force."""
 
 SLID = 3
-"""Where, behind these, the displacement stands that the seals slid to last [m]."""
+"""Index, after the states, of the last displacement of the seals [m]."""
 
 
 @inlined
-def moment_of(time, p, p_f, swept, sensing, ambient, w, dense):
-    """Return where the cylinder is, as effects see it."""
+def make_moment(time, p, p_f, swept, sensing, ambient, w, dense):
+    """Return the cylinder's present state as the effects' argument."""
     x, rate, setpoint, k_x = load(w, X), load(w, RATE), load(w, SETPOINT), load(w, K_X)
     return Moment(time, x, rate, p, setpoint, ambient, swept, k_x, p_f, sensing, dense)
 
 
 @inlined
-def seen(time, p, p_f, ambient, w):
-    """Return the same before anything is computed."""
-    nothing = 0.0 * load(w, RATE)
-    return moment_of(time, p, p_f, nothing, nothing, ambient, w, nothing + 1.0)
+def initial_moment(time, p, p_f, ambient, w):
+    """Return the cylinder's present state before any rate is computed."""
+    zero = 0.0 * load(w, RATE)
+    return make_moment(time, p, p_f, zero, zero, ambient, w, zero + 1.0)
 
 
 @inlined
 def hold(time, ambient, w, on):
-    """Compute what stays the same while the set-point and the piston's speed do."""
-    moment = seen(time, load(w, Y0), load(w, Y1), ambient, w)
+    """Compute the values that are constant while the set-point and the piston's speed are."""
+    moment = initial_moment(time, load(w, Y0), load(w, Y1), ambient, w)
     if on & 2:
-        store(w, PHYSICAL_CORE_HELD, physical_core.hold(moment, *loads(w, PHYSICAL_CORE, 12)))
+        store(w, PHYSICAL_CORE_HELD, physical_core.hold(moment, *load_rows(w, PHYSICAL_CORE, 12)))
 
 
 @inlined
 def valve_error(moment, w, on):
-    """Return the valves' error, from the set-point that acts [Pa]."""
+    """Return the valve error, from the set-point with effects [Pa]."""
     target = moment.setpoint
     if on & 16:
-        target = set_point_drift.setpoint(target, moment, *loads(w, SET_POINT_DRIFT, 1))
+        target = set_point_drift.setpoint(target, moment, *load_rows(w, SET_POINT_DRIFT, 1))
     if on & 128:
-        target = supply_variation.setpoint(target, moment, *loads(w, SUPPLY_VARIATION, 3))
+        target = supply_variation.setpoint(target, moment, *load_rows(w, SUPPLY_VARIATION, 3))
     if on & 512:
-        target = droop.setpoint(target, moment, load(w, S4), *loads(w, DROOP, 2))
+        target = droop.setpoint(target, moment, load(w, S4), *load_rows(w, DROOP, 2))
     if on & 524288:
-        target = curve.setpoint(target, moment, load(w, S10), *loads(w, CURVE, 24))
+        target = curve.setpoint(target, moment, load(w, S10), *load_rows(w, CURVE, 24))
     return target - moment.p_f
 
 
 @inlined
-def slopes(time, ambient, w, on):
+def compute_rates(time, ambient, w, on):
     """Compute the rates of all states."""
-    moment = seen(time, load(w, S0), load(w, S1), ambient, w)
-    p, p_f, nothing, dense = moment.p, moment.p_f, moment.swept, moment.dense
+    moment = initial_moment(time, load(w, S0), load(w, S1), ambient, w)
+    p, p_f, zero, dense = moment.p, moment.p_f, moment.swept, moment.dense
     if on & 2:
-        dense = physical_core.density(dense, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
-    moment = moment_of(time, p, p_f, nothing, nothing, ambient, w, dense)
+        dense = physical_core.density(dense, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
+    moment = make_moment(time, p, p_f, zero, zero, ambient, w, dense)
     gain = load(w, K_X)
     if on & 2:
-        gain = physical_core.velocity_gain(gain, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
+        gain = physical_core.velocity_gain(gain, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
     if on & 4:
-        gain = volume_variation.velocity_gain(gain, moment, *loads(w, VOLUME_VARIATION, 1))
+        gain = volume_variation.velocity_gain(gain, moment, *load_rows(w, VOLUME_VARIATION, 1))
     if on & 8:
-        gain = operating_point.velocity_gain(gain, moment, *loads(w, OPERATING_POINT, 3))
+        gain = operating_point.velocity_gain(gain, moment, *load_rows(w, OPERATING_POINT, 3))
     if on & 524288:
-        gain = curve.velocity_gain(gain, moment, load(w, S10), *loads(w, CURVE, 24))
+        gain = curve.velocity_gain(gain, moment, load(w, S10), *load_rows(w, CURVE, 24))
     swept = gain * moment.rate
-    moment = moment_of(time, p, p_f, swept, nothing, ambient, w, dense)
+    moment = make_moment(time, p, p_f, swept, zero, ambient, w, dense)
     error = valve_error(moment, w, on)
     if on & 2:
-        error = physical_core.error(error, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
+        error = physical_core.error(error, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
     if on & 256:
-        error = valve_hysteresis.error(error, moment, load(w, S3), *loads(w, VALVE_HYSTERESIS, 1))
+        error = valve_hysteresis.error(error, moment, load(w, S3), *load_rows(w, VALVE_HYSTERESIS, 1))
     if on & 32768:
-        error = valve_dead_band.error(error, moment, *loads(w, VALVE_DEAD_BAND, 1))
+        error = valve_dead_band.error(error, moment, *load_rows(w, VALVE_DEAD_BAND, 1))
     if on & 131072:
-        error = nonlinear_valve.error(error, moment, *loads(w, NONLINEAR_VALVE, 1))
+        error = nonlinear_valve.error(error, moment, *load_rows(w, NONLINEAR_VALVE, 1))
     flow = where(error > 0.0, load(w, K_SV), load(w, K_V)) * error
     if on & 1:
-        flow = flow_saturation.flow(flow, moment, *loads(w, FLOW_SATURATION, 2))
+        flow = flow_saturation.flow(flow, moment, *load_rows(w, FLOW_SATURATION, 2))
     if on & 2:
-        flow = physical_core.flow(flow, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
+        flow = physical_core.flow(flow, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
     if on & 4:
-        flow = volume_variation.flow(flow, moment, *loads(w, VOLUME_VARIATION, 1))
+        flow = volume_variation.flow(flow, moment, *load_rows(w, VOLUME_VARIATION, 1))
     if on & 8:
-        flow = operating_point.flow(flow, moment, *loads(w, OPERATING_POINT, 3))
+        flow = operating_point.flow(flow, moment, *load_rows(w, OPERATING_POINT, 3))
     if on & 262144:
-        store(w, K9, line_restriction.evolve(moment, flow, load(w, S9), *loads(w, LINE_RESTRICTION, 2)))
-        flow = line_restriction.flow(flow, moment, load(w, S9), *loads(w, LINE_RESTRICTION, 2))
+        store(w, K9, line_restriction.evolve(moment, flow, load(w, S9), *load_rows(w, LINE_RESTRICTION, 2)))
+        flow = line_restriction.flow(flow, moment, load(w, S9), *load_rows(w, LINE_RESTRICTION, 2))
     if on & 524288:
-        store(w, K10, curve.evolve(moment, flow, load(w, S10), *loads(w, CURVE, 24)))
-        flow = curve.flow(flow, moment, load(w, S10), *loads(w, CURVE, 24))
+        store(w, K10, curve.evolve(moment, flow, load(w, S10), *load_rows(w, CURVE, 24)))
+        flow = curve.flow(flow, moment, load(w, S10), *load_rows(w, CURVE, 24))
     if on & 1048576:
-        flow = heat_transfer.flow(flow, moment, load(w, S11), *loads(w, HEAT_TRANSFER, 1))
+        flow = heat_transfer.flow(flow, moment, load(w, S11), *load_rows(w, HEAT_TRANSFER, 1))
     if on & 512:
-        store(w, K4, droop.evolve(moment, flow, load(w, S4), *loads(w, DROOP, 2)))
+        store(w, K4, droop.evolve(moment, flow, load(w, S4), *load_rows(w, DROOP, 2)))
     outlet = p
     if on & 262144:
-        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), *loads(w, LINE_RESTRICTION, 2))
+        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), *load_rows(w, LINE_RESTRICTION, 2))
     tau = load(w, TAU)
     if on & 2:
-        tau = physical_core.time_constant(tau, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
+        tau = physical_core.time_constant(tau, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
     if on & 8:
-        tau = operating_point.time_constant(tau, moment, *loads(w, OPERATING_POINT, 3))
+        tau = operating_point.time_constant(tau, moment, *load_rows(w, OPERATING_POINT, 3))
     sensing = (outlet - p_f) / tau
-    moment = moment_of(time, p, p_f, swept, sensing, ambient, w, dense)
+    moment = make_moment(time, p, p_f, swept, sensing, ambient, w, dense)
     chamber = flow - swept
     if on & 1024:
-        chamber = leakage.chamber(chamber, moment, *loads(w, LEAKAGE, 2))
+        chamber = leakage.chamber(chamber, moment, *load_rows(w, LEAKAGE, 2))
     if on & 2048:
-        chamber = positional_leakage.chamber(chamber, moment, *loads(w, POSITIONAL_LEAKAGE, 6))
+        chamber = positional_leakage.chamber(chamber, moment, *load_rows(w, POSITIONAL_LEAKAGE, 6))
     if on & 524288:
-        chamber = curve.chamber(chamber, moment, load(w, S10), *loads(w, CURVE, 24))
+        chamber = curve.chamber(chamber, moment, load(w, S10), *load_rows(w, CURVE, 24))
     if on & 2:
-        store(w, K2, physical_core.evolve(moment, chamber, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12)))
-        chamber = physical_core.chamber(chamber, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
+        store(w, K2, physical_core.evolve(moment, chamber, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12)))
+        chamber = physical_core.chamber(chamber, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
     if on & 1048576:
-        store(w, K11, heat_transfer.evolve(moment, chamber, load(w, S11), *loads(w, HEAT_TRANSFER, 1)))
-        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), *loads(w, HEAT_TRANSFER, 1))
+        store(w, K11, heat_transfer.evolve(moment, chamber, load(w, S11), *load_rows(w, HEAT_TRANSFER, 1)))
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), *load_rows(w, HEAT_TRANSFER, 1))
     signal = p
     if on & 16384:
-        store(w, K6, sensor_lag.evolve(moment, signal, load(w, S6), *loads(w, SENSOR_LAG, 1)))
-        signal = sensor_lag.signal(signal, moment, load(w, S6), *loads(w, SENSOR_LAG, 1))
+        store(w, K6, sensor_lag.evolve(moment, signal, load(w, S6), *load_rows(w, SENSOR_LAG, 1)))
+        signal = sensor_lag.signal(signal, moment, load(w, S6), *load_rows(w, SENSOR_LAG, 1))
     if on & 65536:
-        store(w, K7, line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), *loads(w, LINE_RESONANCE, 2)))
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *loads(w, LINE_RESONANCE, 2))
+        store(w, K7, line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), *load_rows(w, LINE_RESONANCE, 2)))
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *load_rows(w, LINE_RESONANCE, 2))
     store(w, K0, chamber)
     store(w, K1, sensing)
 
 
 @inlined
-def follow_rate(state, h, stage, w):
-    """Go on from a stage of a step of h seconds to the next one, or to the end of the step, with one state."""
+def advance_state(state, h, stage, w):
+    """Advance a state from a stage of a step of h seconds to the next stage, or to the end of the step."""
     rate = load(w, K0 + state)
     total = KEPT[stage] * load(w, SUM + state) + WEIGHT[stage] * rate
     reached = load(w, Y0 + state) + h * SHARE[stage] * total
@@ -244,98 +244,98 @@ def follow_rate(state, h, stage, w):
 
 
 @inlined
-def follow_rates(h, stage, w, on):
-    """Do so with all states."""
-    follow_rate(Y0, h, stage, w)
-    follow_rate(Y1, h, stage, w)
+def advance_states(h, stage, w, on):
+    """Advance all states from a stage to the next stage, or to the end of the step."""
+    advance_state(Y0, h, stage, w)
+    advance_state(Y1, h, stage, w)
     if on & 2:
-        follow_rate(Y2, h, stage, w)
+        advance_state(Y2, h, stage, w)
     if on & 512:
-        follow_rate(Y4, h, stage, w)
+        advance_state(Y4, h, stage, w)
     if on & 16384:
-        follow_rate(Y6, h, stage, w)
+        advance_state(Y6, h, stage, w)
     if on & 65536:
-        follow_rate(Y7, h, stage, w)
-        follow_rate(Y8, h, stage, w)
+        advance_state(Y7, h, stage, w)
+        advance_state(Y8, h, stage, w)
     if on & 262144:
-        follow_rate(Y9, h, stage, w)
+        advance_state(Y9, h, stage, w)
     if on & 524288:
-        follow_rate(Y10, h, stage, w)
+        advance_state(Y10, h, stage, w)
     if on & 1048576:
-        follow_rate(Y11, h, stage, w)
+        advance_state(Y11, h, stage, w)
 
 
 @inlined
 def advance(time, h, steps, acceleration, ambient, w, on):
-    """Advance the states by h seconds from a time on, cut into equal steps; the piston keeps its acceleration."""
+    """Advance the states by h seconds in equal steps, at constant acceleration of the piston."""
     h /= steps
-    # a compiler would write out a loop of four stages, and each once more for a switch that is asked here
+    # a flat loop, because the compiler would unroll four stages and duplicate each for a switch tested here
     for count in range(4 * steps):
         stage = count % 4
-        slopes(time, ambient, w, on)
-        follow_rates(h, stage, w, on)
+        compute_rates(time, ambient, w, on)
+        advance_states(h, stage, w, on)
         passed = h * PASSED[stage]
         time += passed
         rate = load(w, RATE)
         store(w, X, load(w, X) + passed * (rate + 0.5 * passed * acceleration))
         store(w, RATE, rate + passed * acceleration)
-        leave_behind_valve_hysteresis(time, stage, ambient, w, on)
+        update_backlash_valve_hysteresis(time, stage, ambient, w, on)
 
 
 @inlined
-def leave_behind_valve_hysteresis(time, stage, ambient, w, on):
-    """Compute the error at which this play stands behind the last stage of a step."""
+def update_backlash_valve_hysteresis(time, stage, ambient, w, on):
+    """Set the state of a backlash of the valves after the last stage of a step."""
     if stage == 3 and on & 256:
-        moment = seen(time, load(w, S0), load(w, S1), ambient, w)
+        moment = initial_moment(time, load(w, S0), load(w, S1), ambient, w)
         error = valve_error(moment, w, on)
         if on & 2:
-            error = physical_core.error(error, moment, load(w, S2), *loads(w, PHYSICAL_CORE_HELD, 12))
-        error = valve_hysteresis.error(error, moment, load(w, S3), *loads(w, VALVE_HYSTERESIS, 1))
+            error = physical_core.error(error, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
+        error = valve_hysteresis.error(error, moment, load(w, S3), *load_rows(w, VALVE_HYSTERESIS, 1))
         store(w, Y3, error)
         store(w, S3, error)
 
 
 @kernel
-def follow(time, x, h, ambient, numbers, on):
-    """Set the piston in motion to where the chamber follows a displacement measured h seconds after the last."""
-    w = rows_of(numbers)
+def start_motion(time, x, h, ambient, numbers, on):
+    """Set the speed at which the chamber follows a displacement measured h seconds after the last sample."""
+    w = rows_address(numbers)
     last = load(w, FOLLOWED)
     store(w, RATE, (x - load(w, MEASURED)) / h)
     store(w, MEASURED, x)
     store(w, X, x)
-    x_followed = load(w, X)
-    moment = seen(time, load(w, Y0), load(w, Y1), ambient, w)
+    chamber_x = load(w, X)
+    moment = initial_moment(time, load(w, Y0), load(w, Y1), ambient, w)
     if on & 32:
-        x_followed = displacement_delay.displacement(x_followed, moment, *loads(w, DISPLACEMENT_DELAY, 1))
+        chamber_x = displacement_delay.displacement(chamber_x, moment, *load_rows(w, DISPLACEMENT_DELAY, 1))
     if on & 64:
-        x_followed = displacement_lag.displacement(x_followed, moment, *loads(w, DISPLACEMENT_LAG, 1))
+        chamber_x = displacement_lag.displacement(chamber_x, moment, *load_rows(w, DISPLACEMENT_LAG, 1))
     if on & 8192:
-        x_followed = lost_motion.displacement(x_followed, moment, load(w, Y5), *loads(w, LOST_MOTION, 1))
-        store(w, Y5, x_followed)
-    store(w, RATE, (x_followed - last) / h)
+        chamber_x = lost_motion.displacement(chamber_x, moment, load(w, Y5), *load_rows(w, LOST_MOTION, 1))
+        store(w, Y5, chamber_x)
+    store(w, RATE, (chamber_x - last) / h)
     store(w, X, last)
-    store(w, FOLLOWED, x_followed)
+    store(w, FOLLOWED, chamber_x)
 
 
 @kernel
-def read(time, ambient, numbers, on):
-    """Compute what the pressure sensor reads [Pa]."""
-    w = rows_of(numbers)
-    moment = seen(time, load(w, S0), load(w, S1), ambient, w)
+def read_sensor(time, ambient, numbers, on):
+    """Compute the reading of the pressure sensor [Pa]."""
+    w = rows_address(numbers)
+    moment = initial_moment(time, load(w, S0), load(w, S1), ambient, w)
     signal = moment.p
     if on & 16384:
-        signal = sensor_lag.signal(signal, moment, load(w, S6), *loads(w, SENSOR_LAG, 1))
+        signal = sensor_lag.signal(signal, moment, load(w, S6), *load_rows(w, SENSOR_LAG, 1))
     if on & 65536:
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *loads(w, LINE_RESONANCE, 2))
+        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *load_rows(w, LINE_RESONANCE, 2))
     if on & 524288:
-        signal = curve.signal(signal, moment, load(w, S10), *loads(w, CURVE, 24))
+        signal = curve.signal(signal, moment, load(w, S10), *load_rows(w, CURVE, 24))
     store(w, SIGNAL, signal)
 
 
 @kernel
-def rest(x, setpoint, numbers):
-    """Set the states to rest at a displacement [m] and a pressure [Pa], each lane's at its own."""
-    w = rows_of(numbers)
+def set_to_rest(x, setpoint, numbers):
+    """Set the states to rest at a displacement [m] and a set-point [Pa], with the offset of each lane."""
+    w = rows_address(numbers)
     pressure = setpoint + load(w, OFFSET)
     states = pressure, pressure, 0.0, 0.0, 0.0, x, pressure, pressure, 0.0, 0.0, 0.0, 0.0
     store(w, Y0, states)
@@ -346,8 +346,8 @@ def rest(x, setpoint, numbers):
 
 @kernel
 def settle(setpoint, duration, ambient, stiffness, numbers, on):
-    """Let the cylinders stand still at a set-point for some seconds, before time begins."""
-    w = rows_of(numbers)
+    """Advance the states at rest and a set-point for a duration [s], at time zero."""
+    w = rows_address(numbers)
     store(w, SETPOINT, setpoint + load(w, OFFSET))
     store(w, RATE, 0.0)
     store(w, X, load(w, FOLLOWED))
@@ -360,30 +360,30 @@ def settle(setpoint, duration, ambient, stiffness, numbers, on):
 @kernel
 def step(time, x, h, acceleration, setpoint, ambient, stiffness, numbers, on):
     """
-    Advance the states to a sample h seconds after the last one, and read the pressure sensor.
+    Advance the states to a sample h seconds after the last sample, and read the pressure sensor.
 
-    The time and x are those of the new sample. Steps are short against 1/stiffness, the fastest time constant [s].
-    The acceleration is that of the piston [m/s^2], 0 where effects move the chamber in another way.
+    The time and x are those of the new sample. Steps are at most 1/stiffness long [s]. The acceleration is that of the
+    piston [m/s^2], or 0 if an effect changes the displacement that the chamber follows.
     """
-    follow(time, x, h, ambient, numbers, on)
-    w = rows_of(numbers)
+    start_motion(time, x, h, ambient, numbers, on)
+    w = rows_address(numbers)
     store(w, SETPOINT, setpoint + load(w, OFFSET))
     hold(time - h, ambient, w, on)
     store(w, RATE, load(w, RATE) - 0.5 * h * acceleration)
     steps = max(1, math.ceil(h * stiffness))
     advance(time - h, h, steps, acceleration, ambient, w, on)
-    read(time, ambient, numbers, on)
+    read_sensor(time, ambient, numbers, on)
 
 
 @kernel
 def propagate(times, displacement, acceleration, setpoint, begin, ambient, stiffness, numbers, on, signals):
     """
-    Advance over a recording, as `propagation.propagate` does; write the lanes' readings, (n, lanes) [Pa].
+    Advance over a recording as `propagation.propagate` does; write the lanes' readings, shape (n, lanes) [Pa].
 
-    Time began at `begin`, with the first of the recording's times or, of a piece of it, earlier.
+    Time zero is `begin`, the first time of the whole recording, of which this may be a piece.
     """
     lanes = signals.shape[1]
-    read(times[0] - begin, ambient, numbers, on)
+    read_sensor(times[0] - begin, ambient, numbers, on)
     for j in range(lanes):
         signals[0, j] = numbers[SIGNAL + j]
     for i in range(1, times.size):
@@ -394,7 +394,7 @@ def propagate(times, displacement, acceleration, setpoint, begin, ambient, stiff
 
 
 @kernel
-def rest_force(x, state):
+def set_force_to_rest(x, state):
     """Set the states of the force to rest at a displacement [m]."""
     state[:] = 0.0
     state[SLID] = x
@@ -403,30 +403,30 @@ def rest_force(x, state):
 @kernel
 def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times_factor, state, a, on):
     """
-    Advance the states of the force to a displacement; return the contact force there, along +x [N].
+    Advance the states of the force to a displacement; return the contact force along +x [N].
 
-    Where there is no cylinder B, the opposing pressure is ambient.
+    The opposing pressure is ambient if there is no cylinder B.
     """
     travel = x - state[SLID]
     if on & 2:
-        (state[0],) = seal_friction.slide(travel, state[0], *floats(a, 2, 4))
+        (state[0],) = seal_friction.slide(travel, state[0], *load_floats(a, 2, 4))
     if on & 4:
-        (state[1],) = stribeck_friction.slide(travel, state[1], *floats(a, 6, 3))
+        (state[1],) = stribeck_friction.slide(travel, state[1], *load_floats(a, 6, 3))
     if on & 8:
-        (state[2],) = force_curve.slide(travel, state[2], *floats(a, 9, 24))
+        (state[2],) = force_curve.slide(travel, state[2], *load_floats(a, 9, 24))
     state[SLID] = x
     moment = ForceMoment(time, x, rate, acceleration, p_a, p_opposing, ambient)
     force = area_times_factor * (p_a - p_opposing)
     if on & 1:
-        force = moving_mass.force(force, moment, *floats(a, 0, 2))
+        force = moving_mass.force(force, moment, *load_floats(a, 0, 2))
     if on & 2:
-        force = seal_friction.force(force, moment, state[0], *floats(a, 2, 4))
+        force = seal_friction.force(force, moment, state[0], *load_floats(a, 2, 4))
     if on & 4:
-        force = stribeck_friction.force(force, moment, state[1], *floats(a, 6, 3))
+        force = stribeck_friction.force(force, moment, state[1], *load_floats(a, 6, 3))
     if on & 8:
-        force = force_curve.force(force, moment, state[2], *floats(a, 9, 24))
+        force = force_curve.force(force, moment, state[2], *load_floats(a, 9, 24))
     if on & 16:
-        force = force_offset.force(force, moment, *floats(a, 33, 1))
+        force = force_offset.force(force, moment, *load_floats(a, 33, 1))
     return force
 
 
@@ -434,7 +434,7 @@ def step_force(time, x, rate, acceleration, p_a, p_opposing, ambient, area_times
 def propagate_force(
     times, displacement, rate, acceleration, p_a, p_opposing, begin, ambient, area_times_factor, state, a, on, force_out
 ):
-    """Advance over a piece of a recording that has begun at a time [s]; write the contact force at each sample [N]."""
+    """Advance over a piece of a recording that began at time `begin` [s]; write the contact force, shape (n,) [N]."""
     for i in range(times.size):
-        now = times[i] - begin, displacement[i], rate[i], acceleration[i], p_a[i], p_opposing[i]
-        force_out[i] = step_force(*now, ambient, area_times_factor, state, a, on)
+        inputs = times[i] - begin, displacement[i], rate[i], acceleration[i], p_a[i], p_opposing[i]
+        force_out[i] = step_force(*inputs, ambient, area_times_factor, state, a, on)

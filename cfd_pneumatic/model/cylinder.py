@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One pressure-regulated cylinder: stepped sample by sample, or over a whole recording."""
+"""A pressure-regulated cylinder, simulated sample by sample or over a whole recording."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from cfd_pneumatic.model.extended import ExtendedCylinder, ExtendedState, Moveme
 from cfd_pneumatic.model.parameters import OperatingPoints
 from cfd_pneumatic.model.propagation import CARRIED, SENSITIVITIES, advance, interpolate_gains, propagate
 
-_SETPOINTS = 32  # of all cylinders, whose gains are kept
+_SETPOINTS = 32  # of all cylinders: number of set-points for which cylinders with effects are cached
 
 
 class Readings(NamedTuple):
-    """What the sensor would have read at the last samples, as far back as a transport delay reaches."""
+    """Undelayed readings of the last samples, as far back as a transport delay reaches."""
 
     times: tuple[float, ...]
-    """Since the start [s]."""
+    """Times since the start [s]."""
 
     readings: tuple[float, ...]
-    """Absolute [Pa]."""
+    """Absolute pressures [Pa]."""
 
-    def at(self, time: float) -> float:
-        """Return the reading at a time [Pa], linear between samples; before the first it was as there."""
+    def interpolate(self, time: float) -> float:
+        """Interpolate the reading at a time [Pa]; before the first sample the first reading holds."""
         after = bisect_right(self.times, time)
         if after == 0:
             return self.readings[0]
@@ -41,30 +41,30 @@ class Readings(NamedTuple):
         share = (time - self.times[after - 1]) / (self.times[after] - self.times[after - 1])
         return (1.0 - share) * self.readings[after - 1] + share * self.readings[after]
 
-    def followed_by(self, time: float, reading: float) -> Readings:
-        """Return it with one more sample."""
+    def with_sample(self, time: float, reading: float) -> Readings:
+        """Return the readings with another sample."""
         return Readings((*self.times, time), (*self.readings, reading))
 
-    def since(self, time: float) -> Readings:
-        """Return it without what no later time than this one needs."""
+    def needed_from(self, time: float) -> Readings:
+        """Return the readings without samples that are not needed to interpolate from a time [s] on."""
         first = max(bisect_right(self.times, time) - 1, 0)
         return Readings(self.times[first:], self.readings[first:])
 
 
 class CylinderState(NamedTuple):
     """
-    Where a cylinder is.
+    State of a cylinder.
 
     Attributes
     ----------
     p, p_f
         Outlet pressure and sensed pressure, absolute [Pa].
     extended
-        What there is beside them while an effect is on.
+        State of the extended model, while an effect is on.
     track
-        What the sensor would have read without a transport delay, while there is one.
+        Undelayed readings, while the effect of a transport delay is on.
     delayed
-        What it reads then [Pa].
+        Delayed reading, while the effect of a transport delay is on [Pa].
 
     """
 
@@ -81,13 +81,13 @@ class CylinderState(NamedTuple):
 
     @property
     def is_finite(self) -> bool:
-        """Whether it is made of finite numbers; effects can be so strong that it isn't."""
+        """Whether all numbers are finite; strong effects can make the state diverge."""
         values = (self.p, self.p_f) if self.extended is None else (*self.extended.values, self.extended.reading)
         return all(map(math.isfinite, (*values, self.reading)))
 
     @property
     def reading(self) -> float:
-        """What the pressure sensor reads, absolute [Pa]: p, unless an effect says otherwise."""
+        """The reading of the pressure sensor, absolute [Pa]: p, unless an effect changes the reading."""
         if self.delayed is not None:
             return self.delayed
         return self.p if self.extended is None else self.extended.reading
@@ -98,23 +98,23 @@ class Cylinder:
     """
     A cylinder and its regulator: equations (8) and (12) with scheduled gains, and physical effects.
 
-    Without effects they are solved exactly; with effects by Runge-Kutta of fourth order.
+    The equations are solved exactly without effects, and by Runge-Kutta of fourth order with effects.
 
     Attributes
     ----------
     parameters
         Gains over the gauge set-point.
     ambient_pressure
-        What a gauge set-point is counted from [Pa].
+        Zero of gauge set-points, absolute [Pa].
     effects
         Parameters of each effect that is on, by its name.
     setpoint_offset
-        What the regulator holds above what it is told [Pa].
+        Difference between the regulated pressure at rest and the set-point [Pa].
 
     Raises
     ------
     ValueError
-        If there is no such effect on the pressure, or it has another number of parameters.
+        If an effect is not an effect on the pressure, or has a wrong number of parameters.
 
     """
 
@@ -129,12 +129,14 @@ class Cylinder:
 
     @lazy_property
     def _effects(self) -> tuple[tuple[str, tuple[float, ...]], ...]:
-        return tuple((name, tuple(own)) for name, own in self.effects.items())
+        return tuple((name, tuple(parameters)) for name, parameters in self.effects.items())
 
     @lazy_property
     def delay(self) -> float | None:
-        """What an effect delays the reading by, where there is one; below zero it looks ahead [s]."""
-        return next((own[0] for name, own in self.effects.items() if PRESSURE_PARTS[name].late == 'reading'), None)
+        """Delay of the reading by an effect [s], None without such an effect; a negative delay looks ahead."""
+        return next(
+            (parameters[0] for name, parameters in self.effects.items() if PRESSURE_PARTS[name].late == 'reading'), None
+        )
 
     def at_rest(self, setpoint: float, x: float) -> CylinderState:
         """Return the equilibrium at an absolute set-point [Pa], the piston resting at a displacement [m]."""
@@ -151,18 +153,18 @@ class Cylinder:
         """
         Return the state after a movement.
 
-        An effect that was not on in `state` starts at rest there; pressures are carried over. A transport delay gives
-        what the sensor would have read before, linear between samples, and the first reading until the delay is over;
-        one below zero what it will read if the reading goes on as in this step.
+        Pressures are continuous; an effect that was not on in `state` starts at rest. A transport delay returns an
+        earlier reading, linear between samples, and the first reading until the delay is over. A negative delay
+        extrapolates the reading linearly from this step.
 
         Parameters
         ----------
         state
-            Before the movement.
+            State before the movement.
         movement
-            Of the piston; its displacement grows the chamber.
+            Movement of the piston; +x grows the chamber.
         setpoint
-            Absolute set-point that acts meanwhile [Pa].
+            Absolute set-point during the movement [Pa].
 
         """
         setpoint += self.setpoint_offset
@@ -176,13 +178,13 @@ class Cylinder:
         if self.delay is None:
             return after
         began = movement.time - movement.duration
-        return _read_late(after, self.delay, movement, cylinder.read(begin, began), state.track)
+        return _with_delayed_reading(after, self.delay, movement, cylinder.read(begin, began), state.track)
 
     def simulate(self, times: Array, displacement: Array, setpoint: Array, state: CylinderState | None = None) -> Array:
         """
-        Return what the pressure sensor reads [Pa] at each sample, shape (n,): p, unless an effect says otherwise.
+        Return the reading of the pressure sensor at each sample, shape (n,) [Pa].
 
-        It is what `step` gives sample by sample, to rounding.
+        The result equals that of `step` sample by sample, to rounding.
 
         Parameters
         ----------
@@ -193,7 +195,7 @@ class Cylinder:
         setpoint
             Absolute set-point, shape (n,) [Pa]; entry i acts on the step that ends at sample i.
         state
-            At the first sample; by default at rest at the first set-point.
+            State at the first sample; by default at rest at the first set-point.
 
         """
         start = state or self.at_rest(setpoint[0], displacement[0])
@@ -225,30 +227,30 @@ class Cylinder:
 def _extended(
     gains: tuple[float, ...], effects: tuple[tuple[str, tuple[float, ...]], ...], ambient_pressure: float
 ) -> ExtendedCylinder:
-    """Return a cylinder with effects at some gains; those of the last set-points are kept."""
+    """Return a cylinder with effects at constant gains; cylinders of the last set-points are cached."""
     return ExtendedCylinder(gains, dict(effects), ambient_pressure)
 
 
-def _read_late(
+def _with_delayed_reading(
     state: CylinderState, delay: float, movement: Movement, before: float, track: Readings | None
 ) -> CylinderState:
     """
-    Return a state after a movement with the reading that a delay [s] lets through.
+    Return a state after a movement with the reading delayed by `delay` [s].
 
-    Without a delay the sensor reads `before` at the movement's begin [Pa], and what is on the track before that.
+    The undelayed reading is `before` at the beginning of the movement [Pa]; `track` has earlier readings.
     """
     if delay < 0.0:
         slope = (state.reading - before) / movement.duration
         return state._replace(delayed=state.reading - delay * slope)
     past = track or Readings((movement.time - movement.duration,), (before,))
-    past = past.followed_by(movement.time, state.reading)
-    wanted = movement.time - delay
-    return state._replace(track=past.since(wanted), delayed=past.at(wanted))
+    past = past.with_sample(movement.time, state.reading)
+    shown_time = movement.time - delay
+    return state._replace(track=past.needed_from(shown_time), delayed=past.interpolate(shown_time))
 
 
 class Course:
     """
-    The outlet pressure and its derivatives along a recording that comes in pieces, at constant gains.
+    Outlet pressure and its derivatives along a recording that is simulated in pieces, at constant gains.
 
     Parameters
     ----------
@@ -266,19 +268,21 @@ class Course:
         self._carried = np.zeros((2, CARRIED))
         self._carried[:, -1] = 1.0
 
-    def follow(self, times: Array, displacement: Array, setpoint: Array, *, slopes: bool = True) -> tuple[Array, Array]:
+    def simulate_piece(
+        self, times: Array, displacement: Array, setpoint: Array, *, slopes: bool = True
+    ) -> tuple[Array, Array]:
         """
-        Return the pressure at the samples of a piece [Pa], shape (n,), and its derivatives, shape (n, 6) or (0, 6).
+        Simulate a piece: return the pressure at its samples, shape (n,) [Pa], and derivatives, shape (n, 6) or (0, 6).
 
         Parameters
         ----------
         times, displacement, setpoint
-            As in `Cylinder.simulate`; a piece begins with the last sample of the one before.
+            As in `Cylinder.simulate`; a piece begins with the last sample of the piece before.
         slopes
-            Whether derivatives are asked for, now and later on.
+            Whether derivatives are computed, for this piece and later pieces.
 
-        The columns are by the gains, by a shift of the set-point and by what both pressures lie above it at the
-        first sample.
+        The columns are the derivatives by the gains, by a shift of the set-point, and by a shift of both pressures
+        against the set-point at the first sample.
         """
         pressure = np.empty_like(times)
         jacobian = np.empty((times.size if slopes else 0, len(SENSITIVITIES)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The constant-force device: two opposing cylinders and the contact force that they make."""
+"""The constant-force device: two opposing cylinders and their contact force."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfd_pneumatic.model.composed import FORCE_STATES, SLID, rest_force, step_force
+from cfd_pneumatic.model.composed import FORCE_STATES, SLID, set_force_to_rest, step_force
 from cfd_pneumatic.model.cylinder import Cylinder, CylinderState
 from cfd_pneumatic.model.effects import FORCE_PARTS
 from cfd_pneumatic.model.extended import Movement, check_effects
@@ -23,16 +23,16 @@ DIRECTIONS = {'cylinder_a': 1.0, 'cylinder_b': -1.0}
 @dataclass(frozen=True)
 class ForceGeometry:
     """
-    How pressures become contact force.
+    Areas and factors that convert pressures to contact force.
 
     Attributes
     ----------
     area
         Piston area of either cylinder [m^2].
     geometric_factor
-        Contact force over piston force, from the linkage [-].
+        Contact force / piston force of the linkage [-].
     ambient_pressure
-        Absolute pressure that a missing cylinder counts as [Pa].
+        Absolute pressure in place of a missing cylinder [Pa].
 
     """
 
@@ -48,18 +48,18 @@ class ForceGeometry:
 @dataclass(frozen=True)
 class ForceState:
     """
-    What makes the contact force beside the pressures, while an effect on it is on.
+    State of the effects on the contact force, while one is on.
 
     Attributes
     ----------
     effects
-        Names of those that are on.
+        Names of the effects that are on.
     values
-        States in the composed kernel's order: those of the effects, then the displacement that the seals slid to [m].
+        States in the composed kernel's order: those of the effects, then the displacement of the seals [m].
     moved
-        The piston's movement that ended here.
+        The piston's last movement.
     contact_force
-        On the workpiece, along +x [N].
+        Force on the workpiece, along +x [N].
 
     """
 
@@ -70,7 +70,7 @@ class ForceState:
 
 
 class DeviceState(NamedTuple):
-    """States of both cylinders and of the force; None for a cylinder that is missing, and a force without effects."""
+    """States of both cylinders and of the force; None for a missing cylinder and for a force without effects."""
 
     a: CylinderState | None
     b: CylinderState | None
@@ -78,38 +78,38 @@ class DeviceState(NamedTuple):
 
     @property
     def is_finite(self) -> bool:
-        """Whether it is made of finite numbers; effects can be so strong that it isn't."""
+        """Whether all numbers are finite; strong effects can make the state diverge."""
         forces = () if self.force is None else (*self.force.values, self.force.contact_force)
-        present = (one for one in (self.a, self.b) if one is not None)
-        return all(one.is_finite for one in present) and all(map(math.isfinite, forces))
+        cylinders = (cylinder for cylinder in (self.a, self.b) if cylinder is not None)
+        return all(cylinder.is_finite for cylinder in cylinders) and all(map(math.isfinite, forces))
 
     @property
     def readings(self) -> tuple[float, ...]:
-        """What the sensors of the cylinders that there are read, absolute [Pa]."""
-        return tuple(one.reading for one in (self.a, self.b) if one is not None)
+        """Readings of the pressure sensors of the present cylinders, absolute [Pa]."""
+        return tuple(cylinder.reading for cylinder in (self.a, self.b) if cylinder is not None)
 
 
 @dataclass(frozen=True)
 class DeviceModel:
     """
-    Two opposing cylinders on one piston, or one against ambient pressure (the other is None): +x grows A, shrinks B.
+    Two opposing cylinders on one piston, or one cylinder against ambient pressure; +x grows A and shrinks B.
 
     Attributes
     ----------
     a, b
-        The cylinders.
+        The cylinders; None if missing.
     geometry
-        Makes the contact force from their pressures.
+        Converts pressures to contact force.
     force_effects
         Parameters of each effect on the contact force that is on, by its name.
     seal_play
-        Half of the play with which the seals follow the displacement [m]: to and fro within it they don't slide. A
-        seal forgets how it is stretched within a few reversals, and a sensor's last bit reverses at every sample.
+        Half of the backlash with which the seals follow the displacement [m]. The backlash keeps the last bit of a
+        displacement sensor, which reverses at every sample, from resetting the stretch of the seals.
 
     Raises
     ------
     ValueError
-        If there is no cylinder, no such effect on the force, or it has another number of parameters.
+        If there is no cylinder, an effect is not an effect on the force, or has a wrong number of parameters.
 
     """
 
@@ -120,21 +120,21 @@ class DeviceModel:
     seal_play: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check that there is a cylinder, and the effects."""
+        """Check the cylinders and the effects."""
         if not self.cylinders:
-            raise ValueError('a device has at least one cylinder')
+            raise ValueError('a device must have at least one cylinder, but a and b are None')
         check_effects(self.force_effects, FORCE_PARTS, 'force')
 
     @property
     def cylinders(self) -> dict[str, Cylinder]:
-        """Those that it has, by their names."""
-        return {name: one for name, one in zip(DIRECTIONS, (self.a, self.b)) if one is not None}
+        """The present cylinders, by name."""
+        return {name: cylinder for name, cylinder in zip(DIRECTIONS, (self.a, self.b)) if cylinder is not None}
 
     def setpoints(self, force: float, bias: float) -> tuple[float, float]:
         """
         Return gauge set-points (A, B) [Pa] that give a contact force [N] at rest.
 
-        Two cylinders share the difference about the `bias` pressure [Pa]; a single one takes it all.
+        Two cylinders share the pressure difference about `bias` [Pa]; a single cylinder takes the whole difference.
         """
         difference = force / (self.geometry.area * self.geometry.geometric_factor)
         if self.b is None:
@@ -154,10 +154,10 @@ class DeviceModel:
         """
         Return the state after a movement of the piston, +x growing A, at absolute set-points [Pa].
 
-        To effects on the force its speed is the mean over the movement, which is that of half a step before. The
-        acceleration is the change of this speed from the movement before, over the time from the middle of that one to
-        the middle of this; it comes a step late, and is zero in a first movement. An effect that was not on in `state`
-        starts at rest there.
+        Effects on the force use the mean speed over the movement, which is the speed half a step earlier. Their
+        acceleration is the change of the mean speed since the movement before, divided by the time between the middles
+        of both movements. The acceleration lags by a step and is zero in a first movement. An effect that was not on
+        in `state` starts at rest.
         """
         a = b = None
         if self.a is not None and state.a is not None:
@@ -167,19 +167,19 @@ class DeviceModel:
         return self._with_force(DeviceState(a, b), movement, state.force)
 
     def _with_force(self, state: DeviceState, movement: Movement, before: ForceState | None) -> DeviceState:
-        """Return a state with the force that effects make after a movement to it."""
+        """Return a state with the contact force after a movement, with effects on the force."""
         if not self.force_effects:
             return state
         values = np.empty(FORCE_STATES + 1)
-        rest_force(movement.begin, values)
+        set_force_to_rest(movement.begin, values)
         acceleration = 0.0
         if before is not None:
             values[SLID] = before.values[SLID]
             for name in self.force_effects.keys() & before.effects:
-                own = FORCE_PLACES[name].states
-                values[own] = before.values[own]
-            apart = 0.5 * (before.moved.duration + movement.duration)
-            acceleration = (movement.rate - before.moved.rate) / apart
+                states = FORCE_PLACES[name].states
+                values[states] = before.values[states]
+            elapsed = 0.5 * (before.moved.duration + movement.duration)
+            acceleration = (movement.rate - before.moved.rate) / elapsed
         geometry = self.geometry
         force = step_force(
             movement.time,
@@ -193,16 +193,16 @@ class DeviceModel:
             all_force_parameters(self.force_effects),
             force_switches(self.force_effects),
         )
-        own_state = ForceState(frozenset(self.force_effects), tuple(values.tolist()), movement, force)
-        return state._replace(force=own_state)
+        force_state = ForceState(frozenset(self.force_effects), tuple(values.tolist()), movement, force)
+        return state._replace(force=force_state)
 
     def contact_force(self, state: DeviceState) -> float:
-        """Return the force on the workpiece [N]: the chambers' pressures make it, not the sensors' readings."""
+        """Return the force on the workpiece [N], from the pressures in the chambers and not from readings."""
         if state.force is not None:
             return state.force.contact_force
         return self.geometry.contact_force(*self._pressures(state))
 
     def _pressures(self, state: DeviceState) -> tuple[float, float]:
-        """Return the absolute pressures in A and B, ambient for one that is missing [Pa]."""
+        """Return the absolute pressures in A and B, ambient pressure for a missing cylinder [Pa]."""
         ambient = self.geometry.ambient_pressure
         return state.a.p if state.a else ambient, state.b.p if state.b else ambient

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cylinder with physical effects beside the paper's equations, at constant gains."""
+"""A cylinder with physical effects in addition to the paper's equations, at constant gains."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from cfd_pneumatic.model.composed import (
     SIGNAL_ROW,
     SIZE,
     STATE_ROWS,
-    follow,
     propagate,
-    read,
-    rest,
+    read_sensor,
+    set_to_rest,
     settle,
+    start_motion,
     step,
 )
 from cfd_pneumatic.model.effects import MODULES, PRESSURE_PARTS, Effect
@@ -34,49 +34,49 @@ from cfd_pneumatic.model.places import FOLLOWED, MEASURED, PLACES, STATES, all_p
 from cfd_pneumatic.runtime import map_in_threads
 
 STAGE_ROWS = slice(S0 // COUNT, S0 // COUNT + STATES)
-"""Rows of the states as effects see them; those that no rate moves have to stand there from the beginning."""
+"""Rows of the states that effects read. States without a rate must be written here before the first step."""
 
-_SETTLED = 8.0  # time constants: to a third of a thousandth
-_MARGIN_BELOW, _MARGIN_ABOVE = 0.8, 1.2  # of the set-points: how far pressures stray from them
+_SETTLED = 8.0  # time constants: the remaining error is a third of a thousandth
+_MARGIN_BELOW, _MARGIN_ABOVE = 0.8, 1.2  # times the set-points: assumed range of the pressures
 _LONGEST_SETTLING = 2.0  # [s]
-# a live step is as short as its stiffness within such round numbers says, which is seldom asked
+# a step of `ExtendedCylinder` computes its stiffness for a box of such sizes, so that a cached stiffness can be used
 _PRESSURE_STEP, _DISPLACEMENT_STEP, _SPEED_STEP = 1e4, 1e-3, 0.1  # [Pa, m, m/s]
-_LOWEST, _HIGHEST = 1e4, 1e8  # pressures whose stiffness is asked [Pa]
+_LOWEST, _HIGHEST = 1e4, 1e8  # range of pressures at which the stiffness is computed [Pa]
 _BOXES = 64
 
 SLOWEST_CUT = 1.5
-"""A step is at most this many of the fastest time constants long [-]."""
+"""Longest step, in fastest time constants [-]."""
 
 MOVING = frozenset(name for name in PRESSURE_PARTS if hasattr(MODULES[name], 'displacement'))
-"""Effects that make the chamber follow another displacement than the measured one."""
+"""Effects that change the displacement that the chamber follows."""
 
 
 def check_effects(effects: Mapping[str, Sequence[float]], known: Mapping[str, Effect], kind: str) -> None:
     """
-    Check that effects are known, and have as many parameters as belong to them.
+    Check that effects are known and have the right number of parameters.
 
     Raises
     ------
     ValueError
-        If they are not; `kind` says what they act on.
+        If an effect is unknown or its number of parameters is wrong. The message names `kind`, what effects act on.
 
     """
-    for name, own in effects.items():
+    for name, parameters in effects.items():
         if name not in known:
-            raise ValueError(f'{name} is no effect on the {kind}; there are: {", ".join(known)}')
-        wanted = len(known[name].parameters)
-        if len(own) != wanted:
-            raise ValueError(f'{name} has {len(own)} parameters where {wanted} belong')
+            raise ValueError(f'{name} is not an effect on the {kind}; the effects are: {", ".join(known)}')
+        expected = len(known[name].parameters)
+        if len(parameters) != expected:
+            raise ValueError(f'{name} has {len(parameters)} parameters; expected {expected}')
 
 
 class Movement(NamedTuple):
-    """The piston over one step: it moves in a straight line."""
+    """Movement of the piston over a step, in a straight line."""
 
     time: float
-    """At the end, since the start [s]."""
+    """Time at the end of the step, since the start [s]."""
 
     duration: float
-    """Of the step [s]."""
+    """Duration of the step [s]."""
 
     begin: float
     """Displacement at the beginning [m]."""
@@ -90,23 +90,23 @@ class Movement(NamedTuple):
         return (self.end - self.begin) / self.duration
 
     def along(self, direction: float) -> Movement:
-        """Return it with the displacement counted in a direction, 1 or -1."""
+        """Return the movement with the displacement counted in a direction, 1 or -1."""
         return Movement(self.time, self.duration, direction * self.begin, direction * self.end)
 
 
 @dataclass(frozen=True)
 class ExtendedState:
     """
-    Where a cylinder with effects is.
+    State of a cylinder with effects.
 
     Attributes
     ----------
     effects
-        Names of those that are on.
+        Names of the effects that are on.
     values
         States in the composed kernel's order: pressures [Pa], those of the effects, displacements [m].
     reading
-        What the pressure sensor reads [Pa].
+        Reading of the pressure sensor [Pa].
 
     """
 
@@ -130,7 +130,7 @@ class ExtendedCylinder:
     """
     Equations (8) and (12) at constant gains, with effects.
 
-    A transport delay is not its matter: who reads the sensor late knows by how much.
+    A transport delay is not simulated here: the caller shifts the readings.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class ExtendedCylinder:
     effects
         Parameters of each effect that is on, by its name.
     ambient_pressure
-        Absolute [Pa].
+        Absolute pressure [Pa].
 
     """
 
@@ -154,30 +154,30 @@ class ExtendedCylinder:
         Parameters
         ----------
         pressures, displacements
-            Extremes that are reached [Pa, m].
+            Extremes in the recording [Pa, m].
         speed
-            The highest [m/s].
+            Highest speed [m/s].
 
         """
         of_gains, of_effects = quickest(self.gains), [0.0]
-        for name, own in self.effects.items():
-            effect, quicker = PRESSURE_PARTS[name], 1.0
+        for name, parameters in self.effects.items():
+            effect, factor = PRESSURE_PARTS[name], 1.0
             if effect.quickens is not None:
                 k_x = float(self.gains[0])
-                quicker = max(1.0, *(effect.quickens(p, x, k_x, *own) for p in pressures for x in displacements))
-            of_gains *= quicker
+                factor = max(1.0, *(effect.quickens(p, x, k_x, *parameters) for p in pressures for x in displacements))
+            of_gains *= factor
             if effect.fastest is not None:
-                of_effects.append(quicker * effect.fastest(speed, *own))
+                of_effects.append(factor * effect.fastest(speed, *parameters))
         return max(of_gains, *of_effects) / SLOWEST_CUT
 
     @property
     def settling(self) -> float:
-        """Time in which the pressure settles at a rest below the set-point, where the regulator charges [s]."""
+        """Time in which a charging regulator settles at a rest below the set-point [s]."""
         return min(_SETTLED * charging_time(self.gains), _LONGEST_SETTLING)
 
     def begin(self, p: float, p_f: float, x: float, before: ExtendedState | None = None) -> ExtendedState:
         """
-        Return the state to step from.
+        Return the state before a step.
 
         Parameters
         ----------
@@ -186,35 +186,36 @@ class ExtendedCylinder:
         x
             Displacement that grows the chamber [m].
         before
-            State up to now, perhaps with other effects: those that stay on go on from it, others start at rest.
+            Last state, maybe with different effects: effects that stay on continue from it; new effects start at rest.
 
         """
         effects = frozenset(self.effects)
         if before is not None and before.effects == effects:
             return before
         numbers = self._numbers()
-        rest(x, p, numbers)
+        set_to_rest(x, p, numbers)
         values = _rows(numbers)[STATE_ROWS, 0].copy()
         values[1] = p_f
         if before is not None:
             for name in effects & before.effects:
-                own = PLACES[name].states
-                values[own] = before.values[own]
+                states = PLACES[name].states
+                values[states] = before.values[states]
         if before is not None and effects & MOVING == before.effects & MOVING:
             for index in (FOLLOWED, MEASURED):
                 values[index] = before.values[index]
-        else:  # the chamber stands where it does while the piston rests here
+        else:  # the chamber rests at the displacement that the effects give for a piston at rest
             numbers = self._numbers(values)
-            follow(0.0, x, 1.0, self.ambient_pressure, numbers, self._on)
+            start_motion(0.0, x, 1.0, self.ambient_pressure, numbers, self._on)
             values = _rows(numbers)[STATE_ROWS, 0]
         return ExtendedState(effects, tuple(values.tolist()), p)
 
     def step(self, state: ExtendedState, movement: Movement, setpoint: float) -> ExtendedState:
         """Return the state after a movement at an absolute set-point [Pa]."""
         numbers = self._numbers(state.values)
-        p, held = (min(max(_LOWEST, one), _HIGHEST) for one in (state.p, setpoint))  # they may be no numbers
+        # a diverged pressure may be NaN
+        p, limited_setpoint = (min(max(_LOWEST, pressure), _HIGHEST) for pressure in (state.p, setpoint))
         stiffness = self._known_stiffness(
-            _around(p, held, _PRESSURE_STEP),
+            _around(p, limited_setpoint, _PRESSURE_STEP),
             _around(movement.begin, movement.end, _DISPLACEMENT_STEP),
             _around(0.0, abs(movement.rate), _SPEED_STEP)[1],
         )
@@ -233,9 +234,9 @@ class ExtendedCylinder:
         return ExtendedState(state.effects, tuple(rows[STATE_ROWS, 0].tolist()), float(rows[SIGNAL_ROW, 0]))
 
     def read(self, state: ExtendedState, time: float) -> float:
-        """Return what the pressure sensor reads in a state, at a time [s] since the start [Pa]."""
+        """Return the reading of the pressure sensor in a state [Pa], at a time since the start [s]."""
         numbers = self._numbers(state.values)
-        read(time, self.ambient_pressure, numbers, self._on)
+        read_sensor(time, self.ambient_pressure, numbers, self._on)
         return float(_rows(numbers)[SIGNAL_ROW, 0])
 
     @lazy_property
@@ -244,18 +245,18 @@ class ExtendedCylinder:
 
     @lazy_property
     def _blank(self) -> Array:
-        """The kernel's numbers with this cylinder in every lane, in no state."""
+        """The kernel's numbers with this cylinder in every lane and all states zero."""
         numbers = np.zeros(SIZE)
         _rows(numbers)[PARAMETER_ROWS] = all_parameters(self.gains, self.effects)[:, None]
         return numbers
 
     def _numbers(self, values: Sequence[float] | Array | None = None) -> Array:
-        """Return the kernel's numbers with this cylinder in every lane, in a state."""
+        """Return the kernel's numbers with this cylinder in every lane, in the state `values`."""
         numbers = self._blank.copy()
         if values is not None:
-            rows, own = _rows(numbers), np.asarray(values)[:, None]
-            rows[STATE_ROWS] = own
-            rows[STAGE_ROWS] = own[:STATES]
+            rows, states = _rows(numbers), np.asarray(values)[:, None]
+            rows[STATE_ROWS] = states
+            rows[STAGE_ROWS] = states[:STATES]
         return numbers
 
     @lazy_property
@@ -266,22 +267,22 @@ class ExtendedCylinder:
         self, times: Array, displacement: Array, setpoint: Array, start: float = 0.0, settles: bool = False
     ) -> Array:
         """
-        Return what the pressure sensor reads at each sample, shape (n,) [Pa].
+        Return the reading of the pressure sensor at each sample, shape (n,) [Pa].
 
         Parameters
         ----------
         times, displacement, setpoint
             As in `Cylinder.simulate`.
         start
-            What the pressures lie above the first set-point at the first sample [Pa].
+            Difference of the pressures and the set-point at the first sample [Pa].
         settles
-            Whether it stands still before the first sample until the pressure has settled.
+            Whether the cylinder rests before the first sample until the pressure has settled.
 
         """
         parameters = all_parameters(self.gains, self.effects)[None]
         stiffness = self.stiffness(*extremes(times, displacement, setpoint))
-        alone = SideBySide(self, parameters, np.zeros(1), np.array([start]), float(times[0]), stiffness, settles)
-        return alone.follow(times, displacement, setpoint)[:, 0]
+        cylinder = SideBySide(self, parameters, np.zeros(1), np.array([start]), float(times[0]), stiffness, settles)
+        return cylinder.simulate_piece(times, displacement, setpoint)[:, 0]
 
 
 def extremes(
@@ -293,9 +294,9 @@ def extremes(
     return pressures, (float(np.min(displacement)), float(np.max(displacement))), speed
 
 
-def _around(one: float, other: float, size: float) -> tuple[float, float]:
+def _around(first: float, second: float, size: float) -> tuple[float, float]:
     """Return the next multiples of a size below and above two values."""
-    return size * floor(min(one, other) / size), size * ceil(max(one, other) / size)
+    return size * floor(min(first, second) / size), size * ceil(max(first, second) / size)
 
 
 def _rows(numbers: Array) -> Array:
@@ -304,26 +305,26 @@ def _rows(numbers: Array) -> Array:
 
 class SideBySide:
     """
-    What the sensors of cylinders with the same effects read along a recording that comes in pieces.
+    Readings of cylinders with the same effects along a recording that is simulated in pieces.
 
-    All are moved alike and cut into the same steps, so that their difference is smooth in their parameters.
+    All cylinders have the same motion and the same steps, so that their differences are smooth in the parameters.
 
     Parameters
     ----------
     cylinder
-        Says which effects are on.
+        Cylinder with the effects that are on.
     parameters
-        Of each cylinder, in the order of `places.all_parameters`, shape (cylinders, parameters).
+        Parameters of each cylinder, in the order of `places.all_parameters`, shape (cylinders, parameters).
     offsets
-        What each one's set-point lies above the common one, shape (cylinders,) [Pa].
+        Difference of each cylinder's set-point and the common set-point, shape (cylinders,) [Pa].
     starts
-        What each one's pressures lie above its first set-point at the first sample, shape (cylinders,) [Pa].
+        Difference of each cylinder's pressures and its set-point at the first sample, shape (cylinders,) [Pa].
     begin
-        When their recording began, which effects that follow time count from [s].
+        Time at which the recording began; effects of time count from it [s].
     stiffness
         Inverse of the fastest time constant, see `ExtendedCylinder.stiffness` [1/s].
     settles
-        Whether they stand still before the first sample until the pressure has settled.
+        Whether the cylinders rest before the first sample until the pressure has settled.
 
     """
 
@@ -347,39 +348,51 @@ class SideBySide:
         self._groups: list[Array] = []
         self._begin = begin
 
-    def follow(self, times: Array, displacement: Array, setpoint: Array, acceleration: Array | None = None) -> Array:
+    def simulate_piece(
+        self, times: Array, displacement: Array, setpoint: Array, acceleration: Array | None = None
+    ) -> Array:
         """
         Return the readings at the samples of a piece, shape (n, cylinders) [Pa].
 
-        The arguments are as in `Cylinder.simulate`, and the acceleration on the step to each sample, by default none
-        [m/s^2]; a piece begins with the last sample of the one before.
+        Times, displacement and set-point are as in `Cylinder.simulate`. The acceleration is that on the step to each
+        sample [m/s^2], by default zero. A piece begins with the last sample of the piece before.
         """
         if not self._groups:
             self._groups = [
-                self._resting(first, displacement[0], setpoint[0]) for first in range(0, len(self._parameters), COUNT)
+                self._numbers_at_rest(first, displacement[0], setpoint[0])
+                for first in range(0, len(self._parameters), COUNT)
             ]
         readings = np.empty((times.size, len(self._parameters)))
         ambient = self._cylinder.ambient_pressure
-        bent = np.zeros(times.size) if acceleration is None else acceleration
+        accelerations = np.zeros(times.size) if acceleration is None else acceleration
 
-        def run(rank: int) -> None:
-            own = readings[:, rank * COUNT : (rank + 1) * COUNT]
+        def simulate_group(rank: int) -> None:
+            group_readings = readings[:, rank * COUNT : (rank + 1) * COUNT]
             numbers = self._groups[rank]
             propagate(
-                times, displacement, bent, setpoint, self._begin, ambient, self._stiffness, numbers, self._on, own
+                times,
+                displacement,
+                accelerations,
+                setpoint,
+                self._begin,
+                ambient,
+                self._stiffness,
+                numbers,
+                self._on,
+                group_readings,
             )
 
-        map_in_threads(run, range(len(self._groups)))
+        map_in_threads(simulate_group, range(len(self._groups)))
         return readings
 
-    def _resting(self, first: int, displacement: float, setpoint: float) -> Array:
-        """Return the kernel's numbers with cylinders from one on in its lanes, before the first sample."""
-        lanes = np.minimum(first + np.arange(COUNT), len(self._parameters) - 1)  # the last one fills what is left
+    def _numbers_at_rest(self, first: int, displacement: float, setpoint: float) -> Array:
+        """Return the kernel's numbers before the first sample, with the cylinders from `first` on in the lanes."""
+        lanes = np.minimum(first + np.arange(COUNT), len(self._parameters) - 1)  # the last cylinder fills unused lanes
         numbers = np.zeros(SIZE)
         rows = _rows(numbers)
         rows[PARAMETER_ROWS] = self._parameters[lanes].T
         rows[OFFSET_ROW] = self._offsets[lanes] + self._starts[lanes]
-        rest(displacement, setpoint, numbers)
+        set_to_rest(displacement, setpoint, numbers)
         rows[OFFSET_ROW] = self._offsets[lanes]
         if self._settles:
             cylinder = self._cylinder

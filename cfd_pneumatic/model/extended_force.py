@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The contact force, with physical effects beside the piston's area times the pressures."""
+"""The contact force, with physical effects in addition to area times pressure difference."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.model.composed import FORCE_STATES, propagate_force, rest_force
+from cfd_pneumatic.model.composed import FORCE_STATES, propagate_force, set_force_to_rest
 from cfd_pneumatic.model.places import all_force_parameters, force_switches
 
 
 @dataclass(frozen=True)
 class ExtendedForce:
     """
-    Area times difference of the pressures, with effects.
+    Piston area times pressure difference, with effects.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class ExtendedForce:
     effects
         Parameters of each effect on the force that is on, by its name.
     ambient_pressure
-        Absolute [Pa].
+        Absolute pressure [Pa].
 
     """
 
@@ -35,16 +35,16 @@ class ExtendedForce:
 
     def begin(self, displacement: float, stretch: float = 0.0) -> Array:
         """
-        Return the state to follow from: the seals at a displacement [m], and how far they are stretched there.
+        Return the state at the first sample, with the seals at a displacement [m] and with a stretch [-].
 
-        The stretch is 1 as behind a long travel towards +x, -1 towards -x.
+        The stretch is 1 after a long travel towards +x, -1 after a long travel towards -x.
         """
         state = np.empty(FORCE_STATES + 1)
-        rest_force(displacement, state)
+        set_force_to_rest(displacement, state)
         state[:FORCE_STATES] = stretch
         return state
 
-    def follow(
+    def simulate_piece(
         self,
         state: Array,
         begin: float,
@@ -56,20 +56,20 @@ class ExtendedForce:
         pressure_b: Array | None,
     ) -> Array:
         """
-        Return the contact force along +x at each sample of a piece, shape (n,) [N], and carry the state on.
+        Return the contact force along +x at each sample of a piece, shape (n,) [N], and update the state.
 
         Parameters
         ----------
         state
-            From `begin`; a piece may begin with the last sample of the one before.
+            State from `begin` or after the piece before; a piece may begin with the last sample of the piece before.
         begin
-            Time of the first sample of all [s].
+            Time of the first sample of the first piece [s].
         times
             Increasing, shape (n,) [s].
         displacement, rate, acceleration
-            Of the piston; +x grows cylinder A, shape (n,) [m, m/s, m/s^2].
+            Motion of the piston; +x grows cylinder A, shape (n,) [m, m/s, m/s^2].
         pressure_a, pressure_b
-            Absolute, shape (n,) [Pa]; B is None in a single cylinder.
+            Absolute pressures, shape (n,) [Pa]; B is None for a single cylinder.
 
         """
         force = np.empty_like(times)

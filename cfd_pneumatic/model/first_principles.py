@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Equations (1) to (11): from a data sheet's dimensions to the model's parameters.
+Model parameters from a data sheet's dimensions, by equations (1) to (11).
 
-The paper writes equation (1) in British units and prints an empirical fit of the sonic and subsonic flow through an
-orifice; here the isentropic nozzle flow that it approximates stands in SI, with the choked branch below the critical
-pressure ratio. K_1 to K_5 are the lumped constants of equations (2), (3), (5), (9) and (10).
+The paper's equation (1) is an empirical fit of the flow through an orifice in British units. This module uses the
+isentropic nozzle flow that the fit approximates, in SI, with the choked branch below the critical pressure ratio. K_1
+to K_5 are the lumped constants of equations (2), (3), (5), (9) and (10).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ HEAT_RATIO = 1.4
 """Ratio of the specific heats of air [-]."""
 
 CRITICAL_RATIO = (2.0 / (HEAT_RATIO + 1.0)) ** (HEAT_RATIO / (HEAT_RATIO - 1.0))
-"""Downstream over upstream pressure at and below which an orifice is choked, 0.528 [-]."""
+"""Downstream / upstream pressure at and below which an orifice is choked, 0.528 [-]."""
 
 
 def flow_per_area(upstream: float, downstream: float, temperature: float) -> float:
@@ -29,7 +29,7 @@ def flow_per_area(upstream: float, downstream: float, temperature: float) -> flo
     Parameters
     ----------
     upstream, downstream
-        Absolute pressures, the upstream one the larger [Pa].
+        Absolute pressures; upstream is the larger [Pa].
     temperature
         Upstream temperature [K].
 
@@ -40,9 +40,9 @@ def flow_per_area(upstream: float, downstream: float, temperature: float) -> flo
 
     """
     if not 0.0 < downstream <= upstream:
-        raise ValueError(f'need 0 < downstream <= upstream, got {downstream:g} and {upstream:g} Pa')
+        raise ValueError(f'must be 0 < downstream <= upstream; got {downstream:g} and {upstream:g} Pa')
     if not temperature > 0.0:
-        raise ValueError(f'temperature must be positive, got {temperature:g} K')
+        raise ValueError(f'temperature must be positive; got {temperature:g} K')
     ratio = max(downstream / upstream, CRITICAL_RATIO)
     expansion = ratio ** (2.0 / HEAT_RATIO) - ratio ** ((HEAT_RATIO + 1.0) / HEAT_RATIO)
     return upstream * math.sqrt(2.0 * HEAT_RATIO / ((HEAT_RATIO - 1.0) * GAS_CONSTANT * temperature) * expansion)
@@ -58,7 +58,7 @@ class AspiratorTube:
     inner_diameter, length
         Dimensions [m].
     chamber_volume
-        Volume of the control chamber behind it [m^3].
+        Volume of the control chamber behind the tube [m^3].
     viscosity
         Dynamic viscosity of air [Pa s].
 
@@ -89,11 +89,11 @@ class Regulator:
     Attributes
     ----------
     supply_pressure
-        Absolute [Pa].
+        Absolute pressure [Pa].
     temperature
-        Of supply and chamber [K].
+        Temperature of supply and chamber [K].
     k_4, k_5
-        Effective orifice area opened by each unit of pressure error, supply and relief valve [m^2/Pa].
+        Effective orifice area for each unit of pressure error, supply and relief valve [m^2/Pa].
     aspirator
         The sensing tube.
 
@@ -130,9 +130,9 @@ def first_guess(
     regulator
         Valves, supply and sensing tube.
     area, volume
-        Of the cylinder's chamber [m^2, m^3].
+        Piston area and volume of the cylinder's chamber [m^2, m^3].
     pressure, ambient_pressure
-        Absolute [Pa].
+        Absolute pressures [Pa].
     polytropic_exponent
         n, 1 (isothermal) to 1.4 (adiabatic) [-].
 

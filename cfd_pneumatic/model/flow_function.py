@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The flow function of ISO 6358: how much passes an orifice, by the ratio of the pressures on its two sides."""
+"""The flow function of ISO 6358: the flow through an orifice as a function of the pressure ratio."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CRITICAL = 0.528
 
 
 @inlined
-def passed(ratio):
-    """Return the flow at a pressure ratio, downstream over upstream, against the choked flow [-]."""
+def relative_flow(ratio):
+    """Return the flow relative to the choked flow [-] at a pressure ratio, downstream / upstream."""
     share = min(max((ratio - CRITICAL) / (1.0 - CRITICAL), 0.0), 1.0)
     return math.sqrt(1.0 - share * share)

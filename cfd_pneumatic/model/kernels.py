@@ -11,19 +11,19 @@ from cfd_pneumatic.runtime import compiler
 
 kernel = compiler(error_model='numpy', nogil=True)
 """
-Compile to machine code kept on disk, beside which other threads run.
+Compile to machine code that is kept on disk; other threads run meanwhile.
 
-A division by zero gives inf, as NumPy's does, instead of a branch to raise.
+A division by zero gives inf, as in NumPy, because a check would cost a branch.
 """
 
 fused = compiler(error_model='numpy', nogil=True, fastmath={'contract'})
-"""As `kernel`, with products and sums rounded once where the processor can; no other liberty is taken."""
+"""As `kernel`, but a product and a sum are rounded once if the processor can."""
 
 inner = compiler(error_model='numpy', nogil=True, fastmath={'contract'}, no_cpython_wrapper=True)
-"""As `fused`, for what compiled functions alone call: a way from Python takes as long to compile as the function."""
+"""As `fused`, for functions called by compiled code only: a Python wrapper takes as long to compile as a function."""
 
 summed = compiler(error_model='numpy', nogil=True, fastmath={'contract', 'reassoc'})
-"""As `fused`, with sums taken in any order: for those of many numbers."""
+"""As `fused`, for sums of many numbers: the summands are added in any order."""
 
 inlined: Any = register_jitable(
     error_model='numpy',
@@ -34,7 +34,7 @@ inlined: Any = register_jitable(
     no_cfunc_wrapper=True,
 )
 """
-Compile into what calls it, for the innermost loop; what calls it from Python gets the function as it is.
+Compile a function into each compiled caller, for the innermost loop; Python calls the plain function.
 
-What stays the same from step to step is read once then, and what two parts compute alike is computed once.
+Inlining lets the compiler read constants once and compute common subexpressions once.
 """

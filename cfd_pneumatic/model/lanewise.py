@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Functions that a library has for floats only, without branches and for lanes too; exact to 1e-14 or so."""
+"""Elementary functions of floats and of lanes, without branches; exact to about 1e-14."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import math
 from cfd_pneumatic.model.kernels import inlined
 from cfd_pneumatic.model.lanes import exponent, mantissa, power_of_two, where
 
-_SATURATED = 19.0  # where tanh is one, but for rounding
-_LEAST, _MOST = -708.0, 709.0  # exponentials of what is beyond are zero or infinite
+_SATURATED = 19.0  # from here on tanh is 1 to rounding
+_LEAST, _MOST = -708.0, 709.0  # exponentials of numbers beyond are zero or infinite
 _SMALLEST = 2.3e-308  # below, floats lose digits
-_NEAREST = 6755399441055744.0  # 1.5 * 2^52: added to a number it leaves no room for the digits behind the point
+_NEAREST = 6755399441055744.0  # 1.5 * 2^52: adding this rounds a number to a whole number
 _LN2 = math.log(2.0)
-_LN2_HIGH = 6.93147180369123816490e-01  # so few digits that its product with a whole number is exact
+_LN2_HIGH = 6.93147180369123816490e-01  # few enough digits that the product with a whole number is exact
 _LN2_LOW = 1.90821492927058770002e-10
 E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12, E13 = (1.0 / math.factorial(n) for n in range(2, 14))
 L3, L5, L7, L9, L11, L13, L15, L17, L19, L21 = (2.0 / n for n in range(3, 22, 2))
@@ -33,7 +33,7 @@ def nearest(x):
 
 @inlined
 def exp(x):
-    """Return the exponential; where that is out of the floats' range, the edge of it."""
+    """Return the exponential, limited to the range of floats."""
     inner = min(max(x, _LEAST), _MOST)
     whole = nearest(inner * (1.0 / _LN2))
     z = (inner - whole * _LN2_HIGH) - whole * _LN2_LOW
@@ -46,7 +46,7 @@ def exp(x):
 
 @inlined
 def log(x):
-    """Return the natural logarithm; that of nothing is taken for the smallest number's."""
+    """Return the natural logarithm; at zero that of the smallest normal float."""
     positive = max(x, _SMALLEST)
     m = mantissa(positive)
     s = (m - 1.0) / (m + 1.0)
@@ -61,7 +61,7 @@ def log(x):
 
 @inlined
 def power(x, y):
-    """Return x to the power of y; a negative one has none."""
+    """Return x to the power of y; NaN if x is negative."""
     return exp(y * log(x))
 
 
@@ -81,4 +81,4 @@ def wave(turns):
     sine = x * (S1 + z * (S3 + z * (S5 + z * (S7 + z * (S9 + z * high)))))
     high = C10 + z * (C12 + z * (C14 + z * (C16 + z * (C18 + z * C20))))
     cosine = 1.0 + z * (C2 + z * (C4 + z * (C6 + z * (C8 + z * high))))
-    return 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine  # of twice the angle
+    return 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine  # double-angle formulas

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The device followed sample by sample, by the samples' own stamps."""
+"""A device that is simulated sample by sample, by the stamps of the samples."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NANOSECOND = 1e-9
 
 
 class Arrival(enum.Enum):
-    """What became of a sample."""
+    """How a sample was handled."""
 
     FIRST = 'first'
     ADVANCED = 'advanced'
@@ -37,13 +37,13 @@ class Committed(NamedTuple):
     start
         Stamp of the sample at which the device started at rest [ns].
     stamp
-        Of the sample [ns].
+        Stamp of the last sample [ns].
     position
-        Piston displacement in it [m].
+        Piston displacement of the last sample [m].
     setpoints
-        Absolute set-points (A, B) that acted up to it [Pa].
+        Absolute set-points (A, B) that acted up to the last sample [Pa].
     state
-        Of the device at it.
+        State of the device at the last sample.
 
     """
 
@@ -54,7 +54,7 @@ class Committed(NamedTuple):
     state: DeviceState
 
     def movement(self, elapsed: float, position: float) -> Movement:
-        """Return the piston's movement to a position [m] that it is at `elapsed` seconds later."""
+        """Return the piston's movement to a position [m] in `elapsed` seconds."""
         return Movement((self.stamp - self.start) * NANOSECOND + elapsed, elapsed, self.position, position)
 
 
@@ -66,7 +66,7 @@ class LiveDevice:
     """
 
     def __init__(self, device: DeviceModel, max_gap: float, supply: float = math.inf) -> None:
-        """Follow `device`; a step beyond `max_gap` [s] starts anew; no pressure exceeds `supply`, absolute [Pa]."""
+        """Simulate `device`; a step above `max_gap` [s] restarts at rest; `supply` limits pressures, absolute [Pa]."""
         self.device = device
         self.max_gap = max_gap
         self.supply = supply
@@ -80,15 +80,15 @@ class LiveDevice:
         """
         Commit a piston sample.
 
-        The piston is taken to move in a straight line from the last sample, at set-points that act over the whole
-        step. After a gap, where the stamp went back, or where effects drove the pressures out of the range of numbers,
-        the device starts at rest. A repeated stamp changes nothing, and neither does a sample after which a pressure
-        would lie below vacuum or above the supply.
+        The piston moves in a straight line from the last sample, and the set-points act over the whole step. The
+        device starts at rest after a gap, if the stamp went back, or if effects drove the pressures out of the range
+        of numbers. A repeated stamp changes nothing. A sample is not committed if a pressure would be below vacuum or
+        above the supply.
 
         Parameters
         ----------
         stamp
-            Of the sample [ns].
+            Stamp of the sample [ns].
         position
             Piston displacement [m].
         setpoints
@@ -112,7 +112,7 @@ class LiveDevice:
         return arrival
 
     def _arrival(self, stamp: int) -> Arrival:
-        """Return what a stamp [ns] makes of a sample."""
+        """Return how a sample with a stamp [ns] is handled."""
         if self.committed is None:
             return Arrival.FIRST
         elapsed = stamp - self.committed.stamp
@@ -124,9 +124,9 @@ class LiveDevice:
 
     def preview(self, elapsed: float, setpoints: tuple[float, float]) -> DeviceState | None:
         """
-        Return what the state would be `elapsed` > 0 seconds after the last sample, the piston held; commit nothing.
+        Predict the state `elapsed` > 0 seconds after the last sample with the piston at rest; commit nothing.
 
-        None where there was no sample yet, or the pressures would be no numbers.
+        None if there was no sample yet, or if a pressure would not be a finite number.
         """
         last = self.committed
         if last is None:
@@ -137,14 +137,14 @@ class LiveDevice:
 
 def warm_up() -> None:
     """
-    Compile what stepping a device takes, or load it compiled, so that no sample waits for it.
+    Compile or load the functions that step a device, so that no sample waits for the compiler.
 
-    With the effects, too, so that switching one on later compiles nothing.
+    The effects are included, so that switching an effect on later compiles nothing.
     """
-    every, every_on_force = (
-        {name: effect.null for name, effect in among.items()} for among in (PRESSURE_PARTS, FORCE_PARTS)
+    all_on_pressure, all_on_force = (
+        {name: effect.null for name, effect in parts.items()} for parts in (PRESSURE_PARTS, FORCE_PARTS)
     )
-    for on_pressure, on_force in (({}, {}), (every, every_on_force)):
+    for on_pressure, on_force in (({}, {}), (all_on_pressure, all_on_force)):
         cylinder = Cylinder(TABLE_1, 1e5, on_pressure)
         device = DeviceModel(cylinder, None, ForceGeometry(1e-3, 1.0, 1e5), on_force)
         device.step(device.at_rest(2e5, 2e5), Movement(1e-3, 1e-3, 0.0, 1e-6), 2e5, 2e5)

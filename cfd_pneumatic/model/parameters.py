@@ -14,13 +14,13 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.units import PSI, PSI_PER_INCH
 
-_NEAR = 0.25  # of the step to the next set-point: so far beyond the last one its gains are as good as those between
+_NEAR = 0.25  # share of the step to the next set-point: within this range beyond the last set-point its gains are valid
 
 
 @dataclass(frozen=True)
 class ParameterSpec:
     """
-    What there is to know about one model parameter.
+    Name, unit, range and meaning of a model parameter.
 
     Attributes
     ----------
@@ -31,9 +31,9 @@ class ParameterSpec:
     lower, upper
         Range within which the model and its fit are trusted [unit].
     description
-        One line, with the equation of the paper where it stands.
+        One line, with the number of the equation in the paper.
     paper_unit, paper_factor
-        The paper's unit, and what one of it is in SI.
+        The paper's unit, and its value in SI.
 
     """
 
@@ -52,7 +52,7 @@ SPECS = (
     ParameterSpec('k_v', '1/s', 1e-3, 5e3, 'discharging gain K_v, acts while p_f > p_d, equation (12)', '1/s', 1.0),
     ParameterSpec('tau', 's', 1e-5, 1e2, 'control chamber sensing time constant, equation (8)', 's', 1.0),
 )
-"""The four parameters of equations (8) and (12), in the order in which kernels take them."""
+"""The four parameters of equations (8) and (12), in the order of the kernels' arguments."""
 
 NAMES = tuple(spec.name for spec in SPECS)
 
@@ -62,7 +62,7 @@ class OperatingPoints:
     """
     Model parameters scheduled over the regulator's set pressure.
 
-    Between two set-points each parameter is interpolated linearly; outside them it is held. One entry is a constant.
+    Each parameter is interpolated linearly between set-points and constant outside. One entry is a constant.
 
     Attributes
     ----------
@@ -113,27 +113,27 @@ class OperatingPoints:
 
     @classmethod
     def from_rows(cls, rows: Mapping[str, ArrayLike]) -> OperatingPoints:
-        """Return the schedule whose fields stand in `rows` under their names."""
+        """Return the schedule with the fields in `rows`, by their names."""
         return cls(**{name: np.asarray(rows[name], dtype=np.float64) for name in ('setpoints', *NAMES)})
 
     @lazy_property
     def table(self) -> Array:
-        """The schedule as the kernel takes it: rows of (set-point, k_x, k_sv, k_v, tau), shape (m, 5)."""
+        """The schedule as the kernel's argument: rows of (set-point, k_x, k_sv, k_v, tau), shape (m, 5)."""
         return np.column_stack([self.setpoints, self.k_x, self.k_sv, self.k_v, self.tau])
 
-    def at(self, setpoints: ArrayLike) -> OperatingPoints:
-        """Return the schedule interpolated at other gauge set pressures [Pa]."""
+    def interpolate(self, setpoints: ArrayLike) -> OperatingPoints:
+        """Interpolate the schedule at gauge set pressures [Pa]."""
         points = np.atleast_1d(np.asarray(setpoints, dtype=np.float64))
         return OperatingPoints(points, *(np.interp(points, self.setpoints, getattr(self, name)) for name in NAMES))
 
     def covers(self, setpoint: float) -> bool:
-        """Tell whether a gauge set pressure [Pa] lies within or near the schedule (a constant covers every one)."""
-        low, high = self._covered
+        """Return whether a gauge set pressure [Pa] is within or near the schedule; a constant covers all pressures."""
+        low, high = self._valid_range
         return low <= setpoint <= high
 
     @lazy_property
-    def _covered(self) -> tuple[float, float]:
-        """The lowest and the highest gauge set pressure that are covered [Pa]."""
+    def _valid_range(self) -> tuple[float, float]:
+        """The lowest and the highest gauge set pressure for which the schedule is valid [Pa]."""
         if self.setpoints.size == 1:
             return -math.inf, math.inf
         steps = _NEAR * np.diff(self.setpoints)
@@ -171,4 +171,4 @@ TABLE_2 = OperatingPoints(
     TABLE_1.k_v[:2],
     np.array([0.0075, 0.0048]),
 )
-"""The paper's Table 2 (steps of 16 to 18 mil); nothing discharged in them, so that K_v is Table 1's."""
+"""The paper's Table 2 (steps of 16 to 18 mil); its steps only charge, so that K_v is from Table 1."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Where each effect's switch, parameters and states stand among all.
+Indices of each effect's switch, parameters and states in the kernels' arrays.
 
-Effects on the pressure and on the force are counted apart: they act in different kernels.
+Effects on the pressure and on the force are counted separately, because they act in different kernels.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from cfd_pneumatic.model.effects import FORCE_PARTS, PRESSURE_PARTS, Effect
 from cfd_pneumatic.model.parameters import SPECS
 
 GAINS = len(SPECS)
-"""The gains come first among the parameters."""
+"""Number of gains, which come first among the parameters."""
 
 PRESSURES = 2
-"""p and p_f come first among the states."""
+"""Number of pressures, p and p_f, which come first among the states."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where one effect stands: the bit that switches it on, and its indices."""
+    """The bit that switches an effect on, and the indices of its parameters and states."""
 
     switch: int
     parameters: slice
@@ -38,7 +38,7 @@ class Place:
 
 
 def _places(effects: Mapping[str, Effect], parameter: int, state: int) -> dict[str, Place]:
-    """Return the place of each of some effects; the first one's parameters and states begin at the given indices."""
+    """Return the place of each effect; parameters and states of the first effect begin at the given indices."""
     places = {}
     for rank, (name, effect) in enumerate(effects.items()):
         parameters = slice(parameter, parameter + len(effect.parameters))
@@ -55,10 +55,10 @@ STATES = PRESSURES + sum(effect.states for effect in PRESSURE_PARTS.values())
 """Number of states of the pressure."""
 
 FOLLOWED = STATES
-"""Where, behind the states, the displacement stands that the chamber followed last [m]."""
+"""Index, after the states, of the displacement that the chamber followed last [m]."""
 
 MEASURED = STATES + 1
-"""Where the displacement stands that was measured last [m]."""
+"""Index of the displacement measured last [m]."""
 
 PARAMETERS = GAINS + sum(len(effect.parameters) for effect in PRESSURE_PARTS.values())
 """Number of parameters: the gains, and those of the effects on the pressure."""
@@ -78,28 +78,28 @@ def all_parameters(gains: Sequence[float] | Array, effects: Mapping[str, Sequenc
     """
     Return the gains and the parameters of every effect on the pressure.
 
-    They are null where the effect is not among `effects`.
+    The parameters of an effect that is not in `effects` are null.
     """
     values = _NULL.copy()
     values[:GAINS] = gains
-    for name, own in effects.items():
-        values[PLACES[name].parameters] = own
+    for name, parameters in effects.items():
+        values[PLACES[name].parameters] = parameters
     return values
 
 
 def switches(effects: Mapping[str, Sequence[float]]) -> int:
-    """Return the switches of some effects on the pressure, a bit for each."""
+    """Return the switches of effects on the pressure, a bit for each."""
     return sum(PLACES[name].switch for name in effects)
 
 
 def all_force_parameters(effects: Mapping[str, Sequence[float]]) -> Array:
-    """Return the parameters of every effect on the force, null where it is not among `effects`."""
+    """Return the parameters of every effect on the force; those of an effect not in `effects` are null."""
     values = _FORCE_NULL.copy()
-    for name, own in effects.items():
-        values[FORCE_PLACES[name].parameters] = own
+    for name, parameters in effects.items():
+        values[FORCE_PLACES[name].parameters] = parameters
     return values
 
 
 def force_switches(effects: Mapping[str, Sequence[float]]) -> int:
-    """Return the switches of some effects on the force, a bit for each."""
+    """Return the switches of effects on the force, a bit for each."""
     return sum(FORCE_PLACES[name].switch for name in effects)

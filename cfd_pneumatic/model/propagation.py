@@ -2,20 +2,20 @@
 """
 Exact propagation of one regulator and cylinder, with forward sensitivities.
 
-Between two samples the displacement is a straight line and the set-point is held, so that equations (8) and (12) of the
-paper are an affine system with constant coefficients, here in deviations u = p - p_d and w = p_f - p_d from the
-set-point p_d::
+Between two samples the displacement is a straight line and the set-point is constant. Equations (8) and (12) of the
+paper are then an affine system with constant coefficients. Its states are the deviations u = p - p_d and w = p_f - p_d
+from the set-point p_d::
 
     u' = a11 u + a12 w + b1        a11 = 0       a12 = -K       b1 = -K_x x'
     w' = a21 u + a22 w + b2        a21 = 1/tau   a22 = -1/tau   b2 = 0
 
 K is K_sv while w < 0 and K_v while w > 0 (the paper prints this switch reversed). A step is cut into pieces where w
-changes sign; on a piece the solution is a 2 x 2 matrix exponential in closed form. The vector field is continuous at
-the switch, so that sensitivities carry over it unchanged.
+changes sign. On a piece the solution is a 2 x 2 matrix exponential in closed form. The vector field is continuous at
+the switch, so that sensitivities cross the switch unchanged.
 
-Nearly all steps are one piece, and nearly all recordings have one sample period: the exponential of each branch is kept
-from step to step. A period that differs by the rounding of its times is made up for to first order, which is exact to
-rounding again.
+Nearly all steps are one piece, and nearly all recordings have one sample period. The exponential of each branch is
+therefore kept from step to step. If a period differs by the rounding of its times, a first-order correction is exact to
+rounding.
 """
 
 from __future__ import annotations
@@ -26,40 +26,40 @@ from typing import NamedTuple
 from cfd_pneumatic.model.kernels import fused, inlined, inner, kernel
 
 SENSITIVITIES = ('k_x', 'k_sv', 'k_v', 'tau', 'setpoint', 'start')
-"""What the pressure is differentiated by, in the order of the sensitivities' columns."""
+"""Quantities by which the pressure is differentiated, in the order of the sensitivities' columns."""
 
 CARRIED = 5
-"""How many pairs of derivatives are carried: those by the set-point are zero in deviations from it."""
+"""Number of carried pairs of derivatives. Derivatives of deviations by the set-point are zero and not carried."""
 
-_CLOSE = 1e-11  # share of a piece; the field is continuous at the switch, so that an error in its time acts squared
-_NEAR = 1e-5  # share of a piece that Newton's method moves by last: the next step would move by its square
-_FLAT = 1e-6  # slope at an extremum, against the distance from the switch that remains there
+_CLOSE = 1e-11  # share of a piece; the field is continuous at the switch, so that errors in its time act squared
+_NEAR = 1e-5  # share of a piece; after a Newton step of this size the next step would be its square
+_FLAT = 1e-6  # slope at an extremum relative to the remaining distance from the switch
 _ITERATIONS = 60
-_SETTLED = 1e-9  # what is smaller than this is at rest [Pa]
-_ROUNDED = 1e-7  # of the time constants: by so much periods may differ that are one but for rounding
+_SETTLED = 1e-9  # smaller deviations count as rest [Pa]
+_ROUNDED = 1e-7  # share of the time constants: periods that differ by less are equal up to rounding
 
 _SERIES_BELOW = 0.5  # |z| up to which the series in z are exact to rounding
-_SERIES_ABOVE = -0.35  # x down to which the one for e^x is
+_SERIES_ABOVE = -0.35  # x down to which the series for e^x is exact to rounding
 C1, C2, C3, C4, C5, C6 = (1.0 / math.factorial(2 * n) for n in range(1, 7))  # cosh(sqrt z)
 S1, S2, S3, S4, S5, S6 = (1.0 / math.factorial(2 * n + 1) for n in range(1, 7))  # sinh(sqrt z) / sqrt z
-D0, D1, D2, D3, D4, D5 = ((n + 1.0) / math.factorial(2 * n + 3) for n in range(6))  # d/dz of the latter
+D0, D1, D2, D3, D4, D5 = ((n + 1.0) / math.factorial(2 * n + 3) for n in range(6))  # d/dz of sinh(sqrt z) / sqrt z
 E2, E3, E4, E5, E6, E7, E8, E9, E10, E11, E12 = (1.0 / math.factorial(n) for n in range(2, 13))  # e^x
-_LEAST, _FORGETS = 1e-150, 64  # what is next to nothing, and after how many steps it is forgotten
+_LEAST, _FLUSH_PERIOD = 1e-150, 64  # smaller magnitudes count as zero; steps between two flushes
 _LONGEST_TURN = 4.0  # (omega h)^2 of a piece: below pi^2, so that w has at most one extremum in it
 
 
 class Transition(NamedTuple):
     """
-    What a branch makes of a state in a time: exp(A h) and what it is made of.
+    The matrix exponential exp(A h) of a branch over a time, with the factors it is computed from.
 
     Attributes
     ----------
     h
-        The time [s]; 0 where there is none yet.
+        The time [s]; 0 before the first step.
     gain, inverse_gain
         K of the branch [1/s], and 1/K.
     z
-        -det(B) h^2 with B = A + I/(2 tau): below zero an oscillation turns by sqrt(-z).
+        -det(B) h^2 with B = A + I/(2 tau); below zero the state oscillates and turns by the angle sqrt(-z).
     decay
         e^(-h/(2 tau)).
     cosine, sine
@@ -67,7 +67,7 @@ class Transition(NamedTuple):
     e11, e12, e21, e22
         exp(A h).
     slack
-        By how much another time may differ that is the same but for rounding [s].
+        Times that differ by less are equal up to rounding [s].
 
     """
 
@@ -86,7 +86,7 @@ class Transition(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """Derivatives of exp(A h) by the gain of its branch, g, and by tau, t; h as in `Transition`."""
+    """Derivatives of exp(A h) by the gain of the branch (g) and by tau (t); h as in `Transition`."""
 
     h: float
     g11: float
@@ -101,7 +101,7 @@ class Slopes(NamedTuple):
 
 @kernel
 def interpolate_gains(table, setpoint):
-    """Return (k_x, k_sv, k_v, tau) at a gauge set-point [Pa] from rows of an operating-point table, held outside."""
+    """Interpolate (k_x, k_sv, k_v, tau) at a gauge set-point [Pa] in an operating-point table; constant outside."""
     last = table.shape[0] - 1
     if setpoint <= table[0, 0]:
         return table[0, 1], table[0, 2], table[0, 3], table[0, 4]
@@ -124,8 +124,8 @@ def transition(gain, inverse_tau, h):
     """
     Return the transition of a branch over h seconds.
 
-    Series are summed in pairs, which a processor does side by side. Growing exponentials are never formed, so that a
-    stiff system over a long step does not overflow.
+    Series are summed in pairs, because a processor computes pairs in parallel. Growing exponentials are never formed,
+    so that a stiff system does not overflow over a long step.
     """
     mu = -0.5 * inverse_tau
     squared = (0.25 * inverse_tau - gain) * inverse_tau
@@ -195,11 +195,11 @@ def transition_slopes(step, inverse_tau):
 
 
 @inlined
-def over(step, h, inverse_tau):
-    """Return a transition over nearly its time, h: exact to rounding where the two differ by rounding."""
-    more = h - step.h
-    less = more * step.gain
-    fall = more * inverse_tau
+def corrected_transition(step, h, inverse_tau):
+    """Return a transition corrected to a time h that differs from its own time by rounding; exact to rounding."""
+    excess = h - step.h
+    by_gain = excess * step.gain
+    by_sensing = excess * inverse_tau
     return Transition(
         step.h,
         step.gain,
@@ -208,26 +208,26 @@ def over(step, h, inverse_tau):
         step.decay,
         step.cosine,
         step.sine,
-        step.e11 - less * step.e21,
-        step.e12 - less * step.e22,
-        step.e21 + fall * (step.e11 - step.e21),
-        step.e22 + fall * (step.e12 - step.e22),
+        step.e11 - by_gain * step.e21,
+        step.e12 - by_gain * step.e22,
+        step.e21 + by_sensing * (step.e11 - step.e21),
+        step.e22 + by_sensing * (step.e12 - step.e22),
         step.slack,
     )
 
 
 @inlined
-def moved(step, u, w, b1):
+def state_after(step, u, w, b1):
     """Return (u, w) after a transition."""
-    rest = b1 * step.inverse_gain
+    equilibrium = b1 * step.inverse_gain
     return (
-        (rest - rest * step.e11 - rest * step.e12) + step.e12 * w + step.e11 * u,
-        (rest - rest * step.e21 - rest * step.e22) + step.e21 * u + step.e22 * w,
+        (equilibrium - equilibrium * step.e11 - equilibrium * step.e12) + step.e12 * w + step.e11 * u,
+        (equilibrium - equilibrium * step.e21 - equilibrium * step.e22) + step.e21 * u + step.e22 * w,
     )
 
 
 @inlined
-def carry(carried, step, by, charges, u, w, rate, b1):
+def move_derivatives(carried, step, slopes, charges, u, w, rate, b1):
     """
     Move the derivatives of a state over a transition that begins at (u, w).
 
@@ -235,46 +235,46 @@ def carry(carried, step, by, charges, u, w, rate, b1):
     ----------
     carried
         As in `propagate`.
-    step, by
+    step, slopes
         The transition and its slopes.
     charges
-        Whether its branch is that of K_sv.
+        Whether K_sv is the gain of the transition's branch.
     u, w
-        State before it, as deviations from the set-point [Pa].
+        State before the transition, as deviations from the set-point [Pa].
     rate
-        Of the piston [m/s].
+        Speed of the piston [m/s].
     b1
-        -K_x times it.
+        -K_x times the speed [Pa/s].
 
     """
-    rest = b1 * step.inverse_gain
-    du = u - rest
-    dw = w - rest
-    left_u = 1.0 - step.e11 - step.e12  # of what the rest point moves by
-    left_w = 1.0 - step.e21 - step.e22
+    equilibrium = b1 * step.inverse_gain
+    du = u - equilibrium
+    dw = w - equilibrium
+    by_equilibrium_u = 1.0 - step.e11 - step.e12  # derivative by the equilibrium
+    by_equilibrium_w = 1.0 - step.e21 - step.e22
     by_kx = -rate * step.inverse_gain
-    by_gain = -rest * step.inverse_gain
-    gain_u = by.g11 * du + by.g12 * dw + by_gain * left_u
-    gain_w = by.g21 * du + by.g22 * dw + by_gain * left_w
-    relay(carried, 0, step, by_kx * left_u, by_kx * left_w)
-    relay(carried, 1, step, gain_u if charges else 0.0, gain_w if charges else 0.0)
-    relay(carried, 2, step, 0.0 if charges else gain_u, 0.0 if charges else gain_w)
-    relay(carried, 3, step, by.t11 * du + by.t12 * dw, by.t21 * du + by.t22 * dw)
-    relay(carried, 4, step, 0.0, 0.0)
+    by_gain = -equilibrium * step.inverse_gain
+    gain_u = slopes.g11 * du + slopes.g12 * dw + by_gain * by_equilibrium_u
+    gain_w = slopes.g21 * du + slopes.g22 * dw + by_gain * by_equilibrium_w
+    move_pair(carried, 0, step, by_kx * by_equilibrium_u, by_kx * by_equilibrium_w)
+    move_pair(carried, 1, step, gain_u if charges else 0.0, gain_w if charges else 0.0)
+    move_pair(carried, 2, step, 0.0 if charges else gain_u, 0.0 if charges else gain_w)
+    move_pair(carried, 3, step, slopes.t11 * du + slopes.t12 * dw, slopes.t21 * du + slopes.t22 * dw)
+    move_pair(carried, 4, step, 0.0, 0.0)
 
 
 @inlined
-def relay(carried, column, step, more_u, more_w):
-    """Move one pair of derivatives over a transition, and add to it."""
+def move_pair(carried, column, step, added_u, added_w):
+    """Move one pair of derivatives over a transition and add the transition's derivatives."""
     by_u = carried[0, column]
     by_w = carried[1, column]
-    carried[0, column] = step.e11 * by_u + step.e12 * by_w + more_u
-    carried[1, column] = step.e21 * by_u + step.e22 * by_w + more_w
+    carried[0, column] = step.e11 * by_u + step.e12 * by_w + added_u
+    carried[1, column] = step.e21 * by_u + step.e22 * by_w + added_w
 
 
 @inlined
-def lead_of(u, w, b1):
-    """Return which way w goes or lies: below zero the branch of K_sv is in force, equations (9), (10), (12)."""
+def switch_side(u, w, b1):
+    """Return a number with the sign of w, or of its next change at w = 0; below zero K_sv acts, equation (12)."""
     side = w
     if side == 0.0:
         side = u - w
@@ -284,19 +284,19 @@ def lead_of(u, w, b1):
 
 
 @inner
-def relax(u, w, gain, inverse_tau, b1, h):
+def state_on_branch(u, w, gain, inverse_tau, b1, h):
     """Return (u, w) after h seconds on one branch."""
-    return moved(transition(gain, inverse_tau, h), u, w, b1)
+    return state_after(transition(gain, inverse_tau, h), u, w, b1)
 
 
 @inlined
-def stays(side, u, w, u_end, w_end):
+def keeps_sign(side, u, w, u_end, w_end):
     """
-    Return whether w keeps its side over a piece.
+    Return whether w keeps its sign, that of `side`, over a piece from (u, w) to (u_end, w_end).
 
-    On a piece of at most a third of an oscillation w has at most one extremum. It therefore crosses once if its ends
-    lie on opposite sides, twice or never if they lie on one side and w turns back in between, and never otherwise.
-    Where it is all but zero it has no side: a smoothed displacement never quite stands still.
+    On a piece of at most a third of an oscillation w has at most one extremum. w crosses zero once if its ends have
+    opposite signs. w crosses zero twice or never if its ends have one sign and w turns back between them.
+    Values of w close to zero have no sign, because a smoothed displacement never rests exactly.
     """
     if side * w_end >= 0.0 and (side * (u - w) >= 0.0 or side * (u_end - w_end) <= 0.0):
         return True
@@ -305,14 +305,14 @@ def stays(side, u, w, u_end, w_end):
 
 @inlined
 def likely_crossing(begin, end, begin_rate, end_rate, h):
-    """Return where in (0, h) the cubic through a piece's ends, with their rates, crosses zero, very nearly."""
+    """Return about when in (0, h) the cubic with the values and rates of a piece's ends crosses zero [s]."""
     share = begin / (begin - end)
-    for _ in range(4):  # of Newton's steps, from where the straight line crosses
-        rest = 1.0 - share
-        value = rest * rest * ((1.0 + 2.0 * share) * begin + share * h * begin_rate)
-        value += share * share * ((1.0 + 2.0 * rest) * end - rest * h * end_rate)
-        slope = 6.0 * share * rest * (end - begin) + rest * (rest - 2.0 * share) * h * begin_rate
-        slope += share * (share - 2.0 * rest) * h * end_rate
+    for _ in range(4):  # Newton's method, from the crossing of the straight line
+        complement = 1.0 - share
+        value = complement * complement * ((1.0 + 2.0 * share) * begin + share * h * begin_rate)
+        value += share * share * ((1.0 + 2.0 * complement) * end - complement * h * end_rate)
+        slope = 6.0 * share * complement * (end - begin) + complement * (complement - 2.0 * share) * h * begin_rate
+        slope += share * (share - 2.0 * complement) * h * end_rate
         if slope != 0.0:
             share = min(max(share - value / slope, 0.0), 1.0)
     return share * h
@@ -320,9 +320,9 @@ def likely_crossing(begin, end, begin_rate, end_rate, h):
 
 @inner
 def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
-    """Return the time in (0, h] at which w first reaches zero, or h where it doesn't."""
-    side = lead_of(u, w, b1)
-    if stays(side, u, w, u_end, w_end):
+    """Return the time in (0, h] at which w first reaches zero, or h if w does not [s]."""
+    side = switch_side(u, w, b1)
+    if keeps_sign(side, u, w, u_end, w_end):
         return h
     last = h
     if side * w_end >= 0.0:
@@ -331,7 +331,7 @@ def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
         end = u_end - w_end
         for _ in range(_ITERATIONS):  # the extremum is where u = w: regula falsi, the retained end halved (Illinois)
             middle = first + (last - first) * begin / (begin - end)
-            u_middle, w_middle = relax(u, w, gain, inverse_tau, b1, middle)
+            u_middle, w_middle = state_on_branch(u, w, gain, inverse_tau, b1, middle)
             slope = u_middle - w_middle
             if side * w_middle < 0.0 or abs(slope) <= _FLAT * abs(w_middle):
                 last = middle
@@ -344,7 +344,7 @@ def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
                 last = middle
                 end = slope
                 begin *= 0.5
-        _, w_last = relax(u, w, gain, inverse_tau, b1, last)
+        _, w_last = state_on_branch(u, w, gain, inverse_tau, b1, last)
         if side * w_last >= 0.0:
             return h
     first = 0.0
@@ -352,18 +352,18 @@ def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
         likely_crossing(w, w_end, (u - w) * inverse_tau, (u_end - w_end) * inverse_tau, h) if last == h else 0.5 * last
     )
     for _ in range(_ITERATIONS):  # Newton's method, kept inside its bracket
-        u_now, w_now = relax(u, w, gain, inverse_tau, b1, time)
+        u_now, w_now = state_on_branch(u, w, gain, inverse_tau, b1, time)
         if side * w_now >= 0.0:
             first = time
         else:
             last = time
         rate = (u_now - w_now) * inverse_tau
-        following = time - w_now / rate if rate != 0.0 else last
-        if not first < following < last:
-            following = 0.5 * (first + last)
-        moved = abs(following - time)
-        time = following
-        if moved <= _NEAR * h:
+        next_time = time - w_now / rate if rate != 0.0 else last
+        if not first < next_time < last:
+            next_time = 0.5 * (first + last)
+        shift = abs(next_time - time)
+        time = next_time
+        if shift <= _NEAR * h:
             break
     return time
 
@@ -371,36 +371,36 @@ def first_crossing(u, w, gain, inverse_tau, b1, h, u_end, w_end):
 @inner
 def first_piece(u, w, gain, inverse_tau, b1, remaining):
     """
-    Return (transition, u, w) of the piece that a step begins with on a branch.
+    Return (transition, u, w) of the first piece of a step on a branch.
 
-    Pieces end where w crosses zero, and where an oscillation would turn more than once; one that has died away, or a
-    state that has left the range of numbers, is not followed any more.
+    Pieces end where w crosses zero, and before an oscillation turns more than once. A decayed oscillation and a state
+    beyond the range of numbers are not cut any further.
     """
     step = transition(gain, inverse_tau, remaining)
-    rest = b1 * step.inverse_gain
-    if step.z < -_LONGEST_TURN and abs(u - rest) + abs(w - rest) > _SETTLED:
+    equilibrium = b1 * step.inverse_gain
+    if step.z < -_LONGEST_TURN and abs(u - equilibrium) + abs(w - equilibrium) > _SETTLED:
         step = transition(gain, inverse_tau, remaining / math.ceil(math.sqrt(step.z / -_LONGEST_TURN)))
-    u_end, w_end = moved(step, u, w, b1)
+    u_end, w_end = state_after(step, u, w, b1)
     if not abs(w_end) < math.inf:
         return transition(gain, inverse_tau, remaining), math.nan, math.nan
     time = first_crossing(u, w, gain, inverse_tau, b1, step.h, u_end, w_end)
     if time < step.h:
         step = transition(gain, inverse_tau, max(time, _CLOSE * step.h))
-        u_end, _ = moved(step, u, w, b1)
+        u_end, _ = state_after(step, u, w, b1)
         w_end = 0.0
     return step, u_end, w_end
 
 
 @inner
 def step_by_pieces(u, w, h, rate, k_x, k_sv, k_v, inverse_tau, carried=None):
-    """Return (u, w) after h seconds, however often the branch changes; move the derivatives along if there are any."""
+    """Return (u, w) after h seconds with any number of switches; move the derivatives too, if there are any."""
     b1 = -k_x * rate
     remaining = h
     while remaining > 0.0:
-        charges = lead_of(u, w, b1) < 0.0
+        charges = switch_side(u, w, b1) < 0.0
         step, u_end, w_end = first_piece(u, w, k_sv if charges else k_v, inverse_tau, b1, remaining)
         if carried is not None:
-            carry(carried, step, transition_slopes(step, inverse_tau), charges, u, w, rate, b1)
+            move_derivatives(carried, step, transition_slopes(step, inverse_tau), charges, u, w, rate, b1)
         u = u_end
         w = w_end
         remaining -= step.h
@@ -419,14 +419,14 @@ def advance(p, p_f, h, rate, setpoint, k_x, k_sv, k_v, tau):
 
 
 @inlined
-def perceptible(value):
-    """Return a value, zero where it is next to nothing."""
+def flushed_to_zero(value):
+    """Return a value, or zero if its magnitude is negligible."""
     return value if abs(value) > _LEAST else 0.0
 
 
 @inlined
 def write_sample(i, value, pressure, carried, jacobian):
-    """Write the pressure of a sample and, where they are asked for, its derivatives by `SENSITIVITIES`."""
+    """Write the pressure of a sample and, if requested, its derivatives by `SENSITIVITIES`."""
     pressure[i] = value
     if jacobian is not None:
         for k in range(4):
@@ -438,7 +438,7 @@ def write_sample(i, value, pressure, carried, jacobian):
 @fused
 def propagate(times, displacement, setpoint, table, ambient, state, pressure, carried=None, jacobian=None):
     """
-    Propagate over a recording; write the outlet pressure at each sample, and its derivatives where they are asked for.
+    Propagate over a recording; write the outlet pressure at each sample and, if requested, its derivatives.
 
     Parameters
     ----------
@@ -453,15 +453,15 @@ def propagate(times, displacement, setpoint, table, ambient, state, pressure, ca
     ambient
         Ambient pressure [Pa].
     state
-        Outlet and sensed pressure at the first sample, shape (2,) [Pa]; holds those at the last one on return.
+        Outlet and sensed pressure at the first sample, shape (2,) [Pa]; on return those at the last sample.
     pressure
-        Takes the outlet pressure at each sample, shape (n,) [Pa].
+        Output: the outlet pressure at each sample, shape (n,) [Pa].
     carried
-        Derivatives of the state at the first sample, shape (2, CARRIED), by all of `SENSITIVITIES` but the set-point,
-        which it moves with; holds those at the last one on return.
+        Derivatives of the state at the first sample, shape (2, CARRIED), by all of `SENSITIVITIES` except the
+        set-point; on return those at the last sample.
     jacobian
-        Takes the derivatives of the pressure by `SENSITIVITIES` at each sample, shape (n, 6): by the four gains, by a
-        shift of the set-point, and by a shift of both pressures at the first sample. The table has one row then.
+        Output: the derivatives of the pressure by `SENSITIVITIES` at each sample, shape (n, 6): by the four gains, by a
+        shift of the set-point, and by a shift of both pressures at the first sample. Requires a table of one row.
 
     """
     p_d = setpoint[0]
@@ -487,37 +487,37 @@ def propagate(times, displacement, setpoint, table, ambient, state, pressure, ca
         h = times[i] - times[i - 1]
         rate = (displacement[i] - displacement[i - 1]) / h
         b1 = -k_x * rate
-        side = lead_of(u, w, b1)
+        side = switch_side(u, w, b1)
         charges = side < 0.0
         if charges:
             if not abs(h - charging.h) <= charging.slack:
                 charging = transition(k_sv, inverse_tau, h)
-            step = over(charging, h, inverse_tau)
+            step = corrected_transition(charging, h, inverse_tau)
         else:
             if not abs(h - venting.h) <= venting.slack:
                 venting = transition(k_v, inverse_tau, h)
-            step = over(venting, h, inverse_tau)
-        u_end, w_end = moved(step, u, w, b1)
-        if step.z < -_LONGEST_TURN or not stays(side, u, w, u_end, w_end):
+            step = corrected_transition(venting, h, inverse_tau)
+        u_end, w_end = state_after(step, u, w, b1)
+        if step.z < -_LONGEST_TURN or not keeps_sign(side, u, w, u_end, w_end):
             u_end, w_end = step_by_pieces(u, w, h, rate, k_x, k_sv, k_v, inverse_tau, carried)
         elif jacobian is not None:
             if charges:
                 if charging_slopes.h != charging.h:
                     charging_slopes = transition_slopes(charging, inverse_tau)
-                carry(carried, step, charging_slopes, charges, u, w, rate, b1)
+                move_derivatives(carried, step, charging_slopes, charges, u, w, rate, b1)
             else:
                 if venting_slopes.h != venting.h:
                     venting_slopes = transition_slopes(venting, inverse_tau)
-                carry(carried, step, venting_slopes, charges, u, w, rate, b1)
+                move_derivatives(carried, step, venting_slopes, charges, u, w, rate, b1)
         u = u_end
         w = w_end
-        if i % _FORGETS == 0:  # a processor takes ten times as long over what has decayed to next to nothing
-            u = perceptible(u)
-            w = perceptible(w)
+        if i % _FLUSH_PERIOD == 0:  # a processor takes ten times as long once they are denormal
+            u = flushed_to_zero(u)
+            w = flushed_to_zero(w)
             if jacobian is not None:
                 for column in range(CARRIED):
-                    carried[0, column] = perceptible(carried[0, column])
-                    carried[1, column] = perceptible(carried[1, column])
+                    carried[0, column] = flushed_to_zero(carried[0, column])
+                    carried[1, column] = flushed_to_zero(carried[1, column])
         write_sample(i, p_d + u, pressure, carried, jacobian)
     state[0] = p_d + u
     state[1] = p_d + w

@@ -65,12 +65,12 @@ class CommandedRig:
         """Change the effects of the rig from the next sample on."""
         self._bench.change(parameters)
 
-    def take(self, samples: int) -> RigRecord:
+    def advance(self, samples: int) -> RigRecord:
         """Simulate and return the next samples."""
         positions, velocities = self.piston.move(
             samples * _STEPS_PER_SAMPLE, self._bench.sampling_period / _STEPS_PER_SAMPLE
         )
-        return self._bench.take(positions, velocities, [self.setpoints] * samples)
+        return self._bench.advance(positions, velocities, [self.setpoints] * samples)
 
 
 class RigNode(BoundedNode):
@@ -314,7 +314,7 @@ class RigNode(BoundedNode):
         for _ in range(min(due - self._published, _MOST_CAUGHT_UP)):
             if not self._motion.remaining:
                 break
-            self._publish(self._motion.take(1))
+            self._publish(self._motion.advance(1))
             self._announce()
         if not self._motion.remaining:
             self._finish()

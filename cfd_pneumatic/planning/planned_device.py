@@ -55,7 +55,7 @@ def home_setpoints(device: Device) -> tuple[float, float]:
 def home_gains(device: Device, cylinder: str) -> Array:
     """Return a cylinder's gains at home, in the order of `SPECS`, shape (gains,) [SI]."""
     points = device.model.cylinders[cylinder].parameters
-    return points.at(device.initial_setpoints[cylinder]).table[0, 1:]
+    return points.interpolate(device.initial_setpoints[cylinder]).table[0, 1:]
 
 
 def read_report(path: Path) -> tuple[Sensing, float]:

@@ -236,7 +236,7 @@ def _strip_figure(
     titles = _titles(result)
     words, marks = _parts(comparison, window, width)
     panels = (
-        Panel(titles[0], heights[0], [motion], ticks=3, headroom=_HEADROOM, words=words),
+        Panel(titles[0], heights[0], [motion], ticks=3, headroom=_HEADROOM, labels=words),
         Panel(titles[1], heights[1], values),
         Panel(titles[2], heights[2], residuals, band=2.0 * result.noise.std / small.si),
     )

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A virtual test rig: the stand-in for a real constant force device.
+A virtual test rig: a simulated constant-force device that replaces a real device.
 
-Its physics are its own, nonlinear, and share nothing with the model that is identified from its records::
+Its physics are nonlinear and share no code with the model that is identified from its records::
 
     from cfd_pneumatic.rig import paper_step, record
 
     run = record(paper_step(setpoint=34.5e3), seed=1)
-    run.times, run.displacement, run.pressures   # what the sensors read
-    run.truth.pressures                          # what really happened
+    run.times, run.displacement, run.pressures   # readings of the sensors
+    run.truth.pressures                          # true values
 
-A device with something wrong with it has `Effects`; `studies.panel` draws such devices at random.
+A faulty device has `Effects`; `studies.panel` generates faulty devices at random.
 """
 
 from __future__ import annotations

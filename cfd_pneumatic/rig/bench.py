@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The test bench: the rig with its instruments, sampled."""
+"""The test bench: the rig with its instruments, sampled at a fixed period."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from cfd_pneumatic.rig.transmission import Transmission
 
 @dataclass(frozen=True, eq=False)
 class RigRecord(Readings):
-    """What a run on the rig left: what its sensors read, and beside it what really happened."""
+    """Record of a run on the rig: the readings of the sensors, and the true values."""
 
     truth: Truth
-    """Without noise and at the samples' true times."""
+    """True values, without noise and at the samples' true times."""
 
 
 class Bench:
     """
     A rig that is sampled with a fixed period.
 
-    Samples taken one by one, a few or all at once are the same to the last bit.
+    The samples do not depend, to the last bit, on how many are taken at once.
 
     Parameters
     ----------
     rig
         The rig, at rest.
     sampling_period
-        Time between samples [s]; the first one taken has time 0.
+        Time between samples [s]; the first sample has time 0.
     sensors
-        What it is read with.
+        The sensors of the bench.
     seed
-        Picks the sensors' noise.
+        Seed of the sensors' noise.
 
     """
 
@@ -47,46 +47,49 @@ class Bench:
         self.sampling_period = sampling_period
         self._transmission = Transmission(rig.parameters, rig.pressures, rig.position)
         self._instruments = Instruments(sensors, sampling_period, seed)
-        self._taken = 0
+        self._sampled = 0
 
     def change(self, parameters: RigParameters) -> None:
         """
-        Let effects appear, grow or go between two samples.
+        Change the effects between two samples.
 
-        Only effects and what the sensors do may differ from the rig as it was built. A line or sensor that becomes
-        another begins at rest at the present pressure.
+        Only effects and properties of the sensors may differ from the rig's first parameters. A changed line or sensor
+        starts at rest at the present pressure.
         """
         self.rig.parameters = checked(parameters)
         self._transmission.change(parameters, self.rig.pressures, self.rig.position)
 
-    def take(self, positions: ArrayLike, velocities: ArrayLike, setpoints: ArrayLike) -> RigRecord:
+    def advance(self, positions: ArrayLike, velocities: ArrayLike, setpoints: ArrayLike) -> RigRecord:
         """
-        Move the piston and return the samples taken on the way.
+        Move the piston and return the samples of the motion.
 
         Parameters
         ----------
         positions, velocities : (samples * knots,)
-            The motion on the way to the next samples [m], [m/s], the same number of knots for each.
+            Motion to the next samples [m], [m/s], with the same number of knots for each sample.
         setpoints : (samples, 2)
-            Set pressures on the way to each sample, gauge [Pa].
+            Set pressures until each sample, gauge [Pa].
 
         """
         levels = np.asarray(setpoints, dtype=float)
         samples, knots = len(levels), len(np.asarray(positions)) // len(levels)
-        moved = self.rig.advance(positions, velocities, np.repeat(levels, knots, axis=0), self.sampling_period / knots)
-        times = self.sampling_period * np.arange(float(self._taken), float(self._taken + samples))
-        self._taken += samples
-        truth = replace(moved.every(knots), times=times)
-        arrived = self._transmission.carry(moved, self.sampling_period / knots).every(knots)
-        read = self._instruments.read(replace(arrived, times=times))
-        return RigRecord(**vars(read), truth=truth)
+        true_motion = self.rig.advance(
+            positions, velocities, np.repeat(levels, knots, axis=0), self.sampling_period / knots
+        )
+        times = self.sampling_period * np.arange(float(self._sampled), float(self._sampled + samples))
+        self._sampled += samples
+        truth = replace(true_motion.every_nth(knots), times=times)
+        at_sensors = self._transmission.carry(true_motion, self.sampling_period / knots).every_nth(knots)
+        readings = self._instruments.read(replace(at_sensors, times=times))
+        return RigRecord(**vars(readings), truth=truth)
 
 
 class Performance:
     """
-    A schedule being played on a bench, from its first sample to its last.
+    Play a schedule on a bench, from its first sample to its last.
 
-    With `repeat` over and over, on the same rig: it has to lead back to where it began (`Schedule.with_return`).
+    With `repeat` the schedule is played repeatedly on the same rig, and must end where it begins
+    (`Schedule.with_return`).
     """
 
     def __init__(
@@ -109,30 +112,30 @@ class Performance:
 
     @property
     def remaining(self) -> int:
-        """Number of samples still to come, before it is repeated."""
+        """Number of samples until the end of the schedule."""
         return self._schedule.samples - self._played
 
     @property
     def setpoints(self) -> tuple[float, float]:
-        """Set pressures of A and B on the way to the next sample, or of the end [Pa], gauge."""
+        """Set pressures of A and B until the next sample, or at the end of the schedule, gauge [Pa]."""
         first, second = self._schedule.setpoints[min(self._played, self._schedule.samples - 1)]
         return float(first), float(second)
 
     def change(self, parameters: RigParameters) -> None:
-        """Let effects appear, grow or go before the next sample, as `Bench.change` does."""
+        """Change the effects before the next sample, as `Bench.change` does."""
         self._bench.change(parameters)
 
-    def take(self, samples: int) -> RigRecord:
-        """Return the next samples; no more than remain."""
+    def advance(self, samples: int) -> RigRecord:
+        """Play the next samples, at most the remaining ones, and return their record."""
         schedule = self._schedule
         chosen = slice(self._played, self._played + min(samples, self.remaining))
         knots = slice(chosen.start * schedule.knots_per_sample, chosen.stop * schedule.knots_per_sample)
         self._played = 0 if self._repeat and chosen.stop == schedule.samples else chosen.stop
-        return self._bench.take(schedule.positions[knots], schedule.velocities[knots], schedule.setpoints[chosen])
+        return self._bench.advance(schedule.positions[knots], schedule.velocities[knots], schedule.setpoints[chosen])
 
 
 def record(
     schedule: Schedule, parameters: RigParameters = RigParameters(), sensors: Sensors = Sensors(), seed: int = 0
 ) -> RigRecord:
-    """Return what a schedule leaves when it is played on a rig."""
-    return Performance(schedule, parameters, sensors, seed).take(schedule.samples)
+    """Play a schedule on a rig and return the record."""
+    return Performance(schedule, parameters, sensors, seed).advance(schedule.samples)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numba's compiler, with the types kept."""
+"""Numba's compiler, with type hints preserved."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function on its first call and keep the machine code beside its module."""
+    """Compile a function on its first call and cache the machine code next to its module."""
     return cast(Function, compiler()(function))
 
 
 def inner(function: Function) -> Function:
-    """Let compiled functions call a function; what calls it from Python gets it as it is."""
+    """Let compiled functions call a function; Python calls the plain function."""
     return register_jitable(no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)

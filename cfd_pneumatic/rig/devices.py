@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Devices by name, and what goes wrong with them while they run."""
+"""Devices by name, and their faults."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig.parameters import Cylinder, Piston, RigParameters, Seal, with_changes
 
 CHANGEABLE = ('effects_a', 'effects_b', 'pickup', 'odd_a', 'odd_b', 'odd_force')
-"""Parts of a device in which something may go wrong while it runs."""
+"""Parts of a device that can have faults."""
 
 EXAMPLE = 'effects_a.leak_conductance=1e-10'
 
 
 def _frozen(cylinder: Cylinder) -> Cylinder:
     """
-    Return a cylinder whose coefficients are the same at every pressure and position, as the paper's are.
+    Return a cylinder with coefficients that are constant over pressure and position, as in the paper.
 
-    The control chamber is small enough to be filled from the cylinder unnoticed, behind a tube as much narrower.
+    The control chamber is small, so that filling it does not disturb the cylinder, and its tube is narrower in
+    proportion.
     """
     return cylinder._replace(
         supply_gain_growth=0.0,
@@ -41,19 +42,19 @@ DEVICES: dict[str, RigParameters] = {
 
 def device_named(name: str, faults: str = '') -> RigParameters:
     """
-    Return a device by its name, with something wrong with it.
+    Return a device by its name, with faults.
 
     Parameters
     ----------
     name : str
-        One of `DEVICES`.
+        A name in `DEVICES`.
     faults : str
-        As `with_faults` takes it.
+        Faults, as in `with_faults`.
 
     Raises
     ------
     InputError
-        If there is no such device or no such fault.
+        If the device or a fault is not known.
 
     """
     if name not in DEVICES:
@@ -63,7 +64,7 @@ def device_named(name: str, faults: str = '') -> RigParameters:
 
 def with_faults(device: RigParameters, faults: str) -> RigParameters:
     """
-    Return a device with something wrong with it.
+    Return a device with faults.
 
     Parameters
     ----------
@@ -71,12 +72,12 @@ def with_faults(device: RigParameters, faults: str) -> RigParameters:
         The healthy device.
     faults : str
         Fields of `Effects` or `Pickup` with their values in SI units, such as
-        ``effects_a.leak_conductance=1e-10 effects_b.dead_band=300``; empty for nothing.
+        ``effects_a.leak_conductance=1e-10 effects_b.dead_band=300``; empty for a healthy device.
 
     Raises
     ------
     InputError
-        If that names nothing that may go wrong.
+        If a fault is not known or has no number.
 
     """
     changes: dict[str, float] = {}
@@ -85,7 +86,7 @@ def with_faults(device: RigParameters, faults: str) -> RigParameters:
         try:
             changes[name] = float(value)
         except ValueError as error:
-            raise InputError(f"'faults': {fault!r} is no NAME=NUMBER as {EXAMPLE} is") from error
+            raise InputError(f"'faults': {fault!r} must be NAME=NUMBER, for example {EXAMPLE}") from error
         if name.partition('.')[0] not in CHANGEABLE:
-            raise InputError(f"'faults': {name} cannot change; {', '.join(CHANGEABLE)} can")
+            raise InputError(f"'faults': {name} cannot be a fault; use a value of {', '.join(CHANGEABLE)}")
     return with_changes(device, changes)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a healthy device lacks: physical effects by their strengths, none of which acts by default.
+Physical effects that a healthy device lacks, by their strengths; no effect acts by default.
 
-Each field is read in one place: the flows and the valve in `physics`, the regulator's setting in `device`, what
-lies between the air and its sensor in `transmission`. References are Richer and Hurmuzlu (2000) for lines and valves,
-Carneiro and de Almeida (2006) for heat, ISO 6358-1:2013 for orifices.
+Flows and valves are simulated in `physics`, disturbances of the set pressure in `rig`, lines and sensors in
+`transmission`. References are Richer and Hurmuzlu (2000) for lines and valves, Carneiro and de Almeida (2006) for heat,
+ISO 6358-1:2013 for orifices.
 """
 
 from __future__ import annotations
@@ -22,79 +22,79 @@ class Effects(NamedTuple):
     """Laminar leak from the cylinder to ambient [kg/(s Pa)]."""
 
     lift_admittance: float = 0.0
-    """Laminar leak past the seal where it has lifted altogether [kg/(s Pa)]."""
+    """Laminar leak past the fully lifted seal [kg/(s Pa)]."""
 
     lift_position: float = 0.0
-    """Position at which the seal has lifted half way [m], in the direction in which the cylinder grows."""
+    """Position at which the seal has lifted half way [m]; positive where the cylinder is large."""
 
     lift_width: float = 1e-4
     """Length of the stroke over which the seal lifts [m]."""
 
     lift_end: float = 1.0
-    """End of the stroke at which it lifts: 1 with the cylinder large, -1 with it small."""
+    """End of the stroke at which the seal lifts: 1 at large volume, -1 at small volume."""
 
     lift_direction: float = 0.0
-    """Travel during which it lifts: 1 while the cylinder grows, -1 while it shrinks, 0 both ways."""
+    """Direction of travel in which the seal lifts: 1 while the cylinder grows, -1 while it shrinks, 0 both."""
 
     line_resistance: float = 0.0
     """Laminar resistance of the line from regulator to cylinder [Pa s/kg]."""
 
     outlet_volume: float = 4e-6
-    """Volume between regulator and resistance [m^3]; counts only with a `line_resistance`."""
+    """Volume between regulator and resistance [m^3]; used only with a `line_resistance`."""
 
     dead_band: float = 0.0
-    """Error to either side of which neither valve opens [Pa]: an overlap, or a diaphragm that doesn't yield."""
+    """Largest error of either sign at which neither valve opens [Pa]: an overlap, or a stiff diaphragm."""
 
     play: float = 0.0
-    """Half the width of the play between diaphragm and valves [Pa]."""
+    """Half width of the backlash between diaphragm and valves [Pa]."""
 
     valve_exponent: float = 1.0
-    """Power of the error that the valves' opening follows."""
+    """Exponent of the error in the valves' opening."""
 
     valve_pivot: float = 1500.0
-    """Error at which the opening is the same for each `valve_exponent` [Pa]."""
+    """Error at which the opening does not depend on `valve_exponent` [Pa]."""
 
     poppet_frequency: float = 0.0
     """Natural frequency of the valve's moving mass on its spring [Hz]; 0 for a valve without mass."""
 
     poppet_damping: float = 0.3
-    """Damping ratio of the same."""
+    """Damping ratio of the valve's moving mass."""
 
     droop: float = 0.0
-    """How much the regulator gives way to its flow [Pa s/kg]."""
+    """Decrease of the regulated pressure for each unit of mass flow [Pa s/kg]."""
 
     droop_lag: float = 0.1
-    """Time constant with which it does [s]."""
+    """Time constant of the droop [s]."""
 
     heat_transfer: float = 0.0
     """Heat flow from wall to air [W/K]; 0 for the polytropic change of state of a healthy device."""
 
     stirring: float = 0.0
-    """By how much more heat flows for each metre per second of the piston [s/m]."""
+    """Relative increase of the heat flow for each metre per second of the piston [s/m]."""
 
     drift: float = 0.0
     """Drift of the set pressure [Pa/s]."""
 
     pulsation: float = 0.0
-    """Amplitude of a periodic change of the set pressure [Pa], as a compressor brings about."""
+    """Amplitude of a periodic change of the set pressure [Pa], as a compressor causes."""
 
     pulsation_frequency: float = 1.0
-    """Its frequency [Hz]."""
+    """Frequency of the periodic change [Hz]."""
 
     pulsation_phase: float = 0.0
-    """Its phase at time 0 [rad]."""
+    """Phase of the periodic change at time 0 [rad]."""
 
     jump: float = 0.0
-    """Change of the set pressure that nobody asked for [Pa]."""
+    """Unintended jump of the set pressure [Pa]."""
 
     jump_time: float = 0.0
-    """When it comes [s]."""
+    """Time of the jump [s]."""
 
     resonance_frequency: float = 0.0
     """Natural frequency of the line to the pressure sensor [Hz]; 0 for a line without resonance."""
 
     resonance_damping: float = 0.1
-    """Its damping ratio."""
+    """Damping ratio of the line's resonance."""
 
     sensor_lag: float = 0.0
     """Time constant of the pressure sensor [s]."""
@@ -110,7 +110,7 @@ class Effects(NamedTuple):
 
 
 class Pickup(NamedTuple):
-    """What is wrong with the displacement sensor and the load cell."""
+    """Faults of the displacement sensor and the load cell."""
 
     displacement_lag: float = 0.0
     """Time constant of the displacement sensor [s]."""

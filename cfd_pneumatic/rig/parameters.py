@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What the virtual rig is made of.
+The parameters of the virtual rig.
 
-Plain named tuples of floats, so that the compiled physics reads them by name. Change one with ``_replace``::
+They are named tuples of floats, which the compiled physics reads by name. Change a value with ``_replace``::
 
     parameters = RigParameters()
-    leaner = parameters._replace(piston=parameters.piston._replace(mass=0.1))
+    lighter = parameters._replace(piston=parameters.piston._replace(mass=0.1))
 
-The defaults are a device of the CFD2100's size whose small-signal behaviour from 5 to 20 psig follows Table 1 of Guvenc
-and Srinivasan. An effect that a healthy device lacks is a field with a strength, 0 by default, most of them in
-`cfd_pneumatic.rig.effects` and `cfd_pneumatic.rig.oddities`.
+The defaults are a device of the CFD2100's size. Its small-signal behaviour from 5 to 20 psig follows Table 1 of Guvenc
+and Srinivasan. An effect that a healthy device lacks is a field with a strength, 0 by default. Most of these fields are
+in `cfd_pneumatic.rig.effects` and `cfd_pneumatic.rig.oddities`.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from cfd_pneumatic.units import PSI
 
 
 class Air(NamedTuple):
-    """The air that the device breathes, one temperature throughout."""
+    """The air of the device, at a uniform temperature."""
 
     supply_pressure: float = AMBIENT_PRESSURE + 75 * PSI
-    """Absolute pressure ahead of the supply valves [Pa]."""
+    """Absolute pressure upstream of the supply valves [Pa]."""
 
     ambient_pressure: float = AMBIENT_PRESSURE
-    """Absolute pressure behind the vents [Pa]."""
+    """Absolute pressure downstream of the relief valves [Pa]."""
 
     temperature: float = 293.15
     """Absolute temperature [K]."""
@@ -45,7 +45,7 @@ class Air(NamedTuple):
 
 
 class Cylinder(NamedTuple):
-    """One air cylinder and the self-relieving regulator that feeds it."""
+    """An air cylinder and the self-relieving regulator that supplies it."""
 
     area: float = 1.14e-3
     """Cross-section of the piston [m^2]: a bore of 1.5 inch."""
@@ -57,14 +57,14 @@ class Cylinder(NamedTuple):
     """n, between 1 (isothermal) and 1.4 (adiabatic)."""
 
     supply_gain: float = 3.57e-14
-    """Sonic conductance of the supply valve per pascal that the sensed pressure is too low [m^3/(s Pa) / Pa]."""
+    """Sonic conductance of the supply valve for each pascal of positive error [m^3/(s Pa) / Pa]."""
 
     supply_gain_growth: float = 2.7e-5
     """
     Relative growth of `supply_gain` per pascal of set pressure [1/Pa].
 
-    Empirical. Choked supply flow alone makes K_sv the same at every set-point, but Table 1's more than triples from 5
-    to 20 psig.
+    Empirical. With choked supply flow alone K_sv would not depend on the set-point, but in Table 1 K_sv more than
+    triples from 5 to 20 psig.
     """
 
     supply_conductance: float = 3.1e-8
@@ -74,7 +74,7 @@ class Cylinder(NamedTuple):
     """Critical pressure ratio b of the supply valve."""
 
     relief_gain: float = 6.38e-14
-    """Sonic conductance of the relief valve per pascal that the sensed pressure is too high [m^3/(s Pa) / Pa]."""
+    """Sonic conductance of the relief valve for each pascal of negative error [m^3/(s Pa) / Pa]."""
 
     relief_conductance: float = 1.5e-8
     """Sonic conductance of the relief valve fully open [m^3/(s Pa)]: the regulator's 5.5 scfm."""
@@ -101,26 +101,26 @@ class Cylinder(NamedTuple):
     """Length of the aspirator tube [m]."""
 
     entrance_loss: float = 0.0
-    """Pressure difference at which the tube's entrance halves its laminar flow [Pa]; 0: it never does."""
+    """Pressure difference at which the tube's entrance halves the laminar flow [Pa]; 0: no loss."""
 
     reference_pressure: float = AMBIENT_PRESSURE + 10 * PSI
-    """Absolute pressure at which `pressure_dependence` = 0 freezes the coefficients [Pa]."""
+    """Absolute pressure of the constant coefficients for `pressure_dependence` = 0 [Pa]."""
 
     pressure_dependence: float = 1.0
-    """How far flows, densities and stiffness follow the pressure: 1 as in nature, 0 not at all."""
+    """Dependence of flows, densities and stiffness on the pressure: 1 physical, 0 none."""
 
     position_dependence: float = 1.0
-    """How far the volume follows the piston in the coefficients: 1 as in nature, 0 not at all."""
+    """Dependence of the coefficients' volume on the displacement: 1 physical, 0 none."""
 
 
 class Piston(NamedTuple):
-    """What moves between the two cylinders, and what it pushes on."""
+    """The piston between the two cylinders, and the linkage to the workpiece."""
 
     mass: float = 0.15
     """Mass between the air and the load cell [kg]."""
 
     geometric_factor: float = 1.0
-    """Contact force per newton of difference between the cylinders' forces."""
+    """Contact force / difference of the cylinders' forces."""
 
     travel: float = 6.35e-3
     """Largest displacement to either side of mid-stroke [m]."""
@@ -133,25 +133,25 @@ class Piston(NamedTuple):
 
 
 class Seal(NamedTuple):
-    """Friction of both cylinders' seals together; small, for glass cylinders."""
+    """Total friction of both cylinders' seals; low, as of glass cylinders."""
 
     coulomb: float = 0.1
     """Coulomb friction without pressure [N]."""
 
     coulomb_per_pressure: float = 1e-6
-    """Coulomb friction for each pascal of gauge pressure, both cylinders added [N/Pa]."""
+    """Coulomb friction for each pascal of the sum of both gauge pressures [N/Pa]."""
 
     viscous: float = 2.0
     """Viscous friction [N s/m]."""
 
     presliding: float = 5e-5
-    """Displacement over which the friction turns round after a reversal [m] (Dahl)."""
+    """Displacement over which the friction reverses after a reversal of the motion [m] (Dahl)."""
 
     breakaway: float = 0.0
-    """What Coulomb friction has more when the piston hardly moves [N] (Stribeck)."""
+    """Additional Coulomb friction at zero speed [N] (Stribeck)."""
 
     stribeck_speed: float = 5e-3
-    """Speed at which that has fallen to 1 / e [m/s]."""
+    """Speed at which the additional friction has fallen to 1 / e [m/s]."""
 
 
 class RigParameters(NamedTuple):
@@ -172,21 +172,23 @@ class RigParameters(NamedTuple):
 
 def with_changes(parameters: RigParameters, changes: Mapping[str, float]) -> RigParameters:
     """
-    Return a rig with values changed that are named like `effects_a.leak_conductance`.
+    Return the parameters with changed values, by names such as `effects_a.leak_conductance`.
 
     Raises
     ------
     InputError
-        If there is no such value, or it makes no device.
+        If a name is not known, or the values do not make a device.
 
     """
     for name, value in changes.items():
         part, _, field = name.partition('.')
         values = getattr(parameters, part, None) if part in RigParameters._fields else None
         if values is None or field not in values._fields:
-            raise InputError(f'rig parameter {name} is not known: name one as effects_a.leak_conductance is named')
+            raise InputError(
+                f'rig parameter {name} is not known: use PART.NAME, for example effects_a.leak_conductance'
+            )
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise InputError(f'rig parameter {name} = {value!r}: give a number')
+            raise InputError(f'rig parameter {name} must be a number, is {value!r}')
         parameters = parameters._replace(**{part: values._replace(**{field: float(value)})})
     return checked(parameters)
 
@@ -231,17 +233,17 @@ MAY_BE_ZERO = frozenset(
         'viscous',
     }
 )
-"""Beside what is 0 by default."""
+"""Values that may be zero, in addition to values that are 0 by default."""
 
 
 def checked(parameters: RigParameters) -> RigParameters:
     """
-    Return the parameters as floats, once they make a device.
+    Return the parameters as floats, after a check that they make a device.
 
     Raises
     ------
     InputError
-        If a value isn't finite, has the wrong sign, or leaves a chamber without volume.
+        If a value is not finite, has the wrong sign, or makes the volume of a chamber negative.
 
     """
     for part, values in parameters._asdict().items():
@@ -254,11 +256,17 @@ def checked(parameters: RigParameters) -> RigParameters:
         cylinder = getattr(parameters, part)
         if cylinder.rest_volume <= cylinder.area * parameters.piston.travel:
             raise InputError(
-                f'rig parameter {part}.rest_volume = {cylinder.rest_volume:g} m^3 is gone before the end '
-                'of the travel: enlarge it or shorten piston.travel'
+                f'rig parameter {part}.rest_volume = {cylinder.rest_volume:g} m^3 is too small: the chamber has no '
+                'volume at the end of the travel; increase rest_volume or reduce piston.travel'
             )
         if cylinder.supply_critical_ratio >= 1.0 or cylinder.relief_critical_ratio >= 1.0:
-            raise InputError(f'rig parameter {part}: a critical pressure ratio is below 1')
+            raise InputError(
+                f'rig parameters {part}.supply_critical_ratio and {part}.relief_critical_ratio must be below 1, are '
+                f'{cylinder.supply_critical_ratio:g} and {cylinder.relief_critical_ratio:g}'
+            )
     if parameters.air.supply_pressure <= parameters.air.ambient_pressure:
-        raise InputError('rig parameter air.supply_pressure: a supply has more than ambient pressure')
+        raise InputError(
+            f'rig parameter air.supply_pressure must be above air.ambient_pressure = '
+            f'{parameters.air.ambient_pressure:g} Pa, is {parameters.air.supply_pressure:g} Pa'
+        )
     return RigParameters._make(type(part)(*map(float, part)) for part in parameters)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The rig's physics: compressible flow through two poppets and a tube into two chambers, and a seal that rubs.
+The rig's physics: compressible flow through valves and a tube into two chambers, and friction of the seals.
 
-Everything that is compiled stands in this one module, in the order in which air meets it: Numba's cache watches a
-function's own file only, so that a callee in another file could change unnoticed.
+All compiled functions are in this module, in the order of the air's path. Numba's cache tracks changes of a function's
+file only and would miss a change of a called function in another file.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from cfd_pneumatic.rig.parameters import Air, Cylinder, RigParameters, Seal
 
 
 class CylinderState(NamedTuple):
-    """A cylinder's state, or its rates of change; all but the first two stand still unless an effect needs them."""
+    """A cylinder's state, or its rates of change; all but the first two are constant without effects."""
 
     outlet: float
     """Absolute pressure in the cylinder [Pa]."""
@@ -28,29 +28,29 @@ class CylinderState(NamedTuple):
     """Absolute pressure in the regulator's control chamber [Pa]."""
 
     regulator: float
-    """Absolute pressure ahead of a line's resistance [Pa]."""
+    """Absolute pressure upstream of a line's resistance [Pa]."""
 
     temperature: float
-    """Temperature of the cylinder's air where it exchanges heat [K]."""
+    """Temperature of the cylinder's air, if heat is exchanged [K]."""
 
     droop: float
-    """What the set pressure has given way to the flow [Pa]."""
+    """Decrease of the set pressure by the flow [Pa]."""
 
     poppet: float
-    """Where a valve with mass stands, as the error that would hold it there [Pa]."""
+    """Position of a valve with mass, as the error at which the valve would rest there [Pa]."""
 
     poppet_rate: float
-    """How fast it moves [Pa/s]."""
+    """Speed of a valve with mass [Pa/s]."""
 
     starved: float
-    """What the supply valve is short of the supply pressure [Pa]."""
+    """Loss of supply pressure at the supply valve [Pa]."""
 
 
 OUTLET, SENSED = 0, 1
-"""Columns of a cylinder's state that others read, as in `CylinderState`."""
+"""Columns of a cylinder's state that other modules read, as in `CylinderState`."""
 
 PLAY = len(CylinderState._fields)
-"""Column after those of `CylinderState`: the error that the valve's play has passed on [Pa]."""
+"""Column after those of `CylinderState`: the error after the valve's backlash [Pa]."""
 
 STATES = PLAY + 1
 """Number of columns."""
@@ -65,10 +65,10 @@ GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""
 
 SEATING_SPEED = 5e-3
-"""Speed above which a lifting seal has taken the side of its travel [m/s]."""
+"""Speed above which a lifting seal has taken the position of its direction of travel [m/s]."""
 
 ONE_WAY_SPEED = 2e-3
-"""Speed above which a rolling seal has turned over [m/s]."""
+"""Speed above which a rolling seal has rolled over [m/s]."""
 
 LEAK_CRITICAL_RATIO = 0.4
 """Critical pressure ratio of a hole with rough edges."""
@@ -83,13 +83,13 @@ REFERENCE_TEMPERATURE = 293.15
 """Temperature of ISO 6358's reference conditions [K]."""
 
 LAMINAR_RATIO = 0.999
-"""Pressure ratio above which an orifice is taken as laminar: the ellipse of ISO 6358 has no finite slope at 1."""
+"""Pressure ratio above which an orifice is laminar; the ellipse of ISO 6358 has no finite slope at 1."""
 
 
 @inner
 def flow_function(ratio: float, critical_ratio: float, index: float) -> float:
     """
-    Return an orifice's flow over its choked flow for a ratio of absolute pressures (ISO 6358-1:2013).
+    Return the flow / choked flow of an orifice at a ratio of absolute pressures (ISO 6358-1:2013).
 
     `index` is the subsonic index: 0.5 makes the flow an ellipse.
     """
@@ -105,9 +105,9 @@ def orifice_flow(
     conductance: float, upstream: float, downstream: float, critical_ratio: float, index: float, temperature: float
 ) -> float:
     """
-    Return the mass flow [kg/s] through an orifice of some sonic conductance [m^3/(s Pa)], after ISO 6358-1:2013.
+    Return the mass flow [kg/s] through an orifice by its sonic conductance [m^3/(s Pa)] and ISO 6358-1:2013.
 
-    Pressures are absolute [Pa]. Air flows back where the downstream pressure is the higher one.
+    Pressures are absolute [Pa]. The flow is negative if the downstream pressure is higher.
     """
     high = max(upstream, downstream)
     low = min(upstream, downstream)
@@ -127,10 +127,10 @@ def tube_flow(
     air: Air,
 ) -> float:
     """
-    Return the mass flow [kg/s] through a round tube (Hagen and Poiseuille), laminar unless its entrance counts.
+    Return the mass flow [kg/s] through a round tube with a loss at its entrance (Hagen and Poiseuille).
 
-    Diameter and length in m; pressures absolute [Pa], the mean one gives the density. At a difference of
-    `entrance_loss` [Pa] the entrance halves the flow; 0: it never does.
+    Diameter and length are in m, pressures absolute [Pa]; the mean pressure gives the density. The entrance halves the
+    flow at a pressure difference of `entrance_loss` [Pa]; 0: no loss.
     """
     density = mean_pressure / (air.gas_constant * air.temperature)
     laminar = density * math.pi * diameter**4 / (128.0 * air.viscosity * length) * (upstream - downstream)
@@ -140,43 +140,43 @@ def tube_flow(
 
 
 @inner
-def felt(pressure: float, cylinder: Cylinder) -> float:
-    """Return the absolute pressure [Pa] that the coefficients follow: the true one, unless they are frozen."""
+def effective_pressure(pressure: float, cylinder: Cylinder) -> float:
+    """Return the absolute pressure on which the coefficients depend [Pa]; constant for the paper's device."""
     return cylinder.reference_pressure + cylinder.pressure_dependence * (pressure - cylinder.reference_pressure)
 
 
 @inner
-def played(held: float, target: float, half_width: float) -> float:
-    """Return what lies within half a width of its target, and else is where it was (play, or backlash)."""
+def backlash(held: float, target: float, half_width: float) -> float:
+    """Return the position of a part that follows its target with backlash, from its last position."""
     return min(max(held, target - half_width), target + half_width)
 
 
 @inner
 def valve_error(state: CylinderState, setpoint: float, effects: Effects) -> float:
-    """Return the error [Pa] that moves the valves: what the diaphragm feels, or where a poppet with mass has got to."""
+    """Return the error that moves the valves [Pa]: that of the diaphragm, or the position of a poppet with mass."""
     return state.poppet if effects.poppet_frequency > 0.0 else setpoint - state.droop - state.sensed
 
 
 @inner
-def hump(at: float, middle: float, width: float) -> float:
-    """Return 1 in the middle and exp(-1) a width away."""
-    return math.exp(-(((at - middle) / width) ** 2))
+def gaussian(position: float, middle: float, width: float) -> float:
+    """Return a Gaussian: 1 in the middle, and exp(-1) at a width from the middle."""
+    return math.exp(-(((position - middle) / width) ** 2))
 
 
 @inner
-def worn(error: float, odd: Oddities) -> float:
-    """Return the error [Pa] at which a valve with a good seat would be as far open."""
+def worn_valve_error(error: float, odd: Oddities) -> float:
+    """Return the error [Pa] at which a valve with a good seat has the same opening."""
     if odd.groove == 0.0:
         return error
-    return error * (1.0 + odd.groove * hump(abs(error), odd.groove_error, odd.groove_width))
+    return error * (1.0 + odd.groove * gaussian(abs(error), odd.groove_error, odd.groove_width))
 
 
 @inner
 def odd_error(position: float, velocity: float, odd: Oddities) -> float:
-    """Return what a ledge along the stroke and air that rushes past the control port add to the valves' error [Pa]."""
+    """Return the additional valve error by a ledge along the stroke and by suction at the control port [Pa]."""
     suction = 0.0
     if odd.port != 0.0:
-        suction = odd.port * (1.0 - hump(velocity, 0.0, odd.port_speed))
+        suction = odd.port * (1.0 - gaussian(velocity, 0.0, odd.port_speed))
     if odd.ledge == 0.0:
         return suction
     return suction + 0.5 * odd.ledge * (1.0 + math.tanh((position - odd.ledge_position) / odd.ledge_length))
@@ -184,32 +184,32 @@ def odd_error(position: float, velocity: float, odd: Oddities) -> float:
 
 @inner
 def odd_leak(gauge: float, velocity: float, odd: Oddities) -> float:
-    """Return the mass flow [kg/s] past a seal that swims at speed, and through a relief valve that has popped."""
-    swimming = odd.lifting * velocity**2 / (velocity**2 + odd.lifting_speed**2) * gauge
-    return swimming + odd.pop * max(gauge - odd.pop_pressure, 0.0)
+    """Return the mass flow [kg/s] past a seal that lifts at speed, and through an open relief valve."""
+    past_seal = odd.lifting * velocity**2 / (velocity**2 + odd.lifting_speed**2) * gauge
+    return past_seal + odd.pop * max(gauge - odd.pop_pressure, 0.0)
 
 
 @inner
-def swept(position: float, velocity: float, odd: Oddities) -> float:
-    """Return the speed [m/s] of a piston in an even bore that makes as much room."""
+def swept_velocity(position: float, velocity: float, odd: Oddities) -> float:
+    """Return the speed [m/s] at which a piston in an even bore sweeps the same volume."""
     if odd.bulge != 0.0:
-        velocity *= 1.0 + odd.bulge * hump(position, odd.bulge_position, odd.bulge_length)
+        velocity *= 1.0 + odd.bulge * gaussian(position, odd.bulge_position, odd.bulge_length)
     if odd.one_way != 0.0:
         velocity *= 1.0 + odd.one_way * math.tanh(velocity / ONE_WAY_SPEED)
     return velocity
 
 
 @inner
-def softened(gauge: float, odd: Oddities) -> float:
-    """Return by what the chamber is larger at a gauge pressure [Pa]."""
+def compliance_factor(gauge: float, odd: Oddities) -> float:
+    """Return the factor of the chamber's volume at a gauge pressure [Pa]."""
     if odd.soft == 0.0:
         return 1.0
     return 1.0 + 0.5 * odd.soft * (1.0 + math.tanh((gauge - odd.soft_pressure) / odd.soft_width))
 
 
 @inner
-def characteristic(error: float, effects: Effects) -> float:
-    """Return the error [Pa] at which a linear valve would be as far open: beyond a dead band, and to a power."""
+def valve_characteristic(error: float, effects: Effects) -> float:
+    """Return the error [Pa] at which a linear valve has the same opening, with dead band and exponent."""
     beyond = 0.0
     if error > effects.dead_band:
         beyond = error - effects.dead_band
@@ -223,17 +223,17 @@ def characteristic(error: float, effects: Effects) -> float:
 
 @inner
 def supply_opening(error: float, setpoint: float, cylinder: Cylinder, air: Air) -> float:
-    """Return the supply valve's sonic conductance [m^3/(s Pa)]: proportional to what is missing, up to the stop."""
-    growth = 1.0 + cylinder.supply_gain_growth * max(felt(setpoint, cylinder) - air.ambient_pressure, 0.0)
+    """Return the supply valve's sonic conductance [m^3/(s Pa)], proportional to a positive error up to the stop."""
+    growth = 1.0 + cylinder.supply_gain_growth * max(effective_pressure(setpoint, cylinder) - air.ambient_pressure, 0.0)
     return min(max(cylinder.supply_gain * growth * error, 0.0), cylinder.supply_conductance)
 
 
 @inner
 def relief_opening(error: float, cylinder: Cylinder) -> float:
     """
-    Return the relief valve's sonic conductance [m^3/(s Pa)]: proportional to the excess, up to the stop.
+    Return the relief valve's sonic conductance [m^3/(s Pa)], proportional to a negative error up to the stop.
 
-    A silencer behind it is a second orifice: of two in a row the inverse cubes of the conductances add up.
+    A silencer is a second orifice in series; the inverse cubes of the conductances add up.
     """
     opened = min(max(cylinder.relief_gain * -error, 0.0), cylinder.relief_conductance)
     if cylinder.silencer_conductance == 0.0:
@@ -244,7 +244,7 @@ def relief_opening(error: float, cylinder: Cylinder) -> float:
 
 @inner
 def seal_lift(position: float, velocity: float, effects: Effects) -> float:
-    """Return how far the seal has lifted, 0 to 1, at a position [m] and velocity [m/s]."""
+    """Return the lift of the seal, 0 to 1, at a position [m] and velocity [m/s]."""
     near = 0.5 * (1.0 + math.tanh(effects.lift_end * (position - effects.lift_position) / effects.lift_width))
     if effects.lift_direction == 0.0:
         return near
@@ -253,7 +253,7 @@ def seal_lift(position: float, velocity: float, effects: Effects) -> float:
 
 @inner
 def leak_flow(outlet: float, position: float, velocity: float, effects: Effects, air: Air) -> float:
-    """Return the mass flow [kg/s] that leaks from the cylinder to ambient: a hole, a gap, and a seal that lifts."""
+    """Return the leak from the cylinder to ambient [kg/s], through a hole, a gap and a lifting seal."""
     flow = effects.leak_admittance * (outlet - air.ambient_pressure)
     if effects.leak_conductance > 0.0:
         flow += orifice_flow(
@@ -280,16 +280,16 @@ def cylinder_rates(
     """
     Return the rates of change of a cylinder's state.
 
-    Mass balance of the chambers with a polytropic change of state, V dp/dt = n (R T dm/dt - p dV/dt), or with the
-    energy balance where heat is exchanged. Position [m] and velocity [m/s] count in the direction in which the volume
-    grows; the set-point is absolute [Pa]; `play` is the error [Pa] that the valve's play passed on last.
+    Without exchange of heat the change of state is polytropic: V dp/dt = n (R T dm/dt - p dV/dt). With exchange of heat
+    the rates follow from the energy balance. Position [m] and velocity [m/s] are positive towards larger volume.
+    The set-point is absolute [Pa]; `play` is the last error after the valve's backlash [Pa].
     """
     restricted = effects.line_resistance > 0.0
-    fed = state.regulator if restricted else state.outlet
-    pressure = felt(fed, cylinder)
+    regulator_outlet = state.regulator if restricted else state.outlet
+    pressure = effective_pressure(regulator_outlet, cylinder)
     heat = air.gas_constant * air.temperature
     error = valve_error(state, setpoint + odd_error(position, velocity, odd), effects)
-    opened = worn(characteristic(played(play, error, effects.play), effects), odd)
+    opened = worn_valve_error(valve_characteristic(backlash(play, error, effects.play), effects), odd)
     supply = orifice_flow(
         supply_opening(opened, setpoint, cylinder, air),
         air.supply_pressure - state.starved,
@@ -306,11 +306,11 @@ def cylinder_rates(
         cylinder.relief_subsonic_index,
         air.temperature,
     )
-    mean_pressure = 0.5 * (pressure + felt(state.sensed, cylinder))
-    aspirated = tube_flow(
+    mean_pressure = 0.5 * (pressure + effective_pressure(state.sensed, cylinder))
+    aspirator_flow = tube_flow(
         cylinder.aspirator_diameter,
         cylinder.aspirator_length,
-        fed,
+        regulator_outlet,
         state.sensed,
         mean_pressure,
         cylinder.entrance_loss,
@@ -320,27 +320,27 @@ def cylinder_rates(
     leaked = leak_flow(state.outlet, position, velocity, effects, air) + odd_leak(gauge, velocity, odd)
 
     exponent = cylinder.polytropic_exponent
-    gained = supply - relief - aspirated
+    gained = supply - relief - aspirator_flow
     regulator_rate = 0.0
     if restricted:
         through = (state.regulator - state.outlet) / effects.line_resistance
         regulator_rate = exponent / effects.outlet_volume * heat * (gained - through)
         gained = through
-        pressure = felt(state.outlet, cylinder)
+        pressure = effective_pressure(state.outlet, cylinder)
     gained -= leaked
 
     volume = cylinder.rest_volume + cylinder.position_dependence * cylinder.area * position
-    volume *= softened(gauge, odd)
-    work = pressure * cylinder.area * swept(position, velocity, odd)
+    volume *= compliance_factor(gauge, odd)
+    work = pressure * cylinder.area * swept_velocity(position, velocity, odd)
     if effects.heat_transfer > 0.0:
-        # the air itself is not frozen: its mass and temperature follow the pressure that it has
-        outlet_rate, temperature_rate = heated_rates(
-            state.outlet, state.temperature, gained, volume, work, stirred(velocity, effects), air
+        # mass and temperature of the air depend on the true pressure, also for constant coefficients
+        outlet_rate, temperature_rate = heat_exchange_rates(
+            state.outlet, state.temperature, gained, volume, work, wall_conductance(velocity, effects), air
         )
     else:
         outlet_rate = exponent / volume * (heat * gained - work)
         temperature_rate = 0.0
-    sensed_rate = exponent / cylinder.control_volume * heat * aspirated
+    sensed_rate = exponent / cylinder.control_volume * heat * aspirator_flow
 
     droop_rate = 0.0
     if effects.droop > 0.0:
@@ -366,21 +366,21 @@ def cylinder_rates(
 
 
 @inner
-def stirred(velocity: float, effects: Effects) -> float:
-    """Return the wall's conductance [W/K]: air that is stirred by the piston takes up the heat the sooner."""
+def wall_conductance(velocity: float, effects: Effects) -> float:
+    """Return the wall's heat conductance [W/K], which increases with the piston's speed."""
     return effects.heat_transfer * (1.0 + effects.stirring * abs(velocity))
 
 
 @inner
-def heated_rates(
+def heat_exchange_rates(
     pressure: float, temperature: float, gained: float, volume: float, work: float, heat_transfer: float, air: Air
 ) -> tuple[float, float]:
     """
     Return the rates of change of pressure [Pa/s] and temperature [K/s] of air that exchanges heat with its wall.
 
-    The energy balance of an open chamber, adiabatic at first and isothermal in the end. What flows in has the wall's
-    temperature, what flows out the chamber's; `gained` is the net mass flow [kg/s], `work` the power that the air gives
-    to the piston [W] and `heat_transfer` the wall's conductance [W/K].
+    The rates follow from the energy balance of an open chamber, which is adiabatic at first and finally isothermal.
+    Inflow has the wall's temperature, outflow the chamber's. `gained` is the net mass flow [kg/s], `work` the power on
+    the piston [W] and `heat_transfer` the wall's heat conductance [W/K].
     """
     carried = air.gas_constant * (air.temperature if gained > 0.0 else temperature) * gained
     warming = heat_transfer * (air.temperature - temperature)
@@ -390,11 +390,11 @@ def heated_rates(
 
 
 @inner
-def rubbed(stretch: float, path: float, seal: Seal) -> float:
+def seal_stretch(stretch: float, path: float, seal: Seal) -> float:
     """
-    Return the seal's stretch, -1 to 1, after the piston has gone a path [m] one way.
+    Return the seal's stretch, -1 to 1, after a path of the piston in one direction [m].
 
-    Dahl's model with exponent 1 is linear in the displacement, so this is exact: it nears 1 or -1 along the path.
+    The solution is exact, because Dahl's model with exponent 1 is linear in the displacement.
     """
     direction = math.copysign(1.0, path)
     return direction + (stretch - direction) * math.exp(-abs(path) / seal.presliding)
@@ -402,17 +402,17 @@ def rubbed(stretch: float, path: float, seal: Seal) -> float:
 
 @inner
 def friction(stretch: float, velocity: float, gauge_pressures: float, seal: Seal) -> float:
-    """Return the friction [N] against +x; `gauge_pressures` is both cylinders' sum [Pa], velocity in m/s."""
+    """Return the friction against +x [N]; `gauge_pressures` is the sum of both cylinders [Pa], velocity in m/s."""
     sticking = seal.breakaway * math.exp(-((velocity / seal.stribeck_speed) ** 2))
     return (seal.coulomb + seal.coulomb_per_pressure * gauge_pressures + sticking) * stretch + seal.viscous * velocity
 
 
 @inner
 def odd_drag(position: float, stretch: float, odd: ForceOddities) -> float:
-    """Return what a scar in the bore and cables that are tight take of the force along +x [N]."""
+    """Return the force of a scar in the bore and of tight cables against +x [N]."""
     drag = 0.0
     if odd.scar > 0.0:
-        drag += odd.scar * hump(position, odd.scar_position, odd.scar_length) * stretch
+        drag += odd.scar * gaussian(position, odd.scar_position, odd.scar_length) * stretch
     if odd.bundle > 0.0:
         drag += odd.bundle * math.copysign(max(abs(position) - odd.bundle_slack, 0.0), position)
     return drag
@@ -423,7 +423,7 @@ def contact_force(
     outlets: tuple[float, float], stretch: float, motion: tuple[float, float, float], parameters: RigParameters
 ) -> float:
     """
-    Return the force on the workpiece along +x [N]: the air's, less the piston's inertia, weight and friction.
+    Return the force on the workpiece along +x [N]: that of the air without inertia, weight and friction.
 
     `outlets` are the absolute pressures in A and B [Pa], `motion` is the piston's position [m], velocity [m/s] and
     acceleration [m/s^2].
@@ -445,32 +445,32 @@ def position_between(fraction: float, period: float, x0: float, v0: float, x1: f
 
     x0, x1 are the knots' positions [m], v0, v1 their velocities [m/s].
     """
-    rest = 1.0 - fraction
-    return rest * rest * ((1.0 + 2.0 * fraction) * x0 + fraction * period * v0) + fraction * fraction * (
-        (1.0 + 2.0 * rest) * x1 - rest * period * v1
+    remaining = 1.0 - fraction
+    return remaining * remaining * ((1.0 + 2.0 * fraction) * x0 + fraction * period * v0) + fraction * fraction * (
+        (1.0 + 2.0 * remaining) * x1 - remaining * period * v1
     )
 
 
 @inner
 def velocity_between(fraction: float, period: float, x0: float, v0: float, x1: float, v1: float) -> float:
     """Return the velocity [m/s] at a fraction of the time between two knots, the derivative of `position_between`."""
-    rest = 1.0 - fraction
+    remaining = 1.0 - fraction
     return (
-        6.0 * fraction * rest * (x1 - x0) / period
-        + rest * (1.0 - 3.0 * fraction) * v0
+        6.0 * fraction * remaining * (x1 - x0) / period
+        + remaining * (1.0 - 3.0 * fraction) * v0
         + fraction * (3.0 * fraction - 2.0) * v1
     )
 
 
 @inner
 def acceleration_at_end(period: float, x0: float, v0: float, x1: float, v1: float) -> float:
-    """Return the acceleration [m/s^2] with which a piece of motion arrives at its second knot."""
+    """Return the acceleration at the second of two knots [m/s^2]."""
     return (6.0 * (x0 - x1) / period + 2.0 * v0 + 4.0 * v1) / period
 
 
 @inner
-def ahead(state: CylinderState, rates: CylinderState, duration: float) -> CylinderState:
-    """Return a state after a duration [s] of steady rates of change."""
+def extrapolated(state: CylinderState, rates: CylinderState, duration: float) -> CylinderState:
+    """Return a state after a duration [s] at constant rates of change."""
     return CylinderState(
         state.outlet + duration * rates.outlet,
         state.sensed + duration * rates.sensed,
@@ -497,21 +497,21 @@ def step_cylinder(
     air: Air,
 ) -> None:
     """
-    Advance a cylinder's state in place by one step of the classical Runge-Kutta method, `duration` [s] long.
+    Advance a cylinder's state in place by a step of the classical Runge-Kutta method of a duration [s].
 
-    `start`, `middle` and `end` are the position [m] and velocity [m/s] at those times of the step.
+    `start`, `middle` and `end` are position [m] and velocity [m/s] at these times of the step.
     """
     now = CylinderState(states[0], states[1], states[2], states[3], states[4], states[5], states[6], states[7])
     play = states[PLAY]
     half = 0.5 * duration
     k1 = cylinder_rates(now, play, setpoint, start[0], start[1], cylinder, effects, odd, air)
-    k2 = cylinder_rates(ahead(now, k1, half), play, setpoint, middle[0], middle[1], cylinder, effects, odd, air)
-    k3 = cylinder_rates(ahead(now, k2, half), play, setpoint, middle[0], middle[1], cylinder, effects, odd, air)
-    k4 = cylinder_rates(ahead(now, k3, duration), play, setpoint, end[0], end[1], cylinder, effects, odd, air)
+    k2 = cylinder_rates(extrapolated(now, k1, half), play, setpoint, middle[0], middle[1], cylinder, effects, odd, air)
+    k3 = cylinder_rates(extrapolated(now, k2, half), play, setpoint, middle[0], middle[1], cylinder, effects, odd, air)
+    k4 = cylinder_rates(extrapolated(now, k3, duration), play, setpoint, end[0], end[1], cylinder, effects, odd, air)
     for index in range(PLAY):
         states[index] += duration / 6.0 * (k1[index] + 2.0 * k2[index] + 2.0 * k3[index] + k4[index])
     then = CylinderState(states[0], states[1], states[2], states[3], states[4], states[5], states[6], states[7])
-    states[PLAY] = played(play, valve_error(then, setpoint, effects), effects.play)
+    states[PLAY] = backlash(play, valve_error(then, setpoint, effects), effects.play)
 
 
 @compiled
@@ -529,28 +529,28 @@ def advance(
     accelerations: Array,
 ) -> float:
     """
-    Carry the rig along a motion and return the seal's stretch at its end.
+    Advance the rig along a motion and return the final stretch of the seal.
 
     Parameters
     ----------
     states : (2, STATES)
-        State of the cylinders A and B; advanced in place.
+        States of the cylinders A and B; advanced in place.
     stretch
-        State of the seal, -1 to 1.
+        Stretch of the seal, -1 to 1.
     positions, velocities : (knots + 1,)
-        Knots of the motion [m], [m/s], the present one first; cubic in between.
+        Knots of the motion [m], [m/s], the present state first; cubic in between.
     setpoints : (knots, 2)
-        Absolute set pressure [Pa] on the way to each knot.
+        Absolute set pressure until each knot [Pa].
     period
         Time between knots [s].
     steps
         Integration steps between knots.
     parameters
-        The rig.
+        Parameters of the rig.
     trajectory : (knots, 2, 2)
-        Receives the outlet and sensed pressures at each knot [Pa].
+        Output: outlet and sensed pressures at each knot [Pa].
     forces, accelerations : (knots,)
-        Receive the contact force [N] and the acceleration [m/s^2] at each knot.
+        Output: contact force [N] and acceleration [m/s^2] at each knot.
 
     """
     duration = period / steps
@@ -589,7 +589,7 @@ def advance(
                 parameters.odd_b,
                 parameters.air,
             )
-            stretch = rubbed(stretch, x_end - x, parameters.seal)
+            stretch = seal_stretch(stretch, x_end - x, parameters.seal)
             x, v = x_end, v_end
         for cylinder in range(2):
             trajectory[knot, cylinder, OUTLET] = states[cylinder, OUTLET]

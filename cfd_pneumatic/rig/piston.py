@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a piston is moved: by commands, or by a tool that it hangs on, with or without a gap."""
+"""Motion of the piston: by commands, or by a tool through a linkage with or without a gap."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class CommandedPiston:
     Parameters
     ----------
     position
-        Where it stands [m].
+        Position at the start [m].
     travel
-        Largest displacement to either side [m]; commands beyond stop there.
+        Largest displacement to either side, which limits the commands [m].
     speed
         Highest speed [m/s].
     acceleration
@@ -37,7 +37,7 @@ class CommandedPiston:
         self._target = position
 
     def command(self, target: float) -> None:
-        """Head for a position [m]."""
+        """Set the commanded position [m]."""
         self._target = min(max(target, -self._travel), self._travel)
 
     def move(self, knots: int, period: float) -> tuple[Array, Array]:
@@ -53,39 +53,39 @@ class CommandedPiston:
 
     def _next_velocity(self, period: float) -> float:
         """
-        Return the velocity [m/s] one period [s] on.
+        Return the velocity after a period [m/s].
 
-        The fastest from which the rest of the way is still enough to stop, as far as the limits let it change. Close
-        by, the one from which the next change, to rest, ends at the target.
+        The velocity is the highest velocity that still allows a stop at the target, within the limits of speed and
+        acceleration. Close to the target it is the velocity that reaches the target in the next period.
         """
-        most = self._acceleration * period
-        left = self._target - (self.position + 0.5 * self.velocity * period)
-        landing = left / period
-        if abs(landing) <= min(self._speed, most) and abs(landing - self.velocity) <= most:
+        largest_change = self._acceleration * period
+        distance = self._target - (self.position + 0.5 * self.velocity * period)
+        landing = distance / period
+        if abs(landing) <= min(self._speed, largest_change) and abs(landing - self.velocity) <= largest_change:
             return landing
-        stopping = math.sqrt(0.25 * most**2 + 2.0 * self._acceleration * abs(left)) - 0.5 * most
-        wanted = math.copysign(min(self._speed, stopping), left)
-        return self.velocity + min(max(wanted - self.velocity, -most), most)
+        stopping = math.sqrt(0.25 * largest_change**2 + 2.0 * self._acceleration * abs(distance)) - 0.5 * largest_change
+        wanted = math.copysign(min(self._speed, stopping), distance)
+        return self.velocity + min(max(wanted - self.velocity, -largest_change), largest_change)
 
 
 @compiled
-def follow(held: float, half_gap: float, leading: Array, following: Array) -> None:
-    """Fill in where the follower in a gap goes; it is moved by either edge, and stays where it was in between [m]."""
+def follow_with_gap(last: float, half_gap: float, leading: Array, following: Array) -> None:
+    """Write the positions of a part that the edges of a gap move, from its last position [m]."""
     for index in range(leading.shape[0]):
-        held = min(max(held, leading[index] - half_gap), leading[index] + half_gap)
-        following[index] = held
+        last = min(max(last, leading[index] - half_gap), leading[index] + half_gap)
+        following[index] = last
 
 
 class Linkage:
     """
-    A piston that hangs on a tool.
+    A linkage between a tool and the piston.
 
     Parameters
     ----------
     position
-        Position of both at rest [m].
+        Position of tool and piston at rest [m].
     gap
-        Lost motion on the way from one edge of the gap to the other [m].
+        Lost motion between the edges of the gap [m].
 
     """
 
@@ -96,14 +96,14 @@ class Linkage:
 
     def drive(self, positions: Array, velocities: Array) -> tuple[Array, Array]:
         """
-        Return the piston's positions [m] and velocities [m/s] at knots of the tool's, the present one put first.
+        Return the piston's positions [m] and velocities [m/s]: the present ones, then those at the tool's knots.
 
-        The piston has the tool's velocity where it touches an edge, and none in between.
+        The piston has the tool's velocity at an edge of the gap, and rests between the edges.
         """
         x = np.concatenate([[self._position], positions])
         v = np.concatenate([[self._velocity], velocities])
         if self._gap:
-            follow(self._position, 0.5 * self._gap, positions, x[1:])
+            follow_with_gap(self._position, 0.5 * self._gap, positions, x[1:])
             v[1:] = np.where(np.diff(x) == 0.0, 0.0, velocities)
         self._position, self._velocity = float(x[-1]), float(v[-1])
         return x, v

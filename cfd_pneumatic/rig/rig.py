@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rig as a thing with a state: it is moved, and answers with pressures and a force."""
+"""The rig with its state: it is moved and returns pressures and a force."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ LONGEST_STEP = 5e-5
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What really happened at a number of times, which no sensor sees."""
+    """True values at a number of times, without sensors."""
 
     times: Array
     """Time since the rig was at rest [s], (n,)."""
 
     displacement: Array
-    """Position of the tool, and of the piston but for lost motion [m], (n,)."""
+    """Position of the tool, which is that of the piston without lost motion [m], (n,)."""
 
     velocity: Array
-    """Velocity of the same [m/s], (n,)."""
+    """Velocity of the tool [m/s], (n,)."""
 
     acceleration: Array
     """Acceleration of the piston [m/s^2], (n,)."""
@@ -44,19 +44,19 @@ class Truth:
     """Absolute pressure in the regulators' control chambers [Pa], (n, 2)."""
 
     setpoints: Array
-    """Absolute pressure that the regulators were set to up to each time [Pa], (n, 2)."""
+    """Absolute set pressure of the regulators until each time [Pa], (n, 2)."""
 
     force: Array
     """Force on the workpiece along +x [N], (n,)."""
 
-    def every(self, stride: int) -> Truth:
-        """Return each stride-th time, counted so that the last of every `stride` times is kept."""
+    def every_nth(self, stride: int) -> Truth:
+        """Return the last of every `stride` times."""
         return Truth(**{name: values[stride - 1 :: stride] for name, values in vars(self).items()})
 
 
 class Rig:
     """
-    Two opposing, pressure-regulated cylinders whose piston is moved.
+    Two opposing, pressure-regulated cylinders with a driven piston.
 
     The rig starts at rest with both cylinders at their set-points.
 
@@ -65,7 +65,7 @@ class Rig:
     setpoints
         Set pressure of the cylinders A and B, gauge [Pa].
     parameters
-        What the rig is made of.
+        Parameters of the rig.
     position
         Position of the piston [m].
     time
@@ -78,7 +78,7 @@ class Rig:
     time
         Time since the rig was at rest [s].
     position, velocity
-        Of the piston [m, m/s].
+        Position and velocity of the piston [m, m/s].
 
     """
 
@@ -112,26 +112,26 @@ class Rig:
 
     def advance(self, positions: ArrayLike, velocities: ArrayLike, setpoints: ArrayLike, period: float) -> Truth:
         """
-        Move the piston from knot to knot and return what happened at each.
+        Move the piston from knot to knot and return the true values at each knot.
 
         Parameters
         ----------
         positions, velocities : (knots,)
-            Where the piston arrives at each knot [m] and how fast [m/s]; cubic in between.
+            Position [m] and velocity [m/s] of the piston at each knot; cubic in between.
         setpoints : (2,) or (knots, 2)
-            Set pressure of the cylinders on the way to each knot, gauge [Pa].
+            Set pressure of the cylinders until each knot, gauge [Pa].
         period
             Time between knots [s].
 
         Raises
         ------
         InputError
-            If a position is beyond the travel, or a set-point below vacuum or above the supply.
+            If a position exceeds the travel, or a set-point is not between vacuum and supply pressure.
 
         """
         reached = self._reachable(np.atleast_1d(np.asarray(positions, dtype=float)))
         knots = len(reached)
-        acting = np.ascontiguousarray(np.broadcast_to(self._absolute(np.asarray(setpoints, dtype=float)), (knots, 2)))
+        levels = np.ascontiguousarray(np.broadcast_to(self._absolute(np.asarray(setpoints, dtype=float)), (knots, 2)))
         arriving = np.atleast_1d(np.asarray(velocities, dtype=float))
         x, v = self._linkage.drive(reached, arriving)
         times = self.time + period * np.arange(1.0, knots + 1.0)
@@ -143,7 +143,7 @@ class Rig:
             self._stretch,
             x,
             v,
-            _disturbed(acting, times - 0.5 * period, self.parameters),
+            _disturbed(levels, times - 0.5 * period, self.parameters),
             period,
             steps,
             self.parameters,
@@ -159,7 +159,7 @@ class Rig:
             acceleration=accelerations,
             pressures=trajectory[:, :, physics.OUTLET],
             sensed_pressures=trajectory[:, :, physics.SENSED],
-            setpoints=acting,
+            setpoints=levels,
             force=forces,
         )
 
@@ -167,8 +167,8 @@ class Rig:
         travel = self.parameters.piston.travel
         if not np.all(np.abs(positions) <= travel):
             raise InputError(
-                f'the piston travels {travel * 1e3:g} mm to either side: '
-                f'{np.max(np.abs(positions)) * 1e3:g} mm is out of reach'
+                f'a displacement of {np.max(np.abs(positions)) * 1e3:g} mm is out of reach: the piston travels '
+                f'{travel * 1e3:g} mm to either side; give smaller displacements'
             )
         return positions
 
@@ -177,23 +177,23 @@ class Rig:
         absolute = setpoints + air.ambient_pressure
         if not np.all((absolute > 0.0) & (absolute < air.supply_pressure)):
             raise InputError(
-                f'a set-point lies between vacuum and the supply, {-air.ambient_pressure:.6g} to '
-                f'{air.supply_pressure - air.ambient_pressure:.6g} Pa gauge, not at {setpoints.tolist()}'
+                f'a set-point must be between vacuum and the supply, {-air.ambient_pressure:.6g} to '
+                f'{air.supply_pressure - air.ambient_pressure:.6g} Pa gauge, is {setpoints.tolist()}'
             )
         return absolute
 
 
-def shift(times: Array, effects: Effects, odd: Oddities) -> Array:
-    """Return by how much a set pressure is off at some times [s], in Pa."""
+def setpoint_disturbance(times: Array, effects: Effects, odd: Oddities) -> Array:
+    """Return the error of a set pressure [Pa] at given times [s], (n,)."""
     phases = 2.0 * np.pi * effects.pulsation_frequency * times + effects.pulsation_phase
-    jumped = np.where(times >= effects.jump_time, effects.jump, 0.0)
-    crept = odd.creep * -np.expm1(-np.maximum(times, 0.0) / odd.creep_time)
-    return effects.drift * times + effects.pulsation * np.sin(phases) + jumped + crept
+    jump = np.where(times >= effects.jump_time, effects.jump, 0.0)
+    creep = odd.creep * -np.expm1(-np.maximum(times, 0.0) / odd.creep_time)
+    return effects.drift * times + effects.pulsation * np.sin(phases) + jump + creep
 
 
 def _disturbed(setpoints: Array, times: Array, parameters: RigParameters) -> Array:
-    """Return the set pressures of both cylinders that act at some times [s], in Pa, (n, 2)."""
+    """Return the set pressures of both cylinders with their disturbances [Pa] at given times [s], (n, 2)."""
     both = ((parameters.effects_a, parameters.odd_a), (parameters.effects_b, parameters.odd_b))
     if not any(effects.drift or effects.pulsation or effects.jump or odd.creep for effects, odd in both):
         return setpoints
-    return setpoints + np.column_stack([shift(times, effects, odd) for effects, odd in both])
+    return setpoints + np.column_stack([setpoint_disturbance(times, effects, odd) for effects, odd in both])

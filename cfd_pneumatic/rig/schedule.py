@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a test does to the rig: how the piston is moved, and what the regulators are set to.
+Schedules of a test: the motion of the piston and the set-points of the regulators.
 
-The paper's test, strokes out and back, and a tool that follows a surface; `naming` knows them by name.
+There are the paper's test, strokes out and back, and a tool that follows a surface. `schedule_names` has their names.
 """
 
 from __future__ import annotations
@@ -26,36 +26,36 @@ SAMPLING_PERIOD = 2e-3
 """The paper's sampling period [s]."""
 
 LONGEST = 1200.0
-"""Longest schedule [s]: playing it at once takes 0.8 GB."""
+"""Longest schedule [s]; playing it at once takes 0.8 GB."""
 
-_HIGHEST = 1.0  # of a surface; no piston travels as far [m]
+_HIGHEST = 1.0  # amplitude of a surface; no piston has such a travel [m]
 
 LONGEST_KNOT = 2e-4
-"""Longest time between knots of a motion [s]: a stop within a millisecond takes some."""
+"""Longest time between knots of a motion [s]; a stop within a millisecond needs several knots."""
 
 Motion = Callable[[Array], 'tuple[Array, Array]']
-"""Times [s] to positions [m] and velocities [m/s]."""
+"""Function from times [s] to positions [m] and velocities [m/s]."""
 
 
 class SetPoints(NamedTuple):
-    """What the regulators are set to from a time on."""
+    """Set-points of the regulators from a time on."""
 
     time: float
-    """Since the schedule began [s]."""
+    """Time since the start of the schedule [s]."""
 
     cylinder_a: float
-    """Gauge [Pa]."""
+    """Set pressure of cylinder A, gauge [Pa]."""
 
     cylinder_b: float
-    """Gauge [Pa]."""
+    """Set pressure of cylinder B, gauge [Pa]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
     """
-    A motion and its set-points, laid out for a number of samples, one each `sampling_period` from time 0 on.
+    A motion and set-points for a number of samples, `sampling_period` apart from time 0 on.
 
-    The piston is at rest until the first sample, so that everything before it is known.
+    The piston is at rest until the first sample, so that the initial state is known.
     """
 
     name: str
@@ -69,10 +69,10 @@ class Schedule:
     """Displacement at the end of each knot's interval [m], (samples * knots_per_sample,)."""
 
     velocities: Array
-    """Velocity there [m/s], of the same shape."""
+    """Velocity at the end of each knot's interval [m/s], of the same shape."""
 
     setpoints: Array
-    """Set pressures of A and B on the way to each sample, gauge [Pa], (samples, 2)."""
+    """Set pressures of A and B until each sample, gauge [Pa], (samples, 2)."""
 
     @property
     def samples(self) -> int:
@@ -86,9 +86,9 @@ class Schedule:
 
     def with_return(self, settling: float = 1.0) -> Schedule:
         """
-        Return the schedule with a way back at its end, so that it can begin again on the same rig.
+        Return the schedule with a return to its start, so that it can be repeated on the same rig.
 
-        The set-points go back to the first ones, and the piston in the first half of `settling` [s].
+        The set-points return to the first set-points, and the piston returns in the first half of `settling` [s].
         """
         samples = max(round(settling / self.sampling_period), 2)
         knots = samples * self.knots_per_sample
@@ -106,26 +106,28 @@ class Schedule:
 
 def lay_out(name: str, motion: Motion, setpoints: list[SetPoints], samples: int, sampling_period: float) -> Schedule:
     """
-    Return a schedule of a number of samples, one each `sampling_period` [s].
+    Return a schedule with a number of samples, `sampling_period` [s] apart.
 
-    The set-points stand in order of time. The first is taken as set since long ago, the others act from the sample next
-    to their time on.
+    The set-points are in order of time. The first set-point acted long before the start; each further set-point acts
+    from the sample nearest to its time on.
     """
     if not sampling_period > 0.0 or not math.isfinite(sampling_period):
-        raise InputError(f'sampling period {sampling_period:g} s: give a positive number')
+        raise InputError(f'sampling_period must be a positive number, is {sampling_period:g} s')
     if samples < 2:
-        raise InputError(f'schedule {name!r} would hold {samples} samples: make it longer')
+        raise InputError(f'schedule {name!r} has {samples} samples, but must have 2 or more: make it longer')
     duration = (samples - 1) * sampling_period
     if duration > LONGEST + sampling_period:
-        raise InputError(f'schedule {name!r} takes {duration:g} s: give one of {LONGEST:g} s at most, and repeat it')
+        raise InputError(
+            f'schedule {name!r} takes {duration:g} s, at most {LONGEST:g} s: make it shorter and repeat it'
+        )
     knots = math.ceil(sampling_period / LONGEST_KNOT * (1.0 - 1e-9))
     times = np.maximum(np.arange(1 - knots, (samples - 1) * knots + 1) * (sampling_period / knots), 0.0)
     positions, velocities = motion(times)
     velocities = np.where(times > 0.0, velocities, 0.0)
     changes = [round(change.time / sampling_period) for change in setpoints[1:]]
-    in_force = np.searchsorted(changes, np.arange(samples) - 1, side='right')
+    active = np.searchsorted(changes, np.arange(samples) - 1, side='right')
     levels = np.array([[change.cylinder_a, change.cylinder_b] for change in setpoints])
-    return Schedule(name, sampling_period, knots, positions, velocities, levels[in_force])
+    return Schedule(name, sampling_period, knots, positions, velocities, levels[active])
 
 
 def paper_step(
@@ -136,18 +138,18 @@ def paper_step(
     sampling_period: float = SAMPLING_PERIOD,
 ) -> Schedule:
     """
-    Return the paper's test: 50 samples at rest, a step-like displacement, 300 samples from its trigger on.
+    Return the paper's test: 50 samples at rest, then 300 samples of a step of the displacement.
 
-    A gage block is pulled away and the piston flies to a mechanical stop.
+    A gage block is removed, and the piston moves freely to a mechanical stop.
 
     Parameters
     ----------
     setpoint
         Set pressure, gauge [Pa].
     amplitude
-        Displacement [m]: 60 or 17 mil in the paper. A negative one compresses cylinder A.
+        Displacement [m]; 60 or 17 mil in the paper. A negative displacement compresses cylinder A.
     setpoint_b
-        Set pressure of cylinder B, gauge [Pa]; the same as A's by default, so that the record tests both alike.
+        Set pressure of cylinder B, gauge [Pa]; by default that of A, so that the record tests both equally.
     sampling_period
         Time between samples [s].
 
@@ -180,7 +182,7 @@ def out_and_back(
     setpoint_b
         Set pressure of cylinder B throughout, gauge [Pa].
     repeats
-        How often to go through all of it.
+        Number of repetitions of all strokes.
     sampling_period
         Time between samples [s].
 
@@ -189,7 +191,7 @@ def out_and_back(
     levels = (setpoint, setpoint + 5 * PSI if second_setpoint is None else second_setpoint)
     amplitudes = (amplitude, amplitude * 17 / 60 if second_amplitude is None else second_amplitude)
     if repeats < 1:
-        raise InputError(f'repeats {repeats}: give 1 or more')
+        raise InputError(f'repeats must be 1 or more, is {repeats}')
     strokes: list[Stroke] = []
     setpoints = [SetPoints(0.0, levels[0], setpoint_b)]
     time = 0.1
@@ -226,32 +228,32 @@ def surface_following(
     sampling_period: float = SAMPLING_PERIOD,
 ) -> Schedule:
     """
-    Return a tool that follows a random surface, while the force is changed now and then.
+    Return the motion of a tool that follows a random surface, with occasional changes of the force.
 
     Parameters
     ----------
     setpoint
-        Set pressure of cylinder A, gauge [Pa], about which its steps are spread.
+        Mean set pressure of cylinder A, gauge [Pa].
     amplitude
-        Standard deviation of the surface [m]; its highest points are rounded off at 3.5 times that.
+        Standard deviation of the surface [m]; heights are limited to 3.5 standard deviations.
     setpoint_steps
-        Half the span of the set-points of cylinder A [Pa]; cylinder B's have half of it. 0 leaves them alone.
+        Half the span of cylinder A's set-points, and the span of cylinder B's [Pa]; 0 for constant set-points.
     setpoint_b
-        Set pressure of cylinder B, gauge [Pa], about which its steps are spread.
+        Mean set pressure of cylinder B, gauge [Pa].
     bandwidth
         Highest frequency in the surface [Hz].
     duration
-        Length [s].
+        Duration [s].
     seed
-        Picks the surface and the steps.
+        Seed of the surface and the set-points.
     sampling_period
         Time between samples [s].
 
     """
     if not 0.0 < abs(amplitude) <= _HIGHEST:
-        raise InputError(f'amplitude {amplitude:g} m is out of reach: give more than 0 m and {_HIGHEST:g} m at most')
+        raise InputError(f'amplitude must be above 0 m and at most {_HIGHEST:g} m, is {amplitude:g} m')
     if not 2.0 <= duration <= LONGEST:
-        raise InputError(f'duration {duration:g} s: a surface takes 2 to {LONGEST:g} s')
+        raise InputError(f'duration of a surface must be 2 to {LONGEST:g} s, is {duration:g} s')
     rng = np.random.default_rng(seed)
     surface = _random_surface(amplitude, bandwidth, duration, rng)
     setpoints = [SetPoints(0.0, setpoint, setpoint_b)]
@@ -268,8 +270,8 @@ def surface_following(
 
 
 def _random_surface(amplitude: float, bandwidth: float, duration: float, rng: np.random.Generator) -> Motion:
-    """Return a Gaussian, band-limited surface that begins and ends flat, its height kept by a smooth limiter."""
-    from scipy.interpolate import CubicHermiteSpline  # which takes long to import
+    """Return a Gaussian, band-limited surface with flat ends and smoothly limited height."""
+    from scipy.interpolate import CubicHermiteSpline  # slow to import
 
     fade, fastest = 0.5, 1e-3
     count = 2 ** math.ceil(math.log2(max(duration / fastest, 2.0)))

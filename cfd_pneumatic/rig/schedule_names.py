@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Schedules by what people call them: a name, or a file that holds one."""
+"""Schedules by their names, and schedules in files."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from cfd_pneumatic.rig.schedule import (
     surface_following,
 )
 
-_LARGEST = 2**27  # bytes; the longest that the rig plays, at 1 kHz, has 100 MB
-_LONGEST_LINE = 200  # characters of its first line
-_FAR = 1e12  # longer than any schedule may be, and no more than can be counted in samples [s]
+_LARGEST = 2**27  # bytes; the longest schedule of the rig, at 1 kHz, has 100 MB
+_LONGEST_LINE = 200  # characters of the first line of a file
+_FAR = 1e12  # longer than any schedule may be, and countable in samples [s]
 
 SUFFIX = '.csv'
-"""What the name of a file with a schedule ends with."""
+"""Suffix of a file with a schedule."""
 
 SCHEDULES: dict[str, Callable[..., Schedule]] = {
     builder.__name__: builder for builder in (paper_step, out_and_back, surface_following)
@@ -47,7 +47,7 @@ def schedule_named(name: str, **options: float) -> Schedule:
     Raises
     ------
     InputError
-        If there is no such schedule, or it has no such option.
+        If the schedule or an option is not known.
 
     """
     builder = partial(written_schedule, Path(name)) if name.endswith(SUFFIX) else SCHEDULES.get(name)
@@ -56,7 +56,7 @@ def schedule_named(name: str, **options: float) -> Schedule:
     known = inspect.signature(builder).parameters
     for option in options:
         if option not in known:
-            raise InputError(f'schedule {name!r} has no option {option!r}: it takes {", ".join(known)}')
+            raise InputError(f'schedule {name!r} has no option {option!r}: its options are {", ".join(known)}')
     return builder(**options)
 
 
@@ -74,21 +74,21 @@ def written_schedule(path: Path, *, sampling_period: float = SAMPLING_PERIOD) ->
     Raises
     ------
     InputError
-        If it is no such table.
+        If the file is not a schedule.
 
     """
-    from scipy.interpolate import CubicHermiteSpline  # which takes long to import
+    from scipy.interpolate import CubicHermiteSpline  # slow to import
 
     times, positions, velocities, level_a, level_b = _columns(path)
-    with np.errstate(over='ignore', invalid='ignore', divide='ignore'):  # what comes of it is looked at
+    with np.errstate(over='ignore', invalid='ignore', divide='ignore'):  # non-finite results are refused below
         course = CubicHermiteSpline(times, positions, velocities)
         speed = course.derivative()
     if not (np.isfinite(course.c).all() and np.isfinite(speed.c).all()):
-        raise InputError(f'{path}: a schedule is to have displacements and times that a piston can follow')
+        raise InputError(f'{path} is not a schedule: a piston cannot follow its displacements; check times and speeds')
 
-    def motion(at: Array) -> tuple[Array, Array]:
-        within = np.minimum(at, times[-1])
-        return course(within), np.where(at < times[-1], speed(within), 0.0)
+    def motion(query_times: Array) -> tuple[Array, Array]:
+        within = np.minimum(query_times, times[-1])
+        return course(within), np.where(query_times < times[-1], speed(within), 0.0)
 
     changes = np.flatnonzero((np.diff(level_a) != 0.0) | (np.diff(level_b) != 0.0)) + 1
     setpoints = [
@@ -104,18 +104,18 @@ def _columns(path: Path) -> Array:
     try:
         with TextIOWrapper(open_input(path, _LARGEST), 'utf-8') as stream:
             if stream.readline(_LONGEST_LINE).rstrip() != ','.join(SCHEDULE_COLUMNS):
-                raise InputError(f'is no schedule: its first line must be {",".join(SCHEDULE_COLUMNS)}')
+                raise InputError(f'is not a schedule: its first line must be {",".join(SCHEDULE_COLUMNS)}')
             with warnings.catch_warnings():
-                warnings.simplefilter('ignore')  # of a file without rows
+                warnings.simplefilter('ignore')  # about a file without rows
                 rows = np.loadtxt(stream, delimiter=',', comments=None, ndmin=2)
         if rows.shape[0] < 2:
-            raise InputError(f'is no schedule: it must have two rows or more of {count} numbers')
+            raise InputError(f'is not a schedule: it must have two rows or more of {count} numbers')
         if rows.shape[1] != count:
-            raise ValueError('is another table')
+            raise ValueError('wrong number of columns')
         if not np.isfinite(rows).all() or rows[0, 0] != 0.0 or not np.all(np.diff(rows[:, 0]) > 0.0):
-            raise InputError('is no schedule: it must have finite numbers, and times that increase from 0 on')
+            raise InputError('is not a schedule: it must have finite numbers, and times that increase from 0 on')
     except InputError as error:
-        raise InputError(f'{path} {error}; give one that plan_experiment wrote') from error
+        raise InputError(f'{path} {error}; give a schedule written by plan_experiment') from error
     except ValueError as error:
-        raise InputError(f'{path} is no schedule: each row must have {count} numbers') from error
+        raise InputError(f'{path} is not a schedule: each row must have {count} numbers') from error
     return rows.T

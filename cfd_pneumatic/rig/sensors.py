@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rig's sensors: noise, a 12-bit converter, and a clock that stamps a little early or late."""
+"""The rig's sensors: noise, a 12-bit converter, and jitter of the stamps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cfd_pneumatic.units import INCH, PSI
 @dataclass(frozen=True)
 class Sensors:
     """
-    What stands between the rig and its record.
+    The sensors that record the rig.
 
     A reading is the truth plus white noise, clipped to the sensor's range and rounded to the converter's nearest step.
     """
@@ -45,39 +45,39 @@ class Sensors:
     """Full scale of the load cell [N]."""
 
     bits: int = 12
-    """Resolution of the converters; 0 leaves readings unrounded and unclipped."""
+    """Resolution of the converters; 0 for readings without rounding and clipping."""
 
     def __post_init__(self) -> None:
-        """Refuse sensors that can't be built."""
+        """Refuse impossible sensors."""
         for name in ('pressure_noise', 'displacement_noise', 'force_noise', 'stamp_jitter', 'bits'):
             if not getattr(self, name) >= 0:
-                raise InputError(f'sensor {name} = {getattr(self, name)}: give zero or more')
+                raise InputError(f'sensor {name} must be zero or more, is {getattr(self, name)}')
         for name in ('pressure_range', 'displacement_range', 'force_range'):
             low, high = getattr(self, name)
             if not low < high:
-                raise InputError(f'sensor {name} from {low:g} to {high:g}: give the lower end first')
+                raise InputError(f'sensor {name} must have the lower end first, is {low:g} to {high:g}')
 
     def measure_pressure(self, values: ArrayLike, rng: np.random.Generator) -> Array:
-        """Return what a pressure sensor reads at some absolute pressures [Pa]."""
+        """Return the readings of a pressure sensor at absolute pressures [Pa]."""
         return self._read(values, self.pressure_noise, self.pressure_range, rng)
 
     def measure_displacement(self, values: ArrayLike, rng: np.random.Generator) -> Array:
-        """Return what the displacement sensor reads at some positions [m]."""
+        """Return the readings of the displacement sensor at positions [m]."""
         return self._read(values, self.displacement_noise, self.displacement_range, rng)
 
     def measure_force(self, values: ArrayLike, rng: np.random.Generator) -> Array:
-        """Return what the load cell reads at some forces [N]."""
+        """Return the readings of the load cell at forces [N]."""
         return self._read(values, self.force_noise, self.force_range, rng)
 
     def stamp(self, times: ArrayLike, period: float, rng: np.random.Generator) -> Array:
         """
-        Return the stamps [s] of samples taken at some times, one period [s] apart.
+        Return the stamps [s] of samples at times one period apart [s].
 
-        A stamp strays by less than half a period, so that stamps never go back.
+        A stamp deviates by less than half a period, so that stamps always increase.
         """
         sampled = np.asarray(times, dtype=float)
-        strayed = self.stamp_jitter * rng.standard_normal(sampled.shape)
-        return sampled + np.clip(strayed, -0.45 * period, 0.45 * period)
+        jitter = self.stamp_jitter * rng.standard_normal(sampled.shape)
+        return sampled + np.clip(jitter, -0.45 * period, 0.45 * period)
 
     def step(self, full_scale: tuple[float, float]) -> float:
         """Return the converter's step over a full scale, in the unit of that scale; 0 without a converter."""
@@ -97,7 +97,7 @@ class Sensors:
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What the sensors make of a number of samples, and what the regulators were set to."""
+    """Readings of the sensors at a number of samples, and the set-points."""
 
     times: Array
     """Stamps of the samples [s], (n,)."""
@@ -109,7 +109,7 @@ class Readings:
     """Measured absolute pressures of the cylinders A and B [Pa], (n, 2)."""
 
     setpoints: Array
-    """Absolute set pressures up to each sample, since the one before, as they were set [Pa], (n, 2)."""
+    """Absolute set pressures without disturbances, between the sample before and each sample [Pa], (n, 2)."""
 
     force: Array
     """Measured contact force along +x [N], (n,)."""
@@ -117,9 +117,9 @@ class Readings:
 
 class Instruments:
     """
-    The sensors of one run.
+    The sensors of a run.
 
-    Each has a noise of its own, drawn from one seed, so that a run read in pieces gives the same as one read whole.
+    Each sensor has a separate noise stream from the seed, so that readings do not depend on the pieces of a run.
     """
 
     def __init__(self, sensors: Sensors, period: float, seed: int) -> None:
@@ -129,7 +129,7 @@ class Instruments:
         self._clock, self._displacement, self._force, *self._pressures = map(np.random.default_rng, children)
 
     def read(self, truth: Truth) -> Readings:
-        """Return what the sensors read of the next samples."""
+        """Return the readings of the sensors at the next samples."""
         sensors = self._sensors
         return Readings(
             times=sensors.stamp(truth.times, self._period, self._clock),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between the rig and its sensors: lines that ring, sensors that lag or bend, the mains, a load cell's zero."""
+"""Signal paths from the rig to its sensors: resonant lines, lags, nonlinear sensors, mains hum, force offset."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from cfd_pneumatic.rig.parameters import RigParameters
 from cfd_pneumatic.rig.rig import Truth
 
 _OF_A_LINE = ('resonance_frequency', 'resonance_damping', 'sensor_lag')
-"""Effects that a line has a state for."""
+"""Effects that give a line a state."""
 
 _OF_A_PICKUP = ('displacement_lag', 'displacement_delay')
-"""What a displacement sensor has a state for."""
+"""Faults that give a displacement sensor a state."""
 
 
 class Response:
     """
-    A linear response with unit gain, exact for an input that is straight between its values.
+    A linear response with unit gain, exact for an input that is linear between its values.
 
     Parameters
     ----------
     denominator
-        Of its transfer function [s^2, s, 1] or [s, 1].
+        Denominator of the transfer function [s^2, s, 1] or [s, 1].
     rest
-        Input and output so far.
+        Input and output at rest before the first input.
 
     """
 
@@ -41,18 +41,18 @@ class Response:
 
     @classmethod
     def lag(cls, time_constant: float, rest: float) -> Response:
-        """Return a first-order lag; its time constant in s."""
+        """Return a first-order lag with a time constant [s]."""
         return cls((time_constant, 1.0), rest)
 
     @classmethod
     def resonance(cls, frequency: float, damping: float, rest: float) -> Response:
-        """Return a mass on a spring, here of air, by its natural frequency [Hz] and damping ratio."""
+        """Return a resonance with a natural frequency [Hz] and a damping ratio [-]."""
         omega = 2.0 * np.pi * frequency
         return cls((1.0 / omega**2, 2.0 * damping / omega, 1.0), rest)
 
-    def to(self, inputs: Array, period: float) -> Array:
-        """Return the outputs with the next inputs, which are one period [s] apart, the same each time."""
-        from scipy.signal import cont2discrete, lfilter, lfilter_zi  # which take long to import
+    def respond(self, inputs: Array, period: float) -> Array:
+        """Return the outputs at the next inputs, one period apart; all calls need the same period [s]."""
+        from scipy.signal import cont2discrete, lfilter, lfilter_zi  # slow to import
 
         if self._filter is None:
             numerator, denominator, _ = cont2discrete(([1.0], self._denominator), period, 'foh')
@@ -70,9 +70,9 @@ class Delay:
     Parameters
     ----------
     dead_time
-        By which the input comes late [s].
+        Delay of the output [s].
     rest
-        Input so far.
+        Input before the first input.
 
     """
 
@@ -80,31 +80,31 @@ class Delay:
         self._dead_time = dead_time
         self._past = np.array([rest])
 
-    def to(self, inputs: Array, period: float) -> Array:
-        """Return the outputs with the next inputs, which are one period [s] apart."""
+    def respond(self, inputs: Array, period: float) -> Array:
+        """Return the outputs at the next inputs, one period apart [s]."""
         whole = int(self._dead_time / period)
         share = self._dead_time / period - whole
         missing = max(0, whole + 1 - len(self._past))
         known = np.concatenate([np.full(missing, self._past[0]), self._past, inputs])[-len(inputs) - whole - 1 :]
         self._past = known[len(inputs) :]
-        late, later = known[1 : len(inputs) + 1], known[: len(inputs)]
-        return np.asarray(late + share * (later - late))
+        newer, older = known[1 : len(inputs) + 1], known[: len(inputs)]
+        return np.asarray(newer + share * (older - newer))
 
 
 def read_force(force: Array, pickup: Pickup, odd: ForceOddities) -> Array:
-    """Return what the load cell makes of a force [N], without its noise."""
-    borne = force + pickup.force_offset
-    return np.asarray(borne * (1.0 - odd.bend * np.abs(borne)))
+    """Return the reading of the load cell at a force, without noise [N]."""
+    load = force + pickup.force_offset
+    return np.asarray(load * (1.0 - odd.bend * np.abs(load)))
 
 
 class Transmission:
     """
-    The way from the rig to its sensors.
+    The signal paths from the rig to its sensors.
 
     Parameters
     ----------
     parameters
-        The rig.
+        Parameters of the rig.
     pressures : (2,)
         Absolute pressures at rest [Pa].
     position
@@ -123,7 +123,7 @@ class Transmission:
         self.change(parameters, pressures, position)
 
     def change(self, parameters: RigParameters, pressures: Array, position: float) -> None:
-        """Become what other parameters make; what differs from before begins at rest where the rig is."""
+        """Change the parameters; changed lines and sensors start at rest in the rig's present state."""
         changed = (parameters.effects_a, parameters.effects_b)
         for cylinder, (before, effects) in enumerate(zip(self._effects, changed)):
             if any(getattr(before, name) != getattr(effects, name) for name in _OF_A_LINE):
@@ -136,32 +136,32 @@ class Transmission:
         self._pickup = pickup
 
     def carry(self, truth: Truth, period: float) -> Truth:
-        """Return what arrives at the sensors, at the next times, which are one period [s] apart."""
-        arrived = truth
+        """Return the signals at the sensors at the next times, one period apart [s]."""
+        at_sensors = truth
         for response in self._pickups:
-            arrived = replace(arrived, displacement=response.to(arrived.displacement, period))
+            at_sensors = replace(at_sensors, displacement=response.respond(at_sensors.displacement, period))
         if self._pickup.force_offset or self._odd_force.bend:
-            arrived = replace(arrived, force=read_force(truth.force, self._pickup, self._odd_force))
+            at_sensors = replace(at_sensors, force=read_force(truth.force, self._pickup, self._odd_force))
         if (
             any(self._lines)
             or any(effects.hum for effects in self._effects)
             or any(odd.kink or odd.tilt for odd in self._odd)
         ):
-            pressures = [self._arriving(cylinder, truth, period) for cylinder in (0, 1)]
-            arrived = replace(arrived, pressures=np.column_stack(pressures))
-        return arrived
+            pressures = [self._pressure_at_sensor(cylinder, truth, period) for cylinder in (0, 1)]
+            at_sensors = replace(at_sensors, pressures=np.column_stack(pressures))
+        return at_sensors
 
-    def _arriving(self, cylinder: int, truth: Truth, period: float) -> Array:
-        pressure = self._read(cylinder, truth)
+    def _pressure_at_sensor(self, cylinder: int, truth: Truth, period: float) -> Array:
+        pressure = self._with_sensor_errors(cylinder, truth)
         for response in self._lines[cylinder]:
-            pressure = response.to(pressure, period)
+            pressure = response.respond(pressure, period)
         effects = self._effects[cylinder]
         if not effects.hum:
             return pressure
         return pressure + effects.hum * np.sin(2.0 * np.pi * effects.hum_frequency * truth.times + effects.hum_phase)
 
-    def _read(self, cylinder: int, truth: Truth) -> Array:
-        """Return what a sensor that bends and tilts makes of the pressure [Pa]."""
+    def _with_sensor_errors(self, cylinder: int, truth: Truth) -> Array:
+        """Return the pressure with the errors of a nonlinear sensor [Pa]."""
         odd, pressure = self._odd[cylinder], truth.pressures[:, cylinder]
         if not (odd.kink or odd.tilt):
             return pressure
@@ -171,7 +171,7 @@ class Transmission:
 
 
 def _pickups(pickup: Pickup, rest: float) -> list[Response | Delay]:
-    """Return the responses of a displacement sensor, which has read a position [m] at rest, one after the other."""
+    """Return the responses of a displacement sensor in series, at rest at a position [m]."""
     responses: list[Response | Delay] = []
     if pickup.displacement_lag:
         responses.append(Response.lag(pickup.displacement_lag, rest))
@@ -181,7 +181,7 @@ def _pickups(pickup: Pickup, rest: float) -> list[Response | Delay]:
 
 
 def _line(effects: Effects, rest: float) -> list[Response]:
-    """Return the responses of a line and its sensor, which has read a pressure [Pa] at rest, one after the other."""
+    """Return the responses of a line and its sensor in series, at rest at a pressure [Pa]."""
     responses = []
     if effects.resonance_frequency:
         responses.append(Response.resonance(effects.resonance_frequency, effects.resonance_damping, rest))

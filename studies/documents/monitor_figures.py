@@ -172,11 +172,11 @@ def rig_alarms(frozen: bool, runs: int, seconds: float) -> dict[str, Count]:
         got = record(surface_following(duration=60.0, seed=seed), rig, seed=seed)
         device = identified_device(identify([recording_of(got)])).model
         performance = surfaces(rig, seed + 500_000, PLAYED)
-        learned = residuals_of(device, performance.take(round((LEARNING + 3.0) * RATE)))
+        learned = residuals_of(device, performance.advance(round((LEARNING + 3.0) * RATE)))
         found = {name: watchers(blocks_of(*own), name, len(CYLINDERS)) for name, own in learned.items()}
         own_time = 0.0
         while own_time < seconds:
-            own = residuals_of(device, performance.take(round(STRETCH * RATE)))
+            own = residuals_of(device, performance.advance(round(STRETCH * RATE)))
             for name, channel in found.items():
                 alarms.update(alarms_of(channel, *own[name]))
             own_time += own[CYLINDERS[0]][0].size / RATE

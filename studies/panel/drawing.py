@@ -215,7 +215,7 @@ def _generators(seed: int) -> list[np.random.Generator]:
 
 def _samples(truth: Truth, schedule: Schedule) -> Truth:
     """Return what happened at the samples, of what happened at the knots."""
-    samples = truth.every(schedule.knots_per_sample)
+    samples = truth.every_nth(schedule.knots_per_sample)
     return Truth(**{name: values[: schedule.samples] for name, values in vars(samples).items()})
 
 

@@ -11,7 +11,7 @@ import pytest
 from effect_cases import DATA
 from reference import AMBIENT, PSI
 
-from cfd_pneumatic.generator.composition import composed
+from cfd_pneumatic.generator.composition import composed_source
 from cfd_pneumatic.model import TABLE_1, Cylinder, ExtendedCylinder, OperatingPoints
 from cfd_pneumatic.model import composed as kernel
 from cfd_pneumatic.model.effects import EFFECTS, PRESSURE_EFFECTS, Moment, heat_transfer, leakage, positional_leakage
@@ -93,7 +93,7 @@ def test_places_do_not_overlap():
 
 def test_the_composed_kernel_is_up_to_date():
     """`make kernel` makes it."""
-    assert ast.dump(ast.parse(composed())) == ast.dump(ast.parse(Path(kernel.__file__).read_text()))
+    assert ast.dump(ast.parse(composed_source())) == ast.dump(ast.parse(Path(kernel.__file__).read_text()))
 
 
 def test_a_leak_lowers_the_resting_pressure():

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference import AMBIENT
 
-from cfd_pneumatic.model.composed import FORCE_STATES, SLID, rest_force, step_force
+from cfd_pneumatic.model.composed import FORCE_STATES, SLID, set_force_to_rest, step_force
 from cfd_pneumatic.model.effects import (
     CORES,
     EFFECTS,
@@ -37,7 +37,7 @@ DATA = {'residual': 1.5, 'mean': -0.3, 'gauge': 1e5, 'largest_speed': 0.02, 'lar
 
 def force(effects, b=B, stretch=0.0):
     model = ExtendedForce(AREA, effects, AMBIENT)
-    return model.follow(model.begin(X[0], stretch), TIMES[0], TIMES, X, RATE, ACCELERATION, A, b)
+    return model.simulate_piece(model.begin(X[0], stretch), TIMES[0], TIMES, X, RATE, ACCELERATION, A, b)
 
 
 def change(effects, **options):
@@ -104,7 +104,7 @@ def test_friction_never_drives():
 def test_a_stretched_seal_is_felt_at_rest():
     still = np.zeros(TIMES.size)
     model = ExtendedForce(AREA, {'seal_friction': (2.0, 0.0, 0.0, 1e-4)}, AMBIENT)
-    simulated = model.follow(model.begin(still[0], -1.0), TIMES[0], TIMES, still, still, still, A, B)
+    simulated = model.simulate_piece(model.begin(still[0], -1.0), TIMES[0], TIMES, still, still, still, A, B)
     np.testing.assert_allclose(simulated, AREA * (A - B) + 2.0, rtol=1e-12)
 
 
@@ -146,7 +146,7 @@ def test_stribeck_friction_falls_with_the_speed():
     rates = speed * np.linspace(0.0, 5.0, TIMES.size)
     still = np.zeros(TIMES.size)
     x = np.cumsum(rates) * 1e-3
-    force = model.follow(model.begin(x[0], 1.0), TIMES[0], TIMES, x, rates, still, A, B)
+    force = model.simulate_piece(model.begin(x[0], 1.0), TIMES[0], TIMES, x, rates, still, A, B)
     held_back = AREA * (A - B) - force
     np.testing.assert_allclose(held_back, breakaway * np.exp(-(np.linspace(0.0, 5.0, TIMES.size) ** 2)), atol=1e-9)
 
@@ -160,7 +160,7 @@ def test_stribeck_friction_turns_round_as_seal_friction_does():
 def test_one_sample_at_a_time_gives_the_recording():
     effects = {name: FORCE_EFFECTS[name].starts(DATA)[0] for name in FORCE_EFFECTS}
     state = np.empty(FORCE_STATES + 1)
-    rest_force(X[0], state)
+    set_force_to_rest(X[0], state)
     parameters, on = all_force_parameters(effects), force_switches(effects)
     live = [
         step_force(time, x, rate, acceleration, a, b, AMBIENT, AREA, state, parameters, on)

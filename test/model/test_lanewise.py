@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from cfd_pneumatic.model.lanes import COUNT, load, rows_of, some, store, where
+from cfd_pneumatic.model.lanes import COUNT, load, rows_address, some, store, where
 from cfd_pneumatic.model.lanewise import exp, log, power, tanh, wave
 
 EIGHT = st.lists(st.floats(-1e6, 1e6), min_size=COUNT, max_size=COUNT).map(np.array)
@@ -22,7 +22,7 @@ def in_lanes(function):
     def computed(x, y):
         results = np.empty(x.size)
         for place in range(0, x.size, COUNT):
-            store(rows_of(results), place, function(load(rows_of(x), place), load(rows_of(y), place)))
+            store(rows_address(results), place, function(load(rows_address(x), place), load(rows_address(y), place)))
         return results
 
     def of_arrays(x, y=0.0):

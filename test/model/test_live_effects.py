@@ -94,7 +94,7 @@ def test_over_a_recording_it_is_step_by_step_to_the_last_bit(name, own):
 
 def test_gains_are_those_of_the_set_point():
     held = np.full(TIMES.size, AMBIENT + 7.0 * PSI)
-    gains = TABLE_1.at(7.0 * PSI).table[0, 1:]
+    gains = TABLE_1.interpolate(7.0 * PSI).table[0, 1:]
     effects = {'leakage': (0.5, 0.0)}
     np.testing.assert_allclose(
         Cylinder(TABLE_1, AMBIENT, effects).simulate(TIMES, POSITIONS, held),
@@ -257,7 +257,10 @@ def test_effects_that_leave_the_range_of_numbers_start_the_device_anew():
 
 @pytest.mark.parametrize(
     ('effects', 'message'),
-    [({'leak': (0.1,)}, 'leak is no effect on the pressure'), ({'leakage': ()}, 'leakage has 0 parameters where 2')],
+    [
+        ({'leak': (0.1,)}, 'leak is not an effect on the pressure'),
+        ({'leakage': ()}, 'leakage has 0 parameters; expected 2'),
+    ],
 )
 def test_effects_that_there_are_not_are_refused(effects, message):
     with pytest.raises(ValueError, match=message):

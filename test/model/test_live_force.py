@@ -61,7 +61,7 @@ def recorded(effects, states, rate, acceleration, x=X):
     model = ExtendedForce(GEOMETRY.area * GEOMETRY.geometric_factor, effects, AMBIENT)
     a = np.array([state.a.p for state in states])
     b = None if states[0].b is None else np.array([state.b.p for state in states])
-    return model.follow(model.begin(x[0]), TIMES[0], TIMES, x, rate, acceleration, a, b)
+    return model.simulate_piece(model.begin(x[0]), TIMES[0], TIMES, x, rate, acceleration, a, b)
 
 
 @pytest.mark.parametrize('single', [False, True])
@@ -209,8 +209,8 @@ def test_a_force_that_is_no_number_starts_the_device_anew():
 @pytest.mark.parametrize(
     ('effects', 'message'),
     [
-        ({'leakage': (0.1, 0.0)}, 'leakage is no effect on the force'),
-        ({'force_offset': ()}, 'force_offset has 0 parameters where 1'),
+        ({'leakage': (0.1, 0.0)}, 'leakage is not an effect on the force'),
+        ({'force_offset': ()}, 'force_offset has 0 parameters; expected 1'),
     ],
 )
 def test_effects_that_there_are_not_are_refused(effects, message):

@@ -41,7 +41,7 @@ def test_agrees_with_thirty_digits(seed):
 
 def simulate_with_sensitivities(gains, record, start=0.0):
     times, displacement, setpoint = record
-    return Course(gains, setpoint[0] + start).follow(times, displacement, setpoint)
+    return Course(gains, setpoint[0] + start).simulate_piece(times, displacement, setpoint)
 
 
 def worst_sensitivity(gains, record):
@@ -179,7 +179,7 @@ def test_the_papers_step_drops_and_overshoots_as_measured():
 
 def test_gains_follow_the_set_point():
     setpoints = np.array([5.0, 7.5, 10.0, 40.0]) * PSI
-    at = TABLE_1.at(setpoints)
+    at = TABLE_1.interpolate(setpoints)
     assert at.k_x[1] == pytest.approx(0.5 * (at.k_x[0] + at.k_x[2]))
     assert at.k_sv[3] == TABLE_1.k_sv[-1]
     times = np.arange(50) * 0.002
@@ -208,7 +208,7 @@ def test_a_recording_in_pieces_is_followed_as_a_whole(gains, seed, cuts):
     course = Course(gains, record[2][0] + 300.0)
     edges = [0, *sorted(cuts), record[0].size - 1]
     for begin, end in pairwise(edges):
-        piece = course.follow(*(one[begin : end + 1] for one in record))
+        piece = course.simulate_piece(*(one[begin : end + 1] for one in record))
         for part, all_of_it in zip(piece, whole):
             scale = np.maximum(np.max(np.abs(all_of_it), axis=0), 1e-30)
             np.testing.assert_allclose(part / scale, all_of_it[begin : end + 1] / scale, rtol=0, atol=1e-5)

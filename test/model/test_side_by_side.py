@@ -38,12 +38,14 @@ def test_side_by_side_each_is_as_it_is_alone(effects, count):
     rows, offsets, starts = strewn(effects, count, rng), rng.normal(0.0, 300.0, count), rng.normal(0.0, 300.0, count)
     cylinder = ExtendedCylinder(GAINS, effects, AMBIENT)
     stiffness = cylinder.stiffness(*extremes(TIMES, STROKE, SETPOINT))
-    together = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness).follow(TIMES, STROKE, SETPOINT)
+    together = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness).simulate_piece(TIMES, STROKE, SETPOINT)
     assert together.shape == (TIMES.size, count)
     assert np.min(np.std(together, axis=1)) > 1.0, 'they differ'
     for one in range(count):
         alone = SideBySide(cylinder, rows[[one]], offsets[[one]], starts[[one]], 0.0, stiffness)
-        np.testing.assert_allclose(together[:, one], alone.follow(TIMES, STROKE, SETPOINT)[:, 0], rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(
+            together[:, one], alone.simulate_piece(TIMES, STROKE, SETPOINT)[:, 0], rtol=0.0, atol=1e-6
+        )
 
 
 @pytest.mark.parametrize('effects', [*({case.values[0]: case.values[1]} for case in CASES), ALL], ids=str)
@@ -52,11 +54,13 @@ def test_a_recording_in_pieces_is_followed_as_a_whole(effects):
     rows, offsets, starts = strewn(effects, 2, rng), rng.normal(0.0, 300.0, 2), rng.normal(0.0, 300.0, 2)
     cylinder = ExtendedCylinder(GAINS, effects, AMBIENT)
     stiffness = cylinder.stiffness(*extremes(TIMES, STROKE, SETPOINT))
-    whole = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness).follow(TIMES, STROKE, SETPOINT)
+    whole = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness).simulate_piece(TIMES, STROKE, SETPOINT)
     in_pieces = SideBySide(cylinder, rows, offsets, starts, 0.0, stiffness)
     for begin, end in pairwise([0, 1, 40, 41, TIMES.size - 1]):
         piece = slice(begin, end + 1)
-        np.testing.assert_array_equal(in_pieces.follow(TIMES[piece], STROKE[piece], SETPOINT[piece]), whole[piece])
+        np.testing.assert_array_equal(
+            in_pieces.simulate_piece(TIMES[piece], STROKE[piece], SETPOINT[piece]), whole[piece]
+        )
 
 
 @pytest.mark.parametrize('effect', ['leakage', 'volume_variation', 'valve_dead_band', 'line_restriction'])
@@ -69,7 +73,7 @@ def test_an_acceleration_bends_the_way_between_samples(effect):
 
     def read(every, acceleration=None):
         alone = SideBySide(cylinder, row, np.zeros(1), np.zeros(1), 0.0, stiffness)
-        return alone.follow(times[::every], displacement[::every], setpoint[::every], acceleration)[:, 0]
+        return alone.simulate_piece(times[::every], displacement[::every], setpoint[::every], acceleration)[:, 0]
 
     truth = read(1)[::per_sample]
     halfway = -(turns**2) * displacement[per_sample // 2 :: per_sample]

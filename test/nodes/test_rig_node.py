@@ -293,11 +293,11 @@ def test_every_parameter_is_described() -> None:
         ({'sample_rate': 0.0}, InvalidParameterValueException, 'sample_rate'),
         ({'device': 'best'}, InputError, "device 'best' is not known: use one of real, paper"),
         ({'faults': 'effects_a.leak=1e-10'}, InputError, 'effects_a.leak is not known'),
-        ({'faults': 'seal.coulomb=1.0'}, InputError, 'seal.coulomb cannot change'),
-        ({'faults': 'effects_a.dead_band=many'}, InputError, "'effects_a.dead_band=many' is no NAME=NUMBER"),
+        ({'faults': 'seal.coulomb=1.0'}, InputError, 'seal.coulomb cannot be a fault'),
+        ({'faults': 'effects_a.dead_band=many'}, InputError, "'effects_a.dead_band=many' must be NAME=NUMBER"),
         ({'faults': 'effects_a.dead_band=-5.0'}, InputError, 'give a positive number'),
-        ({'faults': 'a leak'}, InputError, "'a' is no NAME=NUMBER"),
-        ({'faults': 'effects_a.dead_band: 300'}, InputError, "'effects_a.dead_band:' is no NAME=NUMBER"),
+        ({'faults': 'a leak'}, InputError, "'a' must be NAME=NUMBER"),
+        ({'faults': 'effects_a.dead_band: 300'}, InputError, "'effects_a.dead_band:' must be NAME=NUMBER"),
     ],
 )
 def test_what_the_rig_cannot_be_is_named(values: dict[str, object], error: type[Exception], message: str) -> None:

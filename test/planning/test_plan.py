@@ -32,7 +32,7 @@ SENSING = Sensing()
 
 
 def device(effects=None, **gains):
-    row = dict(zip(NAMES, TABLE_1.at(LEVEL).table[0, 1:])) | gains
+    row = dict(zip(NAMES, TABLE_1.interpolate(LEVEL).table[0, 1:])) | gains
     values = {f'cylinder_a.{name}': [float(value)] for name, value in row.items()}
     values |= {'cylinder_a.setpoints': [LEVEL], 'cylinder_a.initial_setpoint': LEVEL, 'cylinder_b.enabled': False}
     for name, own in (effects or {}).items():

@@ -84,9 +84,9 @@ def test_a_schedule_played_in_pieces_is_the_same_to_the_last_bit(pieces: list[in
     schedule = out_and_back(repeats=1)
     whole = record(schedule, seed=3)
     played = Performance(schedule, seed=3)
-    parts = [played.take(piece) for piece in pieces if played.remaining]
+    parts = [played.advance(piece) for piece in pieces if played.remaining]
     if played.remaining:
-        parts.append(played.take(played.remaining))
+        parts.append(played.advance(played.remaining))
     for name in READ:
         assert np.array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(whole, name)), name
 
@@ -94,8 +94,8 @@ def test_a_schedule_played_in_pieces_is_the_same_to_the_last_bit(pieces: list[in
 def test_a_schedule_with_a_return_can_begin_again() -> None:
     schedule = paper_step().with_return()
     played = Performance(schedule, seed=1, repeat=True)
-    first = played.take(schedule.samples)
-    again = played.take(schedule.samples)
+    first = played.advance(schedule.samples)
+    again = played.advance(schedule.samples)
     assert again.truth.times[0] == pytest.approx(first.truth.times[-1] + schedule.sampling_period)
     assert again.truth.pressures == pytest.approx(first.truth.pressures, rel=1e-5)
     assert not np.array_equal(again.pressures, first.pressures)
@@ -147,7 +147,7 @@ def test_what_appears_acts_from_the_next_sample_on_and_can_go_again(changes: dic
     pairs = []
     for changed in ({}, changes, changes, {}):
         troubled.change(with_changes(RigParameters(), changed))
-        pairs.append((healthy.take(500), troubled.take(500)))
+        pairs.append((healthy.advance(500), troubled.advance(500)))
 
     def apart(rank: int) -> float:
         one, other = pairs[rank]
@@ -165,13 +165,13 @@ def test_what_changes_midway_is_what_it_would_be_from_the_start_once_that_is_for
     leaking = with_changes(RigParameters(), {'effects_a.leak_conductance': 1e-10})
     schedule = surface_following(duration=6.0, seed=2)
     from_the_start, midway = Performance(schedule, leaking, seed=1), Performance(schedule, seed=1)
-    parts = [one.take(500) for one in (from_the_start, midway)]
+    parts = [one.advance(500) for one in (from_the_start, midway)]
     midway.change(leaking)
-    parts = [one.take(2500) for one in (from_the_start, midway)]
+    parts = [one.advance(2500) for one in (from_the_start, midway)]
     assert parts[0].pressures[-1000:] == pytest.approx(parts[1].pressures[-1000:], abs=60.0)
 
 
 @pytest.mark.parametrize('name', ['effects_a.leak', 'effect_a.leak_conductance', 'leak_conductance', '', 'effects_a.'])
 def test_a_change_of_what_is_not_there_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match='is not known: name one as '):
+    with pytest.raises(InputError, match='is not known: use PART'):
         with_changes(RigParameters(), {name: 1.0})

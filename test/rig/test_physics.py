@@ -161,11 +161,11 @@ def test_frozen_coefficients_are_linear() -> None:
 
 def test_friction_turns_round_after_a_reversal() -> None:
     seal = Seal(coulomb=2.0, coulomb_per_pressure=1e-5, viscous=0.0, presliding=1e-4)
-    forth = physics.rubbed(0.0, 2e-3, seal)
+    forth = physics.seal_stretch(0.0, 2e-3, seal)
     assert physics.friction(forth, 0.1, 1e5, seal) == pytest.approx(3.0)
-    turning = physics.rubbed(forth, -1e-4 * math.log(2), seal)
+    turning = physics.seal_stretch(forth, -1e-4 * math.log(2), seal)
     assert turning == pytest.approx(0.0, abs=1e-6), 'Dahl: after ln 2 of the presliding distance friction is nil'
-    assert physics.rubbed(turning, -2e-3, seal) == pytest.approx(-1.0)
+    assert physics.seal_stretch(turning, -2e-3, seal) == pytest.approx(-1.0)
 
 
 def test_a_slow_seal_rubs_more() -> None:
@@ -178,7 +178,7 @@ def test_a_slow_seal_rubs_more() -> None:
 @given(st.floats(-1.0, 1.0), st.lists(st.floats(-1e-3, 1e-3), max_size=10))
 def test_friction_stays_within_coulomb(stretch: float, paths: list[float]) -> None:
     for path in paths:
-        stretch = physics.rubbed(stretch, path, Seal())
+        stretch = physics.seal_stretch(stretch, path, Seal())
     assert -1.0 <= stretch <= 1.0
 
 

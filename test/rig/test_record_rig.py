@@ -75,17 +75,23 @@ def test_the_same_seed_gives_the_same_surface(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        (['paper_step', '--duration', '3'], "schedule 'paper_step' has no option 'duration': it takes setpoint"),
+        (['paper_step', '--duration', '3'], "schedule 'paper_step' has no option 'duration': its options are setpoint"),
         (['paper_step', '--setpoint', '1e6'], 'between vacuum and the supply'),
-        (['paper_step', '--amplitude', '60e-3'], 'the piston travels 6.35 mm to either side: 60 mm is out of reach'),
+        (
+            ['paper_step', '--amplitude', '60e-3'],
+            'a displacement of 60 mm is out of reach: the piston travels 6.35 mm to either side',
+        ),
         (['surface_following', '--duration', 'inf'], "--duration: 'inf' is not a finite number"),
         (['paper_step', '--amplitude', 'nan'], "--amplitude: 'nan' is not a finite number"),
-        (['surface_following', '--amplitude', '0'], 'give more than 0 m'),
+        (['surface_following', '--amplitude', '0'], 'must be above 0 m'),
         (['paper_step', '--namespace', '../x'], 'namespace ../x: give one as ROS 2 has it'),
         (['paper_step', '--namespace', '/a' * 1000], 'give one as ROS 2 has it'),
         (['paper_step', '--seed', '-1'], '--seed -1'),
-        (['paper_step', '--faults', 'leak'], "'faults': 'leak' is no NAME=NUMBER"),
-        (['paper_step', '--faults', 'seal.coulomb=1'], "'faults': seal.coulomb cannot change; effects_a"),
+        (['paper_step', '--faults', 'leak'], "'faults': 'leak' must be NAME=NUMBER"),
+        (
+            ['paper_step', '--faults', 'seal.coulomb=1'],
+            "'faults': seal.coulomb cannot be a fault; use a value of effects_a",
+        ),
     ],
 )
 def test_what_cannot_be_recorded_leaves_nothing(

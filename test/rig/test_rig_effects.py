@@ -26,7 +26,7 @@ from cfd_pneumatic.rig import (
 from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.oddities import Oddities
 from cfd_pneumatic.rig.piston import Linkage
-from cfd_pneumatic.rig.rig import shift
+from cfd_pneumatic.rig.rig import setpoint_disturbance
 from cfd_pneumatic.rig.transmission import Response
 from cfd_pneumatic.units import PSI
 
@@ -139,9 +139,9 @@ def test_played_in_pieces_with_effects() -> None:
     )
     schedule = out_and_back(repeats=1)
     whole = record(schedule, parameters, seed=3)
-    played = Performance(schedule, parameters, seed=3)
-    parts = [played.take(piece) for piece in (1, 7, 500, 300)]
-    parts.append(played.take(played.remaining))
+    performance = Performance(schedule, parameters, seed=3)
+    parts = [performance.advance(piece) for piece in (1, 7, 500, 300)]
+    parts.append(performance.advance(performance.remaining))
     for name in ('displacement', 'pressures', 'force'):
         assert np.array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(whole, name)), name
 
@@ -181,7 +181,7 @@ def test_a_seal_lifts_at_its_end_and_in_its_direction(x: float, v: float, end: f
 def test_play_follows_within_its_width_and_moves_only_when_pushed(targets: list[float], half_width: float) -> None:
     held = 0.0
     for target in targets:
-        moved = physics.played(held, target, half_width)
+        moved = physics.backlash(held, target, half_width)
         assert abs(moved - target) <= half_width * (1.0 + 1e-12) + 1e-9
         if abs(held - target) <= half_width:
             assert moved == held
@@ -191,10 +191,10 @@ def test_play_follows_within_its_width_and_moves_only_when_pushed(targets: list[
 @given(st.floats(-1e4, 1e4), st.floats(0.0, 1e3), st.floats(0.4, 2.5))
 def test_a_valves_characteristic_is_odd_and_rises(error: float, band: float, exponent: float) -> None:
     effects = Effects(dead_band=band, valve_exponent=exponent)
-    opened = physics.characteristic(error, effects)
-    assert physics.characteristic(-error, effects) == -opened
-    assert physics.characteristic(error + 10.0, effects) >= opened
-    pivoted = physics.characteristic(effects.valve_pivot + band, effects)
+    opened = physics.valve_characteristic(error, effects)
+    assert physics.valve_characteristic(-error, effects) == -opened
+    assert physics.valve_characteristic(error + 10.0, effects) >= opened
+    pivoted = physics.valve_characteristic(effects.valve_pivot + band, effects)
     assert pivoted == pytest.approx(effects.valve_pivot), 'the pivot is the same for each exponent'
     if abs(error) <= band:
         assert opened == 0.0
@@ -246,9 +246,9 @@ def test_a_quick_poppet_is_none_and_a_slow_one_rings() -> None:
 
 def test_the_set_pressure_drifts_pulsates_and_jumps() -> None:
     times = np.array([0.0, 0.25, 1.0, 2.0])
-    assert shift(times, Effects(drift=3.0), Oddities()).tolist() == [0.0, 0.75, 3.0, 6.0]
-    assert shift(times, Effects(pulsation=2.0), Oddities()) == pytest.approx([0.0, 2.0, 0.0, 0.0])
-    assert shift(times, Effects(jump=5.0, jump_time=1.0), Oddities()).tolist() == [0.0, 0.0, 5.0, 5.0]
+    assert setpoint_disturbance(times, Effects(drift=3.0), Oddities()).tolist() == [0.0, 0.75, 3.0, 6.0]
+    assert setpoint_disturbance(times, Effects(pulsation=2.0), Oddities()) == pytest.approx([0.0, 2.0, 0.0, 0.0])
+    assert setpoint_disturbance(times, Effects(jump=5.0, jump_time=1.0), Oddities()).tolist() == [0.0, 0.0, 5.0, 5.0]
     rig = Rig((GAUGE, 5 * PSI), with_effects(jump=1000.0, jump_time=0.5))
     truth = hold(rig, 1.0)
     assert truth.pressures[[2400, -1], 0] == pytest.approx([REST, REST + 1000.0], abs=1.0)
@@ -303,7 +303,7 @@ def test_compressed_air_cools_to_the_wall() -> None:
 
 def test_a_lag_follows_a_ramp_at_its_distance() -> None:
     times = PERIOD * np.arange(1.0, 2001.0)
-    read = Response.lag(5e-3, 0.0).to(times, PERIOD)
+    read = Response.lag(5e-3, 0.0).respond(times, PERIOD)
     assert read == pytest.approx(times - 5e-3 * (1.0 - np.exp(-times / 5e-3)), abs=1e-12)
 
 
@@ -311,7 +311,7 @@ def test_a_lag_follows_a_ramp_at_its_distance() -> None:
 def test_a_line_rings_at_its_frequency(frequency: float) -> None:
     times = PERIOD * np.arange(1.0, 1001.0)
     step = np.full(1000, 1.0)
-    read = Response.resonance(frequency, 0.1, 0.0).to(step, PERIOD)
+    read = Response.resonance(frequency, 0.1, 0.0).respond(step, PERIOD)
     omega, damped = 2.0 * np.pi * frequency, 2.0 * np.pi * frequency * np.sqrt(1.0 - 0.01)
     rising = times - 0.5 * PERIOD  # the input runs straight up to its first value
     expected = 1.0 - np.exp(-0.1 * omega * rising) * (

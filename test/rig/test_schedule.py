@@ -121,10 +121,10 @@ def test_a_set_point_acts_from_the_sample_next_to_its_time_on() -> None:
     ('name', 'options', 'message'),
     [
         ('paper', {}, "schedule 'paper' is not known: use one of paper_step, out_and_back, surface_following"),
-        ('paper_step', {'duration': 3.0}, "no option 'duration': it takes setpoint, amplitude"),
+        ('paper_step', {'duration': 3.0}, "no option 'duration': its options are setpoint, amplitude"),
         ('surface_following', {'duration': 0.5}, '2 to 1200 s'),
-        ('paper_step', {'sampling_period': 0.0}, 'give a positive number'),
-        ('out_and_back', {'repeats': 0}, 'give 1 or more'),
+        ('paper_step', {'sampling_period': 0.0}, 'must be a positive number'),
+        ('out_and_back', {'repeats': 0}, 'must be 1 or more'),
     ],
 )
 def test_a_schedule_that_is_not_there(name: str, options: dict[str, float], message: str) -> None:

@@ -53,7 +53,7 @@ def test_a_set_point_holds_from_its_row_on(smooth: Path) -> None:
 def test_it_is_known_by_its_file_name_and_takes_no_other_option(smooth: Path) -> None:
     named = schedule_named(str(smooth), sampling_period=2e-3)
     assert np.array_equal(named.positions, written_schedule(smooth).positions)
-    with pytest.raises(InputError, match="has no option 'setpoint': it takes sampling_period"):
+    with pytest.raises(InputError, match="has no option 'setpoint': its options are sampling_period"):
         schedule_named(str(smooth), setpoint=1e4)
 
 
@@ -67,13 +67,13 @@ def test_it_is_known_by_its_file_name_and_takes_no_other_option(smooth: Path) ->
         (['0,0,0,3e4,3e4', '1,0,0,3e4,3e4', '1,0,0,3e4,3e4'], 'times that increase'),
         (['1,0,0,3e4,3e4', '2,0,0,3e4,3e4'], 'from 0 on'),
         ([], 'two rows or more'),
-        (['0,0,0,3e4,3e4', '100000,0,0,3e4,3e4'], 'takes 100000 s: give one of 1200 s at most'),
-        (['0,0,0,3e4,3e4', '1e9,0,0,3e4,3e4'], 'takes 1e+09 s: give one of 1200 s at most'),
-        (['0,0,0,3e4,3e4', '1e308,0,0,3e4,3e4'], 'give one of 1200 s at most'),
-        (['0,0,0,3e4,3e4', '1e-9,0,0,3e4,3e4'], 'would hold 1 samples: make it longer'),
+        (['0,0,0,3e4,3e4', '100000,0,0,3e4,3e4'], 'takes 100000 s, at most 1200 s: make it shorter'),
+        (['0,0,0,3e4,3e4', '1e9,0,0,3e4,3e4'], 'takes 1e+09 s, at most 1200 s: make it shorter'),
+        (['0,0,0,3e4,3e4', '1e308,0,0,3e4,3e4'], 'at most 1200 s: make it shorter'),
+        (['0,0,0,3e4,3e4', '1e-9,0,0,3e4,3e4'], 'has 1 samples, but must have 2 or more: make it longer'),
         (['0,0,0,3e4,3e4', '1,1e300,1e300,3e4,3e4'], 'out of reach'),
-        (['0,0,0,3e4,3e4', '1e-320,1,0,3e4,3e4', '1,0,0,3e4,3e4'], 'that a piston can follow'),
-        (['0,1e308,-1e308,3e4,3e4', '1,-1e308,1e308,3e4,3e4'], 'that a piston can follow'),
+        (['0,0,0,3e4,3e4', '1e-320,1,0,3e4,3e4', '1,0,0,3e4,3e4'], 'a piston cannot follow its displacements'),
+        (['0,1e308,-1e308,3e4,3e4', '1,-1e308,1e308,3e4,3e4'], 'a piston cannot follow its displacements'),
     ],
 )
 def test_what_is_no_schedule_is_refused_in_a_line(
@@ -93,5 +93,5 @@ def test_another_table_and_a_missing_file_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='No such file'):
         written_schedule(tmp_path / 'none.csv')
     (tmp_path / 'empty.csv').write_text('')
-    with pytest.raises(InputError, match='is no schedule: its first line must be'):
+    with pytest.raises(InputError, match='is not a schedule: its first line must be'):
         written_schedule(tmp_path / 'empty.csv')

@@ -331,7 +331,9 @@ class Force(Channel):
         states = [one.begin(experiment.inputs['displacement'][0], own) for one, own in zip(models, stretches)]
         for block in experiment.blocks(count):
             piece = block.times, *(block.inputs[name] for name in names)
-            forces = [one.follow(state, experiment.begin, *piece)[block.at] for one, state in zip(models, states)]
+            forces = [
+                one.simulate_piece(state, experiment.begin, *piece)[block.at] for one, state in zip(models, states)
+            ]
             yield block.samples, np.column_stack(forces)
 
     def sensitivity(self, model: Model) -> float:

@@ -77,12 +77,12 @@ from cfd_pneumatic.model import (
     Data,
     ExtendedCylinder,
     SideBySide,
+    alternative_starts,
     displacement_sensitivity,
     flows,
+    identifiable_gain_bounds,
     is_of_flow,
-    other_gains,
     starting_gains,
-    told_gains,
 )
 from cfd_pneumatic.model import CURVE_AGAINST as AGAINST
 from cfd_pneumatic.model import CURVE_ENTERS as ENTERS
@@ -202,16 +202,16 @@ class Pressure(Channel):
 
     def beginnings(self, model: Model, astray: bool) -> list[Model]:
         """Return the model, and with other gains."""
-        return [model, *(replace(model, parameters=gains) for gains in other_gains(model.parameters, astray))]
+        return [model, *(replace(model, parameters=gains) for gains in alternative_starts(model.parameters, astray))]
 
     def beside_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
         """Return the model, no quicker than small changes tell: Runge and Kutta's steps get as short as it is quick."""
-        told = told_gains(LINEARISED_PERIODS * shortest_period(experiments))
+        told = identifiable_gain_bounds(LINEARISED_PERIODS * shortest_period(experiments))
         return replace(model, parameters=np.clip(model.parameters, *told))
 
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
         """Return the gains, every offset, and the starts where the piston does not begin at rest."""
-        bounds = told_gains(shortest_period(experiments) if model.parts else 0.0)
+        bounds = identifiable_gain_bounds(shortest_period(experiments) if model.parts else 0.0)
         found = [
             Unknown(spec.name, spec.unit, slot, lower, upper, 1.0, logarithmic=True)
             for slot, (spec, lower, upper) in enumerate(zip(SPECS, *bounds))
@@ -317,7 +317,7 @@ class Pressure(Channel):
         for block in experiment.blocks(count):
             since = _drifted(experiment, block.times)
             moved, held = block.inputs['displacement'], block.inputs['setpoint'] + offset + drift * since
-            pressure, jacobian = course.follow(block.times, moved, held, slopes=slopes)
+            pressure, jacobian = course.simulate_piece(block.times, moved, held, slopes=slopes)
             if slopes and not experiment.whole:
                 jacobian[:, _OF_OFFSET] -= jacobian[:, _OF_START]  # the start is measured, whatever the offset
             if slopes and experiment.drifts:
@@ -541,7 +541,7 @@ def _drifting(experiment: Experiment, blocks: Iterator[Block], drift: float) -> 
 def _walk(cylinders: SideBySide, blocks: Iterator[Block]) -> Iterator[tuple[Block, Array]]:
     """Yield the pressures of cylinders side by side in pieces of an experiment, on its grid."""
     for block in blocks:
-        yield block, cylinders.follow(block.times, **block.inputs)
+        yield block, cylinders.simulate_piece(block.times, **block.inputs)
 
 
 def _evidence(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> float:

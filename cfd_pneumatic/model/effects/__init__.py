@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Physical effects that the paper's model lacks; each module here that defines `EFFECT` is one."""
+"""Physical effects that the paper's model lacks. Each module that defines `EFFECT` is an effect."""
 
 from __future__ import annotations
 
@@ -18,34 +18,33 @@ from cfd_pneumatic.model.effects.knots import KNOTS
 
 
 def _modules() -> dict[str, ModuleType]:
-    """Return the modules that define an effect, by its name, in the order in which effects enter the model."""
-    modules = [importlib.import_module(f'{__name__}.{found.name}') for found in pkgutil.iter_modules(__path__)]
+    """Return the modules that define an effect, by the effect's name, in the order of application in the model."""
+    modules = [importlib.import_module(f'{__name__}.{module.name}') for module in pkgutil.iter_modules(__path__)]
     effects = [module for module in modules if isinstance(getattr(module, 'EFFECT', None), Effect)]
-    return {
-        module.EFFECT.name: module for module in sorted(effects, key=lambda one: (one.EFFECT.rank, one.EFFECT.name))
-    }
+    effects.sort(key=lambda module: (module.EFFECT.rank, module.EFFECT.name))
+    return {module.EFFECT.name: module for module in effects}
 
 
 MODULES = _modules()
 """Module of each effect, by name."""
 
 CORES: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if module.EFFECT.core}
-"""What stands in the linear core's place, by name."""
+"""Cores that replace the linear core, by name."""
 
 GENERIC: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if module.EFFECT.generic}
-"""What is drawn from data where none of the effects explains them, by name."""
+"""Curves that are estimated if no effect explains the data, by name."""
 
 EFFECTS: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if name not in {*CORES, *GENERIC}}
-"""Each effect, by name, in the order in which they enter the model."""
+"""Effects, by name, in the order of application in the model."""
 
 FORCE_EFFECTS: dict[str, Effect] = {name: effect for name, effect in EFFECTS.items() if hasattr(MODULES[name], 'force')}
-"""Those on the contact force, in that order."""
+"""Effects on the contact force, by name, in the order of application."""
 
 PRESSURE_EFFECTS: dict[str, Effect] = {name: effect for name, effect in EFFECTS.items() if name not in FORCE_EFFECTS}
-"""Those on a cylinder's pressure, in that order."""
+"""Effects on a cylinder's pressure, by name, in the order of application."""
 
 FORCE_PARTS: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if hasattr(module, 'force')}
-"""Those on the force and what is drawn from data, in that order: what can be switched on in the contact force."""
+"""Effects and curves that can be switched on in the contact force, by name, in the order of application."""
 
 PRESSURE_PARTS: dict[str, Effect] = {name: module.EFFECT for name, module in MODULES.items() if name not in FORCE_PARTS}
-"""Those, the cores and what is drawn from data, in that order: what can be switched on in a cylinder."""
+"""Effects, cores and curves that can be switched on in a cylinder, by name, in the order of application."""

@@ -7,20 +7,20 @@ from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParam
 from cfd_pneumatic.model.kernels import inlined
 
 SHORTEST = 0.02
-"""What is less may be a matter of the pressure's clock: that is what `transport_delay` says below zero [s]."""
+"""Shortest searched delay [s]. A shorter delay may come from the pressure's clock: a negative `transport_delay`."""
 
-_OF_FILTERS = (0.05, 0.1)  # that a search starts from: too far off, none finds its way [s]
+_FILTER_DELAYS = (0.05, 0.1)  # of usual filters [s]; a search does not converge from distant starting values
 
 
 @inlined
 def displacement(x, moment, delay):
-    """Return the piston's displacement [m], as far as its speed tells what is not reported yet."""
+    """Return the piston's displacement, extrapolated over the delay at the present speed [m]."""
     return x + delay * moment.rate
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return what sensors take that average."""
-    return [(delay,) for delay in _OF_FILTERS]
+    """Return delays of usual averaging filters."""
+    return [(delay,) for delay in _FILTER_DELAYS]
 
 
 EFFECT = Effect(

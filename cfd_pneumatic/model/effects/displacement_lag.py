@@ -14,7 +14,7 @@ def displacement(x, moment, lag):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return a lag of a sample and of a few."""
+    """Return a lag of one sample period and of four."""
     return [(data['period'],), (4.0 * data['period'],)]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Droop: the regulated pressure sags under flow, with a lag; without one it would be part of K."""
+"""Droop: the regulated pressure sags under flow, with a lag. Without a lag the sag would be part of K."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from cfd_pneumatic.model.kernels import inlined
 
 
 @inlined
-def setpoint(p_d, moment, passed, slope, lag):
+def setpoint(p_d, moment, lagged_flow, slope, lag):
     """Return the set-point that acts [Pa]."""
-    return p_d - slope * passed
+    return p_d - slope * lagged_flow
 
 
 @inlined
-def evolve(moment, flow, passed, slope, lag):
+def evolve(moment, flow, lagged_flow, slope, lag):
     """Return the rate of the lagged flow [Pa/s^2]."""
-    return ((flow - passed) / lag,)
+    return ((flow - lagged_flow) / lag,)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return droops that are slow beside the regulator's own dynamics."""
+    """Return droops that are slower than the regulator."""
     settling = 1.0 / data['k_sv']
     return [(0.3 * settling, 10.0 * settling), (0.3 * settling, 50.0 * settling)]
 
@@ -34,7 +34,7 @@ EFFECT = Effect(
     name='droop',
     description='the regulated pressure sags under flow, with a lag',
     parameters=(
-        EffectParameter('slope', 's', 0.0, 10.0, 0.0, 'sag for each unit of the rate that the flow makes'),
+        EffectParameter('slope', 's', 0.0, 10.0, 0.0, "sag for each unit of the flow's pressure rate"),
         EffectParameter('lag', 's', 1e-3, 1e2, 1.0, 'time constant', logarithmic=True),
     ),
     equations=(r"p_d' = p_d - slope\,\bar q", r'lag\,\dot{\bar q} = q - \bar q'),

@@ -1,28 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What an effect is: a small file that says its name, its parameters and where it enters the model.
+The classes that describe an effect: its name, its parameters, and the functions that change the model.
 
-A module of this package that defines `EFFECT` is an effect; nothing else has to know of it. It enters the model through
-functions with names from `FUNCTIONS`, compiled by `inlined`. Each takes the value that it changes and returns the
-changed one; then come the `Moment`, the effect's own states (`EFFECT.states` of them) and its own parameters, in their
-order.
+Each module of this package that defines `EFFECT` is an effect; no other file lists effects. An effect changes the model
+by functions with names from `FUNCTIONS`, compiled by `inlined`. The first argument of such a function is the value to
+change, and the function returns the changed value. The further arguments are the `Moment`, the effect's `EFFECT.states`
+states, and its parameters in their order.
 
-An effect with states says what they follow (`EFFECT.follows`): the flow, the rate of the chamber, or the signal; and it
-gives their rates, ``evolve(moment, value, *states, *parameters)``. One that follows the error or the displacement is a
-play: its single state becomes what its function returns, at the end of a step.
+The states of an effect follow a value, `EFFECT.follows`: the flow, the rate of the chamber, or the signal. The function
+``evolve(moment, value, *states, *parameters)`` returns the rates of the states. An effect that follows the error or the
+displacement is a backlash: the result of its function becomes its single state at the end of a step.
 
-Where much stays the same from one sample to the next, as the set-point and the piston's speed do, an effect may give
-``hold(moment, *parameters)``, too. Its other functions then take what that returns (`EFFECT.held` numbers) and not the
-parameters.
+An effect may also have a function ``hold(moment, *parameters)``, for values that are constant between two samples, as
+the set-point and the piston's speed are. The effect's other functions then take the result of ``hold``, `EFFECT.held`
+numbers, in place of the parameters.
 
-The functions are compiled for lanes (`model.lanes`), eight cylinders at once: they calculate with them as with numbers,
-but do not branch on them. `where` chooses instead, `some` tells what no lane needs, and `model.lanewise` has powers and
-other functions of lanes.
+The functions are compiled for lanes (`model.lanes`), eight cylinders at once. They calculate with lanes as with
+numbers, but must not branch on lanes: `where` chooses between values, and ``if some(...)`` skips what no lane needs.
+`model.lanewise` has powers and other functions of lanes.
 
-An effect on the contact force has the function ``force`` and no other of these, and is compiled for numbers. It takes
-the force that the tool would feel without it [N], along +x, then the `ForceMoment`, states and parameters. Its states
-follow the `motion`: they become what ``slide(travel, *states, *parameters)`` returns after `travel` metres straight on,
-however many these are.
+An effect on the contact force has the function ``force`` only, and is compiled for numbers. Its arguments are the force
+without the effect, along +x [N], the `ForceMoment`, states and parameters. Its states follow the `motion`: the function
+``slide(travel, *states, *parameters)`` returns the states after any straight travel [m].
 """
 
 from __future__ import annotations
@@ -35,19 +34,19 @@ from typing import Literal, NamedTuple
 from cfd_pneumatic.lazy import lazy_property
 
 FUNCTIONS = {
-    'displacement': 'displacement of a sample [m], which the chamber follows in a straight line from the last one',
+    'displacement': 'displacement of a sample [m]; the chamber follows it in a straight line from the last sample',
     'setpoint': 'set-point p_d [Pa]',
     'error': 'valve error p_d - p_f [Pa]',
-    'flow': "pressure rate that the valve's flow makes [Pa/s]",
-    'density': "the chamber's volume where the gains hold over its own [-]",
+    'flow': "pressure rate of the valves' flow [Pa/s]",
+    'density': "reference volume, at which the gains hold, / the chamber's volume [-]",
     'velocity_gain': 'K_x [Pa/m]',
     'chamber': 'rate of the outlet pressure [Pa/s]',
-    'outlet': 'pressure that the aspirator tube senses [Pa]; a last argument is the flow [Pa/s]',
+    'outlet': 'pressure that the aspirator tube senses [Pa]; a further argument after the moment is the flow [Pa/s]',
     'time_constant': 'tau [s]',
     'signal': 'pressure that the sensor reads [Pa]',
     'force': 'contact force [N]',
 }
-"""What an effect may change, by the name of the function that does."""
+"""Values that an effect may change, by the name of the function that changes the value."""
 
 DELAYS = 'delay / lag / regulator bandwidth'
 OFFSETS = 'leakage / droop / set-point offset'
@@ -55,66 +54,66 @@ STIFFNESS = 'dead volume / polytropic exponent'
 PLAYS = 'dead band / hysteresis / lost motion'
 FRICTIONS = 'friction'
 LOADS = 'weight / offset of the force sensor'
-"""Families, within which a recording may not tell one effect from another."""
+"""Families of effects that a recording may not distinguish."""
 
 
 class Moment(NamedTuple):
-    """Where the cylinder is: what an effect's function may look at."""
+    """Present state of the cylinder, as an argument of an effect's functions."""
 
     time: float
-    """Since the start [s]."""
+    """Time since the start [s]."""
 
     x: float
     """Displacement that grows the chamber [m]."""
 
     rate: float
-    """Speed at which it does [m/s]."""
+    """Speed of the displacement [m/s]."""
 
     p: float
     """Outlet pressure, absolute [Pa]."""
 
     setpoint: float
-    """Set-point p_d as it was given, absolute [Pa]."""
+    """Set-point p_d before any effect, absolute [Pa]."""
 
     ambient: float
     """Ambient pressure [Pa]."""
 
     swept: float = 0.0
-    """Pressure rate that the piston's motion takes, K_x times its speed [Pa/s]; not for what changes either of them."""
+    """Pressure rate of the piston's motion, K_x times the speed [Pa/s]; zero for functions that change K_x or x."""
 
     k_x: float = 0.0
-    """K_x as the model has it, before any effect [Pa/m]."""
+    """K_x of the model before any effect [Pa/m]."""
 
     p_f: float = 0.0
     """Sensed pressure, absolute [Pa]."""
 
     sensing: float = 0.0
-    """Rate of the sensed pressure, equation (8) [Pa/s]; for what changes the chamber's alone."""
+    """Rate of the sensed pressure, equation (8) [Pa/s]; only for functions that change the chamber's rate."""
 
     dense: float = 1.0
-    """The chamber's volume where the gains hold over its own: so much more does air change its pressure [-]."""
+    """Reference volume, at which the gains hold, / the chamber's volume: factor of the flow's pressure rate [-]."""
 
 
 class ForceMoment(NamedTuple):
-    """Where the piston is: what the function of an effect on the force may look at."""
+    """Present state of the device, as an argument of the functions of an effect on the force."""
 
     time: float
-    """Since the start [s]."""
+    """Time since the start [s]."""
 
     x: float
-    """Displacement; +x grows cylinder A [m]."""
+    """Displacement of the piston; +x grows cylinder A [m]."""
 
     rate: float
-    """Speed [m/s]."""
+    """Speed of the piston [m/s]."""
 
     acceleration: float
-    """Acceleration [m/s^2]."""
+    """Acceleration of the piston [m/s^2]."""
 
     p: float
     """Pressure in cylinder A, absolute [Pa]."""
 
     opposing: float
-    """Pressure in cylinder B, or ambient where there is none, absolute [Pa]."""
+    """Pressure in cylinder B, or ambient pressure without a cylinder B, absolute [Pa]."""
 
     ambient: float
     """Ambient pressure [Pa]."""
@@ -123,31 +122,30 @@ class ForceMoment(NamedTuple):
 @dataclass(frozen=True)
 class EffectParameter:
     """
-    One parameter of an effect.
+    A parameter of an effect.
 
     Attributes
     ----------
     name, unit, description
-        What it is.
+        Name, SI unit and meaning.
     lower, upper
-        Bounds of its search [unit].
+        Bounds of the search [unit].
     null
-        Value at which the model is the baseline, or what stands for it while another parameter makes it so [unit].
+        Value at which the effect is absent, or a placeholder while another parameter makes the effect absent [unit].
     logarithmic
-        Whether it is searched in its logarithm.
+        Whether the search varies the logarithm of the parameter.
     choice
-        Whether its starting values are all there is: it is not searched.
+        Whether the parameter keeps its starting values and is not searched.
     of_pressure
-        Whether it is a dependence on pressure, which recordings at one pressure don't tell: there it stays null.
+        Whether the parameter is a dependence on pressure; recordings at one pressure do not identify it and keep null.
     is_supply
-        Whether it is the pressure that the cylinder is fed from: no search goes below what was recorded.
+        Whether the parameter is the supply pressure; a search does not go below the recorded pressures.
     on_stroke
-        Whether it is a `place` on the stroke or a `length` of it: no search leaves what was recorded.
+        `place` for a place on the stroke, `length` for a length of the stroke; a search stays in the recorded stroke.
     least
-        What no search goes below, where that is not `lower` [unit].
+        Lower bound of the search, if it is not `lower` [unit].
     spread
-        By how much devices are known to differ from `null`: a standard deviation [unit; none where it is searched in
-        its logarithm].
+        Standard deviation of the parameter between devices about `null` [unit; without a unit if logarithmic].
 
     """
 
@@ -167,7 +165,7 @@ class EffectParameter:
 
 
 Data = Mapping[str, float]
-"""What starting values are drawn from: see `data` of the channels in `identification.channels`."""
+"""Properties of the recordings, for starting values; see `data` of the channels in `identification.channels`."""
 
 
 @dataclass(frozen=True)
@@ -180,61 +178,59 @@ class Effect:
     name
         Standard name, as in parameter files.
     description
-        One line.
+        Meaning, in one line.
     parameters
-        In the order in which its functions take them.
+        Parameters in the order of the functions' arguments.
     states
-        Number of states of its own.
+        Number of states.
     held
-        How many numbers its function `hold` returns, once for each sample: its other functions take them, and not its
-        parameters.
+        Number of results of the function `hold`, which other functions take in place of the parameters.
     follows
-        What its states follow: `flow`, `chamber`, `signal`, or for a play `error` or `displacement`; for an effect on
-        the force `motion`.
+        Value that the states follow: `flow`, `chamber` or `signal`; `error` or `displacement` for a backlash; `motion`
+        for an effect on the force.
     rests_at_pressure
-        Whether its first state rests at the set-point, and not at zero.
+        Whether the first state rests at the set-point, and not at zero.
     moves_rest
-        Whether the cylinder rests off the set-point, at a pressure of its own, so that it has to settle first.
+        Whether the cylinder rests at a pressure that differs from the set-point and has to settle first.
     rests_anywhere
-        Whether the cylinder may rest off the set-point, so that its first pressure has to be fitted.
+        Whether the cylinder may rest at any pressure near the set-point, so that the first pressure has to be fitted.
     late
-        What comes late by its one parameter [s], `reading` or `displacement`: recordings are looked up at another time.
+        Signal that lags by the only parameter [s], `reading` or `displacement`; recordings are shifted in time.
     looks_ahead
-        Whether the displacement runs ahead by its first parameter [s], at its rate: that rate's noise comes with it.
+        Whether the displacement is extrapolated by the first parameter [s], which adds noise of the speed.
     quickens
-        Returns how many times faster than the gains say the cylinder may be, from an absolute pressure [Pa], a
-        displacement [m], K_x [Pa/m] and its parameters.
+        Returns how many times faster than the gains the cylinder may be, from an absolute pressure [Pa], a
+        displacement [m], K_x [Pa/m] and the parameters.
     fastest
-        Returns the inverse of its fastest time constant [1/s], where it has one, from a speed [m/s] and its
-        parameters.
+        Returns the inverse of the fastest time constant [1/s], from a speed [m/s] and the parameters; None without.
     of_time
-        Whether it is one of the time alone: how long a recording is tells it, whatever is done in it.
+        Whether the effect depends on time only; the length of a recording determines how well it is identified.
     constant
-        Whether it does the same all the time, as a wrong scale does at one pressure.
+        Whether the effect is constant in time, as a wrong scale is at one pressure.
     as_constant
-        Returns the parameters of its weakest form that may make a given constant, where it has one.
+        Returns the parameters of the weakest form of the effect that may cause a given constant; None without.
     core
-        Whether it is a core: what a search begins with, and not what it looks for.
+        Whether the effect is a core, with which a search begins.
     generic
-        Whether it is drawn from data where no effect that is known explains them.
+        Whether the effect is a curve that is estimated if no known effect explains the data.
     covers
-        Of a core, effects that are in it.
+        Effects that a core includes.
     rank
-        Among effects that change the same value the lower comes first.
+        Order among effects that change the same value; a lower rank comes first.
     shown_by
-        What to record to see it, for people.
+        What to record so that the effect is visible, for people.
     shown_at
-        How often to sample to see it, at least [Hz].
+        Lowest sampling rate at which the effect is visible [Hz].
     equations
-        What it does to the model, lines of LaTeX; its parameters stand there by their names.
+        Change of the model, lines of LaTeX with the parameters' names.
     seen_against
-        Beside what the residual of a model without it shows it: `time`, `frequency`, `displacement`, `speed`,
-        `acceleration`, `pressure`, `pressure rate` or `valve error`.
+        Variable against which the residual of a model without the effect shows it: `time`, `frequency`,
+        `displacement`, `speed`, `acceleration`, `pressure`, `pressure rate` or `valve error`.
     families
-        Those within which it may be taken for another effect.
+        Families of effects that a recording may not distinguish from this effect.
     starts
-        Returns starting points of a search from what is known of the data, each with a value for every parameter; none
-        of what a search draws itself.
+        Returns starting points of a search from properties of the data, each with a value for every parameter; none
+        for a curve, which the search proposes itself.
 
     """
 
@@ -267,17 +263,17 @@ class Effect:
 
     @property
     def advice(self) -> str:
-        """What to record to see it, and how often to sample, for people."""
+        """What to record so that the effect is visible, and how often to sample, for people."""
         return f'{self.shown_by}, sampled at {self.shown_at:g} Hz or more' if self.shown_at else self.shown_by
 
     @lazy_property
     def null(self) -> tuple[float, ...]:
-        """Parameter values at which the model is the baseline."""
+        """Parameter values at which the effect is absent."""
         return tuple(parameter.null for parameter in self.parameters)
 
     @property
     def strengths(self) -> tuple[int, ...]:
-        """Indices of the parameters that say how strong it is: the first, and those of its unit and null."""
+        """Indices of the parameters that scale the effect: the first, and all with the same unit and null."""
         first = self.parameters[0]
         return tuple(
             index
@@ -286,17 +282,20 @@ class Effect:
         )
 
     def ends_at_bound(self, values: Sequence[float]) -> bool:
-        """Return whether a search for parameters with such values ended at a bound, where the effect does something."""
+        """Return whether a searched parameter is at a bound at which the effect is present."""
         return any(
-            value != one.null and not one.choice and any(math.isclose(value, bound) for bound in (one.lower, one.upper))
-            for one, value in zip(self.parameters, values)
+            value != parameter.null
+            and not parameter.choice
+            and any(math.isclose(value, bound) for bound in (parameter.lower, parameter.upper))
+            for parameter, value in zip(self.parameters, values)
         )
 
     def of_strength(self, parameters: Sequence[float], share: float) -> tuple[float, ...]:
         """
-        Return parameters with a share of their strength, the others as they are.
+        Return the parameters of an effect that is weaker by a factor, `share`.
 
-        What counts from its null is that much nearer to it; a limit, whose null is its upper bound, is as much wider.
+        The distance of a strength from its null is multiplied by the share. A limit, a parameter with its upper bound
+        as null, is divided by the share.
         """
         weaker = list(parameters)
         for index in self.strengths:

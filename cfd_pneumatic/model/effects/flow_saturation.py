@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flow saturation: the valves pass no more than so much, charging and exhausting apart."""
+"""Flow saturation: the largest flow of the valves is limited, with separate limits for charge and exhaust."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from cfd_pneumatic.model.kernels import inlined
 
 @inlined
 def flow(value, moment, charge, exhaust):
-    """Return the pressure rate that the flow makes [Pa/s]."""
+    """Return the pressure rate of the flow [Pa/s]."""
     return min(max(value, -exhaust), charge)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return limits at shares of the largest flow, on either side and both; elsewhere they don't bind."""
+    """Return limits at shares of the largest flow: of charge, of exhaust, and of both."""
     charge, exhaust = data['largest_charge'], data['largest_exhaust']
-    free = NEVER
     return [
-        *((0.7 * charge, free), (0.4 * charge, free)),
-        *((free, 0.7 * exhaust), (free, 0.4 * exhaust)),
+        *((0.7 * charge, NEVER), (0.4 * charge, NEVER)),
+        *((NEVER, 0.7 * exhaust), (NEVER, 0.4 * exhaust)),
         *((0.6 * charge, 0.6 * exhaust),),
     ]
 
@@ -29,7 +28,7 @@ NEVER = 1e9
 
 EFFECT = Effect(
     name='flow_saturation',
-    description='the largest flow is limited, charging and exhausting apart',
+    description='the largest flow is limited, separately for charging and exhausting',
     parameters=(
         EffectParameter('charge', 'Pa/s', 1.0, NEVER, NEVER, 'largest rate while charging', logarithmic=True),
         EffectParameter('exhaust', 'Pa/s', 1.0, NEVER, NEVER, 'largest rate while exhausting', logarithmic=True),

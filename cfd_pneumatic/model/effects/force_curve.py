@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Force curve: a law of the contact force that nobody knows, as a table that data have drawn.
+Force curve: an unknown characteristic of the contact force, as a table that is estimated from data.
 
-As `curve` is on the pressure. Friction is against the motion, and turns round after a reversal as seal friction does.
+The table is as that of `curve`. A friction opposes the motion and reverses after a reversal as seal friction does.
 """
 
 from __future__ import annotations
@@ -14,44 +14,44 @@ from cfd_pneumatic.model.kernels import inlined
 from cfd_pneumatic.model.lanes import where
 
 ENTERS = ('force', 'friction', 'cell')
-"""Where it may enter, by the number of its parameter `enters`: added, against the motion, as a share of the reading."""
+"""Places in the order of the values of `enters`: added force, friction against the motion, share of the reading."""
 
 AGAINST = ('x', 'speed', 'p', 'force', 'time')
-"""What it may depend on, by the number of `against`: p is both cylinders' gauge pressure, the force that without it."""
+"""Variables in the order of the values of `against`; p is the sum of gauge pressures, force that without the curve."""
 
 FORCE_CURVE = 'force_curve'
-"""Its name."""
+"""Name of the effect."""
 
 
 @inlined
 def force(value, moment, stretch, enters, against, presliding, low, high, middle, crowd, *heights):
     """Return the contact force as the sensor reads it [N]."""
-    at = where(against < 0.5, moment.x, moment.rate)
-    at = where(against > 1.5, moment.p - moment.ambient + moment.opposing - moment.ambient, at)
-    at = where(against > 2.5, value, at)
-    at = where(against > 3.5, moment.time, at)
-    own = height(at, abs(against - 2.5) < 1.0, low, high, middle, crowd, heights)
+    variable = where(against < 0.5, moment.x, moment.rate)
+    variable = where(against > 1.5, moment.p - moment.ambient + moment.opposing - moment.ambient, variable)
+    variable = where(against > 2.5, value, variable)
+    variable = where(against > 3.5, moment.time, variable)
+    curve_height = height(variable, abs(against - 2.5) < 1.0, low, high, middle, crowd, heights)
     if enters < 0.5:
-        return value + own
+        return value + curve_height
     if enters < 1.5:
-        return value - own * stretch
-    return value * (1.0 + own)
+        return value - curve_height * stretch
+    return value * (1.0 + curve_height)
 
 
 @inlined
 def slide(travel, stretch, enters, against, presliding, low, high, middle, crowd, *heights):
-    """Return how far friction has turned round, -1 to 1."""
+    """Return the stretch of the seal, -1 to 1: the direction of the friction."""
     return (stretched(travel, stretch, presliding),)
 
 
 EFFECT = Effect(
     name=FORCE_CURVE,
-    description='a law of the force that nobody knows, as data have drawn it',
+    description='an unknown characteristic of the force, estimated from the recordings',
     parameters=(
-        choice('enters', 'where it enters', ENTERS),
-        choice('against', 'what it depends on', AGAINST),
+        choice('enters', 'place at which the curve acts', ENTERS),
+        choice('against', 'variable of the curve', AGAINST),
         EffectParameter(
-            'presliding', 'm', 1e-6, 1e-2, 1e-4, 'displacement over which friction turns round', logarithmic=True
+            'presliding', 'm', 1e-6, 1e-2, 1e-4, 'displacement over which friction reverses', logarithmic=True
         ),
         *PARAMETERS,
     ),

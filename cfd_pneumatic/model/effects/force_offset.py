@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Force offset: what the force sensor reads without load."""
+"""Force offset: the reading of the force sensor without load."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from cfd_pneumatic.model.kernels import inlined
 
 @inlined
 def force(value, moment, offset):
-    """Return what the sensor reads [N]."""
+    """Return the reading of the force sensor [N]."""
     return value + offset
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return the residual's mean."""
+    """Return the mean of the residual."""
     return [(data['mean'],)]
 
 
 EFFECT = Effect(
     name='force_offset',
-    description="the force sensor's zero is off",
+    description="the force sensor's zero is wrong",
     parameters=(EffectParameter('offset', 'N', -1e4, 1e4, 0.0, 'reading without load'),),
     equations=(r"F' = F + offset",),
     starts=starts,

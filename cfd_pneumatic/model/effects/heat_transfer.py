@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Heat transfer: a fast change of volume is adiabatic, and relaxes to isothermal as the walls take up the heat."""
+"""Heat transfer: a fast change of volume is adiabatic and relaxes to isothermal, because the walls take the heat."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ ADIABATIC = 1.4
 
 @inlined
 def flow(value, moment, heat, loss):
-    """Return the pressure rate that the flow makes [Pa/s]: warm air that leaves takes more pressure with it."""
+    """Return the pressure rate of the flow [Pa/s]; a mass flow of warmer air removes more pressure."""
     warm = where(value > 0.0, 0.0, where(loss > 0.0, heat, 0.0))
     return value / (1.0 - warm / moment.p)
 
 
 @inlined
 def cooling(moment, heat, loss):
-    """Return the rate at which the walls take pressure [Pa/s]: the less air there is to be cooled, the quicker."""
+    """Return the rate at which the walls reduce the pressure [Pa/s]; less air cools faster."""
     return loss * heat * moment.ambient / (moment.p - heat)
 
 
@@ -32,19 +32,19 @@ def chamber(rate, moment, heat, loss):
 
 @inlined
 def evolve(moment, rate, heat, loss):
-    """Return the rate at which pressure due to temperature, p (1 - T_wall / T), builds up and goes [Pa/s]."""
+    """Return the rate of the pressure due to temperature, p (1 - T_wall / T) [Pa/s]."""
     return (warming(moment, rate, heat, loss, ADIABATIC),)
 
 
 @inlined
 def warming(moment, rate, heat, loss, exponent):
-    """Return that rate [Pa/s] where a fast change has some exponent: 1.4 for air without walls."""
-    thinned = min(rate, -moment.swept)  # air that comes in is as warm as the wall: it brings no heat
+    """Return the rate of the pressure due to temperature [Pa/s] for a polytropic exponent; 1.4 is adiabatic."""
+    thinned = min(rate, -moment.swept)  # supplied air has the temperature of the wall and brings no heat
     return (1.0 - 1.0 / exponent) * rate + heat / (exponent * moment.p) * thinned - cooling(moment, heat, loss)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return time constants of the walls of a second and of a tenth."""
+    """Return walls with time constants of 1 s and 0.1 s."""
     return [(1.0,), (10.0,)]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Line resonance: the air in the line to the pressure sensor swings."""
+"""Line resonance: the air in the line to the pressure sensor oscillates."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cfd_pneumatic.model.lanes import where
 
 @inlined
 def signal(p, moment, reading, slope, frequency, damping):
-    """Return what the sensor reads [Pa]."""
+    """Return the reading of the pressure sensor [Pa]."""
     return where(frequency >= HIGHEST, p, reading)
 
 
@@ -36,17 +36,17 @@ def fastest(speed: float, frequency: float, damping: float) -> float:
 
 
 HIGHEST = 2e3
-"""Frequency above which no resonance is seen any more [Hz]."""
+"""Frequency above which no resonance is visible [Hz]."""
 
 LOWEST = 10.0
-"""What no search goes below: a quarter of its wave is eight metres of line [Hz]."""
+"""Lower bound of a search [Hz]; a quarter of the wavelength is eight metres of line."""
 
 EFFECT = Effect(
     name='line_resonance',
     description='the line to the pressure sensor resonates',
     parameters=(
         EffectParameter('frequency', 'Hz', 1.0, HIGHEST, HIGHEST, 'natural frequency', logarithmic=True, least=LOWEST),
-        # above 0.7 a resonance would pass for a lag
+        # above 0.7 a resonance is not distinguishable from a lag
         EffectParameter('damping', '-', 1e-3, 0.7, 0.7, 'damping ratio', logarithmic=True),
     ),
     equations=(r'\ddot s = \omega^2 (p - s) - 2\,damping\,\omega\,\dot s, \qquad \omega = 2 \pi\,frequency',),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Line restriction: a laminar resistance between the regulator, with its outlet's volume, and the cylinder."""
+"""Line restriction: a laminar resistance between the volume of the regulator's outlet and the cylinder."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from cfd_pneumatic.model.kernels import inlined
 from cfd_pneumatic.model.lanes import where
 
 NONE = 1e-5
-"""Resistance below which there is none [s]."""
+"""A lower resistance counts as none [s]."""
 
 QUICKEST = 3e-4
 """
-Time constant of the outlet's pressure at least [s].
+Shortest time constant of the outlet's pressure [s].
 
-A quicker one is taken to be as slow as that; what it settles to, and the mass of air in the outlet, stay right.
+A shorter time constant is raised to this value; the settled pressure and the mass of air in the outlet stay exact.
 """
 
 
@@ -29,7 +29,7 @@ def evolve(moment, valves, drop, resistance, volume):
 
 @inlined
 def flow(valves, moment, drop, resistance, volume):
-    """Return the pressure rate that the flow through the line makes [Pa/s]: what the outlet does not keep."""
+    """Return the pressure rate of the flow through the line [Pa/s]; the outlet's volume stores the difference."""
     (rate,) = evolve(moment, valves, drop, resistance, volume)
     through = (valves + volume * (moment.swept - rate)) / (1.0 + volume)
     return where(resistance < NONE, valves, through)
@@ -42,7 +42,7 @@ def outlet(p, moment, valves, drop, resistance, volume):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return resistances that matter beside the regulator's own, and a small outlet."""
+    """Return resistances comparable with the regulator's, and a small outlet."""
     return [(0.05 / data['k_sv'], 0.05), (0.5 / data['k_sv'], 0.05)]
 
 
@@ -55,10 +55,10 @@ EFFECT = Effect(
     name='line_restriction',
     description='laminar resistance between the regulator and the cylinder',
     parameters=(
+        EffectParameter('resistance', 's', 0.0, 1.0, 0.0, "pressure drop for each unit of the flow's pressure rate"),
         EffectParameter(
-            'resistance', 's', 0.0, 1.0, 0.0, 'pressure drop for each unit of the rate that the flow makes'
+            'volume', '-', 1e-3, 1.0, 0.05, "volume of the regulator's outlet / volume of the chamber", logarithmic=True
         ),
-        EffectParameter('volume', '-', 1e-3, 1.0, 0.05, "of the regulator's outlet, in chambers", logarithmic=True),
     ),
     equations=(
         r"p_r = p + \Delta, \qquad q' = \frac{q + volume\,(K_x \dot x - \dot\Delta)}{1 + volume}",

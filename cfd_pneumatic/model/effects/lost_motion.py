@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lost motion: the piston follows the measured displacement with play."""
+"""Lost motion: the piston follows the measured displacement with backlash."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from cfd_pneumatic.model.kernels import inlined
 
 
 @inlined
-def displacement(x, moment, play, width):
-    """Return the piston's displacement [m]; it becomes the play's state."""
-    return min(max(play, x - width), x + width)
+def displacement(x, moment, followed, width):
+    """Return the piston's displacement [m], which becomes the state of the backlash."""
+    return min(max(followed, x - width), x + width)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return plays of small shares of the stroke."""
+    """Return backlashes of small shares of the stroke."""
     stroke = data['x_high'] - data['x_low']
     return [(0.005 * stroke,), (0.03 * stroke,)]
 

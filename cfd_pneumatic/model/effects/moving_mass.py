@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Moving mass: what inertia and weight of the moving parts take from the air's force.
+Moving mass: inertia and weight of the moving parts, which reduce the contact force.
 
-At an inclination that never changes the weight is a constant, which no recording tells from the force sensor's offset:
-the inclination is given, not searched.
+The inclination is given and not searched. At a constant inclination a recording cannot distinguish the weight from the
+force sensor's offset.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ GRAVITY = 9.80665
 
 @inlined
 def force(value, moment, mass, inclination):
-    """Return the contact force [N], less inertia and weight."""
+    """Return the contact force without inertia and weight [N]."""
     return value - mass * (moment.acceleration + GRAVITY * math.sin(inclination))
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return a mass whose inertia is the residual's size, level."""
+    """Return a mass with an inertia of the residual's size, at no inclination."""
     return [(data['residual'] / data['largest_acceleration'], 0.0)]
 
 
 def as_constant(offset: float) -> tuple[float, ...]:
-    """Return the mass that on the steepest incline weighs as much, level."""
+    """Return the mass with a weight equal to an offset [N], at no inclination."""
     return abs(offset) / GRAVITY, 0.0
 
 
 EFFECT = Effect(
     name='moving_mass',
-    description='inertia and weight of what moves between air and force sensor',
+    description='inertia and weight of the parts that move between air and force sensor',
     parameters=(
-        EffectParameter('mass', 'kg', 0.0, 100.0, 0.0, 'of what moves'),
-        EffectParameter('inclination', 'rad', -1.6, 1.6, 0.0, 'of +x above the horizontal', choice=True),
+        EffectParameter('mass', 'kg', 0.0, 100.0, 0.0, 'mass of the moving parts'),
+        EffectParameter('inclination', 'rad', -1.6, 1.6, 0.0, 'angle of +x above the horizontal', choice=True),
     ),
     equations=(r"F' = F - mass\,(\ddot x + g \sin(inclination))",),
     starts=starts,

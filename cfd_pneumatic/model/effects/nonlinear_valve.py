@@ -10,10 +10,10 @@ from cfd_pneumatic.model.kernels import inlined
 from cfd_pneumatic.model.lanewise import power
 
 REFERENCE = 1e3
-"""Error at which the flow is the linear valve's [Pa]."""
+"""Error at which the flow equals that of a linear valve [Pa]."""
 
 ROUNDING = 50.0
-"""Error below which the power law becomes linear, so that its slope stays finite at zero [Pa]."""
+"""Error below which the power becomes linear, so that the slope stays finite at zero [Pa]."""
 
 
 @inlined
@@ -24,14 +24,14 @@ def error(value, moment, exponent):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return a valve that opens faster than its error, and one that opens slower."""
+    """Return exponents of a valve that opens faster and of a valve that opens slower than a linear valve."""
     return [(0.7,), (1.4,)]
 
 
 EFFECT = Effect(
     name='nonlinear_valve',
     description="flow is a power of the valve's error",
-    parameters=(EffectParameter('exponent', '-', 0.2, 3.0, 1.0, 'of the error'),),
+    parameters=(EffectParameter('exponent', '-', 0.2, 3.0, 1.0, 'exponent of the error'),),
     equations=(r"e' = e \left(\frac{\sqrt{e^2 + (50\,\mathrm{Pa})^2}}{1\,\mathrm{kPa}}\right)^{exponent - 1}",),
     starts=starts,
     shown_by='steps of the set-point, large and small',

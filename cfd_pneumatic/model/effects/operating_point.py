@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operating point: the gains follow the absolute pressure as equations (1), (11) and (12) say."""
+"""Operating point: the gains depend on the absolute pressure by equations (1), (11) and (12)."""
 
 from __future__ import annotations
 
 from cfd_pneumatic.model.effects.effect import Data, Effect, EffectParameter
-from cfd_pneumatic.model.flow_function import passed
+from cfd_pneumatic.model.flow_function import relative_flow
 from cfd_pneumatic.model.kernels import inlined
 from cfd_pneumatic.model.lanes import where
 from cfd_pneumatic.model.lanewise import power
 
 REFERENCE = 2e5
-"""Absolute pressure at which the gains are the model's own [Pa]."""
+"""Absolute pressure at which the gains are those of the model [Pa]."""
 
 SMALLEST = 0.1
-"""Share of the choked flow that always passes: a supply below the pressure would make the gains infinite [-]."""
+"""Least share of the choked flow [-]; a supply pressure below the reference would make the gains infinite."""
 
 
 @inlined
@@ -24,9 +24,9 @@ def velocity_gain(k_x, moment, strength, supply, exponent):
 
 @inlined
 def flow(value, moment, strength, supply, exponent):
-    """Return the pressure rate that the flow makes [Pa/s]."""
-    charging = max(passed(moment.p / supply), SMALLEST) / max(passed(REFERENCE / supply), SMALLEST)
-    escaping = max(passed(moment.ambient / moment.p), SMALLEST) / passed(moment.ambient / REFERENCE)
+    """Return the pressure rate of the flow [Pa/s]."""
+    charging = max(relative_flow(moment.p / supply), SMALLEST) / max(relative_flow(REFERENCE / supply), SMALLEST)
+    escaping = max(relative_flow(moment.ambient / moment.p), SMALLEST) / relative_flow(moment.ambient / REFERENCE)
     exhausting = escaping * power(moment.p / REFERENCE, exponent)
     return value * power(where(value < 0.0, exhausting, charging), strength)
 
@@ -38,24 +38,26 @@ def time_constant(tau, moment, strength, supply, exponent):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return full dependence on the pressure, from a supply well above it and one close to it."""
+    """Return full dependence on the pressure, with a high and a low supply pressure."""
     return [(1.0, 3.0 * data['highest_pressure'], 1.0), (1.0, 1.2 * data['highest_pressure'], 1.0)]
 
 
 def quickens(pressure: float, x: float, k_x: float, strength: float, supply: float, exponent: float) -> float:
-    """Return by how much a gain, or the sensing, is the faster at a pressure [Pa]."""
+    """Return the largest factor of a gain or of 1/tau at a pressure [Pa]."""
     relative = max(pressure, 1.0) / REFERENCE
-    charging = 1.0 / max(passed(REFERENCE / supply), SMALLEST)
+    charging = 1.0 / max(relative_flow(REFERENCE / supply), SMALLEST)
     return float(max(charging**strength, relative ** (strength * exponent), relative**strength))
 
 
 EFFECT = Effect(
     name='operating_point',
-    description='gains follow absolute pressure: K_x in proportion, K_sv and K_v by the flow function, K_v by a power',
+    description='gains depend on absolute pressure: K_x linearly, K_sv and K_v by flow function, K_v also by a power',
     parameters=(
-        EffectParameter('strength', '-', 0.0, 1.0, 0.0, '0: not at all, 1: as physics has it', choice=True),
+        EffectParameter('strength', '-', 0.0, 1.0, 0.0, '0: no dependence, 1: full dependence', choice=True),
         EffectParameter('supply', 'Pa', 1e5, 5e6, 1e6, 'absolute supply pressure', logarithmic=True),
-        EffectParameter('exponent', '-', -1.0, 4.0, 1.0, 'of absolute pressure in K_v, beside the flow function'),
+        EffectParameter(
+            'exponent', '-', -1.0, 4.0, 1.0, 'exponent of absolute pressure in K_v, in addition to the flow function'
+        ),
     ),
     equations=(
         r"K_x' = K_x\,(p / p_R)^{strength}, \qquad \tau' = \tau\,\left(\frac{2\,p_R}{p + p_f}\right)^{strength}",

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The physical core: equations (1) to (11) of the paper before they were linearised.
+The physical core: equations (1) to (11) of the paper without linearisation.
 
-The gains hold at a reference pressure and position. From there flows follow the pressures on both sides of a valve (ISO
-6358), stiffness and flows the chamber's volume, sensing the density; air warms up as it is compressed, and its walls
-take that up. It is no effect that a device lacks: a search begins beside it or without it.
+The gains hold at a reference pressure and position. Flows depend on the pressures on both sides of a valve (ISO 6358),
+stiffness and flows on the chamber's volume, and sensing on the density. Compression warms the air, and the walls take
+the heat. The physical core is not a missing effect: a search starts with it or with the linear core.
 """
 
 from __future__ import annotations
@@ -18,54 +18,54 @@ from cfd_pneumatic.model.lanes import some, where
 from cfd_pneumatic.model.lanewise import exp, log
 
 SMALLEST_FLOW = 0.05
-"""Share of the choked flow that always passes: an orifice's slope is infinite where the pressures are equal [-]."""
+"""Least share of the choked flow [-]; the slope of an orifice's flow is infinite at equal pressures."""
 
 SMALLEST_VOLUME = 0.05
-"""Share of the volume at the reference that is always left [-]."""
+"""Least volume / volume at the reference [-]."""
 
 SLOWEST_LOSS = 0.01
-"""Walls that take longer are none: then the change of state is polytropic, as the paper has it [1/s]."""
+"""Slower walls count as none, and the change of state is polytropic, as in the paper [1/s]."""
 
 STARTING_SUPPLY = 1.2
-"""Times the highest pressure: where a data sheet's supply is lower, a search starts from that [-]."""
+"""Lowest starting supply pressure / highest recorded pressure [-]."""
 
 STARTING_STIRRING = 3.0
-"""Motion that hardly adds to the walls, which a search starts from [s/m]."""
+"""Starting value of `stirring`: motion hardly adds to the heat transfer [s/m]."""
 
 SMALLEST_RISE = 1e3
-"""Rise above the reference that recordings are taken to have at least [Pa]."""
+"""Smallest assumed rise of recorded pressures above the reference [Pa]."""
 
 FAST = 0.1
-"""Speed from which on motion stirs no more: else no step would be short enough [m/s]."""
+"""Speed above which stirring is constant [m/s]; otherwise no step would be short enough."""
 
 STARTING_ENTRANCE = HIDDEN_SILENCER = 1e-6
-"""An entrance and a silencer that hardly matter, which a search starts from [1/Pa]."""
+"""Starting values of `entrance` and `silencer` with hardly any influence [1/Pa]."""
 
 STARTING_OPENING = 0.6
 """
-How far the relief valve opens, at most, against a silencer that a search starts from [-].
+Largest opening of the relief valve / opening of the silencer for a visible starting silencer [-].
 
-Behind a choked valve a silencer is not seen before that is the critical ratio.
+A silencer behind a choked valve is visible only if this ratio exceeds the critical ratio.
 """
 
 
 @inlined
-def passed(upstream, downstream, critical):
-    """Return what passes a hole, as the upstream pressure of which as much is choked, equation (1) by ISO 6358 [Pa]."""
+def orifice_flow(upstream, downstream, critical):
+    """Return an orifice's flow as the upstream pressure of an equal choked flow [Pa]; equation (1), ISO 6358."""
     unchoked = max(downstream - critical * upstream, 0.0) / (1.0 - critical)
     least = SMALLEST_FLOW * upstream
     return math.sqrt(max(upstream * upstream - unchoked * unchoked, least * least))
 
 
 @inlined
-def between(opened, upstream, downstream, critical):
+def pressure_between(opened, upstream, downstream, critical):
     """
-    Return the pressure between two orifices in a row, of which the first is opened so many times as far [Pa].
+    Return the pressure between two orifices in series [Pa]; `opened` is the first opening / the second opening.
 
-    By the ellipse of ISO 6358 the flows' squares are quadratic in it: a x^2 + b x + c grows through zero where both
-    orifices pass the same. Each is choked, and its flow's ellipse left out, or not.
+    By the ellipse of ISO 6358 the squared flows are quadratic in this pressure: a x^2 + b x + c is zero at equal flows.
+    The ellipse of a choked orifice is omitted.
     """
-    flow = (opened * upstream) * (opened * upstream)  # squared, where the first is choked
+    flow = (opened * upstream) * (opened * upstream)  # squared flow, if the first is choked
     ellipse = 1.0 / ((1.0 - critical) * (1.0 - critical))
     edge = critical * upstream  # below it the first is choked
     low = max(downstream - critical * edge, 0.0)
@@ -77,21 +77,21 @@ def between(opened, upstream, downstream, critical):
     b = 2.0 * critical * (second * downstream - first * upstream)
     c = critical * critical * first * upstream * upstream - second * downstream * downstream - flow
     root = math.sqrt(max(b * b - 4.0 * a * c, 0.0))
-    # of the root's two forms the one that keeps its digits
+    # the form of the root without cancellation
     return where(b > 0.0, -2.0 * c, root - b) / where(b > 0.0, b + root, 2.0 * a)
 
 
 @inlined
 def hold(moment, pressure, position, supply, b, opens, vents, n, loss, control, silencer, entrance, stirring):
     """
-    Return what stays the same while the set-point and the piston's speed do.
+    Return the values that are constant while the set-point and the piston's speed are.
 
-    Among it are the valves' openings against what passes at the reference [1/Pa], and the inverse of the walls' time
-    constant [1/s], where free and forced convection add up as roots of squares.
+    The values include the valves' openings relative to the flow at the reference [1/Pa] and the inverse of the walls'
+    time constant [1/s]. Free and forced convection add up as a root of squares.
     """
-    grown = log(moment.setpoint / pressure)
-    opened = exp(opens * grown) / passed(supply, pressure, b)
-    vented = exp(vents * grown) / passed(pressure, moment.ambient, b)
+    log_ratio = log(moment.setpoint / pressure)
+    opened = exp(opens * log_ratio) / orifice_flow(supply, pressure, b)
+    vented = exp(vents * log_ratio) / orifice_flow(pressure, moment.ambient, b)
     forced = stirring * min(abs(moment.rate), FAST)
     walls = loss * math.sqrt(1.0 + forced * forced)
     warmth = loss / (loss + SLOWEST_LOSS)
@@ -102,7 +102,7 @@ def hold(moment, pressure, position, supply, b, opens, vents, n, loss, control, 
 def density(
     dense, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
-    """Return the volume at the reference, K_x = n p A / V there by equation (12), against the chamber's [-]."""
+    """Return the reference volume, by K_x = n p A / V of equation (12), / the chamber's volume [-]."""
     stiff = n * pressure
     return dense * stiff / max(stiff + moment.k_x * (moment.x - position), SMALLEST_VOLUME * stiff)
 
@@ -111,11 +111,11 @@ def density(
 def error(
     value, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
-    """Return the error [Pa] that would let as much out if no silencer stood behind the relief valve."""
-    opened = silencer * max(-value, 0.0)
-    if some(opened > 0.0):
-        behind = between(opened, moment.p, moment.ambient, b)
-        value *= passed(moment.p, behind, b) / passed(moment.p, moment.ambient, b)
+    """Return the error [Pa] at which a relief valve without a silencer passes the same flow."""
+    opening = silencer * max(-value, 0.0)
+    if some(opening > 0.0):
+        behind = pressure_between(opening, moment.p, moment.ambient, b)
+        value *= orifice_flow(moment.p, behind, b) / orifice_flow(moment.p, moment.ambient, b)
     return value
 
 
@@ -131,9 +131,9 @@ def velocity_gain(
 def flow(
     value, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
-    """Return the pressure rate that the flow makes [Pa/s], equations (1), (3) and (11)."""
+    """Return the pressure rate of the flow [Pa/s], equations (1), (3) and (11)."""
     exhausts = value < 0.0
-    passes = passed(where(exhausts, moment.p, supply), where(exhausts, moment.ambient, moment.p), b)
+    passes = orifice_flow(where(exhausts, moment.p, supply), where(exhausts, moment.ambient, moment.p), b)
     share = where(exhausts, vented, opened) * passes * moment.dense
     return value * share * moment.p / (moment.p - where(exhausts, heat * warmth, 0.0))
 
@@ -142,7 +142,7 @@ def flow(
 def time_constant(
     tau, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
-    """Return tau [s]: inverse to the density in the aspirator tube, equation (4), longer where its entrance counts."""
+    """Return tau [s], inverse to the density in the aspirator tube, equation (4), with the loss at its entrance."""
     entering = math.sqrt(1.0 + 4.0 * entrance * abs(moment.p - moment.p_f))
     return tau * (1.0 + entering) * pressure / (moment.p + moment.p_f)
 
@@ -151,7 +151,7 @@ def time_constant(
 def chamber(
     rate, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
-    """Return the outlet pressure's rate [Pa/s]: the control chamber draws on it, the walls cool it."""
+    """Return the outlet pressure's rate with the control chamber's intake and the walls' cooling [Pa/s]."""
     return rate - control * moment.sensing * moment.dense - heat_transfer.cooling(moment, heat, moment.dense * walls)
 
 
@@ -159,51 +159,50 @@ def chamber(
 def evolve(
     moment, rate, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
-    """Return the rate at which pressure due to temperature builds up and goes [Pa/s]."""
+    """Return the rate of the pressure due to temperature [Pa/s]."""
     return (heat_transfer.warming(moment, rate, heat, moment.dense * walls, n),)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return the middle of what was recorded as the reference, beside walls of several kinds."""
+    """Return the middle of the recorded ranges as the reference, with several walls and silencers."""
     position, pressure = 0.5 * (data['x_low'] + data['x_high']), data['level']
     supply = max(EFFECT.null[2], STARTING_SUPPLY * data['highest_pressure'])
-    seen = STARTING_OPENING / max(data['highest_pressure'] - pressure, SMALLEST_RISE)
+    visible_silencer = STARTING_OPENING / max(data['highest_pressure'] - pressure, SMALLEST_RISE)
     return [
         (pressure, position, supply, *EFFECT.null[3:7], loss, 0.01, silencer, STARTING_ENTRANCE, STARTING_STIRRING)
-        for loss, silencer in ((0.3, HIDDEN_SILENCER), (5.0, HIDDEN_SILENCER), (30.0, HIDDEN_SILENCER), (5.0, seen))
+        for loss, silencer in (
+            (0.3, HIDDEN_SILENCER),
+            (5.0, HIDDEN_SILENCER),
+            (30.0, HIDDEN_SILENCER),
+            (5.0, visible_silencer),
+        )
     ]
 
 
-def quickens(pressure: float, x: float, k_x: float, *own: float) -> float:
-    """Return by how much the gains are larger at a pressure [Pa] and a displacement [m]."""
-    reference, position, supply, critical, opens, vents, exponent, *_ = own
+def quickens(pressure: float, x: float, k_x: float, *parameters: float) -> float:
+    """Return the largest factor of a gain at a pressure [Pa] and a displacement [m]."""
+    reference, position, supply, critical, opens, vents, exponent, *_ = parameters
     volume = max(1.0 + k_x * (x - position) / (exponent * reference), SMALLEST_VOLUME)
     relative = pressure / reference
-    charged = supply / float(passed(supply, reference, critical))
+    charged = supply / float(orifice_flow(supply, reference, critical))
     return max(charged * relative**opens, relative ** (1.0 + vents), relative, 1.0) / volume
 
 
-def fastest(speed: float, *own: float) -> float:
+def fastest(speed: float, *parameters: float) -> float:
     """Return the inverse of the walls' time constant at a speed [1/s]."""
-    loss, stirring = own[7], own[11]
+    loss, stirring = parameters[7], parameters[11]
     return loss * math.hypot(1.0, stirring * min(speed, FAST))
 
 
 EFFECT = Effect(
     name='physical_core',
-    description="the paper's equations (1) to (11) before they were linearised",
+    description="the paper's equations (1) to (11) without linearisation",
     core=True,
     covers=('operating_point', 'volume_variation', 'heat_transfer'),
     parameters=(
         EffectParameter('pressure', 'Pa', 1e4, 1e7, 2e5, 'absolute pressure at which the gains hold', choice=True),
         EffectParameter(
-            'position',
-            'm',
-            -10.0,
-            10.0,
-            0.0,
-            'displacement that grows the chamber at which the gains hold',
-            choice=True,
+            'position', 'm', -10.0, 10.0, 0.0, 'displacement, growing the chamber, at which the gains hold', choice=True
         ),
         EffectParameter(
             'supply', 'Pa', 1e5, 5e6, 8e5, 'absolute supply pressure', logarithmic=True, is_supply=True, spread=0.3
@@ -234,7 +233,7 @@ EFFECT = Effect(
             'wall_loss', '1/s', 0.0, 1e3, 0.0, 'inverse of the time constant m c_v / (h A), at ambient pressure'
         ),
         EffectParameter(
-            'control_volume', '-', 0.0, 0.3, 0.0, "the regulator's control chamber against the cylinder's volume"
+            'control_volume', '-', 0.0, 0.3, 0.0, "volume of the regulator's control chamber / volume of the cylinder"
         ),
         EffectParameter(
             'silencer',
@@ -242,7 +241,7 @@ EFFECT = Effect(
             0.0,
             1e-3,
             0.0,
-            'inverse of the error at which the relief valve is opened as far as the silencer behind it',
+            'inverse of the error at which the relief valve opens as far as the silencer',
         ),
         EffectParameter(
             'entrance',
@@ -250,15 +249,10 @@ EFFECT = Effect(
             0.0,
             1e-3,
             0.0,
-            "inverse of the drop at which the aspirator tube's entrance takes as much as its wall",
+            'inverse of the pressure drop at which the aspirator tube loses as much at its entrance as along its wall',
         ),
         EffectParameter(
-            'stirring',
-            's/m',
-            0.0,
-            50.0,
-            0.0,
-            'inverse of the speed from which motion stirs the air more than warmth does',
+            'stirring', 's/m', 0.0, 50.0, 0.0, 'inverse of the speed at which forced convection equals free convection'
         ),
     ),
     starts=starts,

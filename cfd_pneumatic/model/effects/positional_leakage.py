@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Positional leakage: a seal that lifts near one end of the stroke, perhaps in one direction of travel only."""
+"""Positional leakage: a seal lifts near an end of the stroke, in both directions of travel or in one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def chamber(rate, moment, conductance, position, width, speed, end, direction):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return a leak at either end of the stroke, in either direction of travel or both."""
+    """Return leaks at each end of the stroke, in each direction of travel and in both."""
     low, high = data['x_low'], data['x_high']
     stroke = high - low
     conductance = 3.0 * data['k_sv'] * data['residual'] / data['gauge']
@@ -32,24 +32,32 @@ EFFECT = Effect(
     name='positional_leakage',
     description='a leak to ambient that opens with position near one end of the stroke',
     parameters=(
+        EffectParameter('conductance', '1/s', 0.0, 1e3, 0.0, 'share of the gauge pressure lost per second, fully open'),
         EffectParameter(
-            'conductance', '1/s', 0.0, 1e3, 0.0, 'share of the gauge pressure lost in a second, fully open'
-        ),
-        EffectParameter('position', 'm', -1.0, 1.0, 0.0, 'displacement at which it is half open', on_stroke='place'),
-        EffectParameter(
-            'width', 'm', 1e-5, 1.0, 1.0, 'displacement over which it opens', logarithmic=True, on_stroke='length'
+            'position', 'm', -1.0, 1.0, 0.0, 'displacement at which the leak is half open', on_stroke='place'
         ),
         EffectParameter(
-            'speed', 'm/s', 1e-5, 1.0, 1e-2, 'speed at which the seal lifts; without a direction none', logarithmic=True
+            'width', 'm', 1e-5, 1.0, 1.0, 'displacement over which the leak opens', logarithmic=True, on_stroke='length'
         ),
-        EffectParameter('end', '-', -1.0, 1.0, 1.0, '1: opens towards larger displacement, -1: smaller', choice=True),
+        EffectParameter(
+            'speed',
+            'm/s',
+            1e-5,
+            1.0,
+            1e-2,
+            'speed at which the seal lifts; not used if direction is 0',
+            logarithmic=True,
+        ),
+        EffectParameter(
+            'end', '-', -1.0, 1.0, 1.0, '1: opens towards larger displacement, -1: towards smaller', choice=True
+        ),
         EffectParameter(
             'direction',
             '-',
             -1.0,
             1.0,
             0.0,
-            'leaks while the chamber grows (1), shrinks (-1) or always (0)',
+            'leaks while the chamber grows (1), while it shrinks (-1), or always (0)',
             choice=True,
         ),
     ),

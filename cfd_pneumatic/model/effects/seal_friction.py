@@ -2,7 +2,7 @@
 """
 Seal friction: Coulomb friction that grows with pressure, viscous friction, and presliding after a reversal (Dahl).
 
-A seal is pressed by the gauge pressure of its own cylinder, so that the sum of both cylinders' counts.
+The gauge pressure of a cylinder presses its seal; the friction therefore depends on the sum of both gauge pressures.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from cfd_pneumatic.model.kernels import inlined
 
 @inlined
 def force(value, moment, stretch, coulomb, per_pressure, viscous, presliding):
-    """Return the contact force [N], less what the seals hold back."""
+    """Return the contact force without the friction of the seals [N]."""
     gauge = moment.p - moment.ambient + moment.opposing - moment.ambient
     return value - max(coulomb + per_pressure * gauge, 0.0) * stretch - viscous * moment.rate
 
 
 @inlined
 def stretched(travel, stretch, presliding):
-    """Return a seal's stretch, -1 to 1, behind a travel one way: exact, as Dahl's model is linear in it."""
+    """Return a seal's stretch, -1 to 1, after a travel in one direction; exact, because Dahl's model is linear."""
     direction = math.copysign(1.0, travel)
     return direction + (stretch - direction) * math.exp(-abs(travel) / presliding)
 
@@ -34,22 +34,28 @@ def slide(travel, stretch, coulomb, per_pressure, viscous, presliding):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return friction of the residual's size, half of it from pressure, that turns round quickly or slowly."""
+    """Return frictions of the residual's size, half of it from pressure, with a short and a long presliding."""
     half = 0.5 * data['residual']
     return [(half, half / data['gauge'], 0.0, presliding) for presliding in (5e-5, 5e-4)]
 
 
 EFFECT = Effect(
     name='seal_friction',
-    description='the seals rub: Coulomb friction affine in gauge pressure, viscous friction, presliding',
+    description='friction of the seals: Coulomb friction affine in gauge pressure, viscous friction, presliding',
     parameters=(
         EffectParameter('coulomb', 'N', 0.0, 1e3, 0.0, 'Coulomb friction without pressure'),
         EffectParameter(
-            'per_pressure', 'N/Pa', 0.0, 1e-2, 0.0, 'Coulomb friction for each pascal of gauge', of_pressure=True
+            'per_pressure',
+            'N/Pa',
+            0.0,
+            1e-2,
+            0.0,
+            'Coulomb friction for each pascal of gauge pressure',
+            of_pressure=True,
         ),
         EffectParameter('viscous', 'N s/m', 0.0, 1e4, 0.0, 'friction for each metre per second'),
         EffectParameter(
-            'presliding', 'm', 1e-6, 1e-2, 1e-4, 'displacement over which friction turns round', logarithmic=True
+            'presliding', 'm', 1e-6, 1e-2, 1e-4, 'displacement over which friction reverses', logarithmic=True
         ),
     ),
     equations=(

@@ -10,7 +10,7 @@ from cfd_pneumatic.model.lanes import where
 
 @inlined
 def signal(p, moment, reading, lag):
-    """Return what the sensor reads [Pa]."""
+    """Return the reading of the pressure sensor [Pa]."""
     return where(lag <= SHORTEST, p, reading)
 
 
@@ -21,12 +21,12 @@ def evolve(moment, p, reading, lag):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return lags of a sample, and of as many as the pressure comes late."""
+    """Return a lag of a sample period and the lag of the measured pressure."""
     return [(data['period'],), (max(data['lag'], 4.0 * data['period']),)]
 
 
 SHORTEST = 1e-4
-"""Time constant that counts as none [s]."""
+"""A shorter time constant counts as none [s]."""
 
 
 def fastest(speed: float, lag: float) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Set-point drift: the regulator creeps."""
+"""Set-point drift: the regulated pressure drifts at constant set-point."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def setpoint(p_d, moment, rate):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return a drift by the residual's size over the recording, up and down."""
+    """Return drifts by the residual's size over the recording, up and down."""
     rate = data['residual'] / data['duration']
     return [(rate,), (-rate,)]
 
@@ -22,7 +22,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='set_point_drift',
     description='the set-point moves linearly with time',
-    parameters=(EffectParameter('rate', 'Pa/s', -1e5, 1e5, 0.0, 'of the drift'),),
+    parameters=(EffectParameter('rate', 'Pa/s', -1e5, 1e5, 0.0, 'rate of the drift'),),
     equations=(r"p_d' = p_d + rate\,t",),
     starts=starts,
     shown_by='a long recording at one set-point',

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Stribeck friction: what slowly moving seals rub beyond seal friction, as they have to be broken away first.
+Stribeck friction: additional friction of slowly moving seals, which have to break away first.
 
-It falls with the speed as a Gaussian does (Armstrong-Hélouvry et al., 1994), and turns round after a reversal as seal
-friction does.
+The friction decreases with the speed as a Gaussian (Armstrong-Hélouvry et al., 1994). It reverses after a reversal of
+the motion as seal friction does.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cfd_pneumatic.model.kernels import inlined
 
 @inlined
 def force(value, moment, stretch, breakaway, speed, presliding):
-    """Return the contact force [N], less what slow seals hold back."""
+    """Return the contact force without the additional friction of slow seals [N]."""
     share = moment.rate / speed
     return value - breakaway * stretch * math.exp(-share * share)
 
@@ -29,19 +29,27 @@ def slide(travel, stretch, breakaway, speed, presliding):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return friction of the residual's size up to a slow speed or a medium one, that turns round at once or not."""
+    """Return frictions of the residual's size up to a slow or a medium speed, with short or long presliding."""
     size, fast = data['residual'], data['largest_speed']
     return [(size, share * fast, presliding) for share in (0.03, 0.3) for presliding in (2e-5, 2e-4)]
 
 
 EFFECT = Effect(
     name='stribeck_friction',
-    description='slow seals rub more than fast ones',
+    description='slow seals have more friction than fast seals',
     parameters=(
-        EffectParameter('breakaway', 'N', 0.0, 1e3, 0.0, 'excess over seal friction where the piston hardly moves'),
-        EffectParameter('speed', 'm/s', 1e-5, 1.0, 1e-2, 'speed at which it has fallen to 1 / e', logarithmic=True),
+        EffectParameter('breakaway', 'N', 0.0, 1e3, 0.0, 'friction in addition to seal friction at zero speed'),
         EffectParameter(
-            'presliding', 'm', 1e-6, 1e-2, 1e-4, 'displacement over which friction turns round', logarithmic=True
+            'speed',
+            'm/s',
+            1e-5,
+            1.0,
+            1e-2,
+            'speed at which the additional friction has fallen to 1 / e',
+            logarithmic=True,
+        ),
+        EffectParameter(
+            'presliding', 'm', 1e-6, 1e-2, 1e-4, 'displacement over which friction reverses', logarithmic=True
         ),
     ),
     equations=(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Supply variation: the supply pressure swings, and the regulated pressure with it."""
+"""Supply variation: the supply pressure oscillates and moves the regulated pressure."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ def setpoint(p_d, moment, in_phase, quadrature, frequency):
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return the strongest slow period of the residual, in either phase."""
+    """Return the strongest slow oscillation of the residual, in two phases."""
     amplitude = 0.5 * data['residual']
     return [(amplitude, amplitude, data['slow_frequency']), (-amplitude, amplitude, data['slow_frequency'])]
 
 
 EFFECT = Effect(
     name='supply_variation',
-    description='a slow period in the supply pressure reaches the regulated pressure',
+    description='a slow oscillation of the supply pressure moves the regulated pressure',
     parameters=(
         EffectParameter('in_phase', 'Pa', -1e5, 1e5, 0.0, 'amplitude of the sine'),
         EffectParameter('quadrature', 'Pa', -1e5, 1e5, 0.0, 'amplitude of the cosine'),
-        EffectParameter('frequency', 'Hz', 1e-2, 3.0, 1.0, 'of the supply', logarithmic=True),
+        EffectParameter('frequency', 'Hz', 1e-2, 3.0, 1.0, 'frequency of the oscillation', logarithmic=True),
     ),
     equations=(r"p_d' = p_d + in_phase \sin(2 \pi\,frequency\,t) + quadrature \cos(2 \pi\,frequency\,t)",),
     starts=starts,

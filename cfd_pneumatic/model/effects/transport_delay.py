@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Transport delay: the pressure is read late, or all else is."""
+"""Transport delay: the pressure is recorded late, or all other signals are."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from cfd_pneumatic.model.effects.effect import DELAYS, Data, Effect, EffectParam
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return the delay at which the pressure looks most like the simulated one, and a sample either way."""
+    """Return the delay of best agreement with the simulated pressure, and a sample period of either sign."""
     return [(data['lag'],), (data['period'],), (-data['period'],)]
 
 
 EFFECT = Effect(
     name='transport_delay',
-    description='dead time of the pressure against displacement and set-point, either sign',
-    parameters=(EffectParameter('delay', 's', -SHORTEST, 0.5, 0.0, 'by which the pressure is read later'),),
+    description='dead time of the pressure relative to displacement and set-point, of either sign',
+    parameters=(EffectParameter('delay', 's', -SHORTEST, 0.5, 0.0, 'delay of the recorded pressure'),),
     equations=(r's(t) = p(t - delay)',),
     starts=starts,
     shown_by='fast strokes',

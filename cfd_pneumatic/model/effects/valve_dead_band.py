@@ -9,12 +9,12 @@ from cfd_pneumatic.model.kernels import inlined
 
 @inlined
 def error(value, moment, band):
-    """Return the error [Pa] that opens a valve."""
+    """Return the error outside the band, which opens a valve [Pa]."""
     return value - min(max(value, -band), band)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return bands as wide as the residual and wider."""
+    """Return bands of one and three times the residual's size."""
     return [(data['residual'],), (3.0 * data['residual'],)]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Valve hysteresis: the valves follow the error with play."""
+"""Valve hysteresis: the valves follow the error with backlash."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from cfd_pneumatic.model.kernels import inlined
 
 
 @inlined
-def error(value, moment, play, width):
-    """Return the error [Pa] that reaches the valves; it becomes the play's state at the end of a step."""
-    return min(max(play, value - width), value + width)
+def error(value, moment, followed, width):
+    """Return the error that moves the valves [Pa], which becomes the state of the backlash at the end of a step."""
+    return min(max(followed, value - width), value + width)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return plays as wide as the residual and wider."""
+    """Return backlashes of one and three times the residual's size."""
     return [(data['residual'],), (3.0 * data['residual'],)]
 
 
 EFFECT = Effect(
     name='valve_hysteresis',
-    description='the valves follow the error with play',
-    parameters=(EffectParameter('width', 'Pa', 0.0, 1e5, 0.0, 'half width of the play'),),
+    description='the valves follow the error with backlash',
+    parameters=(EffectParameter('width', 'Pa', 0.0, 1e5, 0.0, 'half width of the backlash'),),
     equations=(r"e' \leftarrow \min(\max(e', e - width), e + width)",),
     starts=starts,
     shown_by='many small strokes with reversals',

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Volume variation: V = V0 + A x in all gains."""
+"""Volume variation: the volume V = V0 + A x changes all gains."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from cfd_pneumatic.model.effects.effect import STIFFNESS, Data, Effect, EffectPa
 from cfd_pneumatic.model.kernels import inlined
 
 SMALLEST = 0.05
-"""Share of the volume at x = 0 that is always left [-]."""
+"""Least volume / volume at x = 0 [-]."""
 
 
 @inlined
@@ -18,18 +18,18 @@ def velocity_gain(k_x, moment, slope):
 
 @inlined
 def flow(value, moment, slope):
-    """Return the pressure rate that the flow makes [Pa/s], inverse to the volume."""
+    """Return the pressure rate of the flow [Pa/s], inverse to the volume."""
     return value / max(1.0 + slope * moment.x, SMALLEST)
 
 
 def starts(data: Data) -> list[tuple[float, ...]]:
-    """Return a stroke that changes the volume by a quarter, either way of counting it."""
+    """Return slopes by which the stroke changes the volume by a quarter, of either sign."""
     stroke = data['x_high'] - data['x_low']
     return [(0.25 / stroke,), (-0.25 / stroke,)]
 
 
 def quickens(pressure: float, x: float, k_x: float, slope: float) -> float:
-    """Return by how much the gains are larger at a displacement [m]."""
+    """Return the factor of the gains at a displacement [m]."""
     return 1.0 / max(1.0 + slope * x, SMALLEST)
 
 
