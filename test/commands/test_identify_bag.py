@@ -172,14 +172,14 @@ def test_console_report_and_file_give_the_gains_of_the_model_that_is_reported(tm
     assert block['effects'] == ['valve_dead_band']
     assert block['parameters_after']['k_v']['value'] != block['parameters']['k_v']['value']
     ((title, gains),) = printed_gains(printed, 'cylinder_b')
-    assert title == 'cylinder_b at every set-point, beside valve_dead_band'
+    assert title == 'cylinder_b at every set-point, with valve_dead_band'
     assert gains == as_printed(block['parameters_after'])
     assert 'cylinder_b: simulated against measured pressure, without effects' in printed
     for name in NAMES:
         assert written['cylinder_b'][name] == [block['parameters_after'][name]['value']]
     assert written['cylinder_b']['valve_dead_band']['enabled'] is True
     page = (tmp_path / 'out' / 'report.html').read_text()
-    assert page.count('<code>parameters.yaml</code> holds those with effects') == 1
+    assert page.count('<code>parameters.yaml</code> holds the estimates with effects') == 1
     assert page.count('<code>parameters.yaml</code> holds a fit to each') == 1
 
     block = report['cylinder_a']
