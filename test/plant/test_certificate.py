@@ -143,7 +143,7 @@ def test_a_key_that_cannot_be_used_is_one_line(certificate, tmp_path, capfd, dam
     else:
         key.write_text('a key\n')
     with (
-        pytest.raises(InputError, match='a certificate and its key without a passphrase: dask_certificate'),
+        pytest.raises(InputError, match='a certificate and its key without a passphrase'),
         existing_cluster('tls://127.0.0.1:1', tmp_path / 'own'),
     ):
         pass

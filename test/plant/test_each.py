@@ -187,5 +187,5 @@ def test_a_cluster_is_waited_for_may_lose_a_worker_and_ends_a_run_where_it_is_lo
             os.killpg(scheduler.pid, signal.SIGKILL)
             _, complaint = run.communicate(timeout=allowed(LONG_PATIENCE))
     assert run.returncode == 2
-    assert complaint.startswith('identify_bag: error: the Dask scheduler was lost')
+    assert complaint.startswith('identify_bag: error: the connection to the Dask scheduler was lost')
     assert complaint.count('\n') == 1
