@@ -162,7 +162,7 @@ def test_a_certificate_that_is_none_is_a_line(scheduler, tmp_path, capsys):
     (tmp_path / 'bag').mkdir()
     assert identify_bag([str(tmp_path / 'bag'), *told, '--output', str(tmp_path / 'out')]) == 2
     assert identify_bag([str(tmp_path / 'bag'), '--certificate', '.', '--output', str(tmp_path / 'out')]) == 2
-    assert '--certificate is for --scheduler' in capsys.readouterr().err
+    assert '--certificate is for a cluster' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -152,7 +152,7 @@ def test_interrupted_and_killed_it_goes_on_where_it_stopped(small, small_results
     os.killpg(run.pid, signal.SIGINT)  # as Ctrl-C does: the workers hear it, too
     _, complaints = run.communicate(timeout=allowed(LONG_PATIENCE))
     assert run.returncode == 130
-    assert complaints == 'identify_bag: interrupted: give the same command again to go on\n'
+    assert complaints == 'identify_bag: interrupted. Run the same command again to continue\n'
     interrupted = done()
     assert 3 <= interrupted < BAGS
     assert asides(tmp_path) == []
