@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An identification for whoever works in Python: printed, drawn, saved, and the device that it found."""
+"""Identification in Python: results to print, plot and save, and the identified device."""
 
 from __future__ import annotations
 
@@ -43,52 +43,52 @@ def identify(
     Parameters
     ----------
     recordings
-        One or several.
+        One recording or several recordings of the same device.
     close_loop
         Whether to search for physical effects that the model lacks.
     area
-        About how large either piston is [m^2]; by default what makes a measured force.
+        Approximate area of each piston [m^2]; by default the area that gives the measured force.
     geometric_factor
-        Contact force over piston force, from the linkage [-]; by default it counts as a part of the area.
+        Contact force / piston force, from the linkage [-]; by default included in the area.
     per_setpoint
-        Whether to fit a table of operating points beside the joint fit.
+        Whether to fit a table of operating points in addition to the joint fit.
     ambient_pressure
-        What gauge pressures are counted from, as the recordings were read [Pa].
+        Absolute ambient pressure with which the recordings were read [Pa].
     fractions
         Shares of train, validation and test.
     core
-        `linear`: the paper's equations; `physical`: those before they were linearised; `auto`: what closing the loop
-        finds the recordings to need.
+        `linear`: the paper's equations; `physical`: the equations before linearisation; `auto`: selected by the loop.
     tolerance
-        Errors that do not matter, `300Pa`, `2N` or `1%` of the span, or some of these: what is left within it makes no
-        verdict `unexplained`.
+        Largest acceptable errors: `300Pa`, `2N` or `1%` of the span, or several of these. A smaller remaining error
+        does not give the verdict `unexplained`.
 
     Raises
     ------
     InputError
-        If a recording is none, holds no motion or too few samples, or a cylinder tells no parameter.
+        If an item is not a recording, a recording has no motion or too few samples, or a cylinder determines no
+        parameter.
 
     """
-    sizes = tolerance_from([tolerance] if isinstance(tolerance, str) else tolerance)
-    options = Options(per_setpoint, fractions, ambient_pressure, close_loop, area, geometric_factor, core, sizes)
+    tolerances = tolerance_from([tolerance] if isinstance(tolerance, str) else tolerance)
+    options = Options(per_setpoint, fractions, ambient_pressure, close_loop, area, geometric_factor, core, tolerances)
     check_type('recordings', recordings, (Iterable, Recording, Path), 'a recording or a list of recordings')
-    given: list[Any] = [recordings] if isinstance(recordings, (Recording, str, Path)) else list(recordings)
-    for one in given:
-        if not isinstance(one, Recording):
-            raise InputError(f'identify takes recordings, not {one!r}: read it first, with read_recording')
-    return Result(identified(given, options))
+    items: list[Any] = [recordings] if isinstance(recordings, (Recording, str, Path)) else list(recordings)
+    for item in items:
+        if not isinstance(item, Recording):
+            raise InputError(f'identify takes recordings, not {item!r}. Read the bag first, with read_recording')
+    return Result(identified(items, options))
 
 
 class Result:
     """
-    What an identification found.
+    The result of an identification.
 
-    `print` shows its tables, a notebook its page.
+    `print` shows the tables; a notebook shows the report page.
 
     Attributes
     ----------
     identification : Identification
-        All of it: fits, residuals, tests, what was tried.
+        All results: fits, residuals, tests and candidate effects.
 
     """
 
@@ -97,7 +97,7 @@ class Result:
 
     @lazy_property
     def device(self) -> Device:
-        """The device that was identified, with the effects that were found."""
+        """The identified device, with the added effects."""
         return identified_device(self.identification)
 
     @lazy_property
@@ -107,35 +107,34 @@ class Result:
     @lazy_property
     def recordings(self) -> tuple[Recording, ...]:
         """
-        The recordings as they were identified, which `device` simulates with the errors of the report.
+        The recordings as the fit used them; `device` simulates them with the errors of the report.
 
-        They have no waves of the displacement that no pressure follows, and the set-points that were estimated where
-        none were recorded.
+        Sensor ripple is removed from the displacement, and estimated set-points replace missing ones.
         """
         return identified_recordings(self.identification)
 
     @property
     def report(self) -> dict[str, Any]:
-        """What `report.json` holds, see docs/interface.md."""
+        """The content of `report.json`; see docs/interface.md."""
         return report_data(self.identification, self._live)
 
     def save(self, folder: Path | str, *, full: bool = False, overwrite: bool = False) -> list[Path]:
         """
-        Write `report.json` and `parameters.yaml`, and where the loop was closed `report.html` and `compare.mcap`.
+        Write `report.json` and `parameters.yaml`; after a closed loop also `report.html` and `compare.mcap`.
 
         Parameters
         ----------
         folder
-            Where to; made if need be.
+            Folder for the files. A missing folder is created.
         full
-            Whether `compare.mcap` holds every sample, however many there are.
+            Whether `compare.mcap` holds every sample, regardless of the number.
         overwrite
-            Whether files of these names are replaced that this program did not write.
+            Whether files of these names are replaced even if this program did not write them.
 
         Raises
         ------
         InputError
-            If the folder can't be written, or a file in it is not to be replaced.
+            If the folder cannot be written, or a file in it must not be replaced.
 
         """
         check_path('folder', folder)
@@ -144,10 +143,10 @@ class Result:
 
     def plot(self, recording: int = 0) -> list[Axes]:
         """
-        Draw what was measured in a recording, what is simulated, and the residual, for each cylinder and the force.
+        Plot measured values, simulated values and residuals of a recording, for each cylinder and the force.
 
-        Returns the axes, two for each of them. In a notebook the picture shows; in a program `matplotlib.pyplot.show()`
-        shows it.
+        The method returns two axes for each channel. A notebook shows the plot; a program calls
+        `matplotlib.pyplot.show()`.
 
         Raises
         ------
@@ -162,16 +161,16 @@ class Result:
         return overview(self.identification, recording)
 
     def __repr__(self) -> str:
-        """Return what was identified, of which recordings."""
+        """Return the names of the recordings and of the identified channels."""
         names = ', '.join(recording.name for recording in self.identification.recordings)
         return f'<Result of {names}: {", ".join(self.identification.channels)}>'
 
     def __str__(self) -> str:
-        """Return the tables, and the verdicts where the loop was closed."""
+        """Return the tables, and the verdicts if the loop was closed."""
         return printed(lambda console: print_report(self.identification, console, self._live))
 
     def _repr_html_(self) -> str:
-        """Return the page in a frame, or the tables where the loop was not closed."""
+        """Return the report page in a frame, or the tables if the loop was not closed."""
         if not self.identification.closed:
             return f'<pre>{escape(str(self))}</pre>'
         return _FRAME.format(escape(report_page(self.identification, self._live)))

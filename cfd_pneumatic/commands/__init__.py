@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The offline programs."""
+"""The programs that need no ROS graph."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`compile_kernels`: what all programs compile on their first start, at once; for the build of an image."""
+"""`compile_kernels`: compile all machine code of the programs and nodes in advance, for the build of an image."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ NAME = 'compile_kernels'
 
 
 def compile_all(arguments: Sequence[str] | None = None) -> None:
-    """Compile, and say where the machine code is kept."""
+    """Compile all machine code and print its folder."""
     make_parser().parse_args(arguments)
     from cfd_pneumatic.runtime import announced
 
-    told: list[str | None] = []
-    waits = False
+    folders: list[str | None] = []
+    is_waiting = False
 
     def wait() -> None:
-        nonlocal waits
-        if not waits:
-            print('another process compiles: waiting for it', flush=True)
-        waits = True
+        nonlocal is_waiting
+        if not is_waiting:
+            print('another process is compiling: waiting for the end', flush=True)
+        is_waiting = True
 
-    compile_dir(Path(__file__).parents[1], quiet=2)  # else each start does, where Python may not write, as in images
-    with announced(told.append, wait):
-        _use_everything()
-    if not told:
+    compile_dir(Path(__file__).parents[1], quiet=2)  # else each start compiles again in a read-only image
+    with announced(folders.append, wait):
+        _run_everything()
+    if not folders:
         print('everything is compiled already')
-    elif told[0] is None:
-        print('compiled in vain: no cache can be written; name a folder for it in NUMBA_CACHE_DIR')
+    elif folders[0] is None:
+        print('The machine code is lost: no cache folder is writable. Set NUMBA_CACHE_DIR to a writable folder.')
     else:
-        folder = Path(told[0])  # of one module
-        below = folder.parent.parent if folder.name == '__pycache__' else folder.parent
-        print(f'compiled: the machine code is kept below {below}')
+        module_folder = Path(folders[0])
+        cache = module_folder.parent.parent if module_folder.name == '__pycache__' else module_folder.parent
+        print(f'compiled: the machine code is kept below {cache}')
 
 
-def _use_everything() -> None:
-    """Do what the programs do: record, identify, plan, answer live, watch."""
+def _run_everything() -> None:
+    """Record, identify, plan, simulate and monitor, so that the code of all programs is compiled."""
     from cfd_pneumatic import model, monitoring
     from cfd_pneumatic.device import identified_device
     from cfd_pneumatic.identification import Options, identify
@@ -57,9 +57,9 @@ def _use_everything() -> None:
     with TemporaryDirectory() as name:
         folder = Path(name)
         write_recording(folder / 'bag', recording_of(record(out_and_back(), leaking), 'out_and_back', 0))
-        found = identify([read_recording(folder / 'bag')], Options(close_loop=True))
-        write_report(found, folder)
-    plan(identified_device(found), Limits((35e3, 70e3), duration=5.0), wanted=('k_v',))
+        identification = identify([read_recording(folder / 'bag')], Options(close_loop=True))
+        write_report(identification, folder)
+    plan(identified_device(identification), Limits((35e3, 70e3), duration=5.0), wanted=('k_v',))
     model.warm_up()
     monitoring.warm_up()
 
@@ -68,9 +68,9 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
     return program.parser_of(
         NAME,
-        'Compile everything that the programs and nodes would compile on their first start: after an installation, or '
-        'in the build of an image. It is kept beside the package, in the cache of the user who gives this command, or '
-        'in NUMBA_CACHE_DIR.',
+        'Compile everything that the programs and nodes would compile on their first start. Run it after an '
+        'installation, or in the build of an image. The machine code is kept in the folder of the package, in the '
+        'cache of the user who runs this command, or in NUMBA_CACHE_DIR.',
     )
 
 

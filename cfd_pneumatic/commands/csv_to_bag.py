@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`csv_to_bag`: make a bag of a table."""
+"""`csv_to_bag`: convert a table of measurements to a bag."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ NAME = 'csv_to_bag'
 
 def convert(arguments: Sequence[str] | None = None) -> None:
     """
-    Make a bag of the table that the arguments name.
+    Convert the table that the arguments name to a bag.
 
     Raises
     ------
     InputError
-        If the table or its mapping can't be read, or the bag can't be written.
+        If the table or the mapping cannot be read, or the bag cannot be written.
 
     """
     options = make_parser().parse_args(arguments)
     check_bag(options.output, overwrite=options.overwrite)
     mapping = read_mapping(options.mapping)
     if mapping.table is None:
-        raise InputError(f'{options.mapping} maps the topics of a bag: for a table it needs the entry `table`')
+        raise InputError(f'{options.mapping} maps the topics of a bag. For a table, add the entry `table`')
     recording = read_recording(options.file, mapping=mapping, ambient_pressure=options.ambient_pressure)
     print(f'{recording.name}:')
-    found = check_recording(recording, options.ambient_pressure)
-    notices = [f'{notice.level}: {notice}' for notice in found]
-    for line in (*describe(recording, options.ambient_pressure), *recording.health, *notices):
+    notices = check_recording(recording, options.ambient_pressure)
+    warnings = [f'{notice.level}: {notice}' for notice in notices]
+    for line in (*describe(recording, options.ambient_pressure), *recording.health, *warnings):
         print(f'  {line}')
     write_recording(
         options.output,
@@ -53,17 +53,17 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
     parser = program.parser_of(
         NAME,
-        'Make a ROS 2 bag of a table of measurements, in SI units. What the columns are and in which units stands in a '
-        'mapping file; docs/mapping.md has all that it may hold.',
+        'Convert a table of measurements to a ROS 2 bag in SI units. A mapping file names the columns and their units; '
+        'docs/mapping.md describes all entries.',
     )
     parser.add_argument('file', type=Path, metavar='FILE', help='text file with a row for each sample')
     parser.add_argument(
-        '--mapping', type=Path, required=True, metavar='FILE', help='YAML file that says what the columns are'
+        '--mapping', type=Path, required=True, metavar='FILE', help='YAML file that names the columns and their units'
     )
     parser.add_argument('--output', type=Path, required=True, metavar='BAG', help='folder of the bag to write')
     parser.add_argument('--storage', choices=STORAGES, default='mcap', help='format of the bag (default: %(default)s)')
     parser.add_argument('--namespace', default='/cfd/device', help='namespace of the topics (default: %(default)s)')
-    program.add_ambient_pressure(parser, 'absolute pressure that gauge pressures are counted from')
+    program.add_ambient_pressure(parser, 'absolute ambient pressure, the zero of gauge pressures')
     program.add_overwriting_of_bags(parser)
     return parser
 

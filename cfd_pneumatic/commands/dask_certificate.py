@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`dask_certificate`: lets only those into a Dask cluster who have it; for `identify_bag --each` on many computers."""
+"""`dask_certificate`: make a certificate that protects a Dask cluster, for `identify_bag --each` on many computers."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from cfd_pneumatic.errors import InputError
 NAME = 'dask_certificate'
 
 
-def make(arguments: Sequence[str] | None = None) -> None:
-    """Write the certificate, and say how it is used."""
+def write_certificate(arguments: Sequence[str] | None = None) -> None:
+    """Write the certificate and print the commands that use it."""
     options = make_parser().parse_args(arguments)
     folder = options.folder
     try:
@@ -35,15 +35,15 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
     parser = program.parser_of(
         NAME,
-        'Make a certificate for a Dask cluster: scheduler, workers and clients that have it let nobody else in. Needs '
-        'the extra plant.',
+        'Make a certificate for a Dask cluster. Scheduler, workers and clients with this certificate refuse all '
+        'others. Needs the extra plant.',
     )
-    parser.add_argument('folder', type=Path, help='folder for the certificate and its key; who has them is let in')
-    parser.add_argument('--overwrite', action='store_true', help='replace a certificate that is there')
+    parser.add_argument('folder', type=Path, help='folder for the certificate and its key, which give access')
+    parser.add_argument('--overwrite', action='store_true', help='replace an existing certificate')
     return parser
 
 
-main = partial(program.run, NAME, make)
+main = partial(program.run, NAME, write_certificate)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`identify_bag`: fit the model's parameters to recordings."""
+"""`identify_bag`: fit the model's parameters to recordings, and find missing effects."""
 
 from __future__ import annotations
 
@@ -24,17 +24,16 @@ if TYPE_CHECKING:
 
 PROGRESS_KEY, CHECKSUM_KEY = 'progress', 'report_sha256'
 """
-With `--progress lines` each line on standard output is JSON: {"progress": share, "what": text}.
+Keys of the JSON lines of `--progress lines`: {"progress": share, "what": text}.
 
-The last one of an identification has the SHA-256 of its `report.json`, too, and the verdict on each channel where the
-loop was closed.
+The last line also has the SHA-256 of `report.json`, and the verdict on each channel if the loop was closed.
 """
 
 _MOST_JOBS = 256
-"""Processes on one computer, each of which takes some 200 MB."""
+"""Largest number of processes on this computer; each takes about 200 MB."""
 
-_LONG = 3600.0
-"""Over which the time left is estimated [s]: a bag may take minutes."""
+_SPEED_PERIOD = 3600.0
+"""Period over which the remaining time is estimated [s]; long, because a bag may take minutes."""
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -45,65 +44,66 @@ def make_parser() -> argparse.ArgumentParser:
     parser = parser_of(
         'identify_bag',
         f'Fit {", ".join(f"{spec.name} [{spec.unit}]" for spec in SPECS)} to recordings of piston displacement and '
-        'cylinder pressure, and find what the model lacks. Writes report.json, and parameters.yaml that sim_node runs '
-        'with; with --close-loop also report.html for people, and compare.mcap for PlotJuggler and Foxglove. Many bags '
-        'at once: identify_bag plant --each --close-loop --output plant_identified.',
+        'cylinder pressure, and find what the model lacks. Writes report.json, and parameters.yaml for sim_node. With '
+        '--close-loop also writes report.html for people, and compare.mcap for PlotJuggler and Foxglove. Many bags: '
+        'identify_bag plant --each --close-loop --output plant_identified.',
     )
     parser.add_argument(
         'bags',
         metavar='BAG',
         nargs='+',
         type=Path,
-        help='ROS 1 or 2 bag, or a table with --mapping; with --each also a folder of them',
+        help='ROS 1 or 2 bag, or a table with --mapping; with --each also a folder of bags',
     )
     parser.add_argument('--output', metavar='DIR', type=Path, required=True, help='folder for the results')
     add_mapping(parser)
     parser.add_argument(
         '--namespace',
-        help='namespace of the device where the bag holds several, e.g. /cfd/device (default: the only one)',
+        help='namespace of the device if the bag holds several, e.g. /cfd/device (default: the only namespace)',
     )
     parser.add_argument(
         '--from',
         dest='begin',
         type=number,
         metavar='S',
-        help="leave out what comes earlier, in seconds after each recording's first sample",
+        help="ignore earlier samples; seconds after each recording's first sample",
     )
-    parser.add_argument('--until', dest='end', type=number, metavar='S', help='leave out what comes later, likewise')
+    parser.add_argument('--until', dest='end', type=number, metavar='S', help='ignore later samples, likewise')
     parser.add_argument(
         '--per-setpoint', action='store_true', help='fit a table of operating points, one for each set-point'
     )
     parser.add_argument(
         '--close-loop',
         action='store_true',
-        help='trace what is left of the measured pressure to physical effects that the model lacks, add them, and '
-        'report the error before and after',
+        help='search for physical effects that explain the residual, add them to the model, and report the error '
+        'before and after',
     )
     parser.add_argument(
         '--core',
         choices=CORES,
         default=AUTO,
-        help="equations that effects are sought beside: the paper's linear ones, those before they were linearised, or "
-        'what --close-loop finds the recordings to need (default: %(default)s)',
+        help="equations to which effects are added: the paper's linear equations, the physical equations before "
+        'linearisation, or those that --close-loop selects (default: %(default)s)',
     )
     parser.add_argument(
         '--tolerance',
         action='append',
         default=[],
         metavar='SIZE',
-        help='error that does not matter, 300Pa, 2N or 1%% of the span: what is left within it makes no verdict '
-        '`unexplained`; may be given for each (default: every one matters)',
+        help='largest acceptable error, e.g. 300Pa, 2N or 1%% of the span: a smaller remaining error does not give the '
+        'verdict `unexplained`; may be repeated for each quantity (default: no error is acceptable)',
     )
     parser.add_argument(
         '--draft-effect',
         type=Path,
         metavar='FILE',
-        help='write an effect of the first law that was drawn and has a formula: NAME.py, for docs/adding_an_effect.md',
+        help='write a draft of an effect, NAME.py, from the first estimated curve with a formula; see '
+        'docs/adding_an_effect.md',
     )
     parser.add_argument(
         '--full',
         action='store_true',
-        help='write every sample to compare.mcap; it holds minima and maxima of more than 2 million messages',
+        help='write every sample to compare.mcap (default: minima and maxima above 2 million messages)',
     )
     parser.add_argument(
         '--split',
@@ -117,38 +117,43 @@ def make_parser() -> argparse.ArgumentParser:
         '--area',
         type=number,
         metavar='M2',
-        help='area of either piston [m^2]: it is held where a measured force at one set-point does not tell it '
-        '(default: what makes that force)',
+        help='area of each piston [m^2]: it is kept if a measured force at a single set-point does not determine it '
+        '(default: the area that gives the measured force)',
     )
     parser.add_argument(
         '--geometric-factor',
         type=number,
         metavar='RATIO',
-        help='contact force over piston force [-], from the linkage (default: it counts as a part of the area)',
+        help='contact force / piston force [-], from the linkage (default: included in the area)',
     )
     plant = parser.add_argument_group(
         'a plant',
         'Needs Dask: pip install "cfd_pneumatic[plant]". Writes results.csv, results.parquet, index.html, and a folder '
-        'for each bag below that of its device, which is the folder that the bag lies in. A bag that fails is a row '
-        'with its reason. Given again, the command goes on where it was interrupted, and does what is new or changed.',
+        'for each bag below the folder of its device. A device has the name of the folder that contains its bags. A '
+        'failed bag is a row with the reason. Run the command again to continue after an interruption, or to identify '
+        'new and changed bags.',
     )
     plant.add_argument(
-        '--each', action='store_true', help='identify each bag on its own, and those in folders, at any depth'
+        '--each',
+        action='store_true',
+        help='identify each bag separately, and each bag in the given folders at any depth',
     )
-    plant.add_argument('--jobs', type=int, metavar='N', help='bags at a time (default: the number of processor cores)')
+    plant.add_argument(
+        '--jobs', type=int, metavar='N', help='bags at the same time (default: the number of processor cores)'
+    )
     plant.add_argument(
         '--scheduler',
         type=_address,
         metavar='ADDRESS',
-        help='work on the Dask cluster of this scheduler, e.g. tls://host:8786, instead of this computer; all workers '
-        '(dask worker ADDRESS --nworkers=-1 --nthreads=1) must have this program and see the same files at the same '
+        help='use the Dask cluster of this scheduler, e.g. tls://host:8786, instead of this computer; all workers '
+        '(dask worker ADDRESS --nworkers=-1 --nthreads=1) must have this program, and the same files at the same '
         'paths',
     )
     plant.add_argument(
         '--certificate',
         type=Path,
         metavar='FOLDER',
-        help='certificate by which the scheduler knows its clients: `dask_certificate` makes it',
+        help='folder of the certificate for the scheduler, made with `dask_certificate`',
     )
     parser.add_argument(
         '--progress',
@@ -199,15 +204,15 @@ def _identify(args: Sequence[str] | None) -> None:
     if arguments.each:
         _identify_each(arguments, options, mapping)
     elif arguments.jobs is not None or arguments.scheduler is not None:
-        raise InputError('--jobs and --scheduler are for many bags: give --each, too')
+        raise InputError('--jobs and --scheduler are for many bags. Add --each')
     elif arguments.certificate is not None:
-        raise InputError('--certificate is for --scheduler: give that, too')
+        raise InputError('--certificate is for a cluster. Add --scheduler')
     else:
         _identify_together(arguments, options, mapping)
 
 
 def _check_draft(arguments: argparse.Namespace) -> None:
-    """Refuse a draft of an effect that could not come about, before there is any work in it."""
+    """Refuse options that cannot give a draft of an effect, before the work begins."""
     from cfd_pneumatic.files import check_folder, check_replaceable, never
     from cfd_pneumatic.model import EFFECTS
 
@@ -215,15 +220,17 @@ def _check_draft(arguments: argparse.Namespace) -> None:
     if draft is None:
         return
     if not arguments.close_loop or arguments.each:
-        raise InputError('--draft-effect is of what closing the loop draws: give --close-loop, and not --each')
+        raise InputError('--draft-effect needs the curve of a closed loop. Add --close-loop, and omit --each')
     if draft.suffix != '.py' or not draft.stem.isidentifier() or draft.stem in EFFECTS:
-        raise InputError(f'--draft-effect {draft}: name it as an effect that there is not yet, as scored_bore.py')
-    check_replaceable(draft, never, overwrite=arguments.overwrite)  # a draft is there to be edited
+        raise InputError(f'--draft-effect {draft}: the file must be named after a new effect, e.g. scored_bore.py')
+    check_replaceable(
+        draft, never, overwrite=arguments.overwrite
+    )  # never replaced unasked: the user may have edited the draft
     check_folder(draft.parent)
 
 
 def _identify_together(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
-    """Identify all bags as one."""
+    """Identify all bags together."""
     from cfd_pneumatic.files import check_replaceable, make_folder, never, write_text
     from cfd_pneumatic.identification import identify
     from cfd_pneumatic.recording import read_recording
@@ -241,7 +248,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
             for path in arguments.bags
         ]
         if arguments.begin is not None or arguments.end is not None:
-            recordings = [one.part(arguments.begin, arguments.end) for one in recordings]
+            recordings = [recording.part(arguments.begin, arguments.end) for recording in recordings]
         report('read', 0.2)
     if arguments.progress != 'lines':
         _print_recordings(recordings, options)
@@ -251,54 +258,58 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         written = write_report(identification, arguments.output, full=arguments.full, overwrite=arguments.overwrite)
         report('done', 1.0)
     if arguments.progress == 'lines':
-        concluded = {name: one.conclusion for name, one in identification.channels.items()}
-        verdicts = {name: one.verdict for name, one in concluded.items() if one is not None}
+        conclusions = {name: result.conclusion for name, result in identification.channels.items()}
+        verdicts = {name: conclusion.verdict for name, conclusion in conclusions.items() if conclusion is not None}
         print(json.dumps({PROGRESS_KEY: 1.0, 'what': 'done', CHECKSUM_KEY: written.checksum, 'verdicts': verdicts}))
     else:
         print_report(identification, terminal(), written.live)
         print(f'written: {", ".join(map(str, written.files))}')
         if not written.complete:
-            print('The recording is long: compare.mcap holds minima and maxima. --full writes every sample.')
+            print('The recording is long: compare.mcap holds minima and maxima only. Use --full to write every sample.')
         command = next_plan(identification, arguments.output)
         if command is not None:
-            print(f'To plan an experiment that tells more: {command}')
+            print(f'To plan the next experiment: {command}')
     if arguments.draft_effect is not None:
         text = draft_effect(identification, arguments.draft_effect.stem)
         make_folder(arguments.draft_effect.parent)
-        check_replaceable(arguments.draft_effect, never, overwrite=arguments.overwrite)  # it may have come meanwhile
+        check_replaceable(
+            arguments.draft_effect, never, overwrite=arguments.overwrite
+        )  # another program may have written the file meanwhile
         write_text(arguments.draft_effect, text)
 
 
 def _print_recordings(recordings: Sequence[Recording], options: Options) -> None:
-    """Print what was recorded, and which mistakes that looks like, before minutes are spent on it."""
+    """Print a summary of the recordings and the likely input errors, before the identification takes minutes."""
     from cfd_pneumatic.identification import check_recordings, describe
     from cfd_pneumatic.notices import WARNING
 
     for recording in recordings:
         print(f'{recording.name}:', *describe(recording, options.ambient_pressure), sep='\n  ')
-    warnings = [one for one in check_recordings(recordings, options) if one.level == WARNING]
-    for one in warnings:
-        print(f'warning: {one}')
+    warnings = [notice for notice in check_recordings(recordings, options) if notice.level == WARNING]
+    for notice in warnings:
+        print(f'warning: {notice}')
     if warnings:
-        print('It goes on nevertheless; Ctrl-C ends it, to mend that first.')
+        print('The identification continues. Press Ctrl-C to stop it and correct the input first.')
     sys.stdout.flush()
 
 
 def _identify_each(arguments: argparse.Namespace, options: Options, mapping: ChannelMapping | None) -> None:
-    """Identify each bag on its own."""
+    """Identify each bag separately."""
     try:
-        from cfd_pneumatic import plant  # with Dask and PyArrow, which not everybody has
+        from cfd_pneumatic import plant  # needs Dask and PyArrow, which are optional
     except ModuleNotFoundError as error:
-        raise InputError(f"--each needs Dask ({error.name}): pip install 'cfd_pneumatic[plant]'") from error
+        raise InputError(
+            f"--each needs Dask ({error.name}). Install it with pip install 'cfd_pneumatic[plant]'"
+        ) from error
     from cfd_pneumatic.files import check_folder, exclusive_access, make_folder
 
     if arguments.begin is not None or arguments.end is not None:
-        raise InputError('--from and --until are for recordings that are identified together: leave out --each')
+        raise InputError('--from and --until are for recordings that are identified together. Omit --each')
     if arguments.jobs is not None and arguments.scheduler is not None:
-        raise InputError('--jobs and --scheduler: a cluster has as many workers as it has; leave out --jobs')
+        raise InputError('--jobs and --scheduler: the cluster determines the number of workers. Omit --jobs')
     jobs = len(os.sched_getaffinity(0)) if arguments.jobs is None else arguments.jobs
     if not 1 <= jobs <= _MOST_JOBS:
-        raise InputError(f'--jobs {jobs}: give a number from 1 to {_MOST_JOBS}')
+        raise InputError(f'--jobs {jobs}: the number must be from 1 to {_MOST_JOBS}')
     bags = plant.find_bags(arguments.bags, arguments.output, tables=mapping is not None and mapping.table is not None)
     check_folder(arguments.output)
     make_folder(arguments.output)
@@ -308,25 +319,25 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         cluster = plant.existing_cluster(arguments.scheduler, arguments.certificate)
         if plant.is_open(arguments.scheduler):
             print(
-                f'warning: whoever reaches {arguments.scheduler} can run programs on its workers: use tls:// and '
-                '--certificate (README, A plant)',
+                f'warning: any computer that reaches {arguments.scheduler} can run programs on its workers. Use tls:// '
+                'and --certificate (README, A plant).',
                 file=sys.stderr,
             )
     settings = plant.Settings(options, mapping, arguments.namespace)
     try:
         with exclusive_access(arguments.output), _progress(arguments.progress, remaining=True) as report:
-            found = plant.survey(bags, settings, arguments.output, cluster, report, overwrite=arguments.overwrite)
+            results = plant.survey(bags, settings, arguments.output, cluster, report, overwrite=arguments.overwrite)
     except KeyboardInterrupt:
-        print('identify_bag: interrupted: give the same command again to go on', file=sys.stderr)
+        print('identify_bag: interrupted. Run the same command again to continue', file=sys.stderr)
         raise
     if arguments.progress != 'lines':
-        print(found.summary)
-        print(f'written: {", ".join(map(str, found.files))}')
+        print(results.summary)
+        print(f'written: {", ".join(map(str, results.files))}')
 
 
 @contextmanager
 def _progress(style: str, *, remaining: bool = False) -> Iterator[Callable[[str, float], None]]:
-    """Yield a function that shows what is being done and which share of the whole is done."""
+    """Yield a function that shows the current task and the completed share of the work."""
     if style == 'bar':
         from rich.console import Console
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -335,7 +346,11 @@ def _progress(style: str, *, remaining: bool = False) -> Iterator[Callable[[str,
         columns += [TimeRemainingColumn()] if remaining else []
         console = Console(stderr=True)
         with Progress(
-            *columns, console=console, transient=True, speed_estimate_period=_LONG, disable=not console.is_terminal
+            *columns,
+            console=console,
+            transient=True,
+            speed_estimate_period=_SPEED_PERIOD,
+            disable=not console.is_terminal,
         ) as bar:
             task = bar.add_task('reading', total=1.0)
             yield lambda what, share: bar.update(task, description=what, completed=share)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`leak_test`: how much leaks behind a shut valve, and by which law."""
+"""`leak_test`: estimate the leak of a chamber behind a shut valve, and select the leak model."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from cfd_pneumatic.errors import InputError
 NAME = 'leak_test'
 
 
-def tell(arguments: Sequence[str] | None = None) -> None:
+def estimate_leaks(arguments: Sequence[str] | None = None) -> None:
     """
-    Tell the leak of each cylinder in the recording that the arguments name.
+    Estimate and print the leak of each cylinder in the recording that the arguments name.
 
     Raises
     ------
     InputError
-        If the recording can't be read or tells nothing, or the folder can't be written.
+        If the recording cannot be read or determines no leak, or the folder cannot be written.
 
     """
     options = make_parser().parse_args(arguments)
@@ -34,7 +34,8 @@ def tell(arguments: Sequence[str] | None = None) -> None:
 
     if options.begin < 0 or options.begin >= options.end:
         raise InputError(
-            f'--begin {options.begin:g} --end {options.end:g}: give seconds from the first sample on, begin before end'
+            f'--begin {options.begin:g} --end {options.end:g}: both are seconds after the first sample. Begin must be '
+            'before end'
         )
     if options.output is not None:
         FILES.check(options.output, overwrite=options.overwrite)
@@ -64,13 +65,13 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
     parser = program.parser_of(
         NAME,
-        'Tell the leak of a chamber from a recording of its pressure behind a shut valve: the conductance per volume '
-        '[1/s] with its interval, which of the leak laws of sim_node it excludes, and whether something settles '
-        'beside the leak. Only a pressure is needed; the piston is at rest.',
+        'Estimate the leak of a chamber from a recording of its pressure behind a shut valve. Prints the conductance '
+        'per volume [1/s] with its interval, the leak models of sim_node that the recording excludes, and settling of '
+        'the pressure in addition to the leak. Only the pressure is needed. The piston must be at rest.',
     )
     parser.add_argument('recording', type=Path, metavar='RECORDING', help='ROS 1 or 2 bag, or a table with --mapping')
     program.add_mapping(parser)
-    parser.add_argument('--namespace', help='namespace of the device where the bag holds several, e.g. /cfd/device')
+    parser.add_argument('--namespace', help='namespace of the device if the bag holds several, e.g. /cfd/device')
     parser.add_argument('--output', type=Path, metavar='DIR', help='folder for leak.json and leak.svg')
     parser.add_argument(
         '--begin',
@@ -84,14 +85,14 @@ def make_parser() -> argparse.ArgumentParser:
         type=program.number,
         default=float('inf'),
         metavar='S',
-        help='time at which it opens [s] (default: never)',
+        help='time at which the valve opens [s] (default: never)',
     )
-    program.add_ambient_pressure(parser, 'what gauge pressures are above, absolute')
+    program.add_ambient_pressure(parser, 'absolute ambient pressure, the zero of gauge pressures')
     program.add_overwriting(parser)
     return parser
 
 
-main = partial(program.run, NAME, tell)
+main = partial(program.run, NAME, estimate_leaks)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`plan_experiment`: which experiment to do next, and what it will tell."""
+"""`plan_experiment`: plan the next experiment, and predict the parameters and effects that it determines."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _SENSING = ('pressure_noise', 'displacement_noise', 'force_noise', 'sample_rate'
 _LIMITS = ('stroke', 'speed', 'acceleration', 'duration')
 
 
-def propose(arguments: Sequence[str] | None = None) -> None:
+def plan_from_arguments(arguments: Sequence[str] | None = None) -> None:
     """
-    Plan an experiment with the device that the arguments name, and write the schedule.
+    Plan an experiment for the device that the arguments name, and write the schedule.
 
     Raises
     ------
     InputError
-        If the parameter file can't be read, the limits leave nothing, or the folder can't be written.
+        If the parameter file cannot be read, the limits allow no experiment, or the folder cannot be written.
 
     """
     options = make_parser().parse_args(arguments)
@@ -53,26 +53,27 @@ def propose(arguments: Sequence[str] | None = None) -> None:
     limits = Limits(pressures, **{name: getattr(options, name) for name in _LIMITS})
     FILES.check(options.output, overwrite=options.overwrite)
     wanted = WANTED if options.wanted is None else options.wanted
-    found = plan(device, limits, sensing, wanted)
-    files = write_plan(found, options.output, overwrite=options.overwrite)
+    proposed = plan(device, limits, sensing, wanted)
+    files = write_plan(proposed, options.output, overwrite=options.overwrite)
     console = terminal()
     for name in device.assumed:
-        console.print(f'{name} is not in {options.parameters}: planned with Table 1', style='yellow')
+        console.print(f'{name} is not in {options.parameters}. The value of Table 1 is used.', style='yellow')
     scope = f'planned for strokes of {1e3 * limits.stroke:.3g} mm, sampled at {sensing.sample_rate:g} Hz'
-    console.print(f'{scope}{_slowness(wanted, sensing.sample_rate)}')
-    print_plan(found, console)
+    console.print(f'{scope}{_sampling_advice(wanted, sensing.sample_rate)}')
+    print_plan(proposed, console)
     print(f'written: {", ".join(map(str, files))}')
 
 
-def _slowness(wanted: Sequence[str], sample_rate: float) -> str:
-    """Return which effects a faster sampling than planned for [Hz] would show better, if any."""
+def _sampling_advice(wanted: Sequence[str], sample_rate: float) -> str:
+    """Return the advice to sample faster than planned [Hz], with the effects that this shows better; empty if none."""
     from cfd_pneumatic.model import EFFECTS
 
-    slow = [EFFECTS[name] for name in wanted if name in EFFECTS and EFFECTS[name].shown_at > sample_rate]
-    if not slow:
+    fast_effects = [EFFECTS[name] for name in wanted if name in EFFECTS and EFFECTS[name].shown_at > sample_rate]
+    if not fast_effects:
         return ''
-    names, rate = ', '.join(one.name for one in slow), max(one.shown_at for one in slow)
-    return f'; better seen at --sample-rate {rate:g}: {names}'
+    names = ', '.join(effect.name for effect in fast_effects)
+    rate = max(effect.shown_at for effect in fast_effects)
+    return f'; better visible with --sample-rate {rate:g}: {names}'
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -84,13 +85,13 @@ def make_parser() -> argparse.ArgumentParser:
     sensing = Sensing()
     parser = program.parser_of(
         NAME,
-        'Propose displacements and set-points that make parameters and effects identifiable, within the '
-        'limits of the cell, and predict the standard error of each parameter and which effects would show. Writes '
+        'Propose displacements and set-points that make parameters and effects identifiable within the '
+        'limits of the cell. Predicts the standard error of each parameter, and the visible effects. Writes '
         f'{SCHEDULE_FILE} (time [s], displacement [m], velocity [m/s], gauge set-points [Pa]) for a robot and for '
         f'rig_node, {PLAN_FILE} and {PICTURE_FILE}.',
     )
     parser.add_argument(
-        'parameters', type=Path, metavar='PARAMETERS', help='parameter file of sim_node, as identify_bag writes it'
+        'parameters', type=Path, metavar='PARAMETERS', help='parameter file of sim_node, as written by identify_bag'
     )
     parser.add_argument('--output', type=Path, required=True, metavar='DIR', help='folder for the plan')
     parser.add_argument(
@@ -104,8 +105,8 @@ def make_parser() -> argparse.ArgumentParser:
         '--stroke',
         type=program.number,
         metavar='M',
-        help='the piston stays between 0 and this [m]; may be negative '
-        f'(default: {limits.stroke:g}, or as far as it went in the report)',
+        help='far end of the stroke, which begins at 0 [m]; may be negative '
+        f'(default: {limits.stroke:g}, or the stroke in the report)',
     )
     cell.add_argument(
         '--speed',
@@ -126,40 +127,41 @@ def make_parser() -> argparse.ArgumentParser:
         type=program.number,
         nargs=2,
         metavar=('LOW', 'HIGH'),
-        help='range of the set-points, gauge [Pa] (default: that in the parameter file; from a single one 5 psi up)',
+        help='range of the set-points, gauge [Pa] (default: range in the parameter file; for a single set-point up to '
+        '5 psi above)',
     )
     cell.add_argument(
         '--duration',
         type=program.number,
         default=limits.duration,
         metavar='S',
-        help='longest [s] (default: %(default)s)',
+        help='longest duration [s] (default: %(default)s)',
     )
     sensors = parser.add_argument_group('sensors')
     sensors.add_argument(
         '--report',
         type=Path,
         metavar='FILE',
-        help='report.json of identify_bag to take the noise of the pressures, the sample rate and the stroke from',
+        help='report.json of identify_bag with the noise of the pressures, the sample rate and the stroke',
     )
-    for name, metavar, text, otherwise in (
+    for name, metavar, text, alternative in (
         ('pressure_noise', 'PA', "standard deviation of the pressures' noise [Pa]", ", or the report's"),
         (
             'displacement_noise',
             'M',
             "standard deviation of the displacement's noise [m]",
-            ", or none beside the report's pressure noise, which holds it",
+            ", or 0 with the report's pressure noise, which includes the displacement's",
         ),
         ('force_noise', 'N', "standard deviation of the force's noise [N]", ''),
-        ('sample_rate', 'HZ', 'samples in a second [Hz]', ", or the report's"),
+        ('sample_rate', 'HZ', 'sample rate [Hz]', ", or the report's"),
     ):
-        help_text = f'{text} (default: {getattr(sensing, name):g}{otherwise})'
+        help_text = f'{text} (default: {getattr(sensing, name):g}{alternative})'
         sensors.add_argument(f'--{name.replace("_", "-")}', type=program.number, metavar=metavar, help=help_text)
     program.add_overwriting(parser)
     return parser
 
 
-main = partial(program.run, NAME, propose)
+main = partial(program.run, NAME, plan_from_arguments)
 
 if __name__ == '__main__':
     sys.exit(main())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all offline programs have in common: their help, and how they end."""
+"""Common parts of the offline programs: parser, shared options, error messages and exit codes."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from cfd_pneumatic.runtime import BAD_INPUT, INTERRUPTED
 
 BROKEN_PIPE = 141
 
-_LONGEST_LINE = 2_000
-_LONGEST_SHOWN = 40  # characters of an argument
-_LONGEST_MESSAGE = 400  # of argparse, which may list all choices, and repeats the argument
+_LONGEST_LINE = 2_000  # characters of an error message
+_LONGEST_SHOWN = 40  # characters of an argument in an error message
+_LONGEST_MESSAGE = 400  # characters of a message of argparse, which may list all choices and the argument
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Leaves the lines of an example as they are."""
+    """A formatter that keeps the line breaks of an example."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         return text if text.startswith('example:') else super()._fill_text(text, width, indent)
 
 
 class _Parser(argparse.ArgumentParser):
-    """Reports a wrong argument as all other bad input is reported: in one line."""
+    """A parser that reports a wrong argument as an `InputError`, like all other bad input."""
 
     def error(self, message: str) -> NoReturn:
         shown = message if len(message) <= _LONGEST_MESSAGE else f'{message[:_LONGEST_MESSAGE]} ...'
@@ -42,7 +42,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser_of(name: str, description: str) -> argparse.ArgumentParser:
-    """Return a program's parser, without arguments yet, whose help ends with the program's example."""
+    """Return a parser without arguments; its help ends with the example of the program."""
     parser = _Parser(
         prog=name,
         description=description,
@@ -55,7 +55,7 @@ def parser_of(name: str, description: str) -> argparse.ArgumentParser:
 
 
 def number(text: str) -> float:
-    """Return the finite number that an option is given."""
+    """Return the value of an option as a finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -66,7 +66,7 @@ def number(text: str) -> float:
 
 
 def ambient_pressure(text: str) -> float:
-    """Return the absolute pressure of the surroundings that an option is given [Pa]."""
+    """Return the value of an option as an absolute ambient pressure [Pa]."""
     value = number(text)
     lowest, highest = AMBIENT_PRESSURES
     if not lowest <= value <= highest:
@@ -75,26 +75,26 @@ def ambient_pressure(text: str) -> float:
 
 
 def add_mapping(parser: argparse.ArgumentParser) -> None:
-    """Add the option that names a mapping file, which a table needs and a bag may have."""
-    text = 'YAML file that says what the topics or columns are; `csv_to_bag --help` shows one'
+    """Add the option for the mapping file, which is required for a table and optional for a bag."""
+    text = 'YAML file that names the topics or columns; `csv_to_bag --help` shows an example'
     parser.add_argument('--mapping', metavar='FILE', type=Path, help=text)
 
 
 def add_ambient_pressure(parser: argparse.ArgumentParser, meaning: str) -> None:
-    """Add the option that names the absolute pressure of the surroundings [Pa]."""
+    """Add the option for the absolute ambient pressure [Pa]."""
     text = f'{meaning} [Pa] (default: %(default)s)'
     parser.add_argument('--ambient-pressure', type=ambient_pressure, default=AMBIENT_PRESSURE, metavar='PA', help=text)
 
 
 def add_overwriting(parser: argparse.ArgumentParser) -> None:
-    """Add the option by which files are replaced that are not results of ours."""
-    text = 'replace files that this program did not write, too (default: only results of earlier runs)'
+    """Add the option that replaces files which this program did not write."""
+    text = 'also replace files that this program did not write (default: replace only results of earlier runs)'
     parser.add_argument('--overwrite', action='store_true', help=text)
 
 
 def add_overwriting_of_bags(parser: argparse.ArgumentParser) -> None:
-    """Add the option by which a bag is replaced, and its former name."""
-    parser.add_argument('--overwrite', action='store_true', help='replace a bag that is there')
+    """Add the option that replaces an existing bag, and the former name of the option."""
+    parser.add_argument('--overwrite', action='store_true', help='replace an existing bag')
     parser.add_argument('--force', dest='overwrite', action='store_true', help=argparse.SUPPRESS)
 
 
@@ -105,47 +105,49 @@ def run(name: str, program: Callable[[Sequence[str] | None], None], arguments: S
     Parameters
     ----------
     name : str
-        Name of the program, which begins its error message.
+        Name of the program, the first word of an error message.
     program : callable
-        Takes the arguments, does the work.
+        Function of the arguments that does the work.
     arguments : sequence of str, optional
         Arguments; by default those of the command line.
 
     Returns
     -------
     int
-        0; 2 after an `InputError`, with its one line on stderr; as a shell reports it after an interrupt (130) or where
-        the reader of the output has gone (141).
+        0 after success; 2 after an `InputError`, whose line is printed to stderr; 130 after an interrupt; 141 if the
+        reader of the output is closed.
 
     """
-    # The programs' threads are their own: those of NumPy's library beside them would only compete for the same cores,
-    # which doubles the time on a busy machine. It asks once, when NumPy is loaded, and so programs import that late.
+    # The programs have threads of their own. Threads of OpenBLAS would compete for the same cores and double the
+    # time on a busy machine. OpenBLAS reads the variable when NumPy is imported; therefore programs import NumPy late.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors='backslashreplace')  # a file's name may be no text
+            stream.reconfigure(errors='backslashreplace')  # the name of a file may be invalid UTF-8
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter('ignore', RuntimeWarning)  # NumPy's of overflow: what comes of it is said
+            warnings.simplefilter('ignore', RuntimeWarning)  # overflows in NumPy lead to messages of this program
             program(arguments)
         sys.stdout.flush()
     except InputError as error:
-        return _refused(name, str(error))
+        return _print_error(name, str(error))
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains again when it flushes
+        os.dup2(
+            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
+        )  # otherwise Python reports the broken pipe again at exit
         return BROKEN_PIPE
-    except OSError as error:  # the disk is full, a name is too long
+    except OSError as error:  # e.g. a full disk or a name that is too long
         if error.filename is None and not _is_writable(sys.stdout):
-            return _refused(name, f'cannot write to the standard output: {error.strerror or error}')
-        where = f'{error.filename}: ' if error.filename else ''
-        return _refused(name, f'{where}{error.strerror or error}')
+            return _print_error(name, f'cannot write to the standard output: {error.strerror or error}')
+        prefix = f'{error.filename}: ' if error.filename else ''
+        return _print_error(name, f'{prefix}{error.strerror or error}')
     return 0
 
 
 def _is_writable(stream: TextIO) -> bool:
-    """Try to write an empty line. If that fails, drop what the stream holds: Python would complain of it at the end."""
+    """Return whether an empty line can be written; if not, drop the buffer, which Python would report at exit."""
     try:
         print(file=stream, flush=True)
     except OSError:
@@ -154,8 +156,8 @@ def _is_writable(stream: TextIO) -> bool:
     return True
 
 
-def _refused(name: str, reason: str) -> int:
-    """Say why in a line, as long as one can read."""
+def _print_error(name: str, reason: str) -> int:
+    """Print an error message of limited length and return the exit code."""
     line = printable(reason)
     shown = line if len(line) <= _LONGEST_LINE else f'{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 2 :]}'
     print(f'{name}: error: {shown}', file=sys.stderr)

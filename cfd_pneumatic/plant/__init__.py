@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A plant: hundreds of devices, a bag each a shift, identified by many workers into one table and one page.
+Identification of a plant: many workers identify the bags of many devices into a table and an index page.
 
-Needs Dask and PyArrow, which the extra `plant` brings.
+The package needs Dask and PyArrow, which the extra `plant` installs.
 """
 
 from cfd_pneumatic.plant.bags import find_bags

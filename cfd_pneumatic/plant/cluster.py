@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Jobs done by the workers of a Dask cluster, some of which may die over them."""
+"""Execution of jobs on the workers of a Dask cluster, with retries if a worker dies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import dask
 from distributed import Client, Future, KilledWorker, LocalCluster
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.plant.certificate import security_of
+from cfd_pneumatic.plant.certificate import load_tls
 from cfd_pneumatic.runtime import WARNED_FOLDER, guard_multiprocessing
 
 Work = TypeVar('Work')
@@ -25,53 +25,53 @@ Result = TypeVar('Result')
 
 _ONE_THREAD = dict.fromkeys(('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'), 1)
 
-_LASTING = {'distributed.deploy.lost-worker-timeout': '1h'}
-"""So long a worker may take to begin anew; by default it is given up after 15 s, which a busy machine needs."""
+_WORKER_TIMEOUT = {'distributed.deploy.lost-worker-timeout': '1h'}
+"""Time in which a lost worker may restart. Dask's default, 15 s, is too short on a busy machine."""
 
-_PATIENCE = '10s'
+_PATIENCE = '10s'  # for the answer of a scheduler
 _LOCAL = ('127.', 'localhost', '[::1]')
 _BATCH = 500  # jobs that are sent at once
-_LOOK = 5.0  # how often workers are looked for while nothing comes back [s]
+_CHECK_INTERVAL = 5.0  # interval between checks for workers while no result arrives [s]
 
 
 @contextmanager
 def local_cluster(workers: int) -> Iterator[Client]:
-    """Yield a client of a cluster of our own: processes with one thread each, replaced where they die."""
+    """Yield the client of a new local cluster; its workers have one thread each and restart if they die."""
     _silence()
     guard_multiprocessing()
     with TemporaryDirectory(prefix='cfd_pneumatic-', ignore_cleanup_errors=True) as scratch:
-        # A terminal sends interrupts to the workers, too, which would complain of them.
+        # A terminal sends interrupts to the workers, too, which would print tracebacks.
         with dask.config.set(_settings(scratch)), _without_interrupts():
             cluster = LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address='127.0.0.1:0',  # any free port: another cluster here may have the usual one
+                dashboard_address='127.0.0.1:0',  # any free port: another local cluster may use the default port
                 silence_logs=logging.CRITICAL,
             )
-        with dask.config.set(_LASTING), cluster, Client(cluster) as client:
+        with dask.config.set(_WORKER_TIMEOUT), cluster, Client(cluster) as client:
             yield client
 
 
 def _settings(scratch: str) -> dict[str, object]:
-    """Return settings of Dask for workers that use a scratch folder."""
+    """Return the settings of Dask for workers that use a scratch folder."""
     return {
-        # by default memory is given back after each array, which takes a fifth of a worker's time
+        # Dask's default returns memory after each array, which takes a fifth of a worker's time
         'distributed.nanny.pre-spawn-environ': {**_ONE_THREAD, WARNED_FOLDER: scratch},
         'distributed.worker.profile.enabled': False,
-        # workers import what is in this folder; the default is one that another user may have made
+        # workers import modules from this folder; another user may have created Dask's default folder
         'temporary-directory': scratch,
     }
 
 
 def _silence() -> None:
-    """Keep Dask's logs from the terminal: what went wrong is said by whoever uses the client."""
+    """Keep Dask's logs from the terminal: the caller of the client reports the errors."""
     for name in ('distributed', 'distributed.client'):
         logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 class _Client(Client):
-    """A client that ends where it can't begin: Dask's own is left to the garbage, whose collector may wait for ever."""
+    """A client that closes if it cannot start; Dask leaves its client to the garbage collector, which may block."""
 
     def start(self, **options: object) -> None:
         try:
@@ -84,8 +84,8 @@ class _Client(Client):
 
 @contextmanager
 def _without_interrupts() -> Iterator[None]:
-    """Keep interrupts from all threads and processes that begin meanwhile, and from theirs."""
-    resource_tracker.ensure_running()  # or it begins among them and lets interrupts through again
+    """Block interrupts for all threads and processes that start in this context, and for their children."""
+    resource_tracker.ensure_running()  # if it started in the context, it would unblock interrupts
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -96,38 +96,38 @@ def _without_interrupts() -> Iterator[None]:
 @contextmanager
 def existing_cluster(address: str, certificate: Path | None = None) -> Iterator[Client]:
     """
-    Yield a client of a cluster that runs.
+    Yield the client of a running cluster.
 
     Parameters
     ----------
     address
-        Of its scheduler.
+        Address of the scheduler.
     certificate
-        Folder of the certificate by which it knows its clients; by default that of Dask's own configuration, if any.
+        Folder of the certificate of the cluster. By default Dask's configuration names the certificate, if any.
 
     Raises
     ------
     InputError
-        If no scheduler answers at the address, or the certificate is none.
+        If no scheduler answers at the address, or the certificate is invalid.
 
     """
     _silence()
-    security = None if certificate is None else security_of(certificate)
+    security = None if certificate is None else load_tls(certificate)
     try:
         client = _Client(address, timeout=_PATIENCE, security=security)
-    except (OSError, ValueError, TypeError, RuntimeError) as error:  # Dask's, for want of one of its own
+    except (OSError, ValueError, TypeError, RuntimeError) as error:  # Dask raises these; it has no specific exception
         raise InputError(
-            f'no Dask scheduler answers at {address}: start one with `dask scheduler` and give the address it prints, '
-            'and its certificate where it wants one'
+            f'no Dask scheduler answers at {address}. Start it with `dask scheduler`. Give the address that it prints, '
+            'with --certificate if it requires a certificate'
         ) from error
     with client:
         yield client
 
 
 def is_open(address: str) -> bool:
-    """Return whether others than this computer may reach a scheduler, and need no certificate."""
-    protocol, _, place = address.rpartition('://')
-    return protocol != 'tls' and not place.startswith(_LOCAL)
+    """Return whether other computers can reach a scheduler without a certificate."""
+    protocol, _, host = address.rpartition('://')
+    return protocol != 'tls' and not host.startswith(_LOCAL)
 
 
 def results(
@@ -137,37 +137,37 @@ def results(
     no_workers: Callable[[], None] = lambda: None,
 ) -> Iterator[tuple[Work, Result | Exception]]:
     """
-    Yield each job with what the function returned or raised, in the order in which they end.
+    Yield each job with the function's result or exception, in the order of completion.
 
-    What a worker was doing when it died is done again by another. Jobs that several workers died over are done again
-    one by one, so that none is blamed for another's doing.
+    If a worker dies, another worker repeats its jobs. Jobs with several dead workers are repeated alone at the end, to
+    find the job that kills its worker.
 
     Parameters
     ----------
     client
-        Of the cluster.
+        Client of the cluster.
     function, jobs
-        What to do, and what with; both are sent to the workers.
+        Function to call with each job. Both are sent to the workers.
     no_workers
-        Called now and then while there are no workers: they may come.
+        Called repeatedly while there are no workers.
 
     Raises
     ------
     InputError
-        If the scheduler is lost.
+        If the connection to the scheduler is lost.
 
     """
-    suspects = []
-    for job, result in _done(client, function, jobs, no_workers):
+    retried = []
+    for job, result in _completed_jobs(client, function, jobs, no_workers):
         if isinstance(result, KilledWorker):
-            suspects.append(job)
+            retried.append(job)
         else:
             yield job, result
-    for suspect in suspects:
-        yield from _done(client, function, [suspect], no_workers)
+    for job in retried:
+        yield from _completed_jobs(client, function, [job], no_workers)
 
 
-def _done(
+def _completed_jobs(
     client: Client, function: Callable[[Work], Result], jobs: Sequence[Work], no_workers: Callable[[], None]
 ) -> Iterator[tuple[Work, Result | Exception]]:
     done: SimpleQueue[Future[Any]] = SimpleQueue()
@@ -176,14 +176,14 @@ def _done(
         future.add_done_callback(done.put)
     while waiting:
         try:
-            future = done.get(timeout=_LOOK)
+            future = done.get(timeout=_CHECK_INTERVAL)
         except Empty:
             if not client.nthreads():
                 no_workers()
             continue
-        if future.status == 'lost':  # with a worker that had it; it comes again
+        if future.status == 'lost':  # its worker died; another worker repeats the job
             future.add_done_callback(done.put)
             continue
         if future.cancelled():
-            raise InputError('the Dask scheduler was lost: give the same command again to go on')
+            raise InputError('the connection to the Dask scheduler was lost. Run the same command again to continue')
         yield waiting.pop(future), future.exception() or future.result()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small charts of a value's drift, as SVG of few bytes: a page has thousands of them."""
+"""Small charts of a value over all bags, as SVG of few bytes, because a page has thousands of charts."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from html import escape
 from itertools import pairwise
 
 WIDTH, HEIGHT = 600, 120
-"""Size that charts are drawn in, in whole numbers; the page scales them."""
+"""Size of the charts in whole numbers. The page scales the charts."""
 
 _EDGE = 8
-_LEAST_SPAN = 0.02  # of a value: what varies by less is drawn flat
+_LEAST_SPAN = 0.02  # share of a value; a smaller variation appears as a flat line
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,9 @@ class Curve:
     Attributes
     ----------
     key
-        Class of its colour: `before` or `after`.
+        CSS class of the colour: `before` or `after`.
     values, stds
-        Values and standard errors; None where there is none.
+        Values and standard errors; None for a missing value.
 
     """
 
@@ -34,54 +34,54 @@ class Curve:
     stds: Sequence[float | None]
 
     @property
-    def told(self) -> list[float]:
-        """The values that there are."""
+    def present_values(self) -> list[float]:
+        """The values that are not missing."""
         return [value for value in self.values if value is not None]
 
 
-def drift_chart(places: Sequence[float], tracks: Sequence[Curve], marks: Sequence[int], label: str) -> str:
+def drift_chart(positions: Sequence[float], curves: Sequence[Curve], marks: Sequence[int], label: str) -> str:
     """
     Return a chart as SVG.
 
     Parameters
     ----------
-    places
-        Where the values stand from left to right, 0 to 1.
-    tracks
-        Lines, each with a value for each place and a band of one standard error to both sides.
+    positions
+        Horizontal position of each value, from 0 (left edge) to 1.
+    curves
+        Lines with a value for each position. A band shows one standard error to both sides.
     marks
-        Indices of the places that are marked by a vertical line.
+        Indices of the positions with a vertical line.
     label
-        What it shows, for those who don't see it.
+        Description of the chart for screen readers.
 
     """
-    x = [round(_EDGE + place * (WIDTH - 2 * _EDGE)) for place in places]
-    low, high = _span(tracks)
+    x = [round(_EDGE + position * (WIDTH - 2 * _EDGE)) for position in positions]
+    low, high = _span(curves)
 
     def y(value: float) -> int:
         return round(HEIGHT - _EDGE - (value - low) / (high - low) * (HEIGHT - 2 * _EDGE))
 
     bands, lines = [], []
-    for track in tracks:
-        runs = list(_runs(track))
-        upper = [[(x[at], y(value + std)) for at, value, std in run] for run in runs]
-        lower = [[(x[at], y(value - std)) for at, value, std in run] for run in runs]
-        bands.append(_path('band', track.key, [[*above, *below[::-1]] for above, below in zip(upper, lower)]))
-        points = [[(x[at], y(value)) for at, value, _ in run] for run in runs]
-        lines.append(_path('line', track.key, [run for run in points if len(run) > 1]))
-        lines.append(_path('dot', track.key, [run for run in points if len(run) == 1]))
-    upright = ''.join(f'M{x[mark]} 0v{HEIGHT}' for mark in marks)
-    marked = f'<path class="mark" d="{upright}"/>' if upright else ''
+    for curve in curves:
+        runs = list(_runs(curve))
+        upper = [[(x[index], y(value + std)) for index, value, std in run] for run in runs]
+        lower = [[(x[index], y(value - std)) for index, value, std in run] for run in runs]
+        bands.append(_path('band', curve.key, [[*above, *below[::-1]] for above, below in zip(upper, lower)]))
+        points = [[(x[index], y(value)) for index, value, _ in run] for run in runs]
+        lines.append(_path('line', curve.key, [run for run in points if len(run) > 1]))
+        lines.append(_path('dot', curve.key, [run for run in points if len(run) == 1]))
+    verticals = ''.join(f'M{x[mark]} 0v{HEIGHT}' for mark in marks)
+    marked = f'<path class="mark" d="{verticals}"/>' if verticals else ''
     return (
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" preserveAspectRatio="none" role="img" aria-label="{escape(label)}">'
         f'{"".join(bands)}{marked}{"".join(lines)}</svg>'
     )
 
 
-def _span(tracks: Sequence[Curve]) -> tuple[float, float]:
+def _span(curves: Sequence[Curve]) -> tuple[float, float]:
     """Return the lowest and the highest value that the chart shows."""
     edges = [
-        value + sign * std for track in tracks for run in _runs(track) for _, value, std in run for sign in (-1.0, 1.0)
+        value + sign * std for curve in curves for run in _runs(curve) for _, value, std in run for sign in (-1.0, 1.0)
     ]
     low, high = min(edges), max(edges)
     middle = (low + high) / 2.0
@@ -89,12 +89,12 @@ def _span(tracks: Sequence[Curve]) -> tuple[float, float]:
     return middle - half, middle + half
 
 
-def _runs(track: Curve) -> Iterator[list[tuple[int, float, float]]]:
-    """Yield runs of neighbouring values with their indices and standard errors."""
+def _runs(curve: Curve) -> Iterator[list[tuple[int, float, float]]]:
+    """Yield runs of consecutive values with their indices and standard errors."""
     run: list[tuple[int, float, float]] = []
-    for at, (value, std) in enumerate(zip(track.values, track.stds)):
+    for index, (value, std) in enumerate(zip(curve.values, curve.stds)):
         if value is not None:
-            run.append((at, value, std or 0.0))
+            run.append((index, value, std or 0.0))
         elif run:
             yield run
             run = []
@@ -103,13 +103,13 @@ def _runs(track: Curve) -> Iterator[list[tuple[int, float, float]]]:
 
 
 def _path(kind: str, key: str, runs: Sequence[Sequence[tuple[int, int]]]) -> str:
-    """Return a path through runs of points; a point alone is a line of no length. None without runs."""
-    data = ''
+    """Return an SVG path through runs of points, empty without runs. A single point becomes a line of zero length."""
+    commands = ''
     for run in runs:
-        data += f'M{run[0][0]} {run[0][1]}'
+        commands += f'M{run[0][0]} {run[0][1]}'
         if len(run) == 1:
-            data += 'h0'
+            commands += 'h0'
         for (x, y), (next_x, next_y) in pairwise(run):
             across, down = next_x - x, next_y - y
-            data += f'l{across}{"" if down < 0 else " "}{down}'
-    return f'<path class="{kind} {key}" d="{data}"/>' if data else ''
+            commands += f'l{across}{"" if down < 0 else " "}{down}'
+    return f'<path class="{kind} {key}" d="{commands}"/>' if commands else ''

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a result follows from: while none of it changes, doing a bag again would give the same."""
+"""Fingerprint of all that determines a bag's results: an unchanged fingerprint means unchanged results."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from cfd_pneumatic.recording import ChannelMapping
 @dataclass(frozen=True)
 class Settings:
     """
-    How every bag is read and identified.
+    Settings for reading and identifying every bag.
 
     Attributes
     ----------
     options
-        How to identify.
+        Options of the identification.
     mapping, namespace
-        As `read_recording` takes them.
+        Arguments of `read_recording`.
 
     """
 
@@ -33,19 +33,19 @@ class Settings:
 
 
 def fingerprint(bag: Path, settings: Settings) -> str:
-    """Return a digest of a bag's files, by name, size and time of change, of the settings and of this program."""
-    return hashlib.sha256(repr((_files(bag), _content(settings), program())).encode()).hexdigest()
+    """Return a digest of the name, size and modification time of a bag's files, the settings and this program."""
+    return hashlib.sha256(repr((_file_states(bag), _settings_content(settings), program_digest())).encode()).hexdigest()
 
 
-def _content(settings: Settings) -> tuple[object, ...]:
-    """Return the settings without the name of the file that the mapping stands in."""
+def _settings_content(settings: Settings) -> tuple[object, ...]:
+    """Return the settings without the name of the mapping file."""
     mapping = settings.mapping
-    meaning = None if mapping is None else (mapping.channels, mapping.table, mapping.types)
-    return settings.options, meaning, settings.namespace
+    mapping_content = None if mapping is None else (mapping.channels, mapping.table, mapping.types)
+    return settings.options, mapping_content, settings.namespace
 
 
-def _files(bag: Path) -> list[tuple[str, int, int]]:
-    """Return name, size [bytes] and time of change [ns] of a bag's files; none where it can't be looked at."""
+def _file_states(bag: Path) -> list[tuple[str, int, int]]:
+    """Return name, size [bytes] and modification time [ns] of a bag's files; empty if the bag is not accessible."""
     try:
         paths = sorted(path for path in bag.rglob('*') if path.is_file()) if bag.is_dir() else [bag]
         states = [(path, path.stat()) for path in paths]
@@ -55,8 +55,8 @@ def _files(bag: Path) -> list[tuple[str, int, int]]:
 
 
 @cache
-def program() -> str:
-    """Return a digest of this package's code: its version alone may stay the same while people work on it."""
+def program_digest() -> str:
+    """Return a digest of this package's code, because the version does not change with each change of the code."""
     digest = hashlib.sha256()
     package = Path(cfd_pneumatic.__file__).parent
     for path in sorted(package.rglob('*')):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the rows of a plant say of each device: how it is now, and when that changed."""
+"""The history of each device in the result table: the latest verdicts, and the changes of the verdict."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from itertools import groupby, pairwise
 from cfd_pneumatic.plant.result_table import FAILED, Row
 
 NOT_ESTIMATED = (FAILED, 'insufficient_data')
-"""Verdicts that say nothing of the device: the next ones are compared with what was known before."""
+"""Verdicts without information about the device. They are skipped when consecutive verdicts are compared."""
 
 FEWEST_DEVICES = 3
-"""That may have something in common."""
+"""Fewest devices for which common effects are reported."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """A bag's verdict that is another than the one before it, by their rows."""
+    """A change of the verdict between two bags: the rows before and after."""
 
     before: Row
     after: Row
@@ -27,16 +27,16 @@ class Change:
 @dataclass(frozen=True)
 class Part:
     """
-    A cylinder of a device, or its contact force.
+    A cylinder of a device, or the contact force of a device.
 
     Attributes
     ----------
     name
         `cylinder_a`, `cylinder_b` or `force`.
     rows
-        In the order of the recordings.
+        Rows in the order of the recordings.
     changes
-        Of the verdict.
+        Changes of the verdict.
 
     """
 
@@ -45,24 +45,24 @@ class Part:
     changes: tuple[Change, ...]
 
     @property
-    def now(self) -> Row:
-        """The last row that says something of the device; the last one where none does."""
+    def latest(self) -> Row:
+        """The last row with information about the device, or the last row if no row has information."""
         return next((row for row in reversed(self.rows) if row['verdict'] not in NOT_ESTIMATED), self.rows[-1])
 
 
 @dataclass(frozen=True)
 class Device:
     """
-    A device.
+    A device of a plant.
 
     Attributes
     ----------
     name
-        Of the device.
+        Name of the device.
     bags
-        The rows of each of its bags, in the order of the recordings.
+        Rows of each bag, in the order of the recordings.
     parts
-        What was identified of it.
+        Identified parts of the device.
 
     """
 
@@ -72,67 +72,67 @@ class Device:
 
     @property
     def failures(self) -> list[Row]:
-        """The rows of the bags that failed."""
+        """The rows of the failed bags."""
         return [row for rows in self.bags for row in rows if row['verdict'] == FAILED]
 
     @property
     def changes(self) -> list[Change]:
-        """All changes of its verdicts."""
+        """The changes of the verdicts on all parts."""
         return [change for part in self.parts for change in part.changes]
 
 
 def devices(rows: Sequence[Row]) -> list[Device]:
-    """Return the devices of a plant; the rows are in the order of the table."""
-    return [_device(name, list(own)) for name, own in groupby(rows, key=lambda row: str(row['device']))]
+    """Return the devices of a plant from its rows, which are in the order of the table."""
+    return [_device(name, list(device_rows)) for name, device_rows in groupby(rows, key=lambda row: str(row['device']))]
 
 
 def effects_of(row: Row) -> list[str]:
-    """Return the effects that a row names."""
+    """Return the effects in a row."""
     return list(filter(None, (row.get('effects') or '').split(';')))
 
 
-def named_by(row: Row) -> list[str]:
-    """Return the effects that a row names, and the law that was drawn."""
+def findings_of(row: Row) -> list[str]:
+    """Return the effects and the estimated curve in a row."""
     return [*effects_of(row), *filter(None, [row.get('law')])]
 
 
-def named_on_all(plant: Sequence[Device]) -> list[str]:
-    """Return the effects and laws that every device's last bags show: the set-up's rather than one device's."""
+def common_findings(plant: Sequence[Device]) -> list[str]:
+    """Return the effects and curves that the latest rows of every device have; their cause is likely the set-up."""
     if len(plant) < FEWEST_DEVICES:
         return []
-    shown = [{name for part in device.parts for name in named_by(part.now)} for device in plant]
-    return sorted(set.intersection(*shown))
+    findings = [{name for part in device.parts for name in findings_of(part.latest)} for device in plant]
+    return sorted(set.intersection(*findings))
 
 
 def _device(name: str, rows: Sequence[Row]) -> Device:
-    bags = [tuple(own) for _, own in groupby(rows, key=lambda row: str(row['bag']))]
+    bags = [tuple(bag_rows) for _, bag_rows in groupby(rows, key=lambda row: str(row['bag']))]
     names = dict.fromkeys(row['part'] for row in sorted(rows, key=lambda row: str(row['part'])) if row['part'])
     parts = []
     for part in names:
-        own_rows = tuple(row for row in rows if row['part'] == part)
-        parts.append(Part(part, own_rows, tuple(_changes(own_rows))))
+        part_rows = tuple(row for row in rows if row['part'] == part)
+        parts.append(Part(part, part_rows, tuple(_changes(part_rows))))
     return Device(name, tuple(bags), tuple(parts))
 
 
 def _changes(rows: Sequence[Row]) -> Iterator[Change]:
-    told = [row for row in rows if row['verdict'] not in NOT_ESTIMATED]
-    return (Change(before, after) for before, after in pairwise(told) if _differ(before, after))
+    informative = [row for row in rows if row['verdict'] not in NOT_ESTIMATED]
+    return (Change(before, after) for before, after in pairwise(informative) if _differ(before, after))
 
 
 def _differ(before: Row, after: Row) -> bool:
     """
-    Return whether two verdicts differ, or the effects they name by more than the recordings can tell apart.
+    Return whether two verdicts differ, or their effects by more than indistinguishable alternatives.
 
-    Where something stays unexplained, the effects found beside it are no verdict: another bag may name others.
+    Effects of unexplained bags are not compared: without a complete explanation, each bag may have different effects.
     """
     if before['verdict'] != after['verdict']:
         return True
     if after['verdict'] == 'unexplained':
         return False
     earlier, later = set(effects_of(before)), set(effects_of(after))
-    alike = later <= earlier | _rivals(before) or earlier <= later | _rivals(after)
-    return len(earlier) != len(later) or not alike
+    are_equivalent = later <= earlier | _alternatives(before) or earlier <= later | _alternatives(after)
+    return len(earlier) != len(later) or not are_equivalent
 
 
-def _rivals(row: Row) -> set[str]:
+def _alternatives(row: Row) -> set[str]:
     return set(filter(None, (row.get('alternatives') or '').split(';')))

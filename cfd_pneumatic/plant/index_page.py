@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`index.html`: the whole plant on one page that stands alone, each device with its drift, linked to all reports."""
+"""`index.html`: a self-contained page of the plant with the drift of each device and links to all reports."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cfd_pneumatic.identification import number, readable_name
 from cfd_pneumatic.identification import verdict as verdict_text
 from cfd_pneumatic.model import EFFECTS, SPECS
 from cfd_pneumatic.plant.drift_chart import Curve, drift_chart
-from cfd_pneumatic.plant.history import Change, Device, Part, devices, named_by, named_on_all
+from cfd_pneumatic.plant.history import Change, Device, Part, common_findings, devices, findings_of
 from cfd_pneumatic.plant.result_table import CSV_FILE, PARQUET_FILE, Row, column_of
 from cfd_pneumatic.plant.trend import trend_of
 from cfd_pneumatic.reporting import rendered
@@ -31,27 +31,27 @@ _VERDICTS = ('unexplained', 'shape_found', 'effect_added', 'insufficient_data', 
 @dataclass(frozen=True)
 class Drift:
     """
-    One value of a part over all bags.
+    A value of a part over all bags.
 
     Attributes
     ----------
     name, description, unit
-        Of the value.
-    tracks
-        Without and with the effects, so far as there are any.
+        Name, description and unit of the value.
+    curves
+        Values without and with effects, as far as there are values.
 
     """
 
     name: str
     description: str
     unit: str
-    tracks: tuple[Curve, ...]
+    curves: tuple[Curve, ...]
 
 
 def index_page(rows: Sequence[Row]) -> str:
-    """Return the page on all rows, which are in the order of the table."""
-    plant = sorted(devices(rows), key=lambda device: _natural(device.name))
-    told = [_device(rank, device) for rank, device in enumerate(plant, start=1)]
+    """Return the index page for all rows, which are in the order of the table."""
+    plant = sorted(devices(rows), key=lambda device: _natural_key(device.name))
+    entries = [_device_entry(rank, device) for rank, device in enumerate(plant, start=1)]
     return rendered(
         TEMPLATE,
         TEMPLATES,
@@ -59,18 +59,18 @@ def index_page(rows: Sequence[Row]) -> str:
         bags=sum(len(device.bags) for device in plant),
         begin=_date(min((row['time'] for row in rows if row.get('time')), default=None)),
         end=_date(max((row['time'] for row in rows if row.get('time')), default=None)),
-        devices=told,
+        devices=entries,
         changed=sum(bool(device.changes) for device in plant),
-        drifting=[(one, part, trend) for one in told for part in one['parts'] for trend in part['trends']],
+        drifting=[(entry, part, trend) for entry in entries for part in entry['parts'] for trend in part['trends']],
         failures=[row for device in plant for row in device.failures],
-        tally=_tally(plant),
-        common=list(_common(plant)),
+        verdict_counts=_verdict_counts(plant),
+        common=list(_common_descriptions(plant)),
         files=(CSV_FILE, PARQUET_FILE),
     )
 
 
-def _natural(name: str) -> list[tuple[int, str]]:
-    """Return what sorts cell_9 before cell_10."""
+def _natural_key(name: str) -> list[tuple[int, str]]:
+    """Return a sort key for a name that sorts cell_9 before cell_10."""
     return [(int(digits), '') if digits else (-1, text) for digits, text in re.findall(r'(\d+)|(\D+)', name)]
 
 
@@ -80,9 +80,9 @@ def _date(time: int | None) -> str:
     return f'{datetime.fromtimestamp(time // 10**9, timezone.utc):%Y-%m-%d %H:%M}'
 
 
-def _tally(plant: Sequence[Device]) -> list[dict[str, Any]]:
-    """Return how often each verdict is the last one, part by part."""
-    verdicts = Counter(part.now['verdict'] for device in plant for part in device.parts)
+def _verdict_counts(plant: Sequence[Device]) -> list[dict[str, Any]]:
+    """Return the number and share of parts with each latest verdict."""
+    verdicts = Counter(part.latest['verdict'] for device in plant for part in device.parts)
     total = sum(verdicts.values())
     return [
         {'verdict': verdict, 'count': verdicts[verdict], 'share': 100.0 * verdicts[verdict] / total}
@@ -91,97 +91,98 @@ def _tally(plant: Sequence[Device]) -> list[dict[str, Any]]:
     ]
 
 
-def _common(plant: Sequence[Device]) -> Iterator[str]:
-    """Yield what every device shows, in words, and how large it is: what is the same everywhere is the set-up's."""
-    for name in named_on_all(plant):
+def _common_descriptions(plant: Sequence[Device]) -> Iterator[str]:
+    """Yield a description of each effect or curve that every device has, with the range of its parameters."""
+    for name in common_findings(plant):
         sizes = []
         for parameter in EFFECTS[name].parameters if name in EFFECTS else ():
             column = f'{name}.{parameter.name}'
-            told = [_sizes(part.now).get(column, {}).get('value') for device in plant for part in device.parts]
-            values = [one for one in told if one is not None]
+            parameters = [_effect_parameters(part.latest) for device in plant for part in device.parts]
+            estimates = [part_parameters.get(column, {}).get('value') for part_parameters in parameters]
+            values = [value for value in estimates if value is not None]
             if values and not parameter.choice:
-                ends = dict.fromkeys(number(one, 3) for one in (min(values), max(values)))
+                ends = dict.fromkeys(number(limit, 3) for limit in (min(values), max(values)))
                 sizes.append(f'{parameter.name} {" to ".join(ends)} {parameter.unit.strip("-")}'.rstrip())
         yield readable_name(name) + (f' ({", ".join(sizes)})' if sizes else '')
 
 
-def _sizes(row: Row) -> dict[str, Any]:
-    """Return the parameters of the effects that a row names."""
-    found: dict[str, Any] = json.loads(row.get('effect_parameters') or '{}')
-    return found
+def _effect_parameters(row: Row) -> dict[str, Any]:
+    """Return the parameters of the effects in a row."""
+    parameters: dict[str, Any] = json.loads(row.get('effect_parameters') or '{}')
+    return parameters
 
 
-def _device(rank: int, device: Device) -> dict[str, Any]:
-    """Return what the page says about a device."""
+def _device_entry(rank: int, device: Device) -> dict[str, Any]:
+    """Return the template values of a device."""
     return {
         'id': f'device-{rank}',
         'name': device.name,
-        'parts': [_part(part) for part in device.parts],
-        'changes': [_change(change) for change in device.changes],
+        'parts': [_part_entry(part) for part in device.parts],
+        'changes': [_change_entry(change) for change in device.changes],
         'failed': len(device.failures),
-        'bags': [_bag(rows, device) for rows in reversed(device.bags)],
+        'bags': [_bag_entry(rows, device) for rows in reversed(device.bags)],
     }
 
 
-def _part(part: Part) -> dict[str, Any]:
+def _part_entry(part: Part) -> dict[str, Any]:
     changed = [part.rows.index(change.after) for change in part.changes]
-    places = _places(part.rows)
+    positions = _positions(part.rows)
     drifts = list(_drifts(part.rows))
     return {
         'name': part.name,
-        'now': part.now,
-        'what': said(part.now),
-        'charts': [_chart(drift, places, changed) for drift in drifts],
-        'trends': list(_trends(drifts, places)),
+        'latest': part.latest,
+        'verdict': verdict_description(part.latest),
+        'charts': [_chart(drift, positions, changed) for drift in drifts],
+        'trends': list(_trends(drifts, positions)),
         'span': [_date(part.rows[0].get('time')), _date(part.rows[-1].get('time'))],
     }
 
 
-def _trends(drifts: Sequence[Drift], places: Sequence[float]) -> Iterator[dict[str, Any]]:
-    """Yield what drifts, beside the effects where there are any, with where it began and where it is."""
+def _trends(drifts: Sequence[Drift], positions: Sequence[float]) -> Iterator[dict[str, Any]]:
+    """Yield the values that drift, with the begin and the end of the trend; with effects if there are effects."""
     for drift in drifts:
-        found = trend_of(places, drift.tracks[-1].values)
-        if found is not None:
-            yield {'name': drift.name, 'description': drift.description, 'unit': drift.unit, **asdict(found)}
+        trend = trend_of(positions, drift.curves[-1].values)
+        if trend is not None:
+            yield {'name': drift.name, 'description': drift.description, 'unit': drift.unit, **asdict(trend)}
 
 
-def said(row: Row) -> str:
-    """Return a verdict in words, with the effects and the law that it names."""
-    effects = ' and '.join(map(readable_name, named_by(row)))
+def verdict_description(row: Row) -> str:
+    """Return the text of a verdict with its effects, its curve and its warnings."""
+    effects = ' and '.join(map(readable_name, findings_of(row)))
     verdict = verdict_text(row['verdict'])
-    doubt = f' (in doubt: {row["warnings"].replace(";", ", ")})' if row.get('warnings') else ''
-    return f'{verdict}: {effects}{doubt}' if effects else f'{verdict}{doubt}'
+    warnings = f' (check the data: {row["warnings"].replace(";", ", ")})' if row.get('warnings') else ''
+    return f'{verdict}: {effects}{warnings}' if effects else f'{verdict}{warnings}'
 
 
-def _change(change: Change) -> dict[str, Any]:
+def _change_entry(change: Change) -> dict[str, Any]:
     return {
         'part': change.after['part'],
-        'before': said(change.before),
-        'after': said(change.after),
+        'before': verdict_description(change.before),
+        'after': verdict_description(change.after),
         'verdict': change.after['verdict'],
         'report': change.after['report'],
-        'when': _when(change.after),
+        'when': _date_or_name(change.after),
     }
 
 
-def _when(row: Row) -> str:
-    """Return when a bag was recorded, or else its name."""
+def _date_or_name(row: Row) -> str:
+    """Return the date of a bag, or the name of the bag if there is no date."""
     return _date(row.get('time')) or Path(row['bag']).name
 
 
-def _bag(rows: Sequence[Row], device: Device) -> dict[str, Any]:
+def _bag_entry(rows: Sequence[Row], device: Device) -> dict[str, Any]:
     first = rows[0]
     changed = [change.after for change in device.changes]
     return {
-        'when': _when(first),
+        'when': _date_or_name(first),
         'name': Path(first['bag']).name,
         'report': first.get('report'),
-        'parts': [{'row': row, 'what': said(row), 'changed': row in changed} for row in rows],
+        'parts': [{'row': row, 'verdict': verdict_description(row), 'changed': row in changed} for row in rows],
     }
 
 
-def _places(rows: Sequence[Row]) -> list[float]:
-    """Return where bags stand from left to right, 0 to 1: by time, or one after the other where not all have one."""
+def _positions(rows: Sequence[Row]) -> list[float]:
+    """Return the positions of bags on the time axis, 0 to 1; equally spaced if a time is missing or repeated."""
     times = [row.get('time') for row in rows]
     marks = [time for time in times if time is not None]
     if len(marks) < len(times) or len(set(marks)) < len(marks):
@@ -191,25 +192,25 @@ def _places(rows: Sequence[Row]) -> list[float]:
 
 
 def _drifts(rows: Sequence[Row]) -> Iterator[Drift]:
-    """Yield the values of a part that are there, the error first."""
+    """Yield the values of a part that have estimates, the error first."""
     for unit in ('Pa', 'N'):
-        errors = [_track(rows, which, column_of('rmse', unit, which)) for which in ('before', 'after')]
+        errors = [_curve(rows, which, column_of('rmse', unit, which)) for which in ('before', 'after')]
         if any(errors):
-            yield Drift('error', 'RMS of what the model leaves', unit, tuple(filter(None, errors)))
+            yield Drift('error', 'RMS of the residual', unit, tuple(filter(None, errors)))
     for name, unit, description in (*((spec.name, spec.unit, spec.description) for spec in SPECS), _AREA):
-        tracks = [
-            _track(rows, which or 'before', column_of(name, unit, which), column_of(name, unit, which, 'std'))
+        curves = [
+            _curve(rows, which or 'before', column_of(name, unit, which), column_of(name, unit, which, 'std'))
             for which in ('', 'after')
         ]
-        if any(tracks):
-            yield Drift(name, description, unit, tuple(filter(None, tracks)))
+        if any(curves):
+            yield Drift(name, description, unit, tuple(filter(None, curves)))
     yield from _effect_drifts(rows)
 
 
 _AREA = ('area', 'm^2', 'piston area')
 
 
-def _track(rows: Sequence[Row], key: str, column: str, std: str = '') -> Curve | None:
+def _curve(rows: Sequence[Row], key: str, column: str, std: str = '') -> Curve | None:
     values = [row.get(column) for row in rows]
     if all(value is None for value in values):
         return None
@@ -217,30 +218,30 @@ def _track(rows: Sequence[Row], key: str, column: str, std: str = '') -> Curve |
 
 
 def _effect_drifts(rows: Sequence[Row]) -> Iterator[Drift]:
-    """Yield the parameters of the effects that were found in any bag."""
-    found = [_sizes(row) for row in rows]
-    for full in dict.fromkeys(name for one in found for name in one):
-        effect, _, name = full.partition('.')
-        parameter = next(one for one in EFFECTS[effect].parameters if one.name == name)
-        values = [one.get(full, {}).get('value') for one in found]
+    """Yield the parameters of all effects in any bag."""
+    estimates = [_effect_parameters(row) for row in rows]
+    for full_name in dict.fromkeys(name for row_estimates in estimates for name in row_estimates):
+        effect, _, name = full_name.partition('.')
+        parameter = next(known for known in EFFECTS[effect].parameters if known.name == name)
+        values = [row_estimates.get(full_name, {}).get('value') for row_estimates in estimates]
         if any(value is not None for value in values) and not parameter.choice:
-            stds = [one.get(full, {}).get('std') for one in found]
-            yield Drift(full, parameter.description, parameter.unit, (Curve('after', values, stds),))
+            stds = [row_estimates.get(full_name, {}).get('std') for row_estimates in estimates]
+            yield Drift(full_name, parameter.description, parameter.unit, (Curve('after', values, stds),))
 
 
-def _chart(drift: Drift, places: Sequence[float], changed: Sequence[int]) -> dict[str, Any]:
-    """Return a chart with the words above it."""
-    last = drift.tracks[-1] if drift.tracks[-1].values[-1] is not None else drift.tracks[0]
+def _chart(drift: Drift, positions: Sequence[float], changed: Sequence[int]) -> dict[str, Any]:
+    """Return the template values of a chart and its caption."""
+    last = drift.curves[-1] if drift.curves[-1].values[-1] is not None else drift.curves[0]
     value, std = last.values[-1], last.stds[-1]
-    values = [one for track in drift.tracks for one in track.told]
-    told = f'{number(min(values), 3)} to {number(max(values), 3)}'
-    label = f'{drift.name} over {len(places)} bags: {told} {drift.unit}'
+    values = [present for curve in drift.curves for present in curve.present_values]
+    value_range = f'{number(min(values), 3)} to {number(max(values), 3)}'
+    label = f'{drift.name} over {len(positions)} bags: {value_range} {drift.unit}'
     return {
         'name': drift.name,
         'description': drift.description,
         'unit': drift.unit,
         'value': value,
-        'doubt': abs(std / value) if std and value else None,
-        'range': told,
-        'svg': drift_chart(places, drift.tracks, changed, label),
+        'relative_std': abs(std / value) if std and value else None,
+        'range': value_range,
+        'svg': drift_chart(positions, drift.curves, changed, label),
     }

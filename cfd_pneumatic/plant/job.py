@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One bag from beginning to end, wherever it is done."""
+"""The job of a worker: a bag from reading to the rows of the result table."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ from cfd_pneumatic.recording import read_recording
 from cfd_pneumatic.reporting import PAGE_FILE, REPORT_FILE, REPORT_FILES, file_names, write_report
 
 ROW_FILE = 'row.json'
-"""Beside a bag's report: its rows of the table, and what they follow from."""
+"""File in a bag's folder with the rows of the table and the fingerprint of the job."""
 
-_LARGEST_ROWS = 2**24  # bytes; three rows, with what was amiss with a recording, have a thousandth of that
+_LARGEST_ROWS = 2**24  # bytes; three rows with their notes have a thousandth of that size
 
 FILES = ResultFiles(REPORT_FILES.recognitions | {ROW_FILE: marked(r'\A\{\s*"fingerprint": "[0-9a-f]+",\s*"rows": ')})
-"""How the files in a bag's folder are recognised."""
+"""Files in a bag's folder, with the marks that recognise them."""
 
 _FIRST_DATE = 631_152_000_000_000_000
-"""The year 1990 [ns]: a clock that says less counts from something else than 1970."""
+"""The year 1990 [ns]. An earlier time means that the clock does not count from 1970."""
 
-_alone = Lock()  # Matplotlib's settings are one for all threads, and a worker may have several
+_job_lock = Lock()  # a worker may have several threads, which share Matplotlib's settings
 
 
 @dataclass(frozen=True)
 class Job:
     """
-    What a worker needs to do a bag; small, for it is sent there.
+    The order to identify a bag; small, because it is sent to a worker.
 
     Attributes
     ----------
     bag
-        Path of the bag, absolute.
+        Absolute path of the bag.
     folder
-        Where the results go, absolute.
+        Absolute path of the folder for the results.
     settings
-        How to read and identify it.
+        Settings for reading and identifying the bag.
     fingerprint
-        What the results follow from.
+        Fingerprint of all that determines the results.
     overwrite
-        Whether files in the folder are replaced that this program did not write.
+        Whether files in the folder are replaced even if this program did not write them.
 
     """
 
@@ -62,9 +62,9 @@ class Job:
 
 
 def earlier_rows(job: Job) -> list[Row] | None:
-    """Return the rows of a job that was done before and would come out the same, or None."""
+    """Return the rows of an earlier run of the job if its fingerprint is unchanged, else None."""
     try:
-        # an interruption or a person may have left anything there
+        # after an interruption or an edit the file may have any content
         earlier = json.loads(read_input(job.folder / ROW_FILE, _LARGEST_ROWS))
         return list(earlier['rows']) if earlier['fingerprint'] == job.fingerprint else None
     except (InputError, ValueError, LookupError, TypeError, RecursionError):
@@ -73,44 +73,47 @@ def earlier_rows(job: Job) -> list[Row] | None:
 
 def check_files(job: Job) -> None:
     """
-    Refuse a job that would replace files which this program did not write.
+    Refuse a job that would replace files that this program did not write.
 
     Raises
     ------
     InputError
-        If there is one in its folder.
+        If the folder of the job has such a file.
 
     """
     names = [*file_names(1, closed=job.settings.options.close_loop), ROW_FILE]
     FILES.check_files(job.folder, names, overwrite=job.overwrite)
 
 
-def do(job: Job) -> list[Row]:
+def run_job(job: Job) -> list[Row]:
     """
-    Do a job: read the bag, identify it, write its folder of results, and return its rows of the table.
+    Read and identify the bag of a job, write the folder of results, and return the rows of the table.
 
-    The folder is there with all that belongs into it, or not at all.
+    The folder is complete or absent.
 
     Raises
     ------
     InputError
-        If this is not the bag, or not the program, that was meant, or the folder can't be written.
+        If the bag or the program is not that of the fingerprint, or the folder cannot be written.
 
     """
     if fingerprint(job.bag, job.settings) != job.fingerprint:
-        raise InputError('it changed meanwhile, or this worker sees another one or has another version of the program')
+        raise InputError(
+            'the bag changed after the start, or this worker has another bag or another version of the program. '
+            'Install the same version on all workers and run the command again'
+        )
     check_folder(job.folder)
     check_files(job)
     job.folder.parent.mkdir(parents=True, exist_ok=True)
-    with _alone, FILES.staged_output(job.folder, overwrite=job.overwrite) as folder:
-        rows = _identified(job, folder)
+    with _job_lock, FILES.staged_output(job.folder, overwrite=job.overwrite) as folder:
+        rows = _identify_bag(job, folder)
         text = json.dumps({'fingerprint': job.fingerprint, 'rows': rows}, indent=1, allow_nan=False)
         write_text(folder / ROW_FILE, f'{text}\n')
     return rows
 
 
-def _identified(job: Job, folder: Path) -> list[Row]:
-    """Return the rows of a bag, which is one with the reason where there is no result."""
+def _identify_bag(job: Job, folder: Path) -> list[Row]:
+    """Return the rows of a bag, or a single row with the reason if the identification fails."""
     settings = job.settings
     time = None
     try:
@@ -123,30 +126,30 @@ def _identified(job: Job, folder: Path) -> list[Row]:
         time = recording.epoch if recording.epoch >= _FIRST_DATE else None
         identification = identify([recording], settings.options)
     except InputError as error:
-        return [failure(str(error).removeprefix(f'{job.bag}: ')) | {'time': time}]
+        return [failed_row(str(error).removeprefix(f'{job.bag}: ')) | {'time': time}]
     write_report(identification, folder)
     report = json.loads((folder / REPORT_FILE).read_text(encoding='utf-8'))
     page = PAGE_FILE if (folder / PAGE_FILE).is_file() else REPORT_FILE
-    return rows_of(report, time, page)
+    return report_rows(report, time, page)
 
 
-def failure(reason: str) -> Row:
-    """Return the row of a bag that gave no result."""
+def failed_row(reason: str) -> Row:
+    """Return the row of a bag without a result."""
     return {'part': '', 'verdict': FAILED, 'reason': ' '.join(reason.split())}
 
 
-def rows_of(report: Mapping[str, Any], time: int | None, page: str) -> list[Row]:
+def report_rows(report: Mapping[str, Any], time: int | None, page: str) -> list[Row]:
     """
-    Return the rows that stand for a report.
+    Return the rows of the table for a report, a row for each part of the device.
 
     Parameters
     ----------
     report
-        Content of a `report.json` on one recording.
+        Content of the `report.json` of a single recording.
     time
-        When the recording begins [ns since 1970], or None.
+        Begin of the recording [ns since 1970], or None.
     page
-        Name of the file to link.
+        Name of the file to which the row links.
 
     """
     (recording,) = report['recordings']
@@ -154,7 +157,9 @@ def rows_of(report: Mapping[str, Any], time: int | None, page: str) -> list[Row]
         'time': time,
         'duration_s': recording['duration_s'],
         'notes': '; '.join(recording['notes']),
-        'warnings': ';'.join(dict.fromkeys(one['code'] for one in report['warnings'] if one['level'] == WARNING)),
+        'warnings': ';'.join(
+            dict.fromkeys(notice['code'] for notice in report['warnings'] if notice['level'] == WARNING)
+        ),
         'report': page,
     }
     parts = dict(report['cylinders'])
@@ -165,34 +170,34 @@ def rows_of(report: Mapping[str, Any], time: int | None, page: str) -> list[Row]
 
 def _findings(part: Mapping[str, Any]) -> Row:
     if 'verdict' not in part:
-        untold = (f'{name}: {one["reason"]}' for name, one in part['parameters'].items() if one['reason'])
-        return {'verdict': FITTED, 'reason': '; '.join(untold)}
-    rivals = dict.fromkeys(rival for ones in part['alternatives'].values() for rival in ones)
+        reasons = (f'{name}: {gain["reason"]}' for name, gain in part['parameters'].items() if gain['reason'])
+        return {'verdict': FITTED, 'reason': '; '.join(reasons)}
+    alternatives = dict.fromkeys(effect for effects in part['alternatives'].values() for effect in effects)
     parameters = {
-        f'{effect}.{name}': {'value': one['value'], 'std': one['std'], 'unit': one['unit']}
-        for effect, ones in part['effect_parameters'].items()
-        for name, one in ones.items()
+        f'{effect}.{name}': {'value': estimate['value'], 'std': estimate['std'], 'unit': estimate['unit']}
+        for effect, estimates in part['effect_parameters'].items()
+        for name, estimate in estimates.items()
     }
-    ratio, law = part['after_over_before'], part['unknown']
+    ratio, curve = part['after_over_before'], part['unknown']
     return {
         'verdict': part['verdict'],
         'status': part['status'],
         'reason': part['why'],
         'effects': ';'.join(part['effects']),
-        'alternatives': ';'.join(rivals),
-        'law': law and f'{law["enters"]} by {VARIABLES[law["against"]].axis}',
+        'alternatives': ';'.join(alternatives),
+        'law': curve and f'{curve["enters"]} by {VARIABLES[curve["against"]].axis}',
         'effect_parameters': json.dumps(parameters) if parameters else None,
         'after_over_before': ratio and ratio['ratio'],
     }
 
 
 def _numbers(part: Mapping[str, Any]) -> Row:
-    """Return errors and parameters by their columns."""
-    judged = 'test' if 'test' in part['before'] else 'train'  # all samples, where none were set aside
-    row: Row = {'judged_on': 'test' if judged == 'test' else 'all'}
+    """Return errors and parameters by the names of their columns."""
+    judged_part = 'test' if 'test' in part['before'] else 'train'  # without a test part, the train part has all samples
+    row: Row = {'judged_on': 'test' if judged_part == 'test' else 'all'}
     effects = part.get('effects', [])
     for which in ('before', *(['after'] if effects else [])):
-        error = part[which][judged]
+        error = part[which][judged_part]
         row[column_of('nrmse', '%', which)] = error['nrmse_percent']
         row |= {column_of('rmse', unit, which): error[key] for key, unit in _RMSE.items() if key in error}
     after = part.get('parameters_after', {})
@@ -209,7 +214,7 @@ _RMSE = {'rmse_pa': 'Pa', 'rmse_n': 'N'}
 
 def _estimates(parameters: Mapping[str, Any], which: str) -> Row:
     row = {}
-    for name, one in parameters.items():
-        row[column_of(name, one['unit'], which)] = one['value']
-        row[column_of(name, one['unit'], which, 'std')] = one['std']
+    for name, estimate in parameters.items():
+        row[column_of(name, estimate['unit'], which)] = estimate['value']
+        row[column_of(name, estimate['unit'], which, 'std')] = estimate['std']
     return row

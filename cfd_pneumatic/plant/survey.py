@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All bags of a plant, each identified once, and what they come to."""
+"""Identification of all bags of a plant, each bag once, into the table and the index page."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cfd_pneumatic.plant.cluster import results
 from cfd_pneumatic.plant.fingerprint import Settings, fingerprint
 from cfd_pneumatic.plant.history import devices
 from cfd_pneumatic.plant.index_page import index_page
-from cfd_pneumatic.plant.job import Job, check_files, do, earlier_rows, failure
+from cfd_pneumatic.plant.job import Job, check_files, earlier_rows, failed_row, run_job
 from cfd_pneumatic.plant.result_table import (
     CSV_FILE,
     FAILED,
@@ -35,27 +35,27 @@ from cfd_pneumatic.reporting import is_page
 INDEX_FILE = 'index.html'
 
 FILES = ResultFiles({CSV_FILE: is_csv_table, PARQUET_FILE: is_parquet_table, INDEX_FILE: is_page})
-"""How the files in a plant's folder are recognised."""
+"""Files in the folder of a plant, with the marks that recognise them."""
 
-_NAMED = 10  # devices in a summary
+_MOST_NAMED = 10  # devices that a summary names
 
 Progress = Callable[[str, float], None]
-"""Called with what is being done and which share of the whole is done [0 to 1]."""
+"""Function of the current task and the completed share of the work [0 to 1]."""
 
 
 @dataclass(frozen=True)
 class Survey:
     """
-    What came of a plant.
+    The results of a plant.
 
     Attributes
     ----------
     rows
-        Of the table, by device, time and bag.
+        Rows of the table, sorted by device, time and bag.
     taken_over
-        How many bags had been done before.
+        Number of bags with results of an earlier run.
     files
-        What was written, besides a folder for each bag.
+        Written files of the plant. Each bag has a folder of results in addition.
 
     """
 
@@ -65,17 +65,17 @@ class Survey:
 
     @property
     def summary(self) -> str:
-        """What came of it, in a line or two for people."""
+        """The results in one line, and the devices with a changed verdict in a second line."""
         plant = devices(self.rows)
-        bags, failed = sum(len(one.bags) for one in plant), sum(len(one.failures) for one in plant)
-        changed = [one.name for one in plant if one.changes]
-        print_help_or_version = f'{count_of(bags, "bag")} of {count_of(len(plant), "device")}, {failed} failed'
+        bags, failed = sum(len(device.bags) for device in plant), sum(len(device.failures) for device in plant)
+        changed = [device.name for device in plant if device.changes]
+        text = f'{count_of(bags, "bag")} of {count_of(len(plant), "device")}, {failed} failed'
         if self.taken_over:
-            print_help_or_version += f'; {self.taken_over} had been done before'
+            text += f'; {self.taken_over} taken over from an earlier run'
         if changed:
-            more = f' and {len(changed) - _NAMED} more' if len(changed) > _NAMED else ''
-            print_help_or_version += f'\nanother verdict than before: {", ".join(changed[:_NAMED])}{more}'
-        return print_help_or_version
+            more = f' and {len(changed) - _MOST_NAMED} more' if len(changed) > _MOST_NAMED else ''
+            text += f'\nchanged verdict: {", ".join(changed[:_MOST_NAMED])}{more}'
+        return text
 
 
 def survey(
@@ -88,54 +88,54 @@ def survey(
     overwrite: bool = False,
 ) -> Survey:
     """
-    Identify each bag that was not done before, and write the table and the index of all.
+    Identify each new or changed bag, and write the table and the index page of all bags.
 
     Parameters
     ----------
     bags
-        Of the plant.
+        Bags of the plant.
     settings
-        How to read and identify them.
+        Settings for reading and identifying the bags.
     folder
-        For the results.
+        Folder for the results.
     cluster
-        Where the work is done; not entered where there is none to do.
+        Context of the Dask client. It is entered only if there are bags to identify.
     progress
-        Told of each bag that is done.
+        Called after each bag.
     overwrite
-        Whether files are replaced that this program did not write.
+        Whether files are replaced even if this program did not write them.
 
     Raises
     ------
     InputError
-        If the folder can't be written, a file is not to be replaced, or the cluster is not there, or lost.
+        If the folder cannot be written, a file must not be replaced, or the cluster is not reachable.
 
     """
     jobs = {_job(bag, settings, folder, overwrite): bag for bag in bags}
-    _clear(jobs)
+    _remove_abandoned(jobs)
     rows: list[Row] = []
-    todo = []
+    remaining_jobs = []
     for job, bag in jobs.items():
         earlier = earlier_rows(job)
         if earlier is None:
-            todo.append(job)
+            remaining_jobs.append(job)
         else:
-            rows += _placed(earlier, bag)
-    _check_files(folder, todo, overwrite)
-    tally = _Tally(len(todo), progress)
-    if todo:
+            rows += _plant_rows(earlier, bag)
+    _check_files(folder, remaining_jobs, overwrite)
+    tally = _Tally(len(remaining_jobs), progress)
+    if remaining_jobs:
         progress('starting the workers', 0.0)
         with cluster as client:
-            tally.tell()
-            for job, result in results(client, do, todo, tally.wait):
-                found = [failure(_reason(result))] if isinstance(result, Exception) else result
-                rows += _placed(found, jobs[job])
-                tally.add(found)
-    rows.sort(key=_order)
+            tally.report()
+            for job, result in results(client, run_job, remaining_jobs, tally.report_no_workers):
+                job_rows = [failed_row(_reason(result))] if isinstance(result, Exception) else result
+                rows += _plant_rows(job_rows, jobs[job])
+                tally.add(job_rows)
+    rows.sort(key=_sort_key)
     progress('writing the table', 1.0)
     files = write_table(rows, folder)
     write_text(folder / INDEX_FILE, index_page(rows))
-    return Survey(tuple(rows), len(jobs) - len(todo), (*files, folder / INDEX_FILE))
+    return Survey(tuple(rows), len(jobs) - len(remaining_jobs), (*files, folder / INDEX_FILE))
 
 
 def _job(bag: PlantBag, settings: Settings, folder: Path, overwrite: bool) -> Job:
@@ -143,25 +143,25 @@ def _job(bag: PlantBag, settings: Settings, folder: Path, overwrite: bool) -> Jo
     return Job(path, folder.absolute() / bag.folder, settings, fingerprint(path, settings), overwrite)
 
 
-def _clear(jobs: Iterable[Job]) -> None:
-    """Take away what workers that died left aside: of a bag that was done, nobody else would."""
+def _remove_abandoned(jobs: Iterable[Job]) -> None:
+    """Remove the incomplete folders of workers that died; nothing else removes them after the bag is complete."""
     names = defaultdict(set)
     for job in jobs:
         names[job.folder.parent].add(job.folder.name)
         names[job.folder].add(job.folder.name)
-    for folder, those in names.items():
-        remove_abandoned(folder, those)
+    for folder, folder_names in names.items():
+        remove_abandoned(folder, folder_names)
 
 
 def _check_files(folder: Path, jobs: Iterable[Job], overwrite: bool) -> None:
-    """Refuse to replace files that this program did not write, before there is any work."""
+    """Refuse to replace files that this program did not write, before the work begins."""
     FILES.check_files(folder, overwrite=overwrite)
     for job in jobs:
         check_files(job)
 
 
 class _Tally:
-    """How many bags are done, told as it grows."""
+    """Number of completed and failed bags, reported after each bag."""
 
     def __init__(self, total: int, progress: Progress) -> None:
         self.total = total
@@ -170,34 +170,34 @@ class _Tally:
         self.failed = 0
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Count a bag."""
+        """Count a completed bag by its rows."""
         self.done += 1
         self.failed += any(row['verdict'] == FAILED for row in rows)
-        self.tell()
+        self.report()
 
-    def tell(self) -> None:
-        """Say how many are done."""
-        self._say(f', {self.failed} failed' if self.failed else '')
+    def report(self) -> None:
+        """Report the number of completed and failed bags."""
+        self._report(f', {self.failed} failed' if self.failed else '')
 
-    def wait(self) -> None:
-        """Say that there are no workers."""
-        self._say(': no workers, waiting for `dask worker`')
+    def report_no_workers(self) -> None:
+        """Report that the cluster has no workers."""
+        self._report(': no workers, waiting for `dask worker`')
 
-    def _say(self, more: str) -> None:
-        self.progress(f'{self.done} of {self.total} bags{more}', self.done / self.total)
+    def _report(self, remark: str) -> None:
+        self.progress(f'{self.done} of {self.total} bags{remark}', self.done / self.total)
 
 
 def _reason(error: Exception) -> str:
-    """Return why a job was not done, which is another matter than a bag that can't be identified."""
+    """Return why a worker could not complete a job."""
     if isinstance(error, InputError):
         return str(error)
     if isinstance(error, KilledWorker):
-        return 'every worker that took it died, for want of memory perhaps: identify it alone'
-    return f'unexpected {type(error).__name__}: {error}; identify it alone to see where'
+        return 'every worker with this bag died, perhaps for lack of memory. Identify the bag alone'
+    return f'unexpected {type(error).__name__}: {error}. Identify the bag alone to see where'
 
 
-def _placed(rows: Sequence[Row], bag: PlantBag) -> Iterator[Row]:
-    """Yield a bag's rows with what only the plant knows: whose they are, and where their report is."""
+def _plant_rows(rows: Sequence[Row], bag: PlantBag) -> Iterator[Row]:
+    """Yield the rows of a bag with the device, the path of the bag and the path of the report."""
     for row in rows:
         report = {'report': (bag.folder / row['report']).as_posix()} if 'report' in row else {}
         yield {'device': bag.device, 'bag': str(bag.path), **row, **report}
@@ -206,6 +206,6 @@ def _placed(rows: Sequence[Row], bag: PlantBag) -> Iterator[Row]:
 _PARTS = ('', *CYLINDERS, 'force')
 
 
-def _order(row: Row) -> tuple[str, bool, int, str, int]:
+def _sort_key(row: Row) -> tuple[str, bool, int, str, int]:
     time = row.get('time')
     return row['device'], time is None, time or 0, row['bag'], _PARTS.index(row['part'])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What rises or falls from bag to bag of one device, and not by chance: wear, which no single bag shows."""
+"""Trend of a value over the bags of a device: wear, which no single bag shows."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import numpy as np
 from scipy.stats import kendalltau, theilslopes
 
 CHANCE = 1e-4
-"""That a value which does not drift seems to: a plant has hundreds of them. Fewer than eight bags never tell it."""
+"""Probability of a false trend; small, because a plant has hundreds of values. It takes at least eight bags."""
 
-_LEAST = 0.05  # of a value, by which it has to change
-_FEWEST = 3  # values that have a slope
+_LEAST_CHANGE = 0.05  # smallest change of a trend, as a share of the value
+_FEWEST = 3  # values for a slope
 
 
 @dataclass(frozen=True)
 class Trend:
     """
-    A value that drifts.
+    The trend of a value.
 
     Attributes
     ----------
     first, last
-        Where the line through it begins and ends [unit of the value].
+        Begin and end of the line through the values [unit of the value].
 
     """
 
@@ -32,27 +32,28 @@ class Trend:
     last: float
 
 
-def trend_of(places: Sequence[float], values: Sequence[float | None]) -> Trend | None:
+def trend_of(positions: Sequence[float], values: Sequence[float | None]) -> Trend | None:
     """
-    Return how a value drifts, or None: by Mann and Kendall's test, and Theil and Sen's line.
+    Return the trend of a value, or None if the value does not drift.
 
-    Both go by the order of the values: an outlier does no harm, nor does a value that grows ever faster.
+    The Mann-Kendall test decides, and the Theil-Sen estimator gives the line. Both are robust to outliers and to a
+    growth that is not linear.
 
     Parameters
     ----------
-    places
-        Where the bags stand, by time or one after the other [-].
+    positions
+        Positions of the bags on the time axis, or in their order [-].
     values
-        One for each bag; None where there is none.
+        Value of each bag; None for a missing value.
 
     """
-    told = [(place, value) for place, value in zip(places, values) if value is not None]
-    if len(told) < _FEWEST:
+    points = [(position, value) for position, value in zip(positions, values) if value is not None]
+    if len(points) < _FEWEST:
         return None
-    at, value = np.array(told).T
-    if not kendalltau(at, value).pvalue <= CHANCE:  # it is no number where all values are one
+    position, value = np.array(points).T
+    if not kendalltau(position, value).pvalue <= CHANCE:  # the p-value is NaN if all values are equal
         return None
-    slope, _, _, _ = theilslopes(value, at)
-    middle = float(np.median(value - slope * at))
-    first, last = (middle + slope * end for end in (at[0], at[-1]))
-    return Trend(first, last) if abs(last - first) > _LEAST * abs(float(np.median(value))) else None
+    slope, _, _, _ = theilslopes(value, position)
+    intercept = float(np.median(value - slope * position))
+    first, last = (intercept + slope * end for end in (position[0], position[-1]))
+    return Trend(first, last) if abs(last - first) > _LEAST_CHANGE * abs(float(np.median(value))) else None

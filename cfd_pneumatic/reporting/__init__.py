@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an identification says: data for programs, a parameter file, a page and tables for people, a bag for plots."""
+"""Reports of an identification: JSON data, parameter file, HTML page, console tables, and a bag for plots."""
 
 from __future__ import annotations
 

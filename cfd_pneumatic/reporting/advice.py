@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to do next where something was not identifiable or could not have shown: plan an experiment for it."""
+"""The next experiment: the command that plans it for parameters and effects that the recordings did not determine."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from cfd_pneumatic.identification import Identification
 from cfd_pneumatic.model import EFFECTS, NAMES
 from cfd_pneumatic.reporting.names import PARAMETER_FILE, REPORT_FILE
 
-_NEXT = 'next'  # folder of the plan, beside the results
+_PLAN_FOLDER = 'next'  # folder of the plan, next to the results
 
 
 def next_plan(identification: Identification, folder: Path = Path()) -> str | None:
     """
-    Return the command that plans an experiment for what these recordings did not tell; None where they told all.
+    Return the command that plans the next experiment, or None if no experiment is needed.
 
-    None, too, where recordings are misread: they may tell it, read as they should be.
+    The experiment is for unidentifiable parameters and for effects that these recordings could not show. The result is
+    also None if recordings are likely misread: correctly read, they may determine everything.
 
-    `folder` is where the results are, as seen from where the command is to be run.
+    `folder` is the folder of the results, relative to the folder in which the command is run.
     """
     if not all(result.findings.sought for result in identification.closed):
         return None
@@ -30,11 +31,11 @@ def next_plan(identification: Identification, folder: Path = Path()) -> str | No
         for estimate in point.fit.estimates
         if not estimate.identifiable
     }
-    hidden = {name for result in identification.closed for name in result.findings.not_visible}
-    wanted = [name for name in (*NAMES, *EFFECTS) if name in unidentifiable | hidden]
+    invisible = {name for result in identification.closed for name in result.findings.not_visible}
+    wanted = [name for name in (*NAMES, *EFFECTS) if name in unidentifiable | invisible]
     if not wanted:
         return None
-    parameters, report, output = (folder / name for name in (PARAMETER_FILE, REPORT_FILE, _NEXT))
+    parameters, report, output = (folder / name for name in (PARAMETER_FILE, REPORT_FILE, _PLAN_FOLDER))
     return shlex.join(
         ['plan_experiment', str(parameters), '--report', str(report), '--output', str(output), '--wanted', *wanted]
     )

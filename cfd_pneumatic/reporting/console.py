@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables and verdicts for the terminal, the paper's units beside SI."""
+"""Tables and verdicts for the terminal, in SI units and in the units of the paper."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ _STYLES = {
     'no_missing_effect': 'bold green',
     'unexplained': 'bold yellow',
 }
-_LEAST_BIC = 0.0  # effects that do not lower the criterion stand in the report alone
+_LEAST_BIC = 0.0  # effects that do not lower the criterion are listed in the report only
 
 
 def print_report(
     identification: Identification, console: Console, live: Mapping[str, PartError] = MappingProxyType({})
 ) -> None:
-    """Print tables of parameters and errors, the paper's units beside SI, and the errors of a live simulation."""
+    """Print data checks, parameters, errors and verdicts; `live` has the errors of `sim_node` by channel."""
     for recording in identification.recordings:
-        for note in _merged(recording.health):
+        for note in _merge_notes(recording.health):
             console.print(f'{recording.name}: {note}', style='yellow')
     for notice in identification.notices:
         style = 'bold red' if notice.level == WARNING else 'yellow'
@@ -57,13 +57,13 @@ def print_report(
     for result in identification.closed:
         _print_findings(result, console)
     for name, error in live.items():
-        small = identification.channels[name].quantity.small
-        size = f'{error.rmse / small.si:.4g} {small.unit}'
-        console.print(f'{name}: live, as sim_node answers sample by sample, the error is {size}.')
+        small_unit = identification.channels[name].quantity.small
+        size = f'{error.rmse / small_unit.si:.4g} {small_unit.unit}'
+        console.print(f'{name}: sim_node, which computes sample by sample, has an error of {size}.')
 
 
 def _print_findings(result: ChannelResult, console: Console) -> None:
-    """Print what closing the loop brought."""
+    """Print the verdict on a channel, its added effects and the candidates."""
     findings = result.findings
     style = _STYLES.get(findings.verdict, 'bold')
     console.print()
@@ -76,28 +76,28 @@ def _print_findings(result: ChannelResult, console: Console) -> None:
     if findings.tried:
         console.print(_trial_table(result))
     if findings.next_experiment:
-        console.print(f'To see more, record: {findings.next_experiment}.')
+        console.print(f'Record next: {findings.next_experiment}.')
 
 
 def _effect_table(result: ChannelResult) -> Table:
-    """Return the parameters of the effects that were found, and the error before and after."""
-    headings = ('what', 'parameter', 'value', '95 % interval', 'unit')
-    made = table(f'{result.name}: what was added', *headings, words=('what', 'parameter', 'unit'))
+    """Return the table of the added effects with their parameters, and the error before and after."""
+    headings = ('effect', 'parameter', 'value', '95 % interval', 'unit')
+    effects = table(f'{result.name}: added effects', *headings, words=('effect', 'parameter', 'unit'))
     for effect in result.added:
         for rank, (name, estimate) in enumerate(result.parameters(effect).items()):
             value = 'not identifiable' if estimate.value is None else f'{estimate.value:.4g}'
             interval = (
                 '' if estimate.interval is None or not estimate.std else '{:.4g} to {:.4g}'.format(*estimate.interval)
             )
-            made.add_row('' if rank else effect, name, value, interval, estimate.unit)
-    made.caption = _before_and_after(result)
-    return made
+            effects.add_row('' if rank else effect, name, value, interval, estimate.unit)
+    effects.caption = _error_ratio(result)
+    return effects
 
 
-def _before_and_after(result: ChannelResult) -> str:
+def _error_ratio(result: ChannelResult) -> str:
     unit = result.quantity.small.unit
-    where = 'on the test part' if result.judged_on == 'test' else 'on all samples'
-    text = f'error {where}: {result.rmse(0):.4g} {unit} before, {result.rmse(1):.4g} {unit} after'
+    samples = 'on the test part' if result.judged_on == 'test' else 'on all samples'
+    text = f'error {samples}: {result.rmse(0):.4g} {unit} before, {result.rmse(1):.4g} {unit} after'
     if result.findings.ratio is not None and result.findings.ratio_interval is not None:
         low, high = result.findings.ratio_interval
         text += f': {percent(result.findings.ratio)} (95 %: {percent(low)} to {percent(high)})'
@@ -105,44 +105,44 @@ def _before_and_after(result: ChannelResult) -> str:
 
 
 def _trial_table(result: ChannelResult) -> Table:
-    """Return the effects that were tried and had something to them, a section for each round."""
+    """Return the table of candidates that lowered the criterion, a section for each round of the search."""
     headings = ('effect', 'RSS drop', 'delta BIC', f'validation, {result.quantity.small.unit}', 'added', 'why')
-    made = table(f'{result.name}: effects that were tried', *headings, words=('effect', 'added', 'why'))
-    shown = 0
+    candidates = table(f'{result.name}: candidate effects', *headings, words=('effect', 'added', 'why'))
+    shown_count = 0
     for trials in result.findings.rounds:
-        telling = [trial for trial in trials if trial.accepted or (trial.delta_bic or 0.0) > _LEAST_BIC]
-        shown += len(telling)
-        for trial in telling:
-            made.add_row(
+        shown = [trial for trial in trials if trial.accepted or (trial.delta_bic or 0.0) > _LEAST_BIC]
+        shown_count += len(shown)
+        for trial in shown:
+            candidates.add_row(
                 trial.effect,
                 percent(trial.rss_drop),
                 '' if trial.delta_bic is None else f'{trial.delta_bic:.0f}',
                 '' if trial.validation_rmse is None else f'{trial.validation_rmse / result.quantity.small.si:.4g}',
                 'yes' if trial.accepted else 'no',
                 trial.why,
-                end_section=trial is telling[-1],
+                end_section=trial is shown[-1],
             )
-    rest = len(result.findings.tried) - shown
-    if rest:
-        made.caption = f'{rest} more that explain nothing: in the report'
-    return made
+    hidden_count = len(result.findings.tried) - shown_count
+    if hidden_count:
+        candidates.caption = f'{hidden_count} more explain nothing. They are listed in the report.'
+    return candidates
 
 
-def _merged(notes: Sequence[str]) -> list[str]:
-    """Return notes of the form 'signal: what' with the signals that share one gathered in front of it."""
+def _merge_notes(notes: Sequence[str]) -> list[str]:
+    """Return notes of the form 'signal: text' with all signals of the same text in one note."""
     signals: dict[str, list[str]] = {}
     for note in notes:
-        signal, _, what = note.rpartition(': ')
-        signals.setdefault(what, []).append(signal)
-    return [f'{", ".join(names)}: {what}' if any(names) else what for what, names in signals.items()]
+        signal, _, text = note.rpartition(': ')
+        signals.setdefault(text, []).append(signal)
+    return [f'{", ".join(names)}: {text}' if any(names) else text for text, names in signals.items()]
 
 
 def _reported_gains(cylinder: str, result: ChannelResult) -> list[tuple[str, Sequence[Estimate]]]:
-    """Return the gains of the model that is reported, which `parameters.yaml` holds, each set with its title."""
+    """Return each set of gains in `parameters.yaml` with the title of its table."""
     if result.added:
-        reference = [f'{own[0] / 1e3:.1f} kPa absolute' for own in result.found.model.core.values()]
-        where = reference[0] if reference else 'every set-point'
-        title = f'{cylinder} at {where}, beside {", ".join(result.added)}'
+        references = [f'{numbers[0] / 1e3:.1f} kPa absolute' for numbers in result.found.model.core.values()]
+        operating_point = references[0] if references else 'every set-point'
+        title = f'{cylinder} at {operating_point}, with {", ".join(result.added)}'
         return [(title, result.found.estimates[: len(SPECS)])]
     return [
         (f'{cylinder} at {point.setpoint / 1e3:.1f} kPa ({point.setpoint / PSI:.2f} psi) gauge', point.fit.estimates)
@@ -152,13 +152,13 @@ def _reported_gains(cylinder: str, result: ChannelResult) -> list[tuple[str, Seq
 
 def _parameter_table(title: str, estimates: Sequence[Estimate]) -> Table:
     headings = ('parameter', 'value', 'standard error', '95 % interval', 'unit', "in the paper's unit")
-    made = table(title, *headings, words=('parameter', 'unit'))
+    gains = table(title, *headings, words=('parameter', 'unit'))
     for spec, estimate in zip(SPECS, estimates):
         if estimate.value is None or estimate.std is None or estimate.interval is None:
-            made.add_row(spec.name, 'not identifiable', '', '', '', '')
+            gains.add_row(spec.name, 'not identifiable', '', '', '', '')
             continue
         low, high = estimate.interval
-        made.add_row(
+        gains.add_row(
             spec.name,
             f'{estimate.value:.4g}',
             f'{estimate.std:.2g}',
@@ -168,22 +168,24 @@ def _parameter_table(title: str, estimates: Sequence[Estimate]) -> Table:
         )
     reasons = [f'{name}: {estimate.reason}' for name, estimate in zip(NAMES, estimates) if estimate.reason]
     if reasons:
-        made.caption = '\n'.join(reasons)
-    return made
+        gains.caption = '\n'.join(reasons)
+    return gains
 
 
 def _error_table(cylinder: str, result: ChannelResult) -> Table:
-    without = ', without effects' if result.found.model.effects else ''
+    model = ', without effects' if result.found.model.effects else ''
     if result.found.model.core:
-        without += ', with the linear core'
+        model += ', with the linear core'
     headings = ('part', 'samples', 'RMSE, Pa', 'RMSE, psi', 'NRMSE, % of span')
-    made = table(f'{cylinder}: simulated against measured pressure{without}', *headings, words=('part',))
+    errors = table(f'{cylinder}: simulated against measured pressure{model}', *headings, words=('part',))
     for index, part in enumerate(PARTS):
         error = result.before.get(part)
         if error is not None:
             count = sum(int((experiment.part == index).sum()) for experiment in result.experiments)
-            made.add_row(part, str(count), f'{error.rmse:.1f}', f'{error.rmse / PSI:.4f}', f'{error.nrmse_percent:.2f}')
-    made.caption = (
+            errors.add_row(
+                part, str(count), f'{error.rmse:.1f}', f'{error.rmse / PSI:.4f}', f'{error.nrmse_percent:.2f}'
+            )
+    errors.caption = (
         f'span p99 - p1: {result.span:.0f} Pa ({result.span / PSI:.3f} psi); noise floor {result.noise.std:.1f} Pa'
     )
-    return made
+    return errors

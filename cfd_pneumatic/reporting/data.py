@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`report.json`: strict JSON, numbers in SI units, null where there is none."""
+"""`report.json`: strict JSON with numbers in SI units, and null for a missing value."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ SCHEMA = 1
 
 
 def report_data(identification: Identification, live: Mapping[str, PartError] = MappingProxyType({})) -> dict[str, Any]:
-    """Return the report as JSON types; of errors of a live simulation those that are known, by channel."""
-    found = {result.name: result for result in identification.closed}
+    """Return the report as JSON types; `live` has the errors of `sim_node` by channel, if known."""
+    closed_results = {result.name: result for result in identification.closed}
     data: dict[str, Any] = {
         'schema': SCHEMA,
         'recordings': [
@@ -53,11 +53,12 @@ def report_data(identification: Identification, live: Mapping[str, PartError] = 
         },
         'ambient_pressure_pa': identification.ambient_pressure,
         'cylinders': {
-            name: _cylinder_data(result, identification) | (_findings_data(found[name]) if name in found else {})
+            name: _cylinder_data(result, identification)
+            | (_findings_data(closed_results[name]) if name in closed_results else {})
             for name, result in identification.cylinders.items()
         },
     }
-    for name, result in found.items():
+    for name, result in closed_results.items():
         if name not in identification.cylinders:
             before = {f'span_{result.quantity.key}': result.span, 'before': _error_data(result.before, result)}
             data[name] = before | _findings_data(result)
@@ -66,7 +67,7 @@ def report_data(identification: Identification, live: Mapping[str, PartError] = 
         if block is not None:
             block['live'] = _error_data({identification.channels[name].judged_on: error}, identification.channels[name])
     data['next_plan'] = next_plan(identification)
-    data['warnings'] = [asdict(one) for one in identification.notices]
+    data['warnings'] = [asdict(notice) for notice in identification.notices]
     return data
 
 
@@ -76,8 +77,8 @@ def _finite(value: float | None) -> float | None:
 
 def _cylinder_data(result: ChannelResult, identification: Identification) -> dict[str, Any]:
     name = result.channel.name
-    held = [identification.recordings[one.recording].cylinders[name] for one in result.comparisons]
-    recorded_setpoints = [signals.setpoint is not None for signals in held]
+    cylinders = [identification.recordings[comparison.recording].cylinders[name] for comparison in result.comparisons]
+    recorded_setpoints = [cylinder.setpoint is not None for cylinder in cylinders]
     return {
         'parameters': _gain_data(result.fit.estimates),
         'schedule': [
@@ -129,7 +130,7 @@ def _estimate_data(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
 
 
 def _findings_data(result: ChannelResult) -> dict[str, Any]:
-    """Return what closing the loop brought."""
+    """Return the verdict on a channel, its effects, candidates and residual tests as JSON types."""
     findings = result.findings
     key = result.quantity.key
     return {
@@ -142,10 +143,10 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         'effect_parameters': {effect: _estimate_data(result.parameters(effect)) for effect in findings.effects},
         'parameters_after': _gain_data(result.gains),
         'alternatives': {effect: list(findings.alternatives.get(effect, ())) for effect in findings.effects},
-        'unknown': None if findings.unknown is None else _shape_data(findings.unknown),
+        'unknown': None if findings.unknown is None else _characteristic_data(findings.unknown),
         'after': _error_data(result.after, result),
         'after_over_before': _ratio_data(result),
-        'left': _left_data(result),
+        'left': _remaining_error_data(result),
         'tried': [
             {
                 'effect': trial.effect,
@@ -163,31 +164,35 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
     }
 
 
-def _shape_data(shape: Characteristic) -> dict[str, Any]:
-    """Return a law that was drawn; a pair of others names where they enter, and against what."""
+def _characteristic_data(characteristic: Characteristic) -> dict[str, Any]:
+    """Return an estimated curve; each pair under `or` names an alternative place and variable of the curve."""
     return {
-        'enters': shape.enters,
-        'or': [list(other) for other in shape.others],
-        'against': shape.against,
-        'unit': shape.unit,
-        'unit_against': shape.unit_against,
-        'curve': {name: getattr(shape, name)[shape.visited].tolist() for name in ('at', 'value', 'low', 'high')},
-        'formula': shape.formulas[0].text if len(shape.formulas) == 1 else None,
-        'formulas': [one.text for one in shape.formulas],
-        'explains': shape.explains,
-        'words': shape.words,
+        'enters': characteristic.enters,
+        'or': [list(alternative) for alternative in characteristic.others],
+        'against': characteristic.against,
+        'unit': characteristic.unit,
+        'unit_against': characteristic.unit_against,
+        'curve': {
+            name: getattr(characteristic, name)[characteristic.visited].tolist()
+            for name in ('at', 'value', 'low', 'high')
+        },
+        'formula': characteristic.formulas[0].text if len(characteristic.formulas) == 1 else None,
+        'formulas': [formula.text for formula in characteristic.formulas],
+        'explains': characteristic.explains,
+        'words': characteristic.words,
     }
 
 
-def _left_data(result: ChannelResult) -> dict[str, Any]:
-    """Return how large what is left is, and on what it depends."""
-    size = result.rmse(1)
+def _remaining_error_data(result: ChannelResult) -> dict[str, Any]:
+    """Return the remaining error and the signals on which the residual depends."""
+    error = result.rmse(1)
     return {
-        f'rmse_{result.quantity.key}': size,
-        'over_noise': size / result.noise.std,
-        'percent_of_span': 100.0 * size / result.span,
+        f'rmse_{result.quantity.key}': error,
+        'over_noise': error / result.noise.std,
+        'percent_of_span': 100.0 * error / result.span,
         'depends_on': [
-            {'on': one.on, 'share': one.share, 'look_at': one.suggestion} for one in residual_dependences(result)
+            {'on': dependence.on, 'share': dependence.share, 'look_at': dependence.suggestion}
+            for dependence in residual_dependences(result)
         ],
     }
 

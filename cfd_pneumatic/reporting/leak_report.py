@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a pressure decay tells, for people and for programs: a table and sentences, JSON, a picture."""
+"""Report of a leak test: table and sentences for the terminal, JSON for programs, and a picture."""
 
 from __future__ import annotations
 
@@ -20,127 +20,128 @@ SCHEMA = 1
 LEAK_FILE = 'leak.json'
 PICTURE_FILE = 'leak.svg'
 
-_CAPTION = 'gap: flow as the gauge pressure; orifice: as the absolute pressure, choked'
-_ZERO = 1e-6  # times the interval's end: what is smaller is none
+_CAPTION = 'gap: flow proportional to the gauge pressure; orifice: choked flow, proportional to the absolute pressure'
+_ZERO = 1e-6  # a conductance below this share of its upper limit is printed as 0
 _COLOURS = ('#0a5fc2', '#c2500f')
 _WIDTH = 720.0
-_ENDS = 5  # samples
-_PRESSURES = 30  # at which the rate is told
+_END_SAMPLES = 5  # samples at each end, whose median is the pressure there
+_CURVE_POINTS = 30  # pressures of a rate curve in the JSON file
 _MINUTE = 60.0  # [s]
-_LONG = 120.0  # minutes, from which on hours are said
+_LONGEST_MINUTES = 120.0  # longer times are printed in hours
 
 
-_PICTURED = 'pressure decay'
+_PICTURE_LABEL = 'pressure decay'
 
 FILES = ResultFiles(
     {
-        PICTURE_FILE: marked(f'\\A<svg [^>]*aria-label="{_PICTURED}"'),
+        PICTURE_FILE: marked(f'\\A<svg [^>]*aria-label="{_PICTURE_LABEL}"'),
         LEAK_FILE: marked(r'\A\{\s*"schema": \d+,\s*"cylinders": '),
     }
 )
-"""How the files of a leak test are recognised."""
+"""Files of a leak test, with the marks that recognise them."""
 
 
 def write_decays(decays: Mapping[str, Decay], folder: Path, *, overwrite: bool = False) -> list[Path]:
     """
-    Write what decays tell as JSON, and a picture, into a folder, made if need be.
+    Write the estimated leaks as JSON, and a picture of the pressures.
 
     Parameters
     ----------
     decays, folder
-        What, and where to.
+        Pressure decays by cylinder, and the folder for the files. A missing folder is created.
     overwrite
-        Whether files of these names are replaced that this program did not write.
+        Whether files of these names are replaced even if this program did not write them.
 
     Raises
     ------
     InputError
-        If the folder can't be written, or a file in it is not to be replaced.
+        If the folder cannot be written, or a file in it must not be replaced.
 
     """
-    content = {'schema': SCHEMA, 'cylinders': {name: _data(decay) for name, decay in decays.items()}}
-    with FILES.made_for(folder, overwrite=overwrite) as made:
-        (made / LEAK_FILE).write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
-        (made / PICTURE_FILE).write_text(_picture(decays), encoding='utf-8')
+    content = {'schema': SCHEMA, 'cylinders': {name: _decay_data(decay) for name, decay in decays.items()}}
+    with FILES.made_for(folder, overwrite=overwrite) as staged_folder:
+        (staged_folder / LEAK_FILE).write_text(json.dumps(content, indent=1) + '\n', encoding='utf-8')
+        (staged_folder / PICTURE_FILE).write_text(_picture(decays), encoding='utf-8')
     return [folder / LEAK_FILE, folder / PICTURE_FILE]
 
 
 def print_decay(name: str, decay: Decay, console: Console) -> None:
-    """Print the laws of one cylinder's decay, and what they come to."""
-    ends = decay.pressure[:_ENDS], decay.pressure[-_ENDS:]
+    """Print the leak models fitted to a cylinder's pressure decay, and the conclusion."""
+    ends = decay.pressure[:_END_SAMPLES], decay.pressure[-_END_SAMPLES:]
     first, last = (1e-3 * (float(np.median(end)) - decay.ambient_pressure) for end in ends)
     console.print(
         f'{name}: {first:.4g} to {last:.4g} kPa gauge in {decay.times[-1]:.4g} s, noise {decay.noise:.3g} Pa.'
     )
-    settles = any(leak.settling for leak in decay.leaks)
-    headings = ['law', 'conductance, 1/s', '95 % interval', 'error, Pa', 'over the noise', 'is it']
-    headings[3:3] = ['settles by, kPa', 'within, s'] if settles else []
-    title = f'{name}: laws, fitted to the first half and judged by the second'
-    laws = table(title, *headings, words=('law', 'is it'))
+    has_settling = any(leak.settling for leak in decay.leaks)
+    headings = ['leak model', 'conductance, 1/s', '95 % interval', 'error, Pa', 'error / noise', 'result']
+    headings[3:3] = ['settles by, kPa', 'within, s'] if has_settling else []
+    title = f'{name}: leak models, fitted to the first half and tested on the second half'
+    models = table(title, *headings, words=('leak model', 'result'))
     for leak in decay.leaks:
         conductance = leak.conductance if leak.conductance > _ZERO * leak.interval[1] else 0.0
-        cells = [leak.law, f'{conductance:.4g}', ' to '.join(f'{one:.3g}' for one in leak.interval)]
-        if settles:
-            settled = f'{1e-3 * leak.settling:.3g}', f'{leak.time_constant:.3g}'
-            cells += settled if leak.settling else ('', '')
+        cells = [leak.law, f'{conductance:.4g}', ' to '.join(f'{limit:.3g}' for limit in leak.interval)]
+        if has_settling:
+            settling = f'{1e-3 * leak.settling:.3g}', f'{leak.time_constant:.3g}'
+            cells += settling if leak.settling else ('', '')
         cells += [f'{leak.error:.4g}', f'{leak.error / decay.noise:.2f}', 'excluded' if leak.excluded else 'possible']
-        laws.add_row(*cells)
-    laws.caption = _CAPTION
-    console.print(laws)
+        models.add_row(*cells)
+    models.caption = _CAPTION
+    console.print(models)
     for line in _sentences(name, decay):
         console.print(line)
 
 
 def _sentences(name: str, decay: Decay) -> list[str]:
-    """Return what the laws come to."""
+    """Return the conclusions from a cylinder's pressure decay."""
     best, possible = decay.best, [leak.law for leak in decay.leaks if not leak.excluded]
     if not possible:
         return [
-            'None of these laws describes the second half: is the valve shut all the time? --begin and --end say when.'
+            'No leak model describes the second half. The valve may not have been shut all the time. '
+            'Give the times of the shut valve with --begin and --end.'
         ]
     lines = []
     if best.settling:
         lines.append(
-            f'Beside a leak the pressure settles by {1e-3 * best.settling:.3g} kPa: air cools down after a chamber was '
-            'filled, and a soft chamber gives way. Wait before the test, and only the leak is left.'
+            f'In addition to the leak, the pressure settles by {1e-3 * best.settling:.3g} kPa. After filling, the air '
+            'cools down and a soft chamber expands. Wait longer before the test to measure the leak alone.'
         )
     if not decay.told:
-        lines.append(f'A leak is not told: its conductance is at most {best.interval[1]:.3g} 1/s.')
+        lines.append(f'No leak is detected. Its conductance is at most {best.interval[1]:.3g} 1/s.')
         return lines
-    lost = _MINUTE * best.conductance * rate_of(best.law, best.start, decay.ambient_pressure)
-    lines.append(f'At the start the pressure falls by {1e-3 * lost:.3g} kPa per minute.')
+    drop = _MINUTE * best.conductance * rate_of(best.law, best.start, decay.ambient_pressure)
+    lines.append(f'At the start the pressure falls by {1e-3 * drop:.3g} kPa per minute.')
     if len(possible) > 1 and decay.tells_below is not None:
         gauge, time = decay.tells_below
         lines.append(
-            f'Which law it is this fall does not tell: let it fall to {1e-3 * gauge:.4g} kPa gauge, '
-            f'for about {_long(time)}.'
+            f'This recording cannot distinguish the possible leak models. Let the pressure fall to '
+            f'{1e-3 * gauge:.4g} kPa gauge, for about {_duration(time)}.'
         )
-    given = {'enabled': 'true', 'conductance': f'{best.conductance:.4g}', 'orifice': f'{LAWS[best.law]:.1f}'}
-    lines.append('For sim_node: ' + ' '.join(f'-p {name}.leakage.{key}:={value}' for key, value in given.items()))
+    parameters = {'enabled': 'true', 'conductance': f'{best.conductance:.4g}', 'orifice': f'{LAWS[best.law]:.1f}'}
+    lines.append('For sim_node: ' + ' '.join(f'-p {name}.leakage.{key}:={value}' for key, value in parameters.items()))
     return lines
 
 
-def _long(seconds: float) -> str:
-    """Return a time in a unit that suits it."""
+def _duration(seconds: float) -> str:
+    """Return a duration as text, in minutes or hours."""
     minutes = seconds / _MINUTE
-    return f'{minutes:.0f} min' if minutes < _LONG else f'{minutes / 60.0:.1f} h'
+    return f'{minutes:.0f} min' if minutes < _LONGEST_MINUTES else f'{minutes / 60.0:.1f} h'
 
 
-def _data(decay: Decay) -> dict[str, Any]:
+def _decay_data(decay: Decay) -> dict[str, Any]:
     return {
         'ambient_pressure_pa': decay.ambient_pressure,
         'duration_s': float(decay.times[-1]),
         'samples': decay.times.size,
         'noise_pa': decay.noise,
         'told': decay.told,
-        'laws': [_law_data(leak, decay) for leak in decay.leaks],
+        'laws': [_leak_data(leak, decay) for leak in decay.leaks],
         'tells_below': None if decay.tells_below is None else dict(zip(('gauge_pa', 'after_s'), decay.tells_below)),
     }
 
 
-def _law_data(leak: Leak, decay: Decay) -> dict[str, Any]:
-    pressures = np.linspace(float(np.min(leak.simulated)), float(np.max(leak.simulated)), _PRESSURES)
-    rates = np.array([rate_of(leak.law, one, decay.ambient_pressure) for one in pressures.tolist()])
+def _leak_data(leak: Leak, decay: Decay) -> dict[str, Any]:
+    pressures = np.linspace(float(np.min(leak.simulated)), float(np.max(leak.simulated)), _CURVE_POINTS)
+    rates = np.array([rate_of(leak.law, pressure, decay.ambient_pressure) for pressure in pressures.tolist()])
     return {
         'law': leak.law,
         'excluded': leak.excluded,
@@ -161,23 +162,27 @@ def _law_data(leak: Leak, decay: Decay) -> dict[str, Any]:
 
 
 def _picture(decays: Mapping[str, Decay]) -> str:
-    """Return each pressure with the law that errs least, and what that leaves."""
+    """Return the picture of each pressure with its best leak model, and the residuals."""
     panels = []
     for name, decay in decays.items():
-        gauge, simulated = (1e-3 * (one - decay.ambient_pressure) for one in (decay.pressure, decay.best.simulated))
-        measured, law = _COLOURS
+        absolute = decay.pressure, decay.best.simulated
+        gauge, simulated = (1e-3 * (pressure - decay.ambient_pressure) for pressure in absolute)
+        measured_colour, simulated_colour = _COLOURS
         panels += [
             Panel(
                 f'{name}: gauge pressure [kPa]',
                 200,
-                [Curve(decay.times, gauge, measured, dots=True), Curve(decay.times, simulated, law, 2.0)],
+                [
+                    Curve(decay.times, gauge, measured_colour, dots=True),
+                    Curve(decay.times, simulated, simulated_colour, 2.0),
+                ],
             ),
             Panel(
-                f'{name}: what the {decay.best.law} leaves [Pa]',
+                f'{name}: residual of the {decay.best.law} model [Pa]',
                 90,
-                [Curve(decay.times, 1e3 * (gauge - simulated), measured, dots=True)],
+                [Curve(decay.times, 1e3 * (gauge - simulated), measured_colour, dots=True)],
                 band=decay.noise,
             ),
         ]
     end = max(float(decay.times[-1]) for decay in decays.values())
-    return chart(panels, _WIDTH, (0.0, end), 'time [s]', _PICTURED, whole=True)
+    return chart(panels, _WIDTH, (0.0, end), 'time [s]', _PICTURE_LABEL, whole=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One picture of a recording for people at a prompt: measured, simulated, residual."""
+"""Plot of a recording with Matplotlib: measured values, simulated values and residuals."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from matplotlib.axes import Axes
 from cfd_pneumatic.identification import PARTS, ChannelResult, Comparison, Identification, readable_name, title
 from cfd_pneumatic.reporting.thinning import thinned
 
-_COLUMNS = 2_000  # of pixels
-_SIZE = (10.0, 3.4)  # of a channel [inch]
+_COLUMNS = 2_000  # pixels across the plot
+_SIZE = (10.0, 3.4)  # width and height of a channel's plots [inch]
 
 
 def overview(identification: Identification, recording: int) -> list[Axes]:
-    """Return the axes of a picture: for each channel that a recording holds one of values and one of residuals."""
-    held = [
-        (result, one)
+    """Plot every channel of a recording; return two axes for each channel, values and residuals."""
+    recorded = [
+        (result, comparison)
         for result in identification.channels.values()
-        for one in result.comparisons
-        if one.recording == recording
+        for comparison in result.comparisons
+        if comparison.recording == recording
     ]
-    figure = plt.figure(figsize=(_SIZE[0], _SIZE[1] * len(held)), layout='constrained')
-    ratios = {'height_ratios': [2, 1] * len(held)}
-    flat = list(figure.subplots(2 * len(held), 1, sharex=True, squeeze=False, gridspec_kw=ratios)[:, 0])
-    for rank, (result, comparison) in enumerate(held):
-        _draw(flat[2 * rank], flat[2 * rank + 1], result, comparison)
-    flat[-1].set_xlabel('time [s]')
-    return flat
+    figure = plt.figure(figsize=(_SIZE[0], _SIZE[1] * len(recorded)), layout='constrained')
+    ratios = {'height_ratios': [2, 1] * len(recorded)}
+    axes = list(figure.subplots(2 * len(recorded), 1, sharex=True, squeeze=False, gridspec_kw=ratios)[:, 0])
+    for rank, (result, comparison) in enumerate(recorded):
+        _draw(axes[2 * rank], axes[2 * rank + 1], result, comparison)
+    axes[-1].set_xlabel('time [s]')
+    return axes
 
 
 def _draw(values: Axes, residuals: Axes, result: ChannelResult, comparison: Comparison) -> None:

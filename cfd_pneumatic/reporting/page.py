@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`report.html`: one page that stands alone, for whoever runs the cell."""
+"""`report.html`: the results of a closed loop on one self-contained page for the operator of the cell."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from cfd_pneumatic.reporting.template import rendered
 
 TEMPLATE = 'report.html.jinja'
 
-_EPOCH_OF_TABLES = 1970  # in which times begin that are no dates
-_MOST_RECORDINGS = 6  # that are drawn whole
+_EPOCH_OF_TABLES = 1970  # year of recordings without a date: their times begin at zero
+_MOST_RECORDINGS = 6  # recordings shown in full length
 _FORCE_PARAMETERS = {
     'area': 'piston area',
-    'geometric_factor': 'contact force over piston force, from the linkage; as given',
+    'geometric_factor': 'contact force / piston force, from the linkage; as given',
 }
-_FIRST_TRIALS = 6  # of a round that are shown at once
+_FIRST_TRIALS = 6  # candidates of a round that are shown without unfolding
 
 
 @dataclass(frozen=True)
 class Row:
-    """A parameter: without and with the effects."""
+    """A row of the parameter table: the estimates without and with effects."""
 
     name: str
     description: str
@@ -57,7 +57,7 @@ class Row:
 def report_page(
     identification: Identification, live: Mapping[str, PartError] = MappingProxyType({}), run: str = ''
 ) -> str:
-    """Return the page on what closing the loop brought, with the errors of a live simulation and the run's name."""
+    """Return the report page of a closed loop; `live` has the errors of `sim_node` by channel."""
     sections = [_section(result, live.get(result.name)) for result in identification.closed]
     return rendered(
         TEMPLATE,
@@ -65,45 +65,45 @@ def report_page(
         run=run,
         recordings=identification.recordings,
         dates=[_date(recording) for recording in identification.recordings],
-        warnings=[one for one in identification.notices if one.level == WARNING],
-        notes=[one for one in identification.notices if one.level == NOTE],
+        warnings=[notice for notice in identification.notices if notice.level == WARNING],
+        notes=[notice for notice in identification.notices if notice.level == NOTE],
         splits=identification.splits,
         no_test=identification.no_test,
         sections=sections,
         parts=PARTS,
         effects=EFFECTS,
         next_plan=next_plan(identification),
-        scheduled=[  # whose model that is reported has other gains than the one fit to all set-points
+        scheduled=[  # the reported models of these cylinders have gains of each set-point, not of the joint fit
             name
-            for name, one in identification.cylinders.items()
-            if not one.added and any(point.fit is not one.fit for point in one.schedule)
+            for name, result in identification.cylinders.items()
+            if not result.added and any(point.fit is not result.fit for point in result.schedule)
         ],
     )
 
 
 def _date(recording: Recording) -> str:
-    """Return when a recording began, nothing where its times have a zero of their own."""
+    """Return when a recording began; empty if the recording has no date."""
     began = datetime.fromtimestamp(recording.epoch / 1e9, tz=timezone.utc)
     return f'{began:%Y-%m-%d %H:%M} UTC' if began.year > _EPOCH_OF_TABLES else ''
 
 
 def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
-    """Return what the page says about one cylinder, or about the force."""
+    """Return the template values of a channel's section."""
     findings = result.findings
-    drawn = result.comparisons[:_MOST_RECORDINGS]
+    shown = result.comparisons[:_MOST_RECORDINGS]
     return {
         'id': result.name,
         'title': title(result.name),
         'result': result,
         'findings': findings,
         'bars': list(_bars(result)),
-        'pictures': figures.pictures(result, drawn),
-        'not_drawn': [comparison.name for comparison in result.comparisons[_MOST_RECORDINGS:]],
+        'pictures': figures.pictures_by_section(result, shown),
+        'not_shown': [comparison.name for comparison in result.comparisons[_MOST_RECORDINGS:]],
         'errors': list(_errors(result)),
         'live': live,
-        'remainder': describe_remaining_error(result),
+        'remaining_error': describe_remaining_error(result),
         'rounds': [_round(trials) for trials in findings.rounds],
-        'tests': _tests(findings.tests_before, findings.tests_after),
+        'tests': _test_pairs(findings.tests_before, findings.tests_after),
         'parameters': list(_gain_rows(result)),
         'effect_parameters': {effect: list(_effect_rows(result, effect)) for effect in result.added},
         'rivals': {effect: rivals for effect, rivals in findings.alternatives.items() if rivals},
@@ -111,7 +111,7 @@ def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
 
 
 def _bars(result: ChannelResult) -> Iterator[dict[str, Any]]:
-    """Yield the error before and after and the noise, as lengths in percent of the longest."""
+    """Yield the bars of the errors before and after and of the noise; lengths in percent of the longest bar."""
     values = {'before': result.rmse(0)}
     if result.added:
         values['after'] = result.rmse(1)
@@ -127,26 +127,27 @@ def _bars(result: ChannelResult) -> Iterator[dict[str, Any]]:
 
 
 def _errors(result: ChannelResult) -> Iterator[tuple[str, PartError, PartError | None]]:
-    """Yield each part with its errors before and, where there are effects, after."""
+    """Yield each part with its error before and, if effects were added, after."""
     for part in PARTS:
         if part in result.before:
             yield part, result.before[part], result.after.get(part) if result.added else None
 
 
 def _round(trials: Sequence[Trial]) -> dict[str, Any]:
-    """Return a round of the search with the trials that are shown at once apart from the others."""
+    """Return a round of the search, its first candidates separate from the folded candidates."""
     first = [trial for rank, trial in enumerate(trials) if rank < _FIRST_TRIALS or trial.accepted]
-    return {'beside': trials[0].beside, 'first': first, 'rest': [trial for trial in trials if trial not in first]}
+    folded = [trial for trial in trials if trial not in first]
+    return {'added_before': trials[0].beside, 'first': first, 'folded': folded}
 
 
-def _tests(before: Sequence[Test], after: Sequence[Test]) -> list[tuple[Test, Test | None]]:
-    """Return each test of the residual before with that after."""
-    later = {test.name: test for test in after}
-    return [(test, later.get(test.name)) for test in before]
+def _test_pairs(before: Sequence[Test], after: Sequence[Test]) -> list[tuple[Test, Test | None]]:
+    """Return pairs of the same test on the residual before and after."""
+    tests_after = {test.name: test for test in after}
+    return [(test, tests_after.get(test.name)) for test in before]
 
 
 def _gain_rows(result: ChannelResult) -> Iterator[Row]:
-    """Yield the model's own parameters."""
+    """Yield the rows of the parameters that do not belong to an effect."""
     specs = {spec.name: spec for spec in SPECS}
     after = {estimate.name: estimate for estimate in result.gains}
     before = {estimate.name: estimate for estimate in result.fit.estimates}
@@ -158,12 +159,12 @@ def _gain_rows(result: ChannelResult) -> Iterator[Row]:
             yield Row(name, _FORCE_PARAMETERS.get(name, ''), unit, before.get(name), after.get(name))
         else:
             description = spec.description.partition(',')[0]
-            own = (spec.paper_unit, spec.paper_factor) if spec.paper_unit != spec.unit else ('', 1.0)
-            yield Row(name, description, unit, before.get(name), with_effects, False, *own)
+            paper = (spec.paper_unit, spec.paper_factor) if spec.paper_unit != spec.unit else ('', 1.0)
+            yield Row(name, description, unit, before.get(name), with_effects, False, *paper)
 
 
 def _effect_rows(result: ChannelResult, effect: str) -> Iterator[Row]:
-    """Yield an effect's parameters."""
-    known = {parameter.name: parameter for parameter in result.channel.effects[effect].parameters}
+    """Yield the rows of an effect's parameters."""
+    parameters = {parameter.name: parameter for parameter in result.channel.effects[effect].parameters}
     for name, estimate in result.parameters(effect).items():
-        yield Row(name, known[name].description, estimate.unit, None, estimate, known[name].choice)
+        yield Row(name, parameters[name].description, estimate.unit, None, estimate, parameters[name].choice)

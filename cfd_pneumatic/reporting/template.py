@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages from templates: HTML that stands alone, in one style."""
+"""Self-contained HTML pages from templates, all in the same style."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ TEMPLATES = Path(__file__).parent / 'templates'
 _COMPILED = Path(__file__).parent / '__pycache__'
 
 is_page = marked('<meta name="generator" content="cfd_pneumatic ')
-"""Recognises a page that a template made."""
+"""Recognise a page that this program wrote."""
 
 
 class _CompiledTemplates(BytecodeCache):
-    """Compiled templates, in files that are checked; compiling one takes 0.2 s."""
+    """Cache of compiled templates, in checked files. Compiling a template takes 0.2 s."""
 
     def load_bytecode(self, bucket: Bucket) -> None:
-        """Fill a bucket with what is kept for it."""
+        """Load the compiled template of a bucket from its file, if there is a valid file."""
         content = read_code(self._path(bucket))
         if content is not None:
             bucket.bytecode_from_string(content)
 
     def dump_bytecode(self, bucket: Bucket) -> None:
-        """Keep what a bucket holds, if that is possible."""
+        """Write the compiled template of a bucket to its file, if the folder is writable."""
         with suppress(OSError):
             write_code(self._path(bucket), bucket.bytecode_to_string())
 
@@ -42,7 +42,7 @@ class _CompiledTemplates(BytecodeCache):
 
 
 def rendered(template: str, *folders: Path, **values: Any) -> str:
-    """Return the page that a template makes of some values; `folders` are searched for it before this package's own."""
+    """Return the page that a template makes of values; `folders` are searched before the templates of this package."""
     templates = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]),
         undefined=StrictUndefined,

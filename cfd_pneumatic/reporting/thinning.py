@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Long series made short for people: minima and maxima, so that nothing that can be seen is lost."""
+"""Reduction of long series to minima and maxima, which loses no visible detail of a plot."""
 
 from __future__ import annotations
 
@@ -10,27 +10,29 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
 
-_TOGETHER = 10_000  # columns
+_BLOCK = 10_000  # columns that are reduced at once, to limit the memory
 
 Times = TypeVar('Times', Array, NDArray[np.int64])
 
 
 def thinned(times: Times, values: Array, columns: int) -> tuple[Times, Array]:
     """
-    Return the lowest and the highest sample of each of so many columns of equally many samples, in their order.
+    Return the lowest and the highest sample of each column, in the order of time.
 
-    A series that is not longer than two samples a column comes back as it is.
+    The columns hold equally many samples. A series of at most two samples per column is returned unchanged.
     """
     if times.size <= 2 * columns:
         return times, values
     edges = np.linspace(0, values.size, columns + 1).astype(np.intp)
     widest = int(np.max(np.diff(edges)))
-    found = []
-    for first in range(0, columns, _TOGETHER):
-        own = edges[first : first + _TOGETHER + 1, None]
-        at = np.minimum(own[:-1] + np.arange(widest), own[1:] - 1)  # the last sample fills what is left
-        seen = values[at]
-        ends = np.column_stack([np.argmin(seen, axis=1), np.argmax(seen, axis=1)])
-        found.append(np.take_along_axis(at, ends, axis=1).ravel())
-    kept = np.unique(np.concatenate(found))
+    extremes = []
+    for first in range(0, columns, _BLOCK):
+        block_edges = edges[first : first + _BLOCK + 1, None]
+        indices = np.minimum(
+            block_edges[:-1] + np.arange(widest), block_edges[1:] - 1
+        )  # repeats a column's last sample
+        samples = values[indices]
+        ends = np.column_stack([np.argmin(samples, axis=1), np.argmax(samples, axis=1)])
+        extremes.append(np.take_along_axis(indices, ends, axis=1).ravel())
+    kept = np.unique(np.concatenate(extremes))
     return times[kept], values[kept]

@@ -75,7 +75,7 @@ def test_a_device_is_not_saved_over_a_folder(rig, tmp_path):
 
 def test_a_path_is_not_a_recording(rig):
     for given in ('cell_7', rig, [rig]):
-        with pytest.raises(cfd.InputError, match=r'cell_7.*: read it first, with read_recording'):
+        with pytest.raises(cfd.InputError, match=r'cell_7.*[.] Read the bag first, with read_recording'):
             cfd.identify(given)
 
 

@@ -172,14 +172,14 @@ def test_console_report_and_file_give_the_gains_of_the_model_that_is_reported(tm
     assert block['effects'] == ['valve_dead_band']
     assert block['parameters_after']['k_v']['value'] != block['parameters']['k_v']['value']
     ((title, gains),) = printed_gains(printed, 'cylinder_b')
-    assert title == 'cylinder_b at every set-point, beside valve_dead_band'
+    assert title == 'cylinder_b at every set-point, with valve_dead_band'
     assert gains == as_printed(block['parameters_after'])
     assert 'cylinder_b: simulated against measured pressure, without effects' in printed
     for name in NAMES:
         assert written['cylinder_b'][name] == [block['parameters_after'][name]['value']]
     assert written['cylinder_b']['valve_dead_band']['enabled'] is True
     page = (tmp_path / 'out' / 'report.html').read_text()
-    assert page.count('<code>parameters.yaml</code> holds those with effects') == 1
+    assert page.count('<code>parameters.yaml</code> holds the estimates with effects') == 1
     assert page.count('<code>parameters.yaml</code> holds a fit to each') == 1
 
     block = report['cylinder_a']
@@ -224,7 +224,7 @@ def test_a_part_of_each_recording_may_be_identified(bag, tmp_path, capsys):
         (['--from', '-1'], 'is not within its'),
         (['--from', '3', '--until', '2'], '3 to 2 s is not within its'),
         (['--from', 'nan'], "--from: 'nan' is not a finite number"),
-        (['--from', '1', '--each'], 'leave out --each'),
+        (['--from', '1', '--each'], 'Omit --each'),
     ],
 )
 def test_a_part_that_there_is_not_is_refused(bag, tmp_path, capsys, options, message):
@@ -359,11 +359,11 @@ def test_a_mapping_with_an_unknown_unit(bag, capsys, output, tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        (['--draft-effect', 'scored_bore.py'], 'give --close-loop, and not --each'),
-        (['--close-loop', '--each', '--draft-effect', 'scored_bore.py'], 'give --close-loop, and not --each'),
-        (['--close-loop', '--draft-effect', 'leakage.py'], 'name it as an effect that there is not yet'),
-        (['--close-loop', '--draft-effect', 'scored bore.py'], 'name it as an effect that there is not yet'),
-        (['--close-loop', '--draft-effect', 'scored_bore.txt'], 'name it as an effect that there is not yet'),
+        (['--draft-effect', 'scored_bore.py'], 'Add --close-loop, and omit --each'),
+        (['--close-loop', '--each', '--draft-effect', 'scored_bore.py'], 'Add --close-loop, and omit --each'),
+        (['--close-loop', '--draft-effect', 'leakage.py'], 'the file must be named after a new effect'),
+        (['--close-loop', '--draft-effect', 'scored bore.py'], 'the file must be named after a new effect'),
+        (['--close-loop', '--draft-effect', 'scored_bore.txt'], 'the file must be named after a new effect'),
     ],
 )
 def test_a_draft_that_could_not_come_about_is_refused_before_any_work(bag, output, capsys, arguments, message):

@@ -50,8 +50,8 @@ def test_it_tells_each_cylinder_s_leak_from_when_the_valve_is_shut(bag, tmp_path
     ('options', 'message'),
     [
         (['--begin', '59.9'], 'cylinder_a/pressure: 2 samples are too few'),
-        (['--begin', '5', '--end', '1'], '--begin 5 --end 1: give seconds from the first sample on'),
-        (['--begin', '-1'], '--begin -1 --end inf: give seconds'),
+        (['--begin', '5', '--end', '1'], '--begin 5 --end 1: both are seconds after the first sample'),
+        (['--begin', '-1'], '--begin -1 --end inf: both are seconds'),
         (['--begin', '1e9'], 'cylinder_a/pressure: 0 samples are too few'),
         (['--begin', 'nan'], "'nan' is not a finite number"),
         (['--ambient-pressure', '6e5'], 'is outside 10000 to 200000 Pa'),

@@ -81,7 +81,7 @@ def test_the_advice_of_identify_bag_runs_as_it_stands(tmp_path, capsys, monkeypa
     assert identify_bag([str(bag), '--output', str(found), '--close-loop', '--progress', 'none']) == 0
     last = capsys.readouterr().out.strip().splitlines()[-1]
     said, _, command = last.partition(': ')
-    assert said == 'To plan an experiment that tells more'
+    assert said == 'To plan the next experiment'
     program, *arguments = shlex.split(command)
     assert program == 'plan_experiment'
     assert 'operating_point' in arguments

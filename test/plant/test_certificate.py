@@ -143,7 +143,7 @@ def test_a_key_that_cannot_be_used_is_one_line(certificate, tmp_path, capfd, dam
     else:
         key.write_text('a key\n')
     with (
-        pytest.raises(InputError, match='a certificate and its key without a passphrase: dask_certificate'),
+        pytest.raises(InputError, match='a certificate and its key without a passphrase'),
         existing_cluster('tls://127.0.0.1:1', tmp_path / 'own'),
     ):
         pass
@@ -162,7 +162,7 @@ def test_a_certificate_that_is_none_is_a_line(scheduler, tmp_path, capsys):
     (tmp_path / 'bag').mkdir()
     assert identify_bag([str(tmp_path / 'bag'), *told, '--output', str(tmp_path / 'out')]) == 2
     assert identify_bag([str(tmp_path / 'bag'), '--certificate', '.', '--output', str(tmp_path / 'out')]) == 2
-    assert '--certificate is for --scheduler' in capsys.readouterr().err
+    assert '--certificate is for a cluster' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

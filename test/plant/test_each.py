@@ -152,7 +152,7 @@ def test_interrupted_and_killed_it_goes_on_where_it_stopped(small, small_results
     os.killpg(run.pid, signal.SIGINT)  # as Ctrl-C does: the workers hear it, too
     _, complaints = run.communicate(timeout=allowed(LONG_PATIENCE))
     assert run.returncode == 130
-    assert complaints == 'identify_bag: interrupted: give the same command again to go on\n'
+    assert complaints == 'identify_bag: interrupted. Run the same command again to continue\n'
     interrupted = done()
     assert 3 <= interrupted < BAGS
     assert asides(tmp_path) == []
@@ -187,5 +187,5 @@ def test_a_cluster_is_waited_for_may_lose_a_worker_and_ends_a_run_where_it_is_lo
             os.killpg(scheduler.pid, signal.SIGKILL)
             _, complaint = run.communicate(timeout=allowed(LONG_PATIENCE))
     assert run.returncode == 2
-    assert complaint.startswith('identify_bag: error: the Dask scheduler was lost')
+    assert complaint.startswith('identify_bag: error: the connection to the Dask scheduler was lost')
     assert complaint.count('\n') == 1

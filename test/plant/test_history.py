@@ -54,9 +54,9 @@ def test_a_change_is_another_verdict_or_effect_that_can_be_told(verdicts, change
 
 def test_how_a_device_is_now_is_what_was_last_told():
     (part,) = device(FINE, LEAK, LITTLE, FAILED).parts
-    assert part.now['effects'] == 'leakage'
+    assert part.latest['effects'] == 'leakage'
     (part,) = device(LITTLE).parts
-    assert part.now['verdict'] == 'insufficient_data'
+    assert part.latest['verdict'] == 'insufficient_data'
 
 
 def test_bags_that_failed_are_counted():

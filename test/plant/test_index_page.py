@@ -11,8 +11,8 @@ import pytest
 from generated import BAGS, FIRST, SHIFT
 from identified import closed, with_force
 
-from cfd_pneumatic.plant.index_page import index_page, said
-from cfd_pneumatic.plant.job import failure, rows_of
+from cfd_pneumatic.plant.index_page import index_page, verdict_description
+from cfd_pneumatic.plant.job import failed_row, report_rows
 from cfd_pneumatic.plant.result_table import column_of
 from cfd_pneumatic.reporting import report_data
 
@@ -34,9 +34,9 @@ def rows_for(devices, shifts):
         for shift in range(shifts):
             about = {'device': f'cell_{device}', 'bag': f'plant/cell_{device}/shift_{shift}.mcap'}
             if device == 1 and shift == shifts - 1:
-                rows.append({**about, **failure('is damaged: <b>badly</b>')})
+                rows.append({**about, **failed_row('is damaged: <b>badly</b>')})
                 continue
-            for row in rows_of(report(), FIRST + shift * SHIFT, f'cell_{device}/shift_{shift}/report.html'):
+            for row in report_rows(report(), FIRST + shift * SHIFT, f'cell_{device}/shift_{shift}/report.html'):
                 if device == 1 and shift < shifts // 2 and row['part'] == 'cylinder_a':
                     gone = {'effects': '', 'alternatives': '', 'effect_parameters': None}
                     row = {**row, **gone, 'verdict': 'no_missing_effect'}
@@ -59,7 +59,7 @@ def test_the_sums_come_first(page):
 
 
 def test_what_every_device_shows_is_the_set_ups(page):
-    shown = r'Every device shows droop \(slope 0.00138 s, lag .* s\) and seal friction .* What all have'
+    shown = r'Every device shows droop \(slope 0.00138 s, lag .* s\) and seal friction .* A common finding'
     assert re.search(shown, text_of(page))
     rows = rows_for(12, 6)
     last = next(row for row in reversed(rows) if row['part'] == 'cylinder_a')
@@ -82,18 +82,18 @@ def test_a_value_that_drifts_is_told_with_where_it_was_and_is(page):
 def test_a_law_that_was_drawn_is_named(page):
     (row, *_) = rows_for(1, 1)
     row |= {'verdict': 'shape_found', 'effects': '', 'law': 'flow by displacement'}
-    assert said(row) == 'An unknown law, drawn: flow by displacement'
+    assert verdict_description(row) == 'An unknown law, drawn: flow by displacement'
 
 
 def test_a_bag_in_doubt_is_said_to_be(page):
     (row, *_) = rows_for(1, 1)
-    assert said({**row, 'warnings': 'unit_suspect'}).endswith(' (in doubt: unit_suspect)')
+    assert verdict_description({**row, 'warnings': 'unit_suspect'}).endswith(' (check the data: unit_suspect)')
 
 
 def test_a_changed_device_is_marked_in_words(page):
     text = text_of(page)
     changed = 'cell_1 Cylinder A 2023-11-15 22:13 Nothing missing Effect found: droop'
-    assert 0 < text.index(changed) < text.index('Open one to see')
+    assert 0 < text.index(changed) < text.index('Open a device to see')
     assert text.count('▲ changed 2023-11-15 22:13') == 1
     assert 'class="mark"' in page[page.index('id="device-1"') : page.index('id="device-2"')]
     assert 'class="mark"' not in page[page.index('id="device-2"') :]
@@ -136,7 +136,7 @@ def test_the_same_rows_give_the_same_page(page):
 
 
 def test_a_plant_of_failures_alone():
-    page = index_page([{'device': 'cell', 'bag': 'a.mcap', **failure('does not exist')}])
+    page = index_page([{'device': 'cell', 'bag': 'a.mcap', **failed_row('does not exist')}])
     assert 'device 1 bags 1 devices changed 0 bags failed 1' in text_of(page)
 
 

@@ -81,7 +81,7 @@ def test_a_curve_that_leaves_out_nothing_visible_is_small(outcome):
 
 
 def test_the_zoom_shows_where_effects_take_most(outcome):
-    window = figures.telling_window(outcome)
+    window = figures.zoom_window(outcome)
     before, after = (window.comparison.residual(which) for which in (0, 1))
     shown = (window.comparison.times >= window.begin) & (window.comparison.times <= window.end)
     taken = before**2 - after**2
@@ -90,7 +90,7 @@ def test_the_zoom_shows_where_effects_take_most(outcome):
 
 def test_the_zoom_of_an_unexplained_one_shows_where_most_is_left(outcome):
     changed = judged(closed(), 'unexplained', 'who knows').closed[0]
-    window = figures.telling_window(changed)
+    window = figures.zoom_window(changed)
     after = window.comparison.residual(1)
     shown = (window.comparison.times >= window.begin) & (window.comparison.times <= window.end)
     assert np.mean(after[shown] ** 2) > np.mean(after**2)
@@ -100,7 +100,7 @@ def test_a_law_is_drawn_with_its_band_and_grey_where_nobody_has_been():
     at = np.linspace(-1e-3, 1e-3, 41)
     value = 0.1 * np.exp(-((at / 3e-4) ** 2))
     law = Characteristic('gain', 'x', (), at, value, value - 0.02, value + 0.03, at > -5e-4, 0.5)
-    picture = figures.law_picture(law)
+    picture = figures.characteristic_picture(law)
     for drawing in (picture.wide, picture.narrow):
         assert 'stiffness K_x, more by [%]' in drawing
         assert 'displacement [mm]' in drawing

@@ -82,7 +82,7 @@ def test_numbers_stand_in_both_units(page):
 
 def test_rivals_are_named():
     changed = judged(closed(), 'effect_added', 'the model lacks one of them', {'droop': ('heat_transfer',)})
-    assert 'tell it from heat transfer' in text_of(page_of(changed))
+    assert 'cannot distinguish it from heat transfer' in text_of(page_of(changed))
 
 
 @pytest.mark.parametrize(('verdict', 'words'), [
