@@ -262,7 +262,7 @@ def test_reading_late_changes_when_samples_are_taken_and_nothing_else(samples, f
     with patch.object(experiment, 'BLOCK_SAMPLES', 500):
         blocks = list(STROKES.blocks(delay=delay))
     wanted = np.clip(STROKES.sample_times - delay, STROKES.times[0], STROKES.times[-1])
-    np.testing.assert_array_equal(np.concatenate([block.times[block.at] for block in blocks]), wanted)
+    np.testing.assert_array_equal(np.concatenate([block.times[block.sample_indices] for block in blocks]), wanted)
     assert all(following.times[0] == block.times[-1] for block, following in pairwise(blocks))
     times = np.concatenate([blocks[0].times[:1], *(block.times[1:] for block in blocks)])
     displacement, setpoint = (

@@ -280,5 +280,5 @@ def test_numbers_that_no_device_makes_are_told(what):
         one = replace(one, cylinders={'cylinder_a': huge})
     else:
         one = replace(one, displacement=Signal(one.displacement.times, 1e7 * one.displacement.values))
-    with pytest.raises(InputError, match=rf'{what} goes from .* which no device does: is it what the topic'):
+    with pytest.raises(InputError, match=rf'{what} goes from .* which is beyond any device. Check the topic'):
         identify([one])

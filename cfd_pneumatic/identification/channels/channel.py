@@ -15,7 +15,7 @@ import numpy as np
 from cfd_pneumatic.arrays import Array, Indices
 from cfd_pneumatic.identification.channels.unknown import Unknown, bounds_of
 from cfd_pneumatic.identification.data import Experiment, Motion, Options, Split
-from cfd_pneumatic.identification.residual import Noise, Regressors, noise_of, rounding_step, sample_noise
+from cfd_pneumatic.identification.residual import Noise, Regressors, estimate_noise, rounding_step, sample_noise
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model import CORES, KNOTS, Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
@@ -514,7 +514,7 @@ class Channel(ABC):
             sizes.append(residual.size)
             rests += [run - np.mean(run) for run in self.rests(one, residual)]
         white = math.sqrt(float(np.average(variances, weights=sizes)))
-        return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
+        return estimate_noise(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
 
 
 def stepped(row: Array, slots: Indices, steps: Array) -> Array:

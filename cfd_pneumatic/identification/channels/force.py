@@ -30,7 +30,7 @@ from cfd_pneumatic.identification.data import (
     Split,
     rests_at_start,
     reversals,
-    travelled,
+    seal_displacement,
 )
 from cfd_pneumatic.identification.residual import Regressors, autoregression, independent_share, runs_at_rest
 from cfd_pneumatic.model import FORCE_CURVE, FORCE_EFFECTS, FORCE_PARTS, Data, ExtendedForce
@@ -145,7 +145,7 @@ class Force(Channel):
         pressures = [self._pressure(recording, name, motion, times) for name in CYLINDERS]
         levels = [self._level(recording, name, motion, times) for name in CYLINDERS]
         inputs = {
-            'displacement': travelled(motion, recording.displacement.values, times),
+            'displacement': seal_displacement(motion, recording.displacement.values, times),
             'rate': motion.rate_at(times),
             'acceleration': motion.acceleration_at(times),
             'pressure': pressures[0],
@@ -217,7 +217,7 @@ class Force(Channel):
             area = self._first_area(experiments)
             found.append(Unknown('area', 'm^2', _AREA, area / _LARGEST_RATIO, area * _LARGEST_RATIO, area))
         if any(self.effects[name].states for name in model.effects if name != FORCE_CURVE or _rubs(model)):
-            for index in sorted({one.index for one in experiments if one.whole}):
+            for index in sorted({one.index for one in experiments if one.starts_with_recording}):
                 found.append(Unknown('', '1', self.own_slots(index)[0], -1.0, 1.0, 1.0))
         return found
 
@@ -323,11 +323,13 @@ class Force(Channel):
             for row in rows
         ]
         moving = float(_direction(experiment.inputs['rate'])[0])  # in whose direction the seals are stretched then
-        stretches = rows[:, -1].tolist() if experiment.whole else [moving] * len(rows)
+        stretches = rows[:, -1].tolist() if experiment.starts_with_recording else [moving] * len(rows)
         states = [one.begin(experiment.inputs['displacement'][0], own) for one, own in zip(models, stretches)]
         for block in experiment.blocks(count):
             piece = block.times, *(block.inputs[name] for name in names)
-            forces = [one.follow(state, experiment.begin, *piece)[block.at] for one, state in zip(models, states)]
+            forces = [
+                one.follow(state, experiment.begin, *piece)[block.sample_indices] for one, state in zip(models, states)
+            ]
             yield block.samples, np.column_stack(forces)
 
     def sensitivity(self, model: Model) -> float:

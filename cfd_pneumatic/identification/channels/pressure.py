@@ -41,10 +41,10 @@ from cfd_pneumatic.identification.data import (
 from cfd_pneumatic.identification.residual import (
     Noise,
     Regressors,
-    lag_of,
+    lag_between,
     runs_at_rest,
     sample_noise,
-    speed_of,
+    speed_in_motion,
     stamp_jitter,
     strongest_frequency,
 )
@@ -195,7 +195,7 @@ class Pressure(Channel):
         stroke = max(float(np.ptp(one.inputs['displacement'])) for one in experiments)
         own = np.zeros((len(experiments), len(self.own)))
         for one in experiments:
-            own[one.index, _START] = 0.0 if one.starts_at_rest else one.first - one.inputs['setpoint'][0]
+            own[one.index, _START] = 0.0 if one.starts_at_rest else one.first_value - one.inputs['setpoint'][0]
         return [Model(gains, {}, own) for gains in starting_gains(pressure, stroke)]
 
     def beginnings(self, model: Model, astray: bool) -> list[Model]:
@@ -224,7 +224,7 @@ class Pressure(Channel):
             offset, start, drift = self.own_slots(index)
             alike = [one for one in experiments if one.index == index]
             found.append(Unknown('', 'Pa', offset, -np.inf, np.inf, scale))
-            if any(one.whole and (anywhere or not one.starts_at_rest) for one in alike):
+            if any(one.starts_with_recording and (anywhere or not one.starts_at_rest) for one in alike):
                 farthest = _FARTHEST * scale  # of a quick regulator the first samples tell little
                 found.append(Unknown('', 'Pa', start, -farthest, farthest, scale, passing=True))
             if any(one.drifts for one in alike):
@@ -295,9 +295,9 @@ class Pressure(Channel):
             for block, course, pressures in self._composed(experiment, effects, rows, count, row[None]):
                 jacobian = np.empty((len(pressures), slots.size), order='F')
                 jacobian[:, stepping] = differences(pressures, steps[stepping])
-                jacobian[:, late] = -_slope(block.times, course)[block.at]
+                jacobian[:, late] = -_slope(block.times, course)[block.sample_indices]
                 by_offset = jacobian[:, slots == self.shared + _OFFSET]
-                jacobian[:, drift] = _drifted(experiment, block.times)[block.at, None] * by_offset
+                jacobian[:, drift] = _drifted(experiment, block.times)[block.sample_indices, None] * by_offset
                 yield block.samples, pressures[:, 0], jacobian
             return
         columns = np.where(slots < self.shared, slots, slots - self.shared + len(SPECS))
@@ -316,11 +316,11 @@ class Pressure(Channel):
             since = _drifted(experiment, block.times)
             moved, held = block.inputs['displacement'], block.inputs['setpoint'] + offset + drift * since
             pressure, jacobian = course.follow(block.times, moved, held, slopes=slopes)
-            if slopes and not experiment.whole:
+            if slopes and not experiment.starts_with_recording:
                 jacobian[:, _OF_OFFSET] -= jacobian[:, _OF_START]  # the start is measured, whatever the offset
             if slopes and experiment.drifts:
                 jacobian = np.column_stack([jacobian, since * jacobian[:, _OF_OFFSET]])
-            yield block.samples, pressure[block.at], jacobian[block.at] if slopes else jacobian
+            yield block.samples, pressure[block.sample_indices], jacobian[block.sample_indices] if slopes else jacobian
 
     def _composed(
         self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int, unlike: Array
@@ -342,7 +342,7 @@ class Pressure(Channel):
         ]
         stiffest = max(one.stiffness(*experiment.extremes) for one in cylinders)
         stiffness = min(stiffest, _MOST_STEPS / experiment.period)
-        at_rest = experiment.whole and experiment.starts_at_rest
+        at_rest = experiment.starts_with_recording and experiment.starts_at_rest
         settles = at_rest and any(self.effects[name].moves_rest for name in effects)
         late = self._late(effects)
         parameters, starts = rows[:, : self.shared].copy(), self._starts(experiment, rows)
@@ -362,7 +362,7 @@ class Pressure(Channel):
         order = np.argsort(np.concatenate(groups))
         for parts in zip(*walks):
             first, course = parts[0]
-            read = [readings[block.at] for block, readings in parts]
+            read = [readings[block.sample_indices] for block, readings in parts]
             yield first, course[:, :1], read[0] if len(read) == 1 else np.hstack(read)[:, order]
 
     def _late(self, effects: Sequence[str]) -> list[list[int]]:
@@ -375,10 +375,10 @@ class Pressure(Channel):
     def _starts(self, experiment: Experiment, rows: Array) -> Array:
         """Return by how much models start above the set-point, shape (models,) [Pa]."""
         offsets, starts, drifts = rows[:, self.shared :].T
-        if experiment.whole:
+        if experiment.starts_with_recording:
             return np.asarray(starts)
         drifted = _drifted(experiment, experiment.times[0])
-        return np.asarray(experiment.first - experiment.inputs['setpoint'][0] - offsets - drifts * drifted)
+        return np.asarray(experiment.first_value - experiment.inputs['setpoint'][0] - offsets - drifts * drifted)
 
     def levels(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
         """Return the gauge set-point."""
@@ -496,8 +496,8 @@ class Pressure(Channel):
             'highest_pressure': float(np.max(pressures)),
             'x_low': float(np.min(displacement)),
             'x_high': max(float(np.max(displacement)), float(np.min(displacement)) + _SHORTEST_STROKE),
-            'speed': speed_of(one.times, one.inputs['displacement']),
-            'lag': lag_of(one.sample_times, one.measured, simulated[longest]),
+            'speed': speed_in_motion(one.times, one.inputs['displacement']),
+            'lag': lag_between(one.sample_times, one.measured, simulated[longest]),
             'period': shortest_period(experiments),
             'duration': float(np.ptp(one.sample_times)),
             'largest_charge': max(charge, _LEAST_FLOW),

@@ -34,7 +34,7 @@ from cfd_pneumatic.identification.fit.thresholds import (
     STRETCH_SAMPLES,
     STRETCHES,
 )
-from cfd_pneumatic.identification.residual import Noise, Test, independent_share, tests_of, whitened
+from cfd_pneumatic.identification.residual import Noise, Test, independent_share, residual_tests, whitened
 from cfd_pneumatic.model import kernel
 
 
@@ -227,7 +227,7 @@ class Likelihood:
         """
         experiments = [self.experiments[rank].stretch(samples) for rank, samples in places]
         for rank, one in enumerate(experiments):
-            if not one.whole:
+            if not one.starts_with_recording:
                 late = np.arange(one.part.size) >= int(lead * one.part.size)
                 experiments[rank] = replace(one, chosen=one.counts & late)
         weights = [self.weights[rank][samples] for rank, samples in places]
@@ -278,7 +278,7 @@ class Likelihood:
             if np.any(one.counts):
                 residuals.append(((one.measured - values) * weight)[one.counts])
                 regressors.append(self.channel.regressors(one, values, weight))
-        return tests_of(residuals, regressors, noise, refined)
+        return residual_tests(residuals, regressors, noise, refined)
 
     # a fit
 
