@@ -128,7 +128,7 @@ def test_a_mass_in_unresolved_strokes_is_not_told():
     _, experiment = drawn_experiment('moving_mass', 'paper_step', 1)
     mass = estimates_of(fit_with(['moving_mass'], [experiment]))['moving_mass.mass']
     assert not mass.identifiable
-    assert 'sample faster' in mass.reason
+    assert 'Sample faster' in mass.reason
 
 
 def test_one_stroke_does_not_tell_friction_from_offset():

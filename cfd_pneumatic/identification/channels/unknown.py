@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fit searches: a number, where it stands, and between which bounds."""
+"""The unknowns of a fit and their bounds."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ import numpy as np
 from cfd_pneumatic.identification.data import Experiment, shortest_period
 from cfd_pneumatic.model import EffectParameter
 
-_SHORTEST_LAG = 0.15  # of a sample: what is faster can't be told from nothing, and would cost steps
-_NYQUIST = 0.5  # periods in a sample: what swings faster passes for something slower, and would cost steps
-_FEWEST_PERIODS = 0.5  # in the longest experiment: with fewer, a period can't be told from a drift
+_SHORTEST_LAG = 0.15  # of a sample: a shorter lag is not distinguishable from none, and needs short steps
+_NYQUIST = 0.5  # periods in a sample: a faster oscillation is aliased, and needs short steps
+_FEWEST_PERIODS = 0.5  # in the longest experiment: with fewer, a period is not distinguishable from a drift
 
-_AT_AN_END = 0.1  # of the stroke: a place closer to an end has no other side to be told from
-_SHORT = 0.5  # of the stroke: over more of it nothing opens and shuts
-_LEAST_SUPPLY = 1.05  # of the highest pressure that was recorded: a valve with less behind it would hardly pass air
+_AT_AN_END = 0.1  # of the stroke: a place closer to an end is visited from a single side
+_SHORT = 0.5  # of the stroke: nothing opens and shuts over a longer distance
+_LEAST_SUPPLY = 1.05  # of the highest recorded pressure: with a lower supply a valve would hardly pass air
 
 
 @dataclass(frozen=True)
 class Unknown:
     """
-    One number that a fit searches.
+    A value that a fit searches.
 
     Attributes
     ----------
     name, unit
-        `k_x`, `leakage.flow`; empty where it concerns one experiment only.
+        `k_x`, `leakage.flow`; empty for a value of a recording.
     slot
-        Where it stands in a row, see `Channel.row`.
+        Index in a row, see `Channel.row`.
     lower, upper
         Bounds [unit].
     scale
-        In which it is about one [unit]; not used where it is searched in its logarithm.
+        Scale in which the value is of order 1 [unit]; not used for logarithms.
     logarithmic
-        Whether it is.
+        Whether the logarithm is searched.
     passing
-        Whether it is forgotten soon: where a recording began.
+        Whether the signal forgets the value soon, such as the start of a recording.
     expected, spread
-        What is known of it beforehand, mean and standard deviation [unit; of the logarithm where it is searched].
+        Mean and standard deviation of the prior [unit; or of the logarithm if that is searched].
 
     """
 
@@ -58,19 +58,21 @@ class Unknown:
 
 
 def bounds_of(parameter: EffectParameter, experiments: Sequence[Experiment]) -> tuple[float, float]:
-    """Return between which values a parameter is searched [its unit]: what experiments tell bounds it."""
+    """Return the bounds of a parameter that the experiments can determine [its unit]."""
     lower, upper = parameter.lower if parameter.least is None else parameter.least, parameter.upper
     if parameter.unit == 's' and parameter.logarithmic:
         lower = max(lower, _SHORTEST_LAG * shortest_period(experiments))
     elif parameter.unit == 'Hz':
         upper = min(upper, _NYQUIST / shortest_period(experiments))
         if parameter.logarithmic:
-            lower = max(lower, _FEWEST_PERIODS / max(float(np.ptp(one.sample_times)) for one in experiments))
+            lower = max(
+                lower, _FEWEST_PERIODS / max(float(np.ptp(experiment.sample_times)) for experiment in experiments)
+            )
     if parameter.is_supply:
-        lower = max(lower, _LEAST_SUPPLY * max(float(np.max(one.measured)) for one in experiments))
+        lower = max(lower, _LEAST_SUPPLY * max(float(np.max(experiment.measured)) for experiment in experiments))
     if parameter.on_stroke:
-        low = min(float(np.min(one.inputs['displacement'])) for one in experiments)
-        stroke = max(float(np.max(one.inputs['displacement'])) for one in experiments) - low
+        low = min(float(np.min(experiment.inputs['displacement'])) for experiment in experiments)
+        stroke = max(float(np.max(experiment.inputs['displacement'])) for experiment in experiments) - low
         if parameter.on_stroke == 'place':
             lower, upper = low + _AT_AN_END * stroke, low + (1.0 - _AT_AN_END) * stroke
         else:

@@ -247,12 +247,8 @@ class Experiment:
         grid = slice(first_step, first_step + int(indices[-1]) + 1)
         is_contiguous = indices[-1] - indices[0] == indices.size - 1
         inputs = {name: values[grid] for name, values in self.inputs.items()}
-        return Block(
-            self.times[grid],
-            inputs,
-            samples,
-            slice(int(indices[0]), int(indices[-1]) + 1) if is_contiguous else indices,
-        )
+        sample_indices = slice(int(indices[0]), int(indices[-1]) + 1) if is_contiguous else indices
+        return Block(self.times[grid], inputs, samples, sample_indices)
 
     def _early(self, samples: slice, delay: float, previous_end: float) -> Block:
         """Return the piece of adjacent samples that were taken a delay before their stamps, from `previous_end` on."""
