@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from cfd_pneumatic.arrays import Array, Indices
-from cfd_pneumatic.identification.channels.unknown import Unknown, bounds_of
+from cfd_pneumatic.identification.channels.unknown import Unknown, search_bounds
 from cfd_pneumatic.identification.data import Experiment, Motion, Options, Split
 from cfd_pneumatic.identification.residual import Noise, Regressors, estimate_noise, rounding_step, sample_noise
 from cfd_pneumatic.lazy import lazy_property
@@ -480,7 +480,7 @@ class Channel(ABC):
                 full_name = f'{name}.{parameter.name}'
                 if parameter.choice or full_name in held:
                     continue
-                lower, upper = bounds_of(parameter, experiments)
+                lower, upper = search_bounds(parameter, experiments)
                 scale = highest or abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
                 unknowns.append(
                     Unknown(

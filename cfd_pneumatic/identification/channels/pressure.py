@@ -287,10 +287,10 @@ class Pressure(Channel):
     ) -> Iterator[tuple[slice, Array]]:
         """Yield simulated pressures in pieces: exact without effects, by Runge-Kutta with effects."""
         if not effects:
-            for parts in zip(*(self._exact(experiment, row, count, slopes=False) for row in rows)):
+            for parts in zip(*(self._exact_pieces(experiment, row, count, slopes=False) for row in rows)):
                 yield parts[0][0], np.column_stack([pressure for _, pressure, _ in parts])
             return
-        for block, _, pressures in self._composed(experiment, effects, rows, count, rows):
+        for block, _, pressures in self._pieces_with_effects(experiment, effects, rows, count, rows):
             yield block.samples, pressures
 
     def linearised(
@@ -306,7 +306,7 @@ class Pressure(Channel):
             late, drift = np.isin(slots, self._delay_slots(effects)[0]), slots == self.shared + _DRIFT
             stepping = ~(late | drift)
             rows = stepped(row, slots[stepping], steps[stepping])
-            for block, course, pressures in self._composed(experiment, effects, rows, count, row[None]):
+            for block, course, pressures in self._pieces_with_effects(experiment, effects, rows, count, row[None]):
                 jacobian = np.empty((len(pressures), slots.size), order='F')
                 jacobian[:, stepping] = differences(pressures, steps[stepping])
                 jacobian[:, late] = -_slope(block.times, course)[block.sample_indices]
@@ -315,10 +315,10 @@ class Pressure(Channel):
                 yield block.samples, pressures[:, 0], jacobian
             return
         columns = np.where(slots < self.shared, slots, slots - self.shared + len(SPECS))
-        for samples, pressure, jacobian in self._exact(experiment, row, count, slopes=True):
+        for samples, pressure, jacobian in self._exact_pieces(experiment, row, count, slopes=True):
             yield samples, pressure, jacobian[:, columns]
 
-    def _exact(
+    def _exact_pieces(
         self, experiment: Experiment, row: Array, count: int, *, slopes: bool
     ) -> Iterator[tuple[slice, Array, Array]]:
         """Yield the exact pressure and its derivatives by gains, offset, start and drift, in pieces."""
@@ -340,7 +340,7 @@ class Pressure(Channel):
                 jacobian = np.column_stack([jacobian, drift_time * jacobian[:, _OF_OFFSET]])
             yield block.samples, pressure[block.sample_indices], jacobian[block.sample_indices] if slopes else jacobian
 
-    def _composed(
+    def _pieces_with_effects(
         self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int, stiffness_rows: Array
     ) -> Iterator[tuple[Block, Array, Array]]:
         """

@@ -57,7 +57,7 @@ class Unknown:
     spread: float = math.inf
 
 
-def bounds_of(parameter: EffectParameter, experiments: Sequence[Experiment]) -> tuple[float, float]:
+def search_bounds(parameter: EffectParameter, experiments: Sequence[Experiment]) -> tuple[float, float]:
     """Return the bounds of a parameter that the experiments can determine [its unit]."""
     lower, upper = parameter.lower if parameter.least is None else parameter.least, parameter.upper
     if parameter.unit == 's' and parameter.logarithmic:

@@ -232,7 +232,7 @@ class Experiment:
         previous_end = self.times[0]
         for begin in range(0, self.samples.size if count is None else count, BLOCK_SAMPLES):
             samples = slice(begin, min(begin + BLOCK_SAMPLES, self.samples.size))
-            block = self._early(samples, delay, previous_end) if delay else self._block(samples)
+            block = self._early_block(samples, delay, previous_end) if delay else self._block(samples)
             previous_end = block.times[-1]
             if displacement_delay:
                 block = block._replace(
@@ -250,7 +250,7 @@ class Experiment:
         sample_indices = slice(int(indices[0]), int(indices[-1]) + 1) if is_contiguous else indices
         return Block(self.times[grid], inputs, samples, sample_indices)
 
-    def _early(self, samples: slice, delay: float, previous_end: float) -> Block:
+    def _early_block(self, samples: slice, delay: float, previous_end: float) -> Block:
         """Return the piece of adjacent samples that were taken a delay before their stamps, from `previous_end` on."""
         taken = np.clip(self.times[self.samples[samples]] - delay, self.times[0], self.times[-1])
         grid = slice(*np.searchsorted(self.times, [previous_end, taken[-1]], side='right').tolist())

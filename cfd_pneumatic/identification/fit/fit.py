@@ -148,7 +148,7 @@ def find_optimum(
     Search the best model from a start; cores and effects that are `frozen` keep their parameters.
 
     Start values, which the signal forgets soon, are searched unless `passing` is False. The search ends when the
-    cost falls by less than a share `tolerance`, after a number of evaluations, or when the cost is at most `enough`.
+    cost falls by less than a share `tolerance`, after `evaluations`, or when the cost is at most `enough`.
     """
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, start, frozen, passing)
     if not unknowns.start.size:

@@ -100,7 +100,7 @@ def least_squares(
 
     The diagonal of the normal matrix damps the steps (Marquardt, 1963). The damping depends on how well the last step
     was predicted (Nielsen, 1999). A step that raised the sum is shortened to the minimum of a parabola through both
-    sums, by a factor between a tenth and a half (More, 1978). An unknown at a bound stays there while the sum falls
+    sums. The factor is between a tenth and a half (More, 1978). An unknown at a bound stays there while the sum falls
     outwards. An unknown is held back if it changes the residuals less than a millionth as much as another unknown.
 
     Parameters

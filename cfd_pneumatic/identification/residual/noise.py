@@ -73,7 +73,7 @@ class Noise:
         Standard error of `std`, relative to `std` [-].
     known
         Whether std and coefficients come from rests of piston and set-point. Otherwise the noise is assumed to be white
-        and estimated from differences of adjacent samples, also if the residual at rest is too large for sensor noise.
+        and estimated from differences of adjacent samples. A residual at rest that is too large does not count.
     rounded
         Whether most of the noise is the converter's rounding, which depends on the signal.
     blur
