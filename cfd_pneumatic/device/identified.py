@@ -140,7 +140,7 @@ def _add_cylinder(identification: Identification, result: ChannelResult, values:
 
 def _offset(identification: Identification, result: ChannelResult) -> float:
     """Return by how much pressures at rest lie above the set-points that were recorded, 0 where none was [Pa]."""
-    offsets = result.found.model.own[:, 0].tolist()
+    offsets = result.found.model.recording_values[:, 0].tolist()
     recorded = [
         offset
         for one, offset in zip(result.comparisons, offsets)

@@ -157,7 +157,7 @@ def centred(likelihood: Likelihood, model: Model, slot: CurvePlace) -> Model:
     heights = slot.heights(model)
     visits = slot.along(_visits(likelihood, model, slot.against)).mean(axis=0)
     mean = float(visits @ heights) / float(visits.sum())
-    parameters, own = model.parameters.copy(), model.own.copy()
+    parameters, own = model.parameters.copy(), model.recording_values.copy()
     if slot.name == ('flow', 'error'):
         return model
     gains = PLACES[slot.enters].gains
@@ -167,7 +167,7 @@ def centred(likelihood: Likelihood, model: Model, slot: CurvePlace) -> Model:
     elif slot.enters == 'set_point':
         own[:, 0] += mean
         heights = heights - mean
-    return slot.drawn(replace(model, parameters=parameters, own=own), heights)
+    return slot.drawn(replace(model, parameters=parameters, recording_values=own), heights)
 
 
 def _own(slot: CurvePlace, values: Array, heights: Array) -> Array:

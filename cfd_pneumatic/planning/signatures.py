@@ -129,7 +129,9 @@ def planned(proposal: Proposal, device: Device, sensing: Sensing) -> list[Planne
         levels[name] = proposal.setpoints[:, CYLINDERS.index(name)] + ambient_pressure
         inputs = {'displacement': DIRECTIONS[name] * proposal.displacement, 'setpoint': levels[name]}
         channel = Pressure(name, ambient_pressure)
-        model = Model.of_parts(home_gains(device, name), cylinder.effects, np.zeros((1, len(channel.own))))
+        model = Model.of_parts(
+            home_gains(device, name), cylinder.effects, np.zeros((1, len(channel.recording_parameters)))
+        )
         found.append(_planned(proposal, channel, model, inputs, sensing, sensing.pressure_noise))
         pressures[name] = found[-1].experiment.measured
     inputs = {

@@ -96,7 +96,10 @@ def _cylinder_data(result: ChannelResult, identification: Identification) -> dic
                 'displacement_noise_m': experiment.motion.noise,
             }
             for experiment, recorded, (offset, _, drift), (std, *_) in zip(
-                result.experiments, recorded_setpoints, result.fit.model.own.tolist(), result.fit.stds.tolist()
+                result.experiments,
+                recorded_setpoints,
+                result.fit.model.recording_values.tolist(),
+                result.fit.stds.tolist(),
             )
         ],
         'span_pa': result.span,

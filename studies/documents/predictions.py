@@ -53,7 +53,7 @@ def identified(*runs: Path) -> Identification:
 
 def drift_of(of: ChannelResult) -> float:
     """Return the median rate by which the set-points drift that nobody recorded [Pa/s]."""
-    return float(np.median(of.found.model.own[:, 2]))
+    return float(np.median(of.found.model.recording_values[:, 2]))
 
 
 def predicted(of: ChannelResult, run: ChannelResult, learnt: float = 1.0) -> float:
@@ -72,11 +72,13 @@ def predicted(of: ChannelResult, run: ChannelResult, learnt: float = 1.0) -> flo
     (experiment,) = run.experiments
     count = round(learnt * experiment.measured.size)
     scale, drift = noise(experiment.measured), drift_of(of)
-    offset, start, _ = run.fit.model.own[0].tolist()
+    offset, start, _ = run.fit.model.recording_values[0].tolist()
 
     def left(more: Array) -> Array:
         own = np.array([[offset + scale * more[0], start, drift]])
-        return (run.channel.simulated([experiment], replace(of.found.model, own=own))[0] - experiment.measured) / scale
+        return (
+            run.channel.simulated([experiment], replace(of.found.model, recording_values=own))[0] - experiment.measured
+        ) / scale
 
     found = least_squares(lambda more: left(more)[:count], [1.0], diff_step=1e-2)
     return rms(left(found.x)[count if learnt < 1.0 else 0 :])

@@ -41,7 +41,7 @@ def test_blocks_hold_each_sample_once_and_every_step_up_to_the_last(samples, siz
         blocks = list(one.blocks())
     finally:
         module.BLOCK_SAMPLES = before
-    at = np.concatenate([block.times[block.at] for block in blocks])
+    at = np.concatenate([block.times[block.sample_indices] for block in blocks])
     np.testing.assert_array_equal(at, times[samples])
     np.testing.assert_array_equal(np.concatenate([one.measured[block.samples] for block in blocks]), one.measured)
     assert blocks[0].times[0] == 0.0

@@ -160,7 +160,7 @@ def test_without_noise_the_truth_is_found_exactly():
     np.testing.assert_allclose(found.parameters, GAINS, rtol=1e-5)
     assert found.effects['sensor_lag'] == pytest.approx((0.004,), rel=1e-5)
     assert found.effects['leakage'][0] == pytest.approx(1.0, rel=1e-4)
-    assert found.own[0, 0] == pytest.approx(150.0, abs=0.1)
+    assert found.recording_values[0, 0] == pytest.approx(150.0, abs=0.1)
 
 
 @pytest.mark.parametrize('name', ['leakage', 'transport_delay'])
@@ -180,7 +180,7 @@ def test_recordings_with_offsets_of_their_own_are_fitted_together(name):
     assert np.all(np.abs(off) < 3.5 * np.sqrt(np.diag(spread)))
     (offset_a, offset_b) = (index for index, one in enumerate(slope.names) if not one)
     whole = covariance(slope.jacobian, slope.residuals, slope.residuals.size)
-    for index, value, true in zip((offset_a, offset_b), found.own[:, 0], offsets):
+    for index, value, true in zip((offset_a, offset_b), found.recording_values[:, 0], offsets):
         assert abs(value - true) < 3.5 * np.sqrt(whole[index, index])
     first = slice(0, experiments[0].measured.size)
     assert not np.any(slope.jacobian[first, offset_b]), 'one recording knows nothing of the other offset'
@@ -189,7 +189,7 @@ def test_recordings_with_offsets_of_their_own_are_fitted_together(name):
 def test_where_a_band_lets_it_rest_anywhere_the_start_is_found():
     truth = model(GAINS, {'valve_dead_band': (400.0,)}, (0.0,), (250.0,))
     found, _ = fitted([with_pressure(STROKES, truth)], truth.effects)
-    assert found.own[0, 1] - 250.0 == pytest.approx(-found.own[0, 0], abs=5.0)
+    assert found.recording_values[0, 1] - 250.0 == pytest.approx(-found.recording_values[0, 0], abs=5.0)
     assert found.effects['valve_dead_band'][0] == pytest.approx(400.0, rel=0.02)
 
 
@@ -262,7 +262,7 @@ def test_reading_late_changes_when_samples_are_taken_and_nothing_else(samples, f
     with patch.object(experiment, 'BLOCK_SAMPLES', 500):
         blocks = list(STROKES.blocks(delay=delay))
     wanted = np.clip(STROKES.sample_times - delay, STROKES.times[0], STROKES.times[-1])
-    np.testing.assert_array_equal(np.concatenate([block.times[block.at] for block in blocks]), wanted)
+    np.testing.assert_array_equal(np.concatenate([block.times[block.sample_indices] for block in blocks]), wanted)
     assert all(following.times[0] == block.times[-1] for block, following in pairwise(blocks))
     times = np.concatenate([blocks[0].times[:1], *(block.times[1:] for block in blocks)])
     displacement, setpoint = (

@@ -22,7 +22,7 @@ from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.data.experiment import Experiment
 from cfd_pneumatic.identification.data.motion import Motion, smooth_motion
 from cfd_pneumatic.identification.data.split import PARTS
-from cfd_pneumatic.identification.data.turning_points import travelled
+from cfd_pneumatic.identification.data.turning_points import seal_displacement
 from cfd_pneumatic.identification.fit.fit import find_optimum, fit_model, summary
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.procedure import prepare_recordings
@@ -118,7 +118,7 @@ def test_a_toggling_last_bit_moves_no_seal():
     times = np.arange(600) * 2e-3
     bit = 3.1e-6
     measured = np.where(times > 0.6, 1.5e-3, 0.0) + bit * np.repeat(rng.integers(0, 2, times.size // 10), 10)
-    path = travelled(smooth_motion(times, measured), measured, times)
+    path = seal_displacement(smooth_motion(times, measured), measured, times)
     for rest in (slice(50, 290), slice(350, None)):
         assert np.sum(np.abs(np.diff(path[rest]))) < 3.0 * bit
     assert np.sum(np.abs(np.diff(measured[50:290]))) > 8.0 * bit
@@ -128,7 +128,7 @@ def test_a_mass_in_unresolved_strokes_is_not_told():
     _, experiment = drawn_experiment('moving_mass', 'paper_step', 1)
     mass = estimates_of(fit_with(['moving_mass'], [experiment]))['moving_mass.mass']
     assert not mass.identifiable
-    assert 'sample faster' in mass.reason
+    assert 'Sample faster' in mass.reason
 
 
 def test_one_stroke_does_not_tell_friction_from_offset():

@@ -87,7 +87,7 @@ def test_a_set_point_that_is_not_recorded_is_found():
 
 def test_the_offset_of_a_recorded_set_point_is_found():
     found = identify([strokes(3, offset=700.0)]).cylinders['cylinder_a']
-    assert found.fit.model.own[0, 0] == pytest.approx(700.0, abs=5.0 * found.fit.stds[0, 0])
+    assert found.fit.model.recording_values[0, 0] == pytest.approx(700.0, abs=5.0 * found.fit.stds[0, 0])
     assert found.fit.stds[0, 0] < 20.0
 
 
@@ -99,7 +99,7 @@ def test_several_recordings_share_parameters_but_not_their_set_points():
     found = identify(recordings).cylinders['cylinder_a']
     single = identify(recordings[:1]).cylinders['cylinder_a']
     assert_close(found.fit.estimates, GAINS[5.0])
-    assert found.fit.model.own[0, 0] == pytest.approx(500.0, abs=20.0)
+    assert found.fit.model.recording_values[0, 0] == pytest.approx(500.0, abs=20.0)
     for joint, alone in zip(found.fit.estimates, single.fit.estimates):
         assert joint.std < alone.std
 
@@ -249,7 +249,7 @@ def test_pressures_apart_from_the_motion_are_said():
     recording = strokes(13)
     signals = recording.cylinders['cylinder_a']
     apart = replace(signals, pressure=Signal(signals.pressure.times + 5.99, signals.pressure.values))
-    with pytest.raises(InputError, match='cylinder_a/pressure lie between'):
+    with pytest.raises(InputError, match='cylinder_a/pressure are between'):
         identify([replace(recording, cylinders={'cylinder_a': apart})])
 
 
@@ -280,5 +280,5 @@ def test_numbers_that_no_device_makes_are_told(what):
         one = replace(one, cylinders={'cylinder_a': huge})
     else:
         one = replace(one, displacement=Signal(one.displacement.times, 1e7 * one.displacement.values))
-    with pytest.raises(InputError, match=rf'{what} goes from .* which no device does: is it what the topic'):
+    with pytest.raises(InputError, match=rf'{what} goes from .* which is beyond any device. Check the topic'):
         identify([one])

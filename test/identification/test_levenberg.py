@@ -29,7 +29,7 @@ class Counted:
 
     def __call__(self, point):
         self.points.append(point.copy())
-        return Quadratic.of(np.vstack([self.residuals(point), self.jacobian(point).T]))
+        return Quadratic.from_rows(np.vstack([self.residuals(point), self.jacobian(point).T]))
 
     def totals(self):
         """Return the sum of squares at each point."""
@@ -154,7 +154,7 @@ def test_the_search_ends_where_it_is_enough():
 @given(st.integers(0, 2**32 - 1))
 def test_residuals_with_derivatives_below_them_are_the_same_quadratic(seed):
     rows = np.random.default_rng(seed).standard_normal((4, 50))
-    one = Quadratic.of(rows)
+    one = Quadratic.from_rows(rows)
     other = Quadratic(float(rows[0] @ rows[0]), rows[1:] @ rows[0], rows[1:] @ rows[1:].T)
     for name in ('total', 'gradient', 'normal'):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-12, atol=1e-12)
@@ -258,7 +258,7 @@ def test_beside_what_is_known_beforehand_it_ends_where_both_are_likeliest(seed, 
 
     def evaluate(point):
         rows = np.vstack([matrix @ point - target, matrix.T])
-        return Quadratic.of(rows).beside_prior(point - expected, precision, target.size)
+        return Quadratic.from_rows(rows).with_prior(point - expected, precision, target.size)
 
     found, _ = minimum(evaluate, np.zeros(2), np.full(2, -np.inf), np.full(2, np.inf), 1e-12, 100)
     likeliest = minimize(

@@ -76,7 +76,7 @@ def test_what_stretches_leave_is_what_the_whole_leaves(both):
     whole = both.whole.fit
     (one,) = whole.likelihood.experiments
     for part, simulated in zip(both.telling.experiments, both.telling.simulate(whole.model)):
-        assert part.whole == np.all(part.counts)
+        assert part.starts_with_recording == np.all(part.counts)
         at = np.searchsorted(one.sample_times, part.sample_times)
         forgotten = part.sample_times > part.times[0] + 0.3
         assert np.any(forgotten)

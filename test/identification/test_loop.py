@@ -130,7 +130,7 @@ def test_a_tolerance_is_written_with_its_unit():
     assert tolerated(((5.0, 'Pa'), (1.0, '%')), 'Pa', 3e4) == 300.0
     assert tolerated(((5.0, 'Pa'),), 'N', 10.0) == 0.0
     for wrong in ('300', 'Pa', '-1N', '1 psi', '1e3Pa', ''):
-        with pytest.raises(InputError, match='give Pa, N or percent of the span, as 300Pa, 2N or 1%'):
+        with pytest.raises(InputError, match='Give Pa, N or percent of the span, as 300Pa, 2N or 1%'):
             tolerance_from([wrong])
 
 

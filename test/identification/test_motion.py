@@ -48,7 +48,7 @@ def test_follows_the_motion_between_samples():
     between = times[:-1] + 0.001
     straight = np.interp(between, times, piston(times)) - piston(between)
     knots = motion.knots()
-    curved = np.interp(between, knots, motion.at(knots)) - piston(between)
+    curved = np.interp(between, knots, motion.displacement_at(knots)) - piston(between)
     assert np.max(np.abs(straight)) > 1.5e-5
     assert np.max(np.abs(curved)) < 0.4 * np.max(np.abs(straight))
     assert np.all(np.isin(times, knots))
@@ -105,10 +105,10 @@ def test_derivatives_between_samples_are_the_motions():
     times = np.arange(3000) * 0.002
     motion = smooth_motion(times, surface(times)[0] + 1e-6 * np.random.default_rng(0).normal(size=times.size))
     between = times[:-1] + 0.0007
-    for found, true in zip((motion.at, motion.rate_at, motion.acceleration_at), surface(between)):
+    for found, true in zip((motion.displacement_at, motion.rate_at, motion.acceleration_at), surface(between)):
         np.testing.assert_allclose(found(between), true, atol=0.3 * np.std(true))
     for found, at_samples in (
-        (motion.at, motion.displacement),
+        (motion.displacement_at, motion.displacement),
         (motion.rate_at, motion.rate),
         (motion.acceleration_at, motion.acceleration),
     ):
@@ -289,11 +289,11 @@ def test_filter_and_smoother_are_the_dense_regression(order, ratio):
     smoothed, variance, log_sum = dense_regression(order, times, values, ratio)
     density = np.full(11, ratio)
     mean, covariance = np.empty((12, 3)), np.empty((12, 6))
-    opening = smoother._Opening(order, steps, density)
-    opening.begin(values, mean, covariance)
+    initial = smoother._InitialStates(order, steps, density)
+    initial.write_filtered(values, mean, covariance)
     found, _ = smoother._filter(order, steps, values, density, mean, covariance)
     push, pull = smoother._smooth(order, steps, values, density, mean, covariance)
-    opening.finish(values, mean, covariance, np.array(push), np.array(pull))
+    initial.write_smoothed(values, mean, covariance, np.array(push), np.array(pull))
     assert found == pytest.approx(log_sum, abs=1e-8)
     np.testing.assert_allclose(mean[:, 0], smoothed, atol=1e-8)
     np.testing.assert_allclose(covariance[:, 0], variance, rtol=1e-5)

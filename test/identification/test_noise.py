@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from reference import AMBIENT, PSI, step_like
 from scipy.signal import lfilter
 
-from cfd_pneumatic.identification.residual import rests as module
+from cfd_pneumatic.identification.residual import rest_periods as module
 from cfd_pneumatic.identification.residual.noise import rounding_step, sample_noise, stamp_jitter
 from cfd_pneumatic.model import TABLE_1
 

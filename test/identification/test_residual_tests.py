@@ -68,7 +68,7 @@ def power(name, lacking, kind='white', seeds=range(10)):
     """Return how often a test finds what a model lacks."""
     with pytest.MonkeyPatch.context() as patch:
         # These simulations set the threshold of a test whose power is not measured here.
-        patch.setattr(module, 'LIKENESS_SIMULATIONS', 3)
+        patch.setattr(module, 'LJUNG_BOX_SIMULATIONS', 3)
         return np.mean([not asked(kind, seed, lacking)[name].passed for seed in seeds])
 
 

@@ -74,7 +74,7 @@ def test_a_set_point_that_was_not_recorded_may_drift(faults, rate, close_loop):
     one = recorded(surface_following(duration=20.0, seed=4, setpoint_steps=0.0), faults)
     found = identify([one], Options(close_loop=close_loop))
     result = found.cylinders['cylinder_a']
-    assert result.found.model.own[0, 2] == pytest.approx(rate, abs=2.0)
+    assert result.found.model.recording_values[0, 2] == pytest.approx(rate, abs=2.0)
     (told,) = [notice.message for notice in found.notices if notice.code == 'setpoint_drifts']
     assert told.startswith('cylinder_a: the set-point that was not recorded drifts by ')
     if close_loop:

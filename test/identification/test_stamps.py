@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.identification.data.stamps import overlapping, regular_clock
+from cfd_pneumatic.identification.data.stamps import overlapping_windows, regular_clock
 
 PERIOD = 0.002
 JITTER = 5e-5
@@ -78,7 +78,7 @@ def test_origin_and_unit_of_time_do_not_matter(begin, second, samples, seed):
 
 @given(count=st.integers(1, 300), size=st.integers(1, 90), margin=st.integers(0, 20))
 def test_overlapping_windows_cover_an_array(count, size, margin):
-    own, around = zip(*overlapping(count, size, margin))
+    own, around = zip(*overlapping_windows(count, size, margin))
     everything = np.arange(count)
     np.testing.assert_array_equal(np.concatenate([everything[one] for one in own]), everything)
     for one, window in zip(own, around):

@@ -40,7 +40,7 @@ def test_it_simulates_the_reported_pressure():
     rows = {name: block[name] for name in ('setpoints', *NAMES)}
     cylinder = Cylinder(OperatingPoints.from_rows(rows), found['ambient_pressure'], effects)
     (one,) = result.experiments
-    offset, *_ = result.found.model.own[0]
+    offset, *_ = result.found.model.recording_values[0]
     pressure = cylinder.simulate(one.times, one.inputs['displacement'], one.inputs['setpoint'] + offset)[one.samples]
     np.testing.assert_allclose(pressure, result.comparisons[0].after, atol=0.01)
 

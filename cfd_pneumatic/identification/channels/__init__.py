@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What is measured: one file for each kind of channel.
+Measured channels: a module for each kind.
 
-A further one is a module here with a subclass of `Channel`, and its row in `CHANNELS`.
+A further channel is a module with a subclass of `Channel`, and a row in `CHANNELS`.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a measured channel is: a signal, the model that simulates it, and what may be missing from that model."""
+"""A measured channel: a signal, the model that simulates the signal, and the effects that the model may lack."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from types import MappingProxyType
 import numpy as np
 
 from cfd_pneumatic.arrays import Array, Indices
-from cfd_pneumatic.identification.channels.unknown import Unknown, bounds_of
+from cfd_pneumatic.identification.channels.unknown import Unknown, search_bounds
 from cfd_pneumatic.identification.data import Experiment, Motion, Options, Split
-from cfd_pneumatic.identification.residual import Noise, Regressors, noise_of, rounding_step, sample_noise
+from cfd_pneumatic.identification.residual import Noise, Regressors, estimate_noise, rounding_step, sample_noise
 from cfd_pneumatic.lazy import lazy_property
 from cfd_pneumatic.model import CORES, KNOTS, Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
 
 EVEN = 1e6
-"""A share about which knots crowd so little that they lie evenly."""
+"""Crowding width at which knots are evenly spaced [share of the range]."""
 
-NOT_ESTIMATED = 'the recordings do not tell it: it stands as a data sheet has it'
-"""Why a number of a core has no estimate."""
+NOT_ESTIMATED = 'not determined by the recordings; the data-sheet value is used'
+"""Reason why a parameter of a core has no estimate."""
 
 Effects = Mapping[str, tuple[float, ...]]
-"""Parameters of each effect that is on, by its name."""
+"""Parameters of each active effect, by name."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """A unit to show numbers in, and what one of it is in SI."""
+    """A unit for display, and its value in SI."""
 
     unit: str
     si: float
@@ -41,18 +41,18 @@ class Scale:
 @dataclass(frozen=True)
 class Quantity:
     """
-    What is measured, for people.
+    The measured quantity, with texts and units for people.
 
     Attributes
     ----------
     name
-        Of the quantity.
+        Name of the quantity.
     key
-        What the names of its numbers end with in data.
+        Suffix of keys in results.
     model
-        What simulates it without effects.
-    small, other, large
-        Units of its errors, the paper's unit of its errors, and the unit of its values in figures.
+        Name of the model without effects.
+    small, paper, large
+        Unit of errors, the paper's unit of errors, and the unit of values in figures.
 
     """
 
@@ -60,33 +60,33 @@ class Quantity:
     key: str
     model: str
     small: Scale
-    other: Scale
+    paper: Scale
     large: Scale
 
 
 @dataclass(frozen=True)
 class Curve:
     """
-    What draws the laws that nobody knows of a channel, and which it asks for.
+    The effect that represents unknown characteristics of a channel, and the characteristics to search.
 
     Attributes
     ----------
     name
-        Of the effect.
+        Name of the effect.
     enters, against
-        Where a law may enter and what it may depend on, by the numbers of the effect's parameters.
+        Places and variables of a characteristic, in the order of the effect's first two parameters.
     asked
-        Where one of each variable is asked for.
+        Places to search, by variable.
     memory
-        What the effect's third parameter begins as [its unit].
+        Initial value of the effect's third parameter [its unit].
     memories
-        As what else, by where it enters and against what.
+        Initial values of the third parameter for some pairs of place and variable.
     both_ways
-        Variables that go both ways: knots crowd about nothing moving.
+        Variables with both signs: knots crowd about zero.
     crowds
-        Shares of the range about its middle within which knots crowd, of the others.
+        Crowding widths about the middle of the range to try for the remaining variables [share of the range].
     whole
-        Variables without outliers: all that they have visited is their range.
+        Variables without outliers: the range is all visited values.
 
     """
 
@@ -104,7 +104,7 @@ class Curve:
 @dataclass(frozen=True)
 class Estimate:
     """
-    One fitted parameter.
+    A fitted parameter.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Estimate:
     interval
         95 % confidence interval [unit]; None where not identifiable.
     reason
-        Why it is not identifiable, or None.
+        Why the parameter is not identifiable, or None.
 
     """
 
@@ -128,49 +128,49 @@ class Estimate:
 
     @property
     def identifiable(self) -> bool:
-        """Whether the recordings tell the value."""
+        """Whether the recordings determine the value."""
         return self.reason is None
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
     """
-    A channel's model with values for everything.
+    A channel's model with all its values.
 
     Attributes
     ----------
     parameters
-        Of the model without effects, in the channel's order, shape (base,) [SI].
+        Parameters of the model without effects, in the channel's order, shape (base,) [SI].
     effects
-        Parameters of each effect that is on, in the order in which they were added.
-    own
-        What each recording has for itself, in the channel's order, shape (recordings, own) [SI].
+        Parameters of each active effect, in the order in which the effects were added.
+    recording_values
+        Values of each recording, in the order of `Channel.recording_parameters`, shape (recordings, parameters) [SI].
     unknowns
-        How many of them were searched.
+        Number of unknowns of the fit.
     core
-        What stands in the linear core's place, by its name with its parameters; empty where nothing does.
-    untold
-        Names of the core's parameters that are held as a data sheet has them.
+        Parameters of the core that replaces the linear core, by name; empty if none does.
+    assumed_parameters
+        Names of the core's parameters that are held at data-sheet values.
 
     """
 
     parameters: Array
     effects: Effects
-    own: Array
+    recording_values: Array
     unknowns: int = 0
     core: Effects = field(default_factory=dict)
-    untold: frozenset[str] = frozenset()
+    assumed_parameters: frozenset[str] = frozenset()
 
     @classmethod
-    def of_parts(cls, parameters: Array, parts: Effects, own: Array, unknowns: int = 0) -> Model:
-        """Return a model with a core and effects that are given together."""
+    def of_parts(cls, parameters: Array, parts: Effects, recording_values: Array, unknowns: int = 0) -> Model:
+        """Return a model from core and effects in a single mapping."""
         core = {name: values for name, values in parts.items() if name in CORES}
         effects = {name: values for name, values in parts.items() if name not in CORES}
-        return cls(parameters, effects, own, unknowns, core)
+        return cls(parameters, effects, recording_values, unknowns, core)
 
     @property
     def parts(self) -> Effects:
-        """The core and the effects: all that is simulated beside the linear model."""
+        """Core and effects: everything simulated in addition to the linear model."""
         return {**self.core, **self.effects}
 
 
@@ -183,31 +183,31 @@ class Channel(ABC):
     Attributes
     ----------
     name
-        In results: `cylinder_a`, `cylinder_b`, `force`.
+        Name in results: `cylinder_a`, `cylinder_b`, `force`.
     quantity
-        What is measured.
+        Measured quantity.
     topics
         Topics of the signal as measured and as simulated, in a cell's namespace.
     msgtype
-        Type of their messages.
+        Type of the topics' messages.
     effects
-        Every core and effect that the model knows, in the order in which their parameters stand in a row.
+        All cores and effects of the model, in the order of their parameters in a row.
     cores
-        What may stand in the linear core's place.
+        Cores that may replace the linear core.
     library
         Effects that a search chooses from.
     curve
-        What draws a law where none of these explains what is left.
+        Unknown characteristic, for a remaining error that no effect of the library explains.
     parameters
         Units of the parameters without effects, by their names.
     hints
-        What to record so that one of them shows.
-    own
-        Names of what each experiment has for itself.
+        What to record so that a parameter becomes identifiable.
+    recording_parameters
+        Names of the values that each recording has in addition, such as an offset.
     needed
-        Whether an identification fails where it tells nothing.
+        Whether an identification fails if the channel determines no parameter.
     immaterial
-        Share of the signal's range below which nothing is looked for: a simulated signal has no noise.
+        Share of the signal's range below which errors are ignored, because a simulated signal has no noise.
 
     """
 
@@ -221,7 +221,7 @@ class Channel(ABC):
     curve: Curve
     parameters: Mapping[str, str]
     hints: Mapping[str, str] = MappingProxyType({})
-    own: tuple[str, ...]
+    recording_parameters: tuple[str, ...]
     immaterial: float = 0.0
     needed: bool = False
 
@@ -230,21 +230,21 @@ class Channel(ABC):
     @classmethod
     @abstractmethod
     def found_in(cls, recordings: Sequence[Recording], options: Options) -> Sequence[Channel]:
-        """Return the channels of this kind that recordings hold."""
+        """Return the channels of this kind in some recordings."""
 
     @abstractmethod
     def signal(self, recording: Recording) -> Signal | None:
-        """Return the signal in a recording, None where that does not hold it."""
+        """Return the signal in a recording, None if the recording lacks the signal."""
 
     @abstractmethod
     def experiment(self, recording: Recording, motion: Motion, split: Split) -> Experiment:
         """
-        Return a recording that holds the signal made ready for the model.
+        Return the experiment of a recording that holds the signal.
 
         Raises
         ------
         InputError
-            If it tells nothing.
+            If the signal is too short or constant.
 
         """
 
@@ -252,30 +252,30 @@ class Channel(ABC):
 
     @abstractmethod
     def starts(self, experiments: Sequence[Experiment]) -> list[Model]:
-        """Return models without effects that a first fit may start from."""
+        """Return models without effects as starts of a first fit."""
 
     @abstractmethod
-    def follow(
+    def simulated_pieces(
         self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int
     ) -> Iterator[tuple[slice, Array]]:
         """
-        Yield what models side by side make of an experiment.
+        Yield simulations of an experiment by several models, in pieces.
 
         Parameters
         ----------
         experiment
-            What drives them.
+            Inputs of the models.
         effects
-            Core and effects that are on.
+            Active core and effects.
         rows
-            Numbers of each model: parameters, every effect's parameters, the experiment's own, shape (models, slots).
+            Row of each model: parameters, parameters of all effects, values of the recording, shape (models, slots).
         count
-            How many of the first samples to simulate.
+            Number of first samples to simulate.
 
         Yields
         ------
         samples, simulated
-            Which samples, and the signal at them, shape (m, models) [SI].
+            Samples of the piece, and the signal there, shape (m, models) [SI].
 
         """
 
@@ -283,58 +283,58 @@ class Channel(ABC):
         self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Indices, steps: Array, count: int
     ) -> Iterator[tuple[slice, Array, Array]]:
         """
-        Yield what a model makes of an experiment, and its derivatives by some of its numbers.
+        Yield the simulation of an experiment and its derivatives by some slots of the row, in pieces.
 
         Parameters
         ----------
         experiment, effects, count
-            As in `follow`.
+            As in `simulated_pieces`.
         row
-            The model's numbers, shape (slots,).
+            Row of the model, shape (slots,).
         slots, steps
-            By which of them, shape (k,), and differences that are small for these [SI].
+            Slots of the derivatives, shape (k,), and small steps in these slots [SI].
 
         Yields
         ------
         samples, simulated, jacobian
-            Which samples, the signal at them, shape (m,), and its derivatives, shape (m, k) [SI].
+            Samples of the piece, the signal there, shape (m,), and its derivatives, shape (m, k) [SI].
 
         """
-        for samples, simulated in self.follow(experiment, effects, stepped(row, slots, steps), count):
+        for samples, simulated in self.simulated_pieces(experiment, effects, stepped(row, slots, steps), count):
             yield samples, simulated[:, 0], differences(simulated, steps)
 
     @abstractmethod
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
-        """Return which parameters without effects, and which numbers of the experiments, are searched."""
+        """Return the unknowns among the parameters without effects and the values of the recordings."""
 
     @abstractmethod
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
-        """Return why parameters of the model, and of its effects, are held and not searched, by their names."""
+        """Return why parameters of model and effects are held and not searched, by name."""
 
     @abstractmethod
     def check(
         self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model, estimates: Sequence[Estimate]
     ) -> None:
-        """Raise InputError where a fit without effects tells nothing, or nothing that can be."""
+        """Raise InputError if a fit without effects determines nothing, or impossible values."""
 
     def unidentifiable(self, experiments: Sequence[Experiment], effect: str) -> str | None:
-        """Return why experiments cannot tell an effect's parameters, whatever a fit says, or None."""
+        """Return why experiments cannot determine an effect's parameters, regardless of a fit, or None."""
         return None
 
     def beginnings(self, model: Model, astray: bool) -> list[Model]:
-        """Return where a fit with a further effect may start; the lack of it may have led a model `astray`."""
+        """Return starts of a fit with a further effect; `astray` if its lack may have biased the model."""
         return [model]
 
-    def beside_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
-        """Return a model that was fitted without effects where one that has some may be."""
+    def limited_for_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
+        """Return a model that was fitted without effects, within the limits of a simulation with effects."""
         return model
 
     def may_tell(self, experiments: Sequence[Experiment], effect: str, model: Model) -> bool:
-        """Return whether experiments may tell an effect beside a model from what the model's own parameters do."""
+        """Return whether experiments may distinguish an effect from a change of the model's parameters."""
         return True
 
     def may_hide(self, experiments: Sequence[Experiment]) -> bool:
-        """Return whether samples may hide what happens between them: a law then leaves nothing that follows inputs."""
+        """Return whether the motion is sampled too slowly to resolve: a curve then may hide a dependence on inputs."""
         return False
 
     def confounded(
@@ -343,32 +343,32 @@ class Channel(ABC):
         model: Model,
         estimates: Sequence[Estimate],
         residual: Array,
-        left: Callable[[str, tuple[float, ...]], Array],
+        unexplained_effect: Callable[[str, tuple[float, ...]], Array],
     ) -> Mapping[str, tuple[str, ...]]:
         """
-        Return effects that others, whose own signature is too weak to show, may pass for, with these.
+        Return effects of the model that may be other effects with a signature too weak to show, with these effects.
 
         Parameters
         ----------
         experiments, model, estimates
-            What was measured, what was fitted, and how well.
+            Experiments, fitted model and estimates.
         residual
-            What the model leaves at the samples that count, shape (n,).
-        left
-            Returns what an effect with some parameters adds that the model's unknowns can't make up for, shape (n,).
+            Residual of the model at the samples that count, shape (n,).
+        unexplained_effect
+            Returns the part of an effect with some parameters that the model's unknowns cannot reproduce, shape (n,).
 
         """
         return {}
 
     def levels(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
-        """Return what its parameters are scheduled over, at the samples of each experiment [Pa]; empty: nothing."""
+        """Return the scheduling pressure of the parameters at the samples of each experiment [Pa]; empty if none."""
         return []
 
     # residual
 
     @abstractmethod
     def sensitivity(self, model: Model) -> float:
-        """Return by how much the displacement's error reaches the signal [SI/m]."""
+        """Return the gain from an error of the displacement to the signal [SI/m]."""
 
     @abstractmethod
     def rests(self, experiment: Experiment, residual: Array) -> list[Array]:
@@ -376,115 +376,115 @@ class Channel(ABC):
 
     @abstractmethod
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
-        """Return what the residual may depend on: inputs, what the model makes of them, and their products."""
+        """Return signals that the residual may depend on: inputs, simulated signals, and products."""
 
     @abstractmethod
     def data(self, experiments: Sequence[Experiment], model: Model, simulated: Sequence[Array]) -> Data:
-        """Return what effects draw their starting values from; `residual`, `mean` and `lag` are among it."""
+        """Return the features for the effects' starting values, `residual`, `mean` and `lag` among them."""
 
     @abstractmethod
     def variables(self, experiment: Experiment, simulated: Array, model: Model) -> Mapping[str, Array]:
-        """Return at each sample what a law may depend on, by the names of its `curve`."""
+        """Return the variables of a characteristic at each sample, by the names of `curve.against`."""
 
     @abstractmethod
-    def law_units(
+    def characteristic_units(
         self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
     ) -> Mapping[str, float]:
         """
-        Return heights of laws that are small beside what they act on, by where they enter [SI].
-
-        None is asked for at a place that is not among these.
+        Return small heights of a characteristic, by place [SI]; places that are missing are not searched.
 
         Parameters
         ----------
         experiments, model
-            Of which, and beside which, one is drawn.
+            Experiments and model to which a characteristic is added.
         noise
-            About as large as what that leaves [SI].
+            Approximate size of the model's residual [SI].
         most
-            How far what a law may depend on goes from zero, by its name [SI].
+            Largest magnitude of each variable, by name [SI].
 
         """
 
     def precision(self, experiment: Experiment, simulated: Array) -> Array:
-        """Return the inverse of each sample's standard deviation, relative to one at rest, shape (m,) in (0, 1]."""
+        """Return the inverse standard deviation of each sample, relative to rest, shape (m,) in (0, 1]."""
         return np.ones_like(simulated)
 
     @abstractmethod
     def shown(self, experiment: Experiment) -> Mapping[str, Array]:
-        """Return the inputs to show beside the residual, by their names for people, at the samples, shape (m,)."""
+        """Return inputs to show next to the residual, by display name, at the samples, shape (m,)."""
 
-    # what follows from that
+    # derived from the above
 
     def slots_of(self, effect: str) -> range:
-        """Return where an effect's parameters stand in a row."""
+        """Return the slots of an effect's parameters in a row."""
         return self._slots[effect]
 
     @lazy_property
     def _slots(self) -> dict[str, range]:
-        ends = np.cumsum([len(self.parameters), *(len(one.parameters) for one in self.effects.values())]).tolist()
+        ends = np.cumsum([len(self.parameters), *(len(effect.parameters) for effect in self.effects.values())]).tolist()
         return dict(zip(self.effects, itertools.starmap(range, itertools.pairwise(ends))))
 
     @lazy_property
     def shared(self) -> int:
-        """How many numbers of a row are those of all experiments."""
-        return len(self.parameters) + sum(len(one.parameters) for one in self.effects.values())
+        """Number of slots of a row that all experiments share."""
+        return len(self.parameters) + sum(len(effect.parameters) for effect in self.effects.values())
 
-    def own_slots(self, index: int) -> range:
-        """Return where the numbers of one recording stand in a row."""
-        first = self.shared + index * len(self.own)
-        return range(first, first + len(self.own))
+    def recording_slots(self, index: int) -> range:
+        """Return the slots of a recording's values in a row."""
+        first = self.shared + index * len(self.recording_parameters)
+        return range(first, first + len(self.recording_parameters))
 
     def row(self, model: Model) -> Array:
-        """Return all numbers of a model: its parameters, every effect's (null where it is off), each experiment's."""
+        """Return the row of a model: its parameters, those of all effects (null if off), values of the recordings."""
         parts = model.parts
-        own = [parts.get(name, effect.null) for name, effect in self.effects.items()]
-        return np.concatenate([model.parameters, *own, model.own.ravel()])
+        effect_values = [parts.get(name, effect.null) for name, effect in self.effects.items()]
+        return np.concatenate([model.parameters, *effect_values, model.recording_values.ravel()])
 
     def model(self, row: Array, parts: Sequence[str], unknowns: int = 0) -> Model:
-        """Return the model that a row stands for, with a core and effects."""
+        """Return the model of a row, with a core and effects."""
         values = {name: tuple(row[list(self.slots_of(name))].tolist()) for name in parts}
-        own = row[self.shared :].reshape(-1, len(self.own)).copy()
-        return Model.of_parts(row[: len(self.parameters)].copy(), values, own, unknowns)
+        recording_values = row[self.shared :].reshape(-1, len(self.recording_parameters)).copy()
+        return Model.of_parts(row[: len(self.parameters)].copy(), values, recording_values, unknowns)
 
     def candidates(self, model: Model) -> list[str]:
-        """Return the effects that may be missing beside a model's core and effects."""
+        """Return the effects of the library that a model with its core may lack."""
         covered = {name for core in model.core for name in self.effects[core].covers}
         return [name for name in self.library if name not in covered and name not in model.effects]
 
     def simulate(self, experiments: Sequence[Experiment], models: Sequence[Model]) -> list[Array]:
-        """Return what models with the same core and effects make of each experiment, shape (m, models) [SI]."""
-        rows = np.array([self.row(one) for one in models])
-        found = []
-        for one in experiments:
-            found.append(np.empty((one.part.size, len(models))))
-            for samples, values in self.follow(one, tuple(models[0].parts), self.of_one(rows, one), one.part.size):
-                found[-1][samples] = values
-        return found
+        """Simulate each experiment with models of the same core and effects, shape (m, models) [SI]."""
+        rows = np.array([self.row(model) for model in models])
+        simulated = []
+        for experiment in experiments:
+            simulated.append(np.empty((experiment.part.size, len(models))))
+            for samples, values in self.simulated_pieces(
+                experiment, tuple(models[0].parts), self.rows_of_experiment(rows, experiment), experiment.part.size
+            ):
+                simulated[-1][samples] = values
+        return simulated
 
     def simulated(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
-        """Return what one model makes of each experiment, shape (m,) [SI]."""
-        return [found[:, 0] for found in self.simulate(experiments, [model])]
+        """Simulate each experiment with a model, shape (m,) [SI]."""
+        return [signals[:, 0] for signals in self.simulate(experiments, [model])]
 
-    def of_one(self, rows: Array, experiment: Experiment) -> Array:
-        """Return the numbers that concern one experiment, shape (models, slots)."""
-        return rows[:, [*range(self.shared), *self.own_slots(experiment.index)]]
+    def rows_of_experiment(self, rows: Array, experiment: Experiment) -> Array:
+        """Return the rows of models for an experiment alone, shape (models, slots)."""
+        return rows[:, [*range(self.shared), *self.recording_slots(experiment.index)]]
 
     def unknowns(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
-        """Return everything that is searched of a model with its core and effects."""
-        found, held = self.searched(experiments, model), self.held(experiments, model)
+        """Return all unknowns of a model with its core and effects."""
+        unknowns, held = self.searched(experiments, model), self.held(experiments, model)
         for name, values in model.parts.items():
             effect = self.effects[name]
             highest = max(map(abs, values[-KNOTS:])) if effect.generic else 0.0
             for slot, parameter, value in zip(self.slots_of(name), effect.parameters, values):
-                full = f'{name}.{parameter.name}'
-                if parameter.choice or full in held:
+                full_name = f'{name}.{parameter.name}'
+                if parameter.choice or full_name in held:
                     continue
-                lower, upper = bounds_of(parameter, experiments)
+                lower, upper = search_bounds(parameter, experiments)
                 scale = highest or abs(value) or 1e-3 * min(abs(parameter.lower) + abs(parameter.upper), 1.0)
-                found.append(
+                unknowns.append(
                     Unknown(
-                        full,
+                        full_name,
                         parameter.unit,
                         slot,
                         lower,
@@ -495,36 +495,36 @@ class Channel(ABC):
                         spread=parameter.spread,
                     )
                 )
-        return found
+        return unknowns
 
     def noise(self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model) -> Noise:
         """
-        Return the noise of the residual, from the rests where there are enough of them.
+        Estimate the noise of the residual, from rests if there are enough.
 
-        At rest the simulated signal need not be right but for a level and a trend.
+        At rest the simulated signal may be wrong by a level and a trend.
         """
         rests: list[Array] = []
         variances, roundings, sizes = [], [], []
-        for one, values in zip(experiments, simulated):
-            residual = one.measured - values
-            blurred = self.sensitivity(model) * one.motion.uncertainty
-            variances.append(sample_noise(one.sample_times, residual) ** 2 + blurred**2)
-            immaterial = self.immaterial * float(np.ptp(one.measured))
-            roundings.append(rounding_step(one.measured) ** 2 / 12.0 + immaterial**2)
+        for experiment, values in zip(experiments, simulated):
+            residual = experiment.measured - values
+            blurred = self.sensitivity(model) * experiment.motion.uncertainty
+            variances.append(sample_noise(experiment.sample_times, residual) ** 2 + blurred**2)
+            immaterial = self.immaterial * float(np.ptp(experiment.measured))
+            roundings.append(rounding_step(experiment.measured) ** 2 / 12.0 + immaterial**2)
             sizes.append(residual.size)
-            rests += [run - np.mean(run) for run in self.rests(one, residual)]
+            rests += [run - np.mean(run) for run in self.rests(experiment, residual)]
         white = math.sqrt(float(np.average(variances, weights=sizes)))
-        return noise_of(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
+        return estimate_noise(rests, white, sum(sizes), math.sqrt(float(np.mean(roundings))))
 
 
 def stepped(row: Array, slots: Indices, steps: Array) -> Array:
-    """Return numbers of a model, and such with a step in each of some slots, shape (1 + k, slots)."""
+    """Return the row of a model, then rows with a step in each of some slots, shape (1 + k, slots)."""
     rows = np.repeat(row[None], 1 + slots.size, axis=0)
     rows[1 + np.arange(slots.size), slots] += steps
     return rows
 
 
 def differences(simulated: Array, steps: Array) -> Array:
-    """Return derivatives by differences, shape (m, k), from what a model and such with a step make, (m, 1 + k)."""
-    with np.errstate(invalid='ignore', over='ignore'):  # a model that runs away is no worse than one that has
+    """Return derivatives by differences, shape (m, k), from simulations of `stepped` rows, shape (m, 1 + k)."""
+    with np.errstate(invalid='ignore', over='ignore'):  # a diverging model may overflow
         return np.asarray((simulated[:, 1:] - simulated[:, :1]) / steps)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Where an unknown characteristic may enter a model, and on which variable it may depend: a row for each.
+Places at which an unknown characteristic may enter a model, and variables on which it may depend.
 
 Search, report, console and the draft of an effect read these tables. The kernels of `model/effects/curve.py` and
 `force_curve.py` compute what the rows describe.
@@ -23,11 +23,11 @@ class EffectFunction(NamedTuple):
     Attributes
     ----------
     name, argument
-        As `model/effects/effect.py` wants them.
+        Name and argument as in `model/effects/effect.py`.
     result
         Expression that the function returns, with a blank for the characteristic's formula.
     returned
-        What that is, with its unit.
+        Meaning of the returned value, with its unit.
 
     """
 
@@ -45,19 +45,19 @@ class Place:
     Attributes
     ----------
     unit
-        Of the characteristic's value.
+        Unit of the characteristic's value.
     axis
         Label of the value in a plot.
     sentence
-        What the characteristic does, with a blank for its largest value; shares are in percent there.
+        Effect of the characteristic, with a blank for its largest value; shares are in percent.
     inspect
-        What to look at on the machine.
+        What to inspect on the machine.
     effect
-        Functions of an effect's file that has the characteristic.
+        Functions of the file of an effect with the characteristic.
     gains
-        Which of the model's gains make up for a constant value; None where none does.
+        Gains of the model that compensate a constant value; None if no gain does.
     keeps_constant
-        Whether no parameter of the model makes up for a constant value.
+        Whether no parameter of the model compensates a constant value.
 
     """
 
@@ -78,17 +78,17 @@ class Variable:
     Attributes
     ----------
     unit
-        Of the variable.
+        Unit of the variable.
     axis
         Label of the variable in a plot.
     symbol
-        Of the variable in a formula.
+        Symbol of the variable in a formula.
     sentence
-        The dependence in a clause.
+        The dependence as a clause.
     effect
-        Expression for the variable in an effect's file; empty where an effect cannot have it.
+        Expression for the variable in an effect's file; empty if an effect has no access to the variable.
     seen_against
-        Signal against which a residual shows the dependence, as `Effect.seen_against` names it.
+        Signal against which a residual shows the dependence, as in `Effect.seen_against`.
 
     """
 
@@ -120,7 +120,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
             'Pa',
             'set-point, off by',
             'the pressure that the regulator holds is off by up to {} Pa',
-            'the regulator, its control line and what it hangs on',
+            'the regulator, its control line and its mounting',
             (EffectFunction('setpoint', 'p_d', 'p_d + {}', 'the set-point that acts [Pa]'),),
         ),
         'flow': Place(
@@ -142,7 +142,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
         'chamber': Place(
             'Pa/s',
             'rate of the pressure, more by',
-            'air that nobody has ordered changes the pressure by up to {} Pa a second',
+            'an additional flow of air changes the pressure by up to {} Pa per second',
             'the seal and the fittings',
             _of_chamber('rate + {}'),
             keeps_constant=True,
@@ -150,7 +150,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
         'leak': Place(
             '1/s',
             'leak, share of the gauge pressure',
-            'the chamber loses up to {} % of its gauge pressure a second',
+            'the chamber loses up to {} % of its gauge pressure per second',
             'the seal and the fittings',
             _of_chamber(_LEAK),
             keeps_constant=True,
@@ -158,7 +158,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
         'leak_while_growing': Place(
             '1/s',
             'leak while the chamber grows, share of the gauge pressure',
-            'while it grows the chamber loses up to {} % of its gauge pressure a second',
+            'while the chamber grows, it loses up to {} % of its gauge pressure per second',
             'the lip of the seal',
             _of_chamber(f'{_LEAK} * 0.5 * (1.0 + {_LIFTED})'),
             keeps_constant=True,
@@ -166,7 +166,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
         'leak_while_shrinking': Place(
             '1/s',
             'leak while the chamber shrinks, share of the gauge pressure',
-            'while it shrinks the chamber loses up to {} % of its gauge pressure a second',
+            'while the chamber shrinks, it loses up to {} % of its gauge pressure per second',
             'the lip of the seal',
             _of_chamber(f'{_LEAK} * 0.5 * (1.0 - {_LIFTED})'),
             keeps_constant=True,
@@ -176,29 +176,29 @@ PLACES: Mapping[str, Place] = MappingProxyType(
             'reading, off by',
             'the pressure sensor reads up to {} Pa too much or too little',
             'the pressure sensor, its line and its supply',
-            (EffectFunction('signal', 'p', 'p + {}', 'what the sensor reads [Pa]'),),
+            (EffectFunction('signal', 'p', 'p + {}', 'the reading of the sensor [Pa]'),),
         ),
         'stiffness': Place(
             '1',
             'stiffness of the air, more by',
             'the air in the chamber is up to {} % stiffer or softer',
-            'the chamber walls, hoses and what else is joined to the chamber',
+            'the chamber walls, and hoses and parts that are connected to the chamber',
             (_GAIN, _FLOW),
             gains=slice(0, 3),
         ),
         'force': Place(
             'N',
             'force, more by',
-            'something beside the air adds or takes up to {} N',
+            'an additional force adds or takes up to {} N',
             'cables and hoses that the piston moves, stops, and the zero of the load cell',
             _of_force('value + {}', 'the contact force [N]'),
         ),
         'friction': Place(
             'N',
             'friction',
-            'something rubs with up to {} N',
+            'friction opposes the motion with up to {} N',
             'the bore, the rod and its seals and guides',
-            _of_force('value - {} * stretch', 'the contact force, less what rubs [N]'),
+            _of_force('value - {} * stretch', 'the contact force less friction [N]'),
             keeps_constant=True,
         ),
         'cell': Place(
@@ -206,11 +206,11 @@ PLACES: Mapping[str, Place] = MappingProxyType(
             'reading of the load cell, more by',
             'the load cell reads up to {} % too much or too little',
             'the load cell, how it is mounted, and the linkage',
-            _of_force('value * (1.0 + {})', 'what the load cell reads [N]'),
+            _of_force('value * (1.0 + {})', 'the reading of the load cell [N]'),
         ),
     }
 )
-"""By the name of `enters` of an effect that is a curve."""
+"""Places by name, as in `enters` of an effect that is a curve."""
 
 VARIABLES: Mapping[str, Variable] = MappingProxyType(
     {
@@ -229,9 +229,9 @@ VARIABLES: Mapping[str, Variable] = MappingProxyType(
             'moment.setpoint - moment.p_f',
             'valve error',
         ),
-        'flow': Variable('Pa/s', 'flow, lagged', 'q', 'the more, or the less, air has flowed lately'),
-        'time': Variable('s', 'time', 't', 'as time goes by', 'moment.time', 'time'),
+        'flow': Variable('Pa/s', 'flow, lagged', 'q', 'depending on how much air has flowed recently'),
+        'time': Variable('s', 'time', 't', 'changing over time', 'moment.time', 'time'),
         'force': Variable('N', 'force', 'F', 'depending on the force', 'value', 'pressure'),
     }
 )
-"""By the name of `against` of an effect that is a curve."""
+"""Variables by name, as in `against` of an effect that is a curve."""

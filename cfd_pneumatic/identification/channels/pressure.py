@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cylinder's pressure: equations (8) and (12) of the paper, exactly where no effect is on."""
+"""A cylinder's pressure: equations (8) and (12) of the paper, exactly integrated if no effect is active."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ from cfd_pneumatic.identification.data import (
 from cfd_pneumatic.identification.residual import (
     Noise,
     Regressors,
-    lag_of,
+    lag_between,
     runs_at_rest,
     sample_noise,
-    speed_of,
+    speed_in_motion,
     stamp_jitter,
     strongest_frequency,
 )
@@ -99,8 +99,8 @@ class Pressure(Channel):
     The pressure of one cylinder.
 
     Inputs of an experiment: `displacement` that grows this chamber [m], absolute `setpoint` on the step that ends at
-    each grid time [Pa]. Each experiment has an `offset` of its set-point, and a `start` of the pressure above it [Pa].
-    A set-point that nobody recorded has a `drift`, too: a regulator that is set by hand creeps [Pa/s].
+    each grid time [Pa]. Each recording has an `offset` of its set-point, and a `start`, first pressure minus set-point
+    [Pa]. A set-point that was not recorded has a `drift`, too: a regulator that is set by hand creeps [Pa/s].
     """
 
     quantity = Quantity('pressure', 'pa', 'paper’s model', Scale('Pa', 1.0), Scale('psi', PSI), Scale('kPa', 1e3))
@@ -116,7 +116,7 @@ class Pressure(Channel):
             'x': ENTERS,
             'speed': ('set_point', 'gain', 'chamber', 'leak'),
             'p': BOTH_WAYS,
-            'error': ('flow', 'gain'),  # one at the chamber is one of the flow
+            'error': ('flow', 'gain'),  # a curve at the chamber is equivalent to a curve of the flow
             'flow': ('flow', 'set_point'),
             'time': ('set_point', 'flow', 'gain', 'sensing'),
         },
@@ -126,7 +126,7 @@ class Pressure(Channel):
     )
     parameters = MappingProxyType({spec.name: spec.unit for spec in SPECS})
     hints = HINTS
-    own = ('offset', 'start', 'drift')
+    recording_parameters = ('offset', 'start', 'drift')
     needed = True
 
     def __init__(self, cylinder: str, ambient_pressure: float) -> None:
@@ -136,7 +136,7 @@ class Pressure(Channel):
 
     @classmethod
     def found_in(cls, recordings: Sequence[Recording], options: Options) -> list[Pressure]:
-        """Return one for each cylinder whose pressure was recorded."""
+        """Return a channel for each cylinder with a recorded pressure."""
         present = [name for name in CYLINDERS if any(name in recording.cylinders for recording in recordings)]
         return [cls(name, options.ambient_pressure) for name in present]
 
@@ -146,14 +146,14 @@ class Pressure(Channel):
         return None if signals is None else signals.pressure
 
     def experiment(self, recording: Recording, motion: Motion, split: Split) -> Experiment:
-        """Return the cylinder in a recording."""
+        """Return the cylinder's pressure in a recording."""
         signals = recording.cylinders[self.name]
-        stamped = motion.clock_of(signals.pressure.times)
-        during = motion.during(stamped)
-        sampled, pressure = stamped[during], signals.pressure.values[during]
+        times_of_sampling = motion.clock_of(signals.pressure.times)
+        during = motion.during(times_of_sampling)
+        sampled, pressure = times_of_sampling[during], signals.pressure.values[during]
         self._check(recording.name, pressure)
-        seen = pressure[: np.searchsorted(sampled, split.bounds[1])]
-        level = float(np.median(seen if seen.size else pressure))
+        before_test = pressure[: np.searchsorted(sampled, split.bounds[1])]
+        level = float(np.median(before_test if before_test.size else pressure))
         times, inputs = self.driven(motion, level if signals.setpoint is None else signals.setpoint, sampled)
         at_rest, part = rests_at_start(motion), split.part_of(sampled)
         known = sampled >= sampled[0] + SENSED_START_TIME
@@ -171,168 +171,187 @@ class Pressure(Channel):
         )
 
     def driven(self, motion: Motion, setpoint: Signal | float, sampled: Array) -> tuple[Array, dict[str, Array]]:
-        """Return a grid that holds sample times, shape (n,) [s], and the inputs on it; set-points are absolute [Pa]."""
+        """Return a grid with the sampling times, shape (n,) [s], and the inputs there; set-points are absolute [Pa]."""
         changed, levels = motion.times[:1], np.array([setpoint])
         if isinstance(setpoint, Signal):
             changed, levels = motion.on_clock(setpoint.times), setpoint.values
         times, displacement = motion.on_grid(sampled, changed)
-        begins = np.append(motion.times[0], times[:-1])
-        held = np.searchsorted(changed, begins, side='right') - 1
-        return times, {'displacement': DIRECTIONS[self.name] * displacement, 'setpoint': levels[np.maximum(held, 0)]}
+        step_begins = np.append(motion.times[0], times[:-1])
+        indices = np.searchsorted(changed, step_begins, side='right') - 1
+        return times, {'displacement': DIRECTIONS[self.name] * displacement, 'setpoint': levels[np.maximum(indices, 0)]}
 
     def _check(self, recording: str, pressure: Array) -> None:
         topic = f'{self.name}/pressure'
         if pressure.size < FEWEST_SAMPLES:
             raise InputError(
-                f'{recording}: only {pressure.size} samples of {topic} lie between the first and the last '
-                'displacement sample: check the time offsets of the two topics'
+                f'{recording}: only {pressure.size} samples of {topic} are between the first and the last displacement '
+                f'sample. A fit needs {FEWEST_SAMPLES}. Check the time offsets of both topics'
             )
         if np.ptp(pressure) == 0.0:
-            raise InputError(f'{recording}: {topic} never changes ({pressure[0]:g} Pa): is its sensor connected?')
+            raise InputError(
+                f'{recording}: {topic} never changes ({pressure[0]:g} Pa). Check whether its sensor is connected'
+            )
         check_range(f'{recording}: {topic}', pressure, LARGEST_PRESSURE, 'Pa')
 
     def starts(self, experiments: Sequence[Experiment]) -> list[Model]:
-        """Return models of several regulators."""
-        pressure = float(np.median(np.concatenate([one.measured[one.counts] for one in experiments])))
-        stroke = max(float(np.ptp(one.inputs['displacement'])) for one in experiments)
-        own = np.zeros((len(experiments), len(self.own)))
-        for one in experiments:
-            own[one.index, _START] = 0.0 if one.starts_at_rest else one.first - one.inputs['setpoint'][0]
-        return [Model(gains, {}, own) for gains in starting_gains(pressure, stroke)]
+        """Return models with the gains of several regulators."""
+        pressure = float(
+            np.median(np.concatenate([experiment.measured[experiment.counts] for experiment in experiments]))
+        )
+        stroke = max(float(np.ptp(experiment.inputs['displacement'])) for experiment in experiments)
+        recording_values = np.zeros((len(experiments), len(self.recording_parameters)))
+        for experiment in experiments:
+            recording_values[experiment.index, _START] = (
+                0.0 if experiment.starts_at_rest else experiment.first_value - experiment.inputs['setpoint'][0]
+            )
+        return [Model(gains, {}, recording_values) for gains in starting_gains(pressure, stroke)]
 
     def beginnings(self, model: Model, astray: bool) -> list[Model]:
-        """Return the model, and with other gains."""
+        """Return the model, and the model with further gains."""
         return [model, *(replace(model, parameters=gains) for gains in alternative_starts(model.parameters, astray))]
 
-    def beside_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
-        """Return the model, no quicker than small changes tell: Runge and Kutta's steps get as short as it is quick."""
-        told = identifiable_gain_bounds(LINEARISED_PERIODS * shortest_period(experiments))
-        return replace(model, parameters=np.clip(model.parameters, *told))
+    def limited_for_effects(self, experiments: Sequence[Experiment], model: Model) -> Model:
+        """Return the model with bounded gains: a quicker model needs shorter steps of Runge and Kutta."""
+        bounds = identifiable_gain_bounds(LINEARISED_PERIODS * shortest_period(experiments))
+        return replace(model, parameters=np.clip(model.parameters, *bounds))
 
     def searched(self, experiments: Sequence[Experiment], model: Model) -> list[Unknown]:
-        """Return the gains, every offset, and the starts where the piston does not begin at rest."""
+        """Return the gains, all offsets, starts of pistons that do not begin at rest, and drifts."""
         bounds = identifiable_gain_bounds(shortest_period(experiments) if model.parts else 0.0)
-        found = [
+        unknowns = [
             Unknown(spec.name, spec.unit, slot, lower, upper, 1.0, logarithmic=True)
             for slot, (spec, lower, upper) in enumerate(zip(SPECS, *bounds))
         ]
         scale = (
-            max(float(np.ptp(one.measured[one.fitted])) if np.any(one.fitted) else 0.0 for one in experiments) or 1.0
+            max(
+                float(np.ptp(experiment.measured[experiment.fitted])) if np.any(experiment.fitted) else 0.0
+                for experiment in experiments
+            )
+            or 1.0
         )
-        parts = [self.effects[name] for name in model.parts]
-        # what moves the rest settles before the first sample: where it began is forgotten
-        anywhere = any(one.rests_anywhere for one in parts) and not any(one.moves_rest for one in parts)
-        for index in sorted({one.index for one in experiments}):
-            offset, start, drift = self.own_slots(index)
-            alike = [one for one in experiments if one.index == index]
-            found.append(Unknown('', 'Pa', offset, -np.inf, np.inf, scale))
-            if any(one.whole and (anywhere or not one.starts_at_rest) for one in alike):
-                farthest = LARGEST_START_DISTANCE * scale  # of a quick regulator the first samples tell little
-                found.append(Unknown('', 'Pa', start, -farthest, farthest, scale, passing=True))
-            if any(one.drifts for one in alike):
-                lasts = max(float(np.ptp(one.times)) for one in alike)
-                found.append(Unknown('', 'Pa/s', drift, -np.inf, np.inf, scale / lasts))
-        return found
+        effects = [self.effects[name] for name in model.parts]
+        # effects that shift the resting pressure settle before the first sample, so that the start has no influence
+        anywhere = any(effect.rests_anywhere for effect in effects) and not any(effect.moves_rest for effect in effects)
+        for index in sorted({experiment.index for experiment in experiments}):
+            offset, start, drift = self.recording_slots(index)
+            of_recording = [experiment for experiment in experiments if experiment.index == index]
+            unknowns.append(Unknown('', 'Pa', offset, -np.inf, np.inf, scale))
+            if any(
+                experiment.starts_with_recording and (anywhere or not experiment.starts_at_rest)
+                for experiment in of_recording
+            ):
+                # the first samples hardly determine the start of a quick regulator
+                farthest = LARGEST_START_DISTANCE * scale
+                unknowns.append(Unknown('', 'Pa', start, -farthest, farthest, scale, passing=True))
+            if any(experiment.drifts for experiment in of_recording):
+                duration = max(float(np.ptp(experiment.times)) for experiment in of_recording)
+                unknowns.append(Unknown('', 'Pa/s', drift, -np.inf, np.inf, scale / duration))
+        return unknowns
 
     def held(self, experiments: Sequence[Experiment], model: Model) -> Mapping[str, str]:
-        """Return the lag of a law that has none, and what of a core recordings at one pressure do not tell."""
-        levels = np.concatenate([_held(one, model)[one.counts] for one in experiments])
-        held = dict.fromkeys(model.untold, NOT_ESTIMATED)
+        """Return why the lag of a curve, or parameters of a core at a single set-point, are held."""
+        levels = np.concatenate([_acting_setpoint(experiment, model)[experiment.counts] for experiment in experiments])
+        reasons = dict.fromkeys(model.assumed_parameters, NOT_ESTIMATED)
         if CURVE in model.effects and not is_of_flow(model.effects[CURVE]):
-            held[f'{CURVE}.lag'] = 'the law is none of the flow'
+            reasons[f'{CURVE}.lag'] = 'the curve does not depend on the flow'
         if levels.size and float(np.max(levels)) >= LEAST_LEVEL_RATIO * float(np.min(levels)):
-            return held
-        reason = 'recordings at one set-point do not tell it: it stands as a data sheet has it'
-        return held | {
-            f'{core}.{one.name}': reason
+            return reasons
+        reason = 'not determined at a single set-point; the data-sheet value is used'
+        return reasons | {
+            f'{core}.{parameter.name}': reason
             for core in model.core
-            for one in self.effects[core].parameters
-            if one.of_pressure
+            for parameter in self.effects[core].parameters
+            if parameter.of_pressure
         }
 
     def check(
         self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model, estimates: Sequence[Estimate]
     ) -> None:
-        """Raise InputError where the pressure is explained as well by one that does not follow the piston at all."""
+        """Raise InputError if a constant pressure explains the measured pressure as well as the model."""
         if any(estimate.identifiable for estimate in estimates) and (
-            any(np.ptp(one.inputs['setpoint']) > 0.0 for one in experiments)
-            or _evidence(experiments, simulated) >= LEAST_PISTON_EVIDENCE
+            any(np.ptp(experiment.inputs['setpoint']) > 0.0 for experiment in experiments)
+            or _log_likelihood_gain(experiments, simulated) >= LEAST_PISTON_EVIDENCE
         ):
             return
-        if not any(np.ptp(one.inputs['displacement']) for one in experiments):
+        if not any(np.ptp(experiment.inputs['displacement']) for experiment in experiments):
             raise InputError(
-                'no parameter can be told from these recordings: the piston rests, and the pressure does not follow '
-                'the set-point: check which set-point and pressure belong together, their units, and whether the '
-                'regulator has air; or record the displacement'
+                'these recordings determine no parameter: the piston rests, and the pressure does not follow the '
+                'set-point. Check which set-point and pressure belong together, their units, and whether the regulator '
+                'has air. Or record the displacement'
             )
         raise InputError(
-            'no parameter can be told from these recordings, the pressure does not follow the piston: let it move '
-            "faster or farther, both ways, or look whether the displacement comes late, by its sensor's filter or clock"
+            'these recordings determine no parameter: the pressure does not follow the piston. Let the piston move '
+            'faster or farther, in both directions. Or check whether the filter or the clock of its sensor delays the '
+            'displacement'
         )
 
-    def follow(
+    def simulated_pieces(
         self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int
     ) -> Iterator[tuple[slice, Array]]:
-        """Yield the pressures: exactly without effects, by Runge-Kutta with them."""
+        """Yield simulated pressures in pieces: exact without effects, by Runge-Kutta with effects."""
         if not effects:
-            for parts in zip(*(self._exact(experiment, row, count, slopes=False) for row in rows)):
+            for parts in zip(*(self._exact_pieces(experiment, row, count, slopes=False) for row in rows)):
                 yield parts[0][0], np.column_stack([pressure for _, pressure, _ in parts])
             return
-        for block, _, pressures in self._composed(experiment, effects, rows, count, rows):
+        for block, _, pressures in self._pieces_with_effects(experiment, effects, rows, count, rows):
             yield block.samples, pressures
 
     def linearised(
         self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Indices, steps: Array, count: int
     ) -> Iterator[tuple[slice, Array, Array]]:
         """
-        Yield the pressure and its derivatives; without effects they are exact.
+        Yield the pressure and its derivatives in pieces; without effects they are exact.
 
-        Who reads later reads what the pressure was by its slope before: no other simulation is asked for a delay. Nor
-        for a drift, which a pressure follows.
+        The derivative by a delay of the reading is minus the slope of the pressure. The derivative by a drift is the
+        derivative by the offset times the time. Neither needs a further simulation.
         """
         if effects:
-            late, drift = np.isin(slots, self._late(effects)[0]), slots == self.shared + _DRIFT
+            late, drift = np.isin(slots, self._delay_slots(effects)[0]), slots == self.shared + _DRIFT
             stepping = ~(late | drift)
             rows = stepped(row, slots[stepping], steps[stepping])
-            for block, course, pressures in self._composed(experiment, effects, rows, count, row[None]):
+            for block, course, pressures in self._pieces_with_effects(experiment, effects, rows, count, row[None]):
                 jacobian = np.empty((len(pressures), slots.size), order='F')
                 jacobian[:, stepping] = differences(pressures, steps[stepping])
-                jacobian[:, late] = -_slope(block.times, course)[block.at]
+                jacobian[:, late] = -_slope(block.times, course)[block.sample_indices]
                 by_offset = jacobian[:, slots == self.shared + _OFFSET]
-                jacobian[:, drift] = _drifted(experiment, block.times)[block.at, None] * by_offset
+                jacobian[:, drift] = _drift_time(experiment, block.times)[block.sample_indices, None] * by_offset
                 yield block.samples, pressures[:, 0], jacobian
             return
         columns = np.where(slots < self.shared, slots, slots - self.shared + len(SPECS))
-        for samples, pressure, jacobian in self._exact(experiment, row, count, slopes=True):
+        for samples, pressure, jacobian in self._exact_pieces(experiment, row, count, slopes=True):
             yield samples, pressure, jacobian[:, columns]
 
-    def _exact(
+    def _exact_pieces(
         self, experiment: Experiment, row: Array, count: int, *, slopes: bool
     ) -> Iterator[tuple[slice, Array, Array]]:
-        """Yield pressure and derivatives by the gains, the offset, the start and the drift, which it follows."""
+        """Yield the exact pressure and its derivatives by gains, offset, start and drift, in pieces."""
         offset, drift = row[self.shared + _OFFSET], row[self.shared + _DRIFT]
-        begun = experiment.inputs['setpoint'][0] + offset + drift * _drifted(experiment, experiment.times[0])
-        start = begun + self._starts(experiment, row[None])[0]
+        start_setpoint = (
+            experiment.inputs['setpoint'][0] + offset + drift * _drift_time(experiment, experiment.times[0])
+        )
+        start = start_setpoint + self._start_offsets(experiment, row[None])[0]
         course = Course(row[: len(SPECS)], start)
         for block in experiment.blocks(count):
-            since = _drifted(experiment, block.times)
-            moved, held = block.inputs['displacement'], block.inputs['setpoint'] + offset + drift * since
-            pressure, jacobian = course.simulate_piece(block.times, moved, held, slopes=slopes)
-            if slopes and not experiment.whole:
-                jacobian[:, _OF_OFFSET] -= jacobian[:, _OF_START]  # the start is measured, whatever the offset
+            drift_time = _drift_time(experiment, block.times)
+            displacement = block.inputs['displacement']
+            setpoint = block.inputs['setpoint'] + offset + drift * drift_time
+            pressure, jacobian = course.simulate_piece(block.times, displacement, setpoint, slopes=slopes)
+            if slopes and not experiment.starts_with_recording:
+                # the start is measured and does not depend on the offset
+                jacobian[:, _OF_OFFSET] -= jacobian[:, _OF_START]
             if slopes and experiment.drifts:
-                jacobian = np.column_stack([jacobian, since * jacobian[:, _OF_OFFSET]])
-            yield block.samples, pressure[block.at], jacobian[block.at] if slopes else jacobian
+                jacobian = np.column_stack([jacobian, drift_time * jacobian[:, _OF_OFFSET]])
+            yield block.samples, pressure[block.sample_indices], jacobian[block.sample_indices] if slopes else jacobian
 
-    def _composed(
-        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int, unlike: Array
+    def _pieces_with_effects(
+        self, experiment: Experiment, effects: Sequence[str], rows: Array, count: int, stiffness_rows: Array
     ) -> Iterator[tuple[Block, Array, Array]]:
         """
-        Yield pressures with effects, and that of the first row on the grid of its block, shape (n, 1).
+        Yield blocks, the pressure of the first row on the block's grid, shape (n, 1), and all rows at the samples.
 
-        Cylinders that are read as late, moved as late and drift alike are simulated side by side, in steps short enough
-        for the stiffest of the rows that are `unlike`: the others differ hardly from them. Where an effect moves the
-        chamber in another way than the piston, or at another time, no step is longer than a straight line.
+        Rows with equal delays and drift are simulated side by side. Steps are short enough for the stiffest of the
+        `stiffness_rows`, from which the remaining rows hardly differ. If an effect changes the chamber's motion or its
+        time, no step is longer than a straight line of the displacement.
         """
         cylinders = [
             ExtendedCylinder(
@@ -340,51 +359,64 @@ class Pressure(Channel):
                 {name: row[list(self.slots_of(name))].tolist() for name in effects},
                 self.ambient_pressure,
             )
-            for row in unlike
+            for row in stiffness_rows
         ]
-        stiffest = max(one.stiffness(*experiment.extremes) for one in cylinders)
+        stiffest = max(cylinder.stiffness(*experiment.extremes) for cylinder in cylinders)
         stiffness = min(stiffest, LARGEST_RATE_PER_SAMPLE / experiment.period)
-        at_rest = experiment.whole and experiment.starts_at_rest
+        at_rest = experiment.starts_with_recording and experiment.starts_at_rest
         settles = at_rest and any(self.effects[name].moves_rest for name in effects)
-        late = self._late(effects)
-        parameters, starts = rows[:, : self.shared].copy(), self._starts(experiment, rows)
-        parameters[:, late[1]] = 0.0  # the displacement is looked up
-        unlike_inputs = np.column_stack([*(rows[:, some].sum(axis=1) for some in late), rows[:, self.shared + _DRIFT]])
-        kinds = dict.fromkeys(map(tuple, unlike_inputs.tolist()))
-        groups = [np.flatnonzero(np.all(unlike_inputs == some, axis=1)) for some in kinds]
+        delay_slots = self._delay_slots(effects)
+        parameters, starts = rows[:, : self.shared].copy(), self._start_offsets(experiment, rows)
+        parameters[:, delay_slots[1]] = 0.0  # the blocks hold the delayed displacement
+        individual_inputs = np.column_stack(
+            [*(rows[:, columns].sum(axis=1) for columns in delay_slots), rows[:, self.shared + _DRIFT]]
+        )
+        distinct_inputs = dict.fromkeys(map(tuple, individual_inputs.tolist()))
+        groups = [np.flatnonzero(np.all(individual_inputs == inputs, axis=1)) for inputs in distinct_inputs]
         is_moved = any(name in MOVING or self.effects[name].late for name in effects)
-        followed = (None if is_moved else experiment.parabolic) or experiment
-        walks = []
-        for own in groups:
-            alike = SideBySide(
-                cylinders[0], parameters[own], rows[own, self.shared], starts[own], experiment.begin, stiffness, settles
+        simulated_experiment = (None if is_moved else experiment.parabolic) or experiment
+        piece_iterators = []
+        for group in groups:
+            side_by_side = SideBySide(
+                cylinders[0],
+                parameters[group],
+                rows[group, self.shared],
+                starts[group],
+                experiment.begin,
+                stiffness,
+                settles,
             )
-            delay, behind, drift = unlike_inputs[own[0]].tolist()
-            walks.append(_walk(alike, _drifting(followed, followed.blocks(count, delay, behind), drift)))
+            delay, displacement_delay, drift = individual_inputs[group[0]].tolist()
+            blocks = simulated_experiment.blocks(count, delay, displacement_delay)
+            piece_iterators.append(_pressure_pieces(side_by_side, _with_drift(simulated_experiment, blocks, drift)))
         order = np.argsort(np.concatenate(groups))
-        for parts in zip(*walks):
-            first, course = parts[0]
-            read = [readings[block.at] for block, readings in parts]
-            yield first, course[:, :1], read[0] if len(read) == 1 else np.hstack(read)[:, order]
+        for parts in zip(*piece_iterators):
+            first_block, course = parts[0]
+            readings_of_groups = [readings[block.sample_indices] for block, readings in parts]
+            yield (
+                first_block,
+                course[:, :1],
+                readings_of_groups[0] if len(readings_of_groups) == 1 else np.hstack(readings_of_groups)[:, order],
+            )
 
-    def _late(self, effects: Sequence[str]) -> list[list[int]]:
-        """Return where parameters stand in a row by which the reading, and the displacement, come late."""
+    def _delay_slots(self, effects: Sequence[str]) -> list[list[int]]:
+        """Return the slots of the delays of the reading, and of the displacement."""
         return [
-            [self.slots_of(name)[0] for name in effects if self.effects[name].late == what]
-            for what in ('reading', 'displacement')
+            [self.slots_of(name)[0] for name in effects if self.effects[name].late == target]
+            for target in ('reading', 'displacement')
         ]
 
-    def _starts(self, experiment: Experiment, rows: Array) -> Array:
-        """Return by how much models start above the set-point, shape (models,) [Pa]."""
+    def _start_offsets(self, experiment: Experiment, rows: Array) -> Array:
+        """Return the first pressure minus the set-point, shape (models,) [Pa]."""
         offsets, starts, drifts = rows[:, self.shared :].T
-        if experiment.whole:
+        if experiment.starts_with_recording:
             return np.asarray(starts)
-        drifted = _drifted(experiment, experiment.times[0])
-        return np.asarray(experiment.first - experiment.inputs['setpoint'][0] - offsets - drifts * drifted)
+        drift_time = _drift_time(experiment, experiment.times[0])
+        return np.asarray(experiment.first_value - experiment.inputs['setpoint'][0] - offsets - drifts * drift_time)
 
     def levels(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
-        """Return the gauge set-point."""
-        return [_held(one, model) - self.ambient_pressure for one in experiments]
+        """Return the gauge set-point at the samples of each experiment [Pa]."""
+        return [_acting_setpoint(experiment, model) - self.ambient_pressure for experiment in experiments]
 
     def sensitivity(self, model: Model) -> float:
         """Return K_x [Pa/m]."""
@@ -397,11 +429,11 @@ class Pressure(Channel):
         return runs_at_rest(experiment.sample_times, displacement, setpoint, slack, residual)
 
     def noise(self, experiments: Sequence[Experiment], simulated: Sequence[Array], model: Model) -> Noise:
-        """Return the noise, blurred by the rate of the displacement if that is made to run ahead."""
+        """Return the noise, with the blur by errors of the rate if an effect looks ahead of the displacement."""
         ahead = sum(values[0] for name, values in model.parts.items() if self.effects[name].looks_ahead)
         rate_sensitivity = self.sensitivity(model) * ahead
-        blurs = [(rate_sensitivity * one.motion.rate_uncertainty) ** 2 for one in experiments]
-        sizes = [one.measured.size for one in experiments]
+        blurs = [(rate_sensitivity * experiment.motion.rate_uncertainty) ** 2 for experiment in experiments]
+        sizes = [experiment.measured.size for experiment in experiments]
         noise = super().noise(experiments, simulated, model)
         return replace(noise, blur=math.sqrt(float(np.average(blurs, weights=sizes))))
 
@@ -409,22 +441,22 @@ class Pressure(Channel):
         """
         Return the inverse of each sample's standard deviation, relative to a sample at rest.
 
-        While the pressure changes fast, the jitter of its stamp counts beside the sensor's noise: a step of the
-        set-point makes 10 kPa in a few milliseconds, and 50 microseconds of it are many times the noise.
+        While the pressure changes fast, the jitter of its stamp adds to the sensor's noise. After a step of the
+        set-point it changes by 10 kPa in a few milliseconds: 50 microseconds of jitter are many times the noise.
         """
-        times, seen = experiment.sample_times, experiment.fitted  # the test part has no say in what samples weigh
-        seen = seen if np.count_nonzero(seen) >= FEWEST_SAMPLES else ~seen
-        noise, jitter = sample_noise(times[seen], experiment.measured[seen]), stamp_jitter(times)
+        times, before_test = experiment.sample_times, experiment.fitted  # the test part must not influence weights
+        before_test = before_test if np.count_nonzero(before_test) >= FEWEST_SAMPLES else ~before_test
+        noise, jitter = sample_noise(times[before_test], experiment.measured[before_test]), stamp_jitter(times)
         if noise == 0.0 or jitter == 0.0:
             return np.ones_like(simulated)
         slope = np.abs(np.diff(simulated) / np.diff(times)) * (jitter / noise)
-        strayed = np.zeros_like(simulated)
-        strayed[1:] = slope
-        np.maximum(strayed[:-1], slope, out=strayed[:-1])
-        return np.asarray((1.0 + strayed**2) ** -0.5)
+        jitter_ratio = np.zeros_like(simulated)
+        jitter_ratio[1:] = slope
+        np.maximum(jitter_ratio[:-1], slope, out=jitter_ratio[:-1])
+        return np.asarray((1.0 + jitter_ratio**2) ** -0.5)
 
     def variables(self, experiment: Experiment, simulated: Array, model: Model) -> Mapping[str, Array]:
-        """Return what a law may depend on: what is sensed follows from the model's lag, the flow from its stiffness."""
+        """Return the variables of a characteristic; the model's lag gives the valve error, its stiffness the flow."""
         times = experiment.sample_times
         x = experiment.at_samples('displacement')
         rate, slope = np.gradient(x, times), np.gradient(simulated, times)
@@ -433,25 +465,25 @@ class Pressure(Channel):
             'x': x,
             'speed': rate,
             'p': simulated - self.ambient_pressure,
-            'error': _held(experiment, model) - simulated + tau * slope,
+            'error': _acting_setpoint(experiment, model) - simulated + tau * slope,
             'flow': slope + k_x * rate,
             'time': times - experiment.begin,
         }
 
-    def law_units(
+    def characteristic_units(
         self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
     ) -> Mapping[str, float]:
-        """Return the noise's size, a hundredth of what is scaled, and what the valves make of the noise."""
+        """Return the size of the noise, 1 % for factors, and the valves' flow for an error like the noise."""
         rate = float(model.parameters[1]) * noise
         leaks = dict.fromkeys(('leak', *ONE_WAY), rate / most['p'])
         shares = dict.fromkeys(('flow', 'gain', 'stiffness'), 1e-2)
         return {**shares, **leaks, 'set_point': noise, 'chamber': rate, 'sensing': noise}
 
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:
-        """Return inputs, what the model makes of them, and their products."""
+        """Return inputs, simulated signals and products as regressors."""
         times = experiment.sample_times
         x, setpoint = experiment.at_samples('displacement'), experiment.at_samples('setpoint')
-        # by a smoothed period: the stamps' jitter in a rate would pass for a dependence on it
+        # rates use a smoothed period: jitter of the stamps would look like a dependence on the rate
         period = uniform_filter1d(np.gradient(times), _SMOOTHED, mode='nearest')
         rate = np.gradient(x) / period
         error = setpoint - simulated
@@ -467,44 +499,46 @@ class Pressure(Channel):
 
     def data(self, experiments: Sequence[Experiment], model: Model, simulated: Sequence[Array]) -> Data:
         """
-        Return what effects draw their starting values from.
+        Return the features for the effects' starting values.
 
-        =====================  ============================================================
-        `k_x` and so on        gains as fitted
-        `residual`, `mean` [Pa]  root mean square and mean of the residual
-        `gauge` [Pa]           median gauge pressure
-        `highest_pressure` [Pa]  absolute
-        `x_low`, `x_high` [m]  range of the displacement
-        `speed` [m/s]          root mean square of the piston's, while it moves
-        `lag` [s]              by which the measured pressure comes later than the simulated one
-        `period`, `duration` [s]  between samples, and of the longest experiment
-        `largest_charge`, `largest_exhaust` [Pa/s]  what the valves' flow reaches
-        `slow_frequency` [Hz]  strongest period of the residual below 3 Hz
-        =====================  ============================================================
+        - `k_x` and so on: gains as fitted
+        - `residual`, `mean` [Pa]: root mean square and mean of the residual
+        - `gauge`, `level` [Pa]: median gauge pressure, mean absolute pressure
+        - `highest_pressure` [Pa]: highest absolute pressure
+        - `x_low`, `x_high` [m]: range of the displacement
+        - `speed` [m/s]: root mean square of the piston's speed in motion
+        - `lag` [s]: delay of the measured behind the simulated pressure
+        - `period`, `duration` [s]: shortest sampling period, duration of the longest experiment
+        - `largest_charge`, `largest_exhaust` [Pa/s]: largest flow of the valves
+        - `slow_frequency` [Hz]: strongest frequency of the residual below 3 Hz
         """
-        residuals = [one.measured - pressure for one, pressure in zip(experiments, simulated)]
-        pressures, left = (np.concatenate(runs) for runs in ([one.measured for one in experiments], residuals))
-        displacement = np.concatenate([one.inputs['displacement'] for one in experiments])
-        errors = [_held(one, model) - pressure for one, pressure in zip(experiments, simulated)]
+        residuals = [experiment.measured - pressure for experiment, pressure in zip(experiments, simulated)]
+        pressures, residual = (
+            np.concatenate(runs) for runs in ([experiment.measured for experiment in experiments], residuals)
+        )
+        displacement = np.concatenate([experiment.inputs['displacement'] for experiment in experiments])
+        errors = [
+            _acting_setpoint(experiment, model) - pressure for experiment, pressure in zip(experiments, simulated)
+        ]
         charge, exhaust = flows(model.parameters, np.concatenate(errors))
-        longest = max(range(len(experiments)), key=lambda index: float(np.ptp(experiments[index].sample_times)))
-        one = experiments[longest]
+        rank = max(range(len(experiments)), key=lambda index: float(np.ptp(experiments[index].sample_times)))
+        longest = experiments[rank]
         return {
             **dict(zip(self.parameters, model.parameters.tolist())),
-            'residual': rms(left),
-            'mean': float(np.mean(left)),
+            'residual': rms(residual),
+            'mean': float(np.mean(residual)),
             'gauge': max(float(np.median(pressures)) - self.ambient_pressure, 1e3),
             'level': float(np.mean(pressures)),
             'highest_pressure': float(np.max(pressures)),
             'x_low': float(np.min(displacement)),
             'x_high': max(float(np.max(displacement)), float(np.min(displacement)) + SHORTEST_STROKE),
-            'speed': speed_of(one.times, one.inputs['displacement']),
-            'lag': lag_of(one.sample_times, one.measured, simulated[longest]),
+            'speed': speed_in_motion(longest.times, longest.inputs['displacement']),
+            'lag': lag_between(longest.sample_times, longest.measured, simulated[rank]),
             'period': shortest_period(experiments),
-            'duration': float(np.ptp(one.sample_times)),
+            'duration': float(np.ptp(longest.sample_times)),
             'largest_charge': max(charge, LEAST_FLOW_LIMIT),
             'largest_exhaust': max(exhaust, LEAST_FLOW_LIMIT),
-            'slow_frequency': strongest_frequency(one.sample_times, residuals[longest]),
+            'slow_frequency': strongest_frequency(longest.sample_times, residuals[rank]),
         }
 
     def shown(self, experiment: Experiment) -> Mapping[str, Array]:
@@ -517,47 +551,50 @@ class Pressure(Channel):
         }
 
 
-def _held(experiment: Experiment, model: Model) -> Array:
-    """Return the set-point that acts at the samples, shape (m,) [Pa]."""
-    offset, _, drift = model.own[experiment.index].tolist()
-    held: Array = experiment.at_samples('setpoint') + offset + drift * _drifted(experiment, experiment.sample_times)
-    return held
+def _acting_setpoint(experiment: Experiment, model: Model) -> Array:
+    """Return the acting set-point at the samples, shape (m,) [Pa]."""
+    offset, _, drift = model.recording_values[experiment.index].tolist()
+    setpoint: Array = (
+        experiment.at_samples('setpoint') + offset + drift * _drift_time(experiment, experiment.sample_times)
+    )
+    return setpoint
 
 
-def _drifted(experiment: Experiment, times: Array) -> Array:
-    """Return for how long a set-point has drifted [s]."""
+def _drift_time(experiment: Experiment, times: Array) -> Array:
+    """Return the time for which a set-point has drifted, shape (n,) [s]."""
     return np.asarray(times - experiment.begin)
 
 
-def _drifting(experiment: Experiment, blocks: Iterator[Block], drift: float) -> Iterator[Block]:
-    """Yield pieces of an experiment with a set-point that drifts [Pa/s]."""
+def _with_drift(experiment: Experiment, blocks: Iterator[Block], drift: float) -> Iterator[Block]:
+    """Yield pieces of an experiment with a drift added to the set-point [Pa/s]."""
     for block in blocks:
         if drift:
-            setpoint = block.inputs['setpoint'] + drift * _drifted(experiment, block.times)
+            setpoint = block.inputs['setpoint'] + drift * _drift_time(experiment, block.times)
             block = block._replace(inputs={**block.inputs, 'setpoint': setpoint})
         yield block
 
 
-def _walk(cylinders: SideBySide, blocks: Iterator[Block]) -> Iterator[tuple[Block, Array]]:
-    """Yield the pressures of cylinders side by side in pieces of an experiment, on its grid."""
+def _pressure_pieces(cylinders: SideBySide, blocks: Iterator[Block]) -> Iterator[tuple[Block, Array]]:
+    """Yield pieces of an experiment with the pressures of cylinders on its grid, shape (n, cylinders) [Pa]."""
     for block in blocks:
         yield block, cylinders.simulate_piece(block.times, **block.inputs)
 
 
-def _evidence(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> float:
-    """Return by how much following the piston raises twice the log likelihood of a pressure that rests."""
-    evidence = 0.0
-    for one, pressure in zip(experiments, simulated):
-        mask = one.counts
+def _log_likelihood_gain(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> float:
+    """Return the gain of twice the log likelihood by the simulation, compared with a constant pressure."""
+    gain = 0.0
+    for experiment, pressure in zip(experiments, simulated):
+        mask = experiment.counts
         if np.any(mask):
-            rested, left = float(np.var(one.measured[mask])), float(np.mean((one.measured - pressure)[mask] ** 2))
-            evidence += np.count_nonzero(mask) * math.log(rested / max(left, 1e-300))
-    return evidence
+            variance = float(np.var(experiment.measured[mask]))
+            unexplained = float(np.mean((experiment.measured - pressure)[mask] ** 2))
+            gain += np.count_nonzero(mask) * math.log(variance / max(unexplained, 1e-300))
+    return gain
 
 
 def _slope(times: Array, values: Array) -> Array:
-    """Return how fast values change, from each one's neighbours, shape (n, 1) [SI/s]."""
-    at = np.arange(times.size)
-    before, after = np.maximum(at - 1, 0), np.minimum(at + 1, times.size - 1)
-    between = np.maximum(times[after] - times[before], SHORTEST_GAP)
-    return np.asarray((values[after] - values[before]) / between[:, None])
+    """Return the rate of change of values, from differences of adjacent values, shape (n, 1) [SI/s]."""
+    indices = np.arange(times.size)
+    before, after = np.maximum(indices - 1, 0), np.minimum(indices + 1, times.size - 1)
+    durations = np.maximum(times[after] - times[before], SHORTEST_GAP)
+    return np.asarray((values[after] - values[before]) / durations[:, None])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fit searches: a number, where it stands, and between which bounds."""
+"""The unknowns of a fit and their bounds."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from cfd_pneumatic.model import EffectParameter
 @dataclass(frozen=True)
 class Unknown:
     """
-    One number that a fit searches.
+    A value that a fit searches.
 
     Attributes
     ----------
     name, unit
-        `k_x`, `leakage.flow`; empty where it concerns one experiment only.
+        `k_x`, `leakage.flow`; empty for a value of a recording.
     slot
-        Where it stands in a row, see `Channel.row`.
+        Index in a row, see `Channel.row`.
     lower, upper
         Bounds [unit].
     scale
-        In which it is about one [unit]; not used where it is searched in its logarithm.
+        Scale in which the value is of order 1 [unit]; not used for logarithms.
     logarithmic
-        Whether it is.
+        Whether the logarithm is searched.
     passing
-        Whether it is forgotten soon: where a recording began.
+        Whether the signal forgets the value soon, such as the start of a recording.
     expected, spread
-        What is known of it beforehand, mean and standard deviation [unit; of the logarithm where it is searched].
+        Mean and standard deviation of the prior [unit; or of the logarithm if that is searched].
 
     """
 
@@ -57,20 +57,22 @@ class Unknown:
     spread: float = math.inf
 
 
-def bounds_of(parameter: EffectParameter, experiments: Sequence[Experiment]) -> tuple[float, float]:
-    """Return between which values a parameter is searched [its unit]: what experiments tell bounds it."""
+def search_bounds(parameter: EffectParameter, experiments: Sequence[Experiment]) -> tuple[float, float]:
+    """Return the bounds of a parameter that the experiments can determine [its unit]."""
     lower, upper = parameter.lower if parameter.least is None else parameter.least, parameter.upper
     if parameter.unit == 's' and parameter.logarithmic:
         lower = max(lower, LEAST_LAG_SHARE * shortest_period(experiments))
     elif parameter.unit == 'Hz':
         upper = min(upper, LARGEST_FREQUENCY / shortest_period(experiments))
         if parameter.logarithmic:
-            lower = max(lower, FEWEST_PERIODS / max(float(np.ptp(one.sample_times)) for one in experiments))
+            lower = max(
+                lower, FEWEST_PERIODS / max(float(np.ptp(experiment.sample_times)) for experiment in experiments)
+            )
     if parameter.is_supply:
-        lower = max(lower, LEAST_SUPPLY_RATIO * max(float(np.max(one.measured)) for one in experiments))
+        lower = max(lower, LEAST_SUPPLY_RATIO * max(float(np.max(experiment.measured)) for experiment in experiments))
     if parameter.on_stroke:
-        low = min(float(np.min(one.inputs['displacement'])) for one in experiments)
-        stroke = max(float(np.max(one.inputs['displacement'])) for one in experiments) - low
+        low = min(float(np.min(experiment.inputs['displacement'])) for experiment in experiments)
+        stroke = max(float(np.max(experiment.inputs['displacement'])) for experiment in experiments) - low
         if parameter.on_stroke == 'place':
             lower, upper = low + END_SHARE * stroke, low + (1.0 - END_SHARE) * stroke
         else:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was measured, made ready: stamps, the smoothed motion, train, validation and test."""
+"""Prepare recordings for a fit: sampling times, smoothed motion, train, validation and test parts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.data.split import PARTS, Split, split_recordings, stroke_times
     from cfd_pneumatic.identification.data.thresholds import FEWEST_SAMPLES, SMALLEST_FRACTION
     from cfd_pneumatic.identification.data.tolerance import Tolerance, tolerance_from, tolerated
-    from cfd_pneumatic.identification.data.turning_points import reversals, travelled
+    from cfd_pneumatic.identification.data.turning_points import reversals, seal_displacement
     from cfd_pneumatic.identification.data.value_range import check_range
 else:
     __getattr__ = loader_of(__name__)

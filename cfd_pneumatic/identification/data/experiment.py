@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One measured signal of one recording beside what drives its model, on one time grid."""
+"""A measured signal of a recording and the inputs of its model, on a common time grid."""
 
 from __future__ import annotations
 
@@ -35,29 +35,29 @@ class Block(NamedTuple):
     Attributes
     ----------
     times
-        The last grid time before it, which it begins from, and its own, shape (n,) [s].
+        Last grid time before the piece, then the grid times of the piece, shape (n,) [s].
     inputs
-        What drives the model there, by name, each of shape (n,) [SI].
+        Inputs of the model at these times, by name, each of shape (n,) [SI].
     samples
-        Its samples among those of the experiment.
-    at
-        Their places in `times`.
+        Samples of the experiment that the piece holds.
+    sample_indices
+        Indices of these samples in `times`.
 
     """
 
     times: Array
     inputs: Mapping[str, Array]
     samples: slice
-    at: NDArray[np.intp] | slice
+    sample_indices: NDArray[np.intp] | slice
 
 
 @dataclass(frozen=True)
 class Experiment:
     """
-    What was measured of one signal in one recording, and the inputs of its model.
+    A measured signal of a recording, and the inputs of its model.
 
-    The grid holds the times of every signal, so that none of them is resampled: the displacement is a straight line
-    between its samples, as the model takes it to be.
+    The grid holds the times of every signal, so that no signal is resampled. The displacement is a straight line
+    between its samples, as the model assumes.
 
     Attributes
     ----------
@@ -66,25 +66,25 @@ class Experiment:
     times
         Grid, increasing, shape (n,) [s].
     inputs
-        What drives the model, by name, each of shape (n,) [SI]; the channel says which there are.
+        Inputs of the model, by name, each of shape (n,) [SI]; the channel defines the names.
     samples
         Grid indices of the samples, shape (m,).
     measured
         The signal at its samples, shape (m,) [SI].
     part
-        Index into `split.PARTS` of each sample, shape (m,).
+        Index into `split.PARTS` for each sample, shape (m,).
     motion
         The smoothed displacement of the recording.
     starts_at_rest
-        Whether the piston stands still at the start.
+        Whether the piston rests at the start.
     drifts
-        Whether what nobody recorded may drift.
+        Whether the set-point was not recorded and may drift.
     index
-        Of the recording among those that are fitted together: its row of `Model.own`.
+        Index of the recording among those that are fitted together: its row of `Model.own`.
     chosen
-        Which samples a fit counts, shape (m,); None: those before the test part.
+        Samples that a fit counts, shape (m,); None: the samples before the test part.
     cut_from
-        When its recording began [s], of what is cut from its middle and starts as measured there; None otherwise.
+        Start of the recording [s], if the experiment is cut from its middle and starts as measured there; else None.
 
     """
 
@@ -102,17 +102,17 @@ class Experiment:
     cut_from: float | None = None
 
     @property
-    def whole(self) -> bool:
-        """Whether it begins where its recording does."""
+    def starts_with_recording(self) -> bool:
+        """Whether the experiment begins where the recording begins."""
         return self.cut_from is None
 
     @property
     def begin(self) -> float:
-        """When its recording began [s]."""
+        """Start of the recording [s]."""
         return float(self.times[0]) if self.cut_from is None else self.cut_from
 
     def at_samples(self, name: str) -> Array:
-        """Return an input at the samples, shape (m,)."""
+        """Return an input at the samples, shape (m,) [SI]."""
         return self.inputs[name][self.samples]
 
     @property
@@ -127,56 +127,58 @@ class Experiment:
 
     @lazy_property
     def extremes(self) -> tuple[tuple[float, float], tuple[float, float], float]:
-        """Extremes of pressure [Pa] and displacement [m], and the highest speed [m/s], where these are its inputs."""
+        """Extremes of pressure [Pa] and displacement [m], and the highest speed [m/s], for a pressure's inputs."""
         return extremes(self.times, self.inputs['displacement'], self.inputs['setpoint'])
 
     @lazy_property
     def parabolic(self) -> Experiment | None:
         """
-        The same with the piston on a parabola from sample to sample, where few straight lines followed it in between.
+        The experiment with parabolas from sample to sample that replace the straight lines; None if none is replaced.
 
-        Its inputs hold the `acceleration` on the step that ends at each grid time, too [m/s^2]: the one by which the
-        mean displacement of the step stays what it is. None where no line goes, and of what is long: it takes memory.
+        Inputs hold the `acceleration` [m/s^2] on the step that ends at each grid time, too. This acceleration keeps the
+        mean displacement of the step. None for a long experiment, too, because parabolas take memory.
         """
         if self.times.size > LONGEST_PARABOLIC:
             return None
-        held, moved = self.inputs['setpoint'], self.inputs['displacement']
-        needed = np.append(held[1:] != held[:-1], True)
+        setpoint, displacement = self.inputs['setpoint'], self.inputs['displacement']
+        needed = np.append(setpoint[1:] != setpoint[:-1], True)
         needed[0] = needed[self.samples] = True
-        lines = np.diff(np.flatnonzero(needed))
-        needed[1:] |= np.repeat(lines > MOST_PARABOLA_LINES, lines)
+        line_counts = np.diff(np.flatnonzero(needed))
+        needed[1:] |= np.repeat(line_counts > MOST_PARABOLA_LINES, line_counts)
         kept = np.flatnonzero(needed)
         if kept.size == self.times.size:
             return None
         inputs = {name: values[kept] for name, values in self.inputs.items()}
-        lasting, ends = np.diff(self.times[kept]), inputs['displacement']
-        swept = np.add.reduceat(0.5 * (moved[1:] + moved[:-1]) * np.diff(self.times), kept[:-1])
-        bend = np.where(np.diff(kept) > 1, 0.5 * (ends[1:] + ends[:-1]) - swept / lasting, 0.0)
+        durations, knot_displacement = np.diff(self.times[kept]), inputs['displacement']
+        integrals = np.add.reduceat(0.5 * (displacement[1:] + displacement[:-1]) * np.diff(self.times), kept[:-1])
+        bend = np.where(
+            np.diff(kept) > 1, 0.5 * (knot_displacement[1:] + knot_displacement[:-1]) - integrals / durations, 0.0
+        )
         return replace(
             self,
             times=self.times[kept],
-            inputs={**inputs, 'acceleration': np.append(0.0, 12.0 * bend / lasting**2)},
+            inputs={**inputs, 'acceleration': np.append(0.0, 12.0 * bend / durations**2)},
             samples=np.searchsorted(kept, self.samples),
         )
 
     @property
     def fitted(self) -> Mask:
-        """Which samples lie before the test part, shape (m,)."""
+        """Samples before the test part, shape (m,)."""
         return self.part < PARTS.index('test')
 
     @property
     def counts(self) -> Mask:
-        """Which samples a fit counts, shape (m,)."""
+        """Samples that a fit counts, shape (m,)."""
         return self.fitted if self.chosen is None else self.chosen
 
     @property
     def settled(self) -> Mask:
-        """Which samples come at or after the first one that a fit counts, shape (m,); before it the start decides."""
+        """Samples from the first one that a fit counts on, shape (m,); earlier samples depend on the start."""
         return np.asarray(np.maximum.accumulate(self.counts | ~self.fitted))
 
     @property
-    def first(self) -> float:
-        """The signal where the experiment begins: the median of a few samples [SI]."""
+    def first_value(self) -> float:
+        """The signal at the start of the experiment: the median of a few samples [SI]."""
         return float(np.median(self.measured[:START_SAMPLES]))
 
     @property
@@ -187,9 +189,9 @@ class Experiment:
 
     def until(self, part: str) -> Experiment:
         """
-        Return the experiment without the samples that come after a part; the inputs go on a little.
+        Return the experiment up to the end of a part; the inputs go on a little.
 
-        A few samples are left where all come after it; these don't count.
+        If all samples are later than the part, a few samples remain that do not count.
         """
         last = int(np.max(np.flatnonzero(self.part <= PARTS.index(part)), initial=FEWEST_SAMPLES - 1))
         end = self.sample_times[last] + INPUT_MARGIN
@@ -199,9 +201,9 @@ class Experiment:
 
     def liveliest(self, steps: int) -> slice:
         """
-        Return the samples of so many grid steps in which the piston moves farthest; all where there are no more steps.
+        Return the samples of the stretch of `steps` grid steps in which the piston moves farthest.
 
-        Motion between samples that don't count is none.
+        Motion between samples that do not count is ignored. All samples are returned if the experiment is shorter.
         """
         last = self.times.size - 1
         if last <= steps:
@@ -209,57 +211,60 @@ class Experiment:
         moved = np.abs(np.diff(self.at_samples('displacement'), prepend=self.inputs['displacement'][self.samples[0]]))
         travel = np.append(0.0, np.cumsum(moved * self.counts))
         firsts = np.arange(0, last - steps + 1, max(1, steps // 4))
-        begins, ends = (np.searchsorted(self.samples, firsts + beyond, side='right') for beyond in (0, steps))
+        begins, ends = (np.searchsorted(self.samples, firsts + offset, side='right') for offset in (0, steps))
         best = int(np.argmax(travel[ends] - travel[begins]))
         return slice(int(begins[best]), int(ends[best]))
 
     def stretch(self, samples: slice) -> Experiment:
-        """Return the part with some neighbouring samples, from the first one on; itself where these are all."""
+        """Return the part of the experiment with some adjacent samples; the experiment itself if these are all."""
         if samples == slice(0, self.samples.size):
             return self
-        first = int(self.samples[samples.start]) if samples.start else 0
-        return self._cut(slice(first, int(self.samples[samples.stop - 1]) + 1), samples)
+        first_step = int(self.samples[samples.start]) if samples.start else 0
+        return self._cut(slice(first_step, int(self.samples[samples.stop - 1]) + 1), samples)
 
-    def blocks(self, count: int | None = None, delay: float = 0.0, late: float = 0.0) -> Iterator[Block]:
+    def blocks(self, count: int | None = None, delay: float = 0.0, displacement_delay: float = 0.0) -> Iterator[Block]:
         """
-        Yield the experiment up to the last of so many samples, or of all, in pieces.
+        Yield the experiment in pieces, up to sample number `count` or to the end.
 
-        The samples were taken `delay` seconds before they are stamped; then the grid holds these times, too. The
-        displacement is stamped `late` seconds after the piston was there.
+        The samples were taken `delay` seconds before their stamps; the grid holds these earlier times, too.
+        The displacement is stamped `displacement_delay` seconds after the piston was there.
         """
-        last = self.times[0]
+        previous_end = self.times[0]
         for begin in range(0, self.samples.size if count is None else count, BLOCK_SAMPLES):
             samples = slice(begin, min(begin + BLOCK_SAMPLES, self.samples.size))
-            block = self._early(samples, delay, last) if delay else self._block(samples)
-            last = block.times[-1]
-            if late:
-                block = block._replace(inputs={**block.inputs, 'displacement': self._displacement(block.times + late)})
+            block = self._early_block(samples, delay, previous_end) if delay else self._block(samples)
+            previous_end = block.times[-1]
+            if displacement_delay:
+                block = block._replace(
+                    inputs={**block.inputs, 'displacement': self._displacement(block.times + displacement_delay)}
+                )
             yield block
 
     def _block(self, samples: slice) -> Block:
-        """Return some neighbouring samples."""
-        first = int(self.samples[samples.start - 1]) if samples.start else 0
-        at = self.samples[samples] - first
-        grid = slice(first, first + int(at[-1]) + 1)
-        at_each = at[-1] - at[0] == at.size - 1
+        """Return the piece that holds some adjacent samples."""
+        first_step = int(self.samples[samples.start - 1]) if samples.start else 0
+        indices = self.samples[samples] - first_step
+        grid = slice(first_step, first_step + int(indices[-1]) + 1)
+        is_contiguous = indices[-1] - indices[0] == indices.size - 1
         inputs = {name: values[grid] for name, values in self.inputs.items()}
-        return Block(self.times[grid], inputs, samples, slice(int(at[0]), int(at[-1]) + 1) if at_each else at)
+        sample_indices = slice(int(indices[0]), int(indices[-1]) + 1) if is_contiguous else indices
+        return Block(self.times[grid], inputs, samples, sample_indices)
 
-    def _early(self, samples: slice, delay: float, last: float) -> Block:
-        """Return some neighbouring samples, taken a delay before their stamps, behind a block that ends at a time."""
+    def _early_block(self, samples: slice, delay: float, previous_end: float) -> Block:
+        """Return the piece of adjacent samples that were taken a delay before their stamps, from `previous_end` on."""
         taken = np.clip(self.times[self.samples[samples]] - delay, self.times[0], self.times[-1])
-        between = slice(*np.searchsorted(self.times, [last, taken[-1]], side='right').tolist())
-        times = np.union1d(self.times[between], np.append(last, taken))
-        step = np.searchsorted(self.times, times)  # that ends there or later
-        inputs = {name: values[step] for name, values in self.inputs.items()}
+        grid = slice(*np.searchsorted(self.times, [previous_end, taken[-1]], side='right').tolist())
+        times = np.union1d(self.times[grid], np.append(previous_end, taken))
+        ends = np.searchsorted(self.times, times)  # grid steps that end at these times or later
+        inputs = {name: values[ends] for name, values in self.inputs.items()}
         inputs['displacement'] = self._displacement(times)
         return Block(times, inputs, samples, np.searchsorted(times, taken))
 
     def _displacement(self, times: Array) -> Array:
-        """Return the displacement at increasing times, shape (n,) [m]; beyond the last one it goes on as it went."""
-        known = self.inputs['displacement']
-        rate = (known[-1] - known[-2]) / (self.times[-1] - self.times[-2])
-        return np.asarray(np.interp(times, self.times, known) + rate * np.maximum(times - self.times[-1], 0.0))
+        """Return the displacement at increasing times, shape (n,) [m]; after the last grid time its rate stays."""
+        displacement = self.inputs['displacement']
+        rate = (displacement[-1] - displacement[-2]) / (self.times[-1] - self.times[-2])
+        return np.asarray(np.interp(times, self.times, displacement) + rate * np.maximum(times - self.times[-1], 0.0))
 
     def _cut(self, grid: slice, samples: slice) -> Experiment:
         return replace(
@@ -275,16 +280,16 @@ class Experiment:
 
 
 def shortest_period(experiments: Sequence[Experiment]) -> float:
-    """Return the shortest of the experiments' periods of samples [s]."""
-    return min(one.period for one in experiments)
+    """Return the shortest sampling period of the experiments [s]."""
+    return min(experiment.period for experiment in experiments)
 
 
 def rests_at_start(motion: Motion) -> bool:
     """
-    Return whether the piston stands still at the start of a recording that moves it.
+    Return whether a piston that moves in a recording rests at the start.
 
-    One that never does may begin anywhere: what moves there is the set-point, perhaps a moment before.
+    A piston that never moves does not count: the set-point may have changed just before the start.
     """
-    opening = motion.displacement[:REST_SAMPLES]
-    largest = max(LEAST_MOTION * motion.noise, LARGEST_MOTION_AT_REST * motion.reach)
-    return motion.reach > 0.0 and bool(np.ptp(opening) <= largest)
+    first_samples = motion.displacement[:REST_SAMPLES]
+    limit = max(LEAST_MOTION * motion.noise, LARGEST_MOTION_AT_REST * motion.reach)
+    return motion.reach > 0.0 and bool(np.ptp(first_samples) <= limit)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How to identify."""
+"""Options of an identification."""
 
 from __future__ import annotations
 
@@ -19,37 +19,37 @@ AUTO: str = 'auto'
 LINEAR: str = 'linear'
 PHYSICAL: str = 'physical'
 CORES: tuple[str, ...] = (AUTO, LINEAR, PHYSICAL)
-"""Which core a model of a cylinder has; `auto`: closing the loop asks which one the recordings need."""
+"""Cores of a cylinder's model; `auto`: closing the loop selects the core that the recordings need."""
 
 
 @dataclass(frozen=True)
 class Options:
     """
-    How to identify.
+    Options of an identification.
 
     Attributes
     ----------
     per_setpoint
-        Fit an operating-point table, one row for each set-point, beside the joint fit.
+        Fit an operating-point table, one row for each set-point, in addition to the joint fit.
     fractions
         Shares of train, validation and test.
     ambient_pressure
-        What gauge pressures are counted from [Pa].
+        Absolute pressure at which the gauge pressure is zero [Pa].
     close_loop
-        Search for physical effects that the model lacks, in the force too where it was recorded.
+        Search for physical effects that the model lacks, of the pressure and of a recorded force.
     area
-        About how large either piston is [m^2]; None if nobody knows.
+        Approximate area of either piston [m^2]; None if not known.
     geometric_factor
-        Contact force over piston force, from the linkage [-]; None if nobody knows: then it is in the area.
+        Contact force over piston force, from the linkage [-]; None if not known: the area then includes the factor.
     core
-        One of `CORES`: the paper's linear equations, those before they were linearised, or what the loop finds needed.
+        One of `CORES`: the paper's linear equations, the equations before linearisation, or the loop's choice.
     tolerance
-        Errors that do not matter: what is left within it makes no verdict `unexplained`.
+        Errors that do not matter: a smaller remaining error does not make the verdict `unexplained`.
 
     Raises
     ------
     InputError
-        If one of them is none that a device has.
+        If an option is outside the range of real devices.
 
     """
 
@@ -63,7 +63,7 @@ class Options:
     tolerance: Tolerance = ()
 
     def __post_init__(self) -> None:
-        """Refuse what no device has."""
+        """Check types and ranges."""
         area, factor = self.area, self.geometric_factor
         check_switches(per_setpoint=self.per_setpoint, close_loop=self.close_loop)
         check_numbers(ambient_pressure=self.ambient_pressure)
@@ -79,10 +79,13 @@ class Options:
         if factor is not None and not (FACTORS[0] <= factor <= FACTORS[1] and factor != 0.0):
             raise InputError(f'geometric_factor {factor:g} is 0 or outside {FACTORS[0]:g} to {FACTORS[1]:g}')
         if self.core not in CORES:
-            raise InputError(f'core {self.core!r} is none: use one of {", ".join(CORES)}')
-        if len(self.fractions) != 3 or not all(SMALLEST_FRACTION <= one < 1.0 for one in self.fractions):
+            raise InputError(f'core {self.core!r} does not exist. Use one of {", ".join(CORES)}')
+        if len(self.fractions) != 3 or not all(SMALLEST_FRACTION <= share < 1.0 for share in self.fractions):
             raise InputError(
-                f'fractions {self.fractions}: give three shares of {SMALLEST_FRACTION:g} or more, as (0.6, 0.2, 0.2)'
+                f'fractions {self.fractions} are not usable. '
+                f'Give three shares of {SMALLEST_FRACTION:g} or more, as (0.6, 0.2, 0.2)'
             )
         if abs(sum(self.fractions) - 1.0) > FRACTIONS_TOLERANCE:
-            raise InputError(f'fractions {self.fractions}: their sum must be 1')
+            raise InputError(
+                f'fractions {self.fractions} do not add up to 1. Give three shares with the sum 1, as (0.6, 0.2, 0.2)'
+            )

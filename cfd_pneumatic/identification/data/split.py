@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cutting recordings into train, validation and test parts that each hold motion."""
+"""Cut recordings into train, validation and test parts that each hold motion."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ PARTS = ('train', 'validation', 'test')
 @dataclass(frozen=True)
 class Split:
     """
-    Where one recording is cut.
+    Cuts of a recording into parts.
 
     Attributes
     ----------
     bounds
         Times at which validation and test begin [s]; infinite where a part is empty.
     whole
-        Name of the part that the whole recording belongs to, or None where it is cut.
+        Name of the part that the whole recording belongs to, or None if the recording is cut.
     strokes
         Number of strokes in each part.
 
@@ -43,18 +43,18 @@ class Split:
 
 def turning_points(displacement: Array, threshold: float) -> NDArray[np.intp]:
     """
-    Return indices at which strokes begin and end, shape (strokes + 1,); empty where nothing moves.
+    Return the indices at which strokes begin and end, shape (strokes + 1,); empty if nothing moves.
 
-    A stroke is a run of motion in one direction; a reversal, or a rest, counts once the displacement has left its last
-    extremum by more than `threshold` [m].
+    A stroke is motion in one direction. A stroke begins at an extremum once the displacement is more than `threshold`
+    [m] away from this extremum.
     """
     points = np.empty(displacement.size + 1, np.intp)
-    return points[: _turns(displacement, threshold, points)].copy()
+    return points[: _write_turning_points(displacement, threshold, points)].copy()
 
 
 @compiler()
-def _turns(displacement: Array, threshold: float, points: NDArray[np.intp]) -> int:
-    """Write the indices at which strokes begin, and that at which the last one ends; return how many they are."""
+def _write_turning_points(displacement: Array, threshold: float, points: NDArray[np.intp]) -> int:
+    """Write the indices at which strokes begin, and the end of the last stroke; return their number."""
     count, direction, low, high = 0, 0, 0, 0
     for index in range(displacement.size):
         value = displacement[index]
@@ -76,31 +76,31 @@ def _turns(displacement: Array, threshold: float, points: NDArray[np.intp]) -> i
 
 def stroke_times(times: Array, displacement: Array, noise: float) -> Array:
     """
-    Return the times at which strokes begin and end, shape (strokes + 1,); empty where nothing moves.
+    Return the times at which strokes begin and end, shape (strokes + 1,); empty if nothing moves.
 
-    Motion is more than `LEAST_MOTION` times the displacement's noise [m] and `LEAST_STROKE` of its whole range.
+    Motion exceeds `LEAST_MOTION` times the displacement's noise [m] and the share `LEAST_STROKE` of its range.
     """
     threshold = max(LEAST_MOTION * noise, LEAST_STROKE * float(np.ptp(displacement)))
     return times[turning_points(displacement, threshold)]
 
 
-def _cut(strokes: Array, fractions: tuple[float, float, float]) -> Split:
-    """Cut one recording at the turning points nearest to the wanted fractions, at least one stroke in each part."""
+def _cut_at_strokes(strokes: Array, fractions: tuple[float, float, float]) -> Split:
+    """Cut a recording at the turning points nearest to the fractions, with at least one stroke in each part."""
     count = strokes.size - 1
-    first, last = strokes[0], strokes[-1]
-    targets = first + (last - first) * np.cumsum(fractions)[:2]
+    begin, end = strokes[0], strokes[-1]
+    targets = begin + (end - begin) * np.cumsum(fractions)[:2]
     validation = int(np.clip(np.argmin(np.abs(strokes - targets[0])), 1, count - 2))
     test = int(np.clip(np.argmin(np.abs(strokes - targets[1])), validation + 1, count - 1))
     bounds = (float(strokes[validation]), float(strokes[test]))
     return Split(bounds, None, (validation, test - validation, count - test))
 
 
-def _whole(part: str, strokes: Array) -> Split:
+def _uncut(part: str, strokes: Array) -> Split:
     """
-    Deal out a whole recording.
+    Assign a whole recording to a part, except that samples before the first stroke are train.
 
-    What lies before its first stroke counts as train whatever the part: a regulator set by hand has a set-point of its
-    own in each recording, and the rest before the motion tells it.
+    A regulator that is set by hand has another set-point in each recording. The samples before the motion determine
+    this set-point.
     """
     begin = float(strokes[0]) if strokes.size else -np.inf
     bounds = {'train': (np.inf, np.inf), 'validation': (begin, np.inf), 'test': (begin, begin)}
@@ -113,22 +113,23 @@ def split_recordings(
     strokes: list[Array], fractions: tuple[float, float, float] = FRACTIONS
 ) -> tuple[list[Split], str | None]:
     """
-    Return where each recording is cut, and why there is no test part where there is none.
+    Return the cuts of each recording, and the reason if there is no test part.
 
-    A recording with at least five strokes is cut in time at whole strokes. Where none has as many, at least three
-    recordings are dealt out whole. Otherwise everything is train: a test part without motion would be blind.
+    A recording with at least five strokes is cut in time at whole strokes. If no recording has five strokes, three or
+    more recordings are assigned whole. Otherwise everything is train: a test part without motion would show no error.
 
     Parameters
     ----------
     strokes
-        For each recording the times at which its strokes begin and end [s].
+        Times at which strokes begin and end, for each recording [s].
     fractions
         Shares of train, validation and test.
 
     """
     if any(times.size - 1 >= FEWEST_STROKES for times in strokes):
         splits = [
-            _cut(times, fractions) if times.size - 1 >= FEWEST_STROKES else _whole('train', times) for times in strokes
+            _cut_at_strokes(times, fractions) if times.size - 1 >= FEWEST_STROKES else _uncut('train', times)
+            for times in strokes
         ]
         return splits, None
     count = len(strokes)
@@ -136,10 +137,10 @@ def split_recordings(
         test = max(1, round(fractions[2] * count))
         validation = max(1, round(fractions[1] * count))
         parts = ['train'] * (count - validation - test) + ['validation'] * validation + ['test'] * test
-        return [_whole(part, times) for part, times in zip(parts, strokes)], None
+        return [_uncut(part, times) for part, times in zip(parts, strokes)], None
     total = sum(max(times.size - 1, 0) for times in strokes)
     reason = (
         f'{total} stroke{"s" if total != 1 else ""} in {count} recording{"s" if count != 1 else ""}: '
-        'no test part that holds motion of its own can be set aside, so the errors given are those of the fit'
+        'too few for a test part with motion, so that the errors are those of the fit'
     )
-    return [_whole('train', times) for times in strokes], reason
+    return [_uncut('train', times) for times in strokes], reason

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stamps that jitter about a regular clock, and the clock behind them."""
+"""Estimate the regular clock about which stamps jitter."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from cfd_pneumatic.identification.data.thresholds import (
 )
 
 
-def overlapping(count: int, size: int, margin: int) -> Iterator[tuple[slice, slice]]:
-    """Yield slices that cover an array one after the other, of about some size, and each with a margin around it."""
+def overlapping_windows(count: int, size: int, margin: int) -> Iterator[tuple[slice, slice]]:
+    """Yield consecutive slices of about a size that cover an array, each with the slice that adds a margin around."""
     edges = np.linspace(0, count, max(1, round(count / size)) + 1).astype(int).tolist()
     for begin, end in pairwise(edges):
         yield slice(begin, end), slice(max(begin - margin, 0), min(end + margin, count))
@@ -29,19 +29,20 @@ def overlapping(count: int, size: int, margin: int) -> Iterator[tuple[slice, sli
 
 def regular_clock(stamps: Array) -> Array | None:
     """
-    Return when samples were taken if their stamps jitter about a regular clock, missed samples allowed, shape (n,) [s].
+    Return the times of the regular clock about which the stamps jitter, shape (n,) [s]; None if there is none.
 
-    None where there is no jitter, or the sampling itself is irregular: then neighbouring steps aren't anticorrelated.
+    Samples may be missing. None if there is no jitter, or if the sampling is irregular: steps between the stamps of
+    irregular samples are not anticorrelated.
     """
     if stamps.size < FEWEST_STAMPS:
         return None
-    taken = []
-    for own, window in overlapping(stamps.size, STAMPS_TOGETHER, CLOCK_WINDOW):
+    pieces = []
+    for inner, window in overlapping_windows(stamps.size, STAMPS_TOGETHER, CLOCK_WINDOW):
         clock = _clock(stamps[window])
         if clock is None:
             return None
-        taken.append(clock[own.start - window.start : own.stop - window.start])
-    return np.concatenate(taken)
+        pieces.append(clock[inner.start - window.start : inner.stop - window.start])
+    return np.concatenate(pieces)
 
 
 def _clock(stamps: Array) -> Array | None:
@@ -50,10 +51,10 @@ def _clock(stamps: Array) -> Array | None:
     ticks = np.concatenate([[0.0], np.cumsum(np.round(steps / period))])
     if np.any(np.diff(ticks) < 1.0):
         return None
-    slope, begin = np.polyfit(ticks, stamps, 1)
-    late = stamps - (begin + slope * ticks)
-    drift = uniform_filter1d(late, min(CLOCK_WINDOW, stamps.size // 4), mode='nearest')
-    jitter = late - drift
+    slope, offset = np.polyfit(ticks, stamps, 1)
+    delays = stamps - (offset + slope * ticks)
+    drift = uniform_filter1d(delays, min(CLOCK_WINDOW, stamps.size // 4), mode='nearest')
+    jitter = delays - drift
     changes = np.diff(jitter)
     power = float(changes @ changes)
     if not STAMP_RESOLUTION < np.std(jitter) <= LARGEST_JITTER * period:

@@ -113,7 +113,8 @@ Origin: not known.
 
 LEAST_SUDDEN_DRIVE = 6.0
 """
-Least drive of a sudden step [standard deviations of the usual drive]. A stray reading is as many of the noise off.
+Least drive of a sudden step [standard deviations of the usual drive]. A stray reading deviates by at least as many
+standard deviations of the noise.
 Origin: not known.
 """
 
@@ -128,7 +129,7 @@ Origin: follows from `USUAL_STEPS`.
 
 LEAST_STRAY = 4.0
 """
-Least distance of a stray reading from the line through its neighbours [distances of the neighbours from this line].
+Least distance of a stray reading from the line through adjacent readings [distances of these from the line].
 Origin: above 3, the ratio at a sharp corner of the motion (commit bf95838).
 """
 

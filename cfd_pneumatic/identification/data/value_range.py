@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether recorded numbers can be what they are said to be."""
+"""Check whether recorded values are physically possible."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 
 
-def check_range(what: str, values: Array, largest: float, unit: str) -> None:
-    """Raise InputError where a signal goes beyond anything physical; `what` names the recording and the signal."""
+def check_range(label: str, values: Array, largest: float, unit: str) -> None:
+    """Raise InputError if a signal exceeds a physical limit; `label` names the recording and the signal."""
     low, high = float(np.min(values)), float(np.max(values))
     if max(-low, high) > largest:
         raise InputError(
-            f'{what} goes from {low:.3g} to {high:.3g} {unit}, which no device does: is it what the topic or column '
-            'holds, and in the unit that the mapping says?'
+            f'{label} goes from {low:.3g} to {high:.3g} {unit}, which is beyond any device. '
+            'Check the topic or column in the mapping, and its unit'
         )

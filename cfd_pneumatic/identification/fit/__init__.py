@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fit of a model to recordings, and what it tells of its parameters."""
+"""Fit a model to recordings, and estimate the uncertainty of its parameters."""
 
 from __future__ import annotations
 

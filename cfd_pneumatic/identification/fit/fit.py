@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits of a channel's model, with or without effects, and what they tell of each parameter."""
+"""Fit a channel's model, with or without effects, and estimate each parameter's uncertainty."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ from cfd_pneumatic.runtime import map_in_threads
 @dataclass(frozen=True)
 class Fit:
     """
-    A channel's model, fitted.
+    A fitted model of a channel.
 
     Attributes
     ----------
     model
-        Its values.
+        Values of the model.
     estimates
-        Parameters, then those of core and effects (`EFFECT.PARAMETER`), with standard errors or why they have none.
+        Parameters of the model, its core and its effects (`EFFECT.PARAMETER`), each with a standard error or a reason.
     stds
-        Standard errors of what each experiment has for itself, shape (experiments, own); 0 where it was held [SI].
+        Standard errors of the recordings' values, shape of `Model.recording_values`; 0 if held [SI].
     simulated
-        What it makes of each experiment, shape (m,) [SI].
+        Simulated signal of each experiment, shape (m,) [SI].
     likelihood
-        By which it was fitted.
+        Likelihood of the fit.
 
     """
 
@@ -60,8 +60,8 @@ class Fit:
 
     @property
     def spans_pressures(self) -> bool:
-        """Whether recordings begin at pressures so far apart that the gains of none of them hold for all."""
-        levels = [float(one[0]) for one in self.likelihood.channel.levels(self.likelihood.experiments, self.model)]
+        """Whether the recordings' pressures differ so much that no set of gains holds for all."""
+        levels = [float(level[0]) for level in self.likelihood.channel.levels(self.likelihood.experiments, self.model)]
         return bool(levels) and max(levels) > LARGEST_PRESSURE_RATIO * min(levels)
 
 
@@ -69,63 +69,67 @@ def fit_model(channel: Channel, experiments: Sequence[Experiment], initial: Mode
     """
     Fit a channel's model without effects jointly to several recordings.
 
-    It is fitted twice: what the first fit leaves says what samples weigh in the second.
+    The residuals of a first fit determine the weights of the samples in the second fit.
 
     Parameters
     ----------
     channel, experiments
-        What was measured, and in which recordings.
+        Channel, and its recordings.
     initial
-        First guess; by default several are tried.
+        First guess; by default the channel's starts are compared.
 
     Raises
     ------
     InputError
-        If the recordings tell no parameter.
+        If the recordings determine no parameter.
 
     """
-    alike = Likelihood.alike(channel, experiments)
-    if not alike.samples:
+    unweighted = Likelihood.alike(channel, experiments)
+    if not unweighted.samples:
         raise InputError(
-            f'no sample of the {channel.quantity.name} is left to fit: the first moments of a recording that begins '
-            'while the piston moves are not used; begin at rest, or record longer'
+            f'the {channel.quantity.name} has no sample to fit. A fit does not use the first moments of a recording '
+            'that begins while the piston moves. Begin at rest, or record longer'
         )
     starts = channel.starts(experiments) if initial is None else [initial]
     start = starts[0]
-    if len(starts) > 1 or alike.excerpt(EXCERPT_STEPS) is not alike:
-        part = alike.excerpt(EXCERPT_STEPS)
-        # where a recording began is held: the sum has kinks in it, at which the gains would stay far off
-        begun = map_in_threads(lambda one: find_optimum(part, one, *ROUGH_SEARCH, passing=False), starts)
-        start = min(begun, key=lambda found: found.cost).model
-    first = _begun_on_either_side(alike, find_optimum(alike, start, *WEIGHING_SEARCH).model)
-    weighed = alike.weighed(alike.simulate(first))
-    return summary(weighed, find_optimum(weighed, first, *FINE_SEARCH).model)
+    if len(starts) > 1 or unweighted.excerpt(EXCERPT_STEPS) is not unweighted:
+        excerpt = unweighted.excerpt(EXCERPT_STEPS)
+        # start pressures are held: the cost has kinks there, at which the search would stop far from the optimum
+        candidates = map_in_threads(lambda model: find_optimum(excerpt, model, *ROUGH_SEARCH, passing=False), starts)
+        start = min(candidates, key=lambda candidate: candidate.cost).model
+    weighing_model = _with_best_start_side(unweighted, find_optimum(unweighted, start, *WEIGHING_SEARCH).model)
+    weighed = unweighted.weighed(unweighted.simulate(weighing_model))
+    return summary(weighed, find_optimum(weighed, weighing_model, *FINE_SEARCH).model)
 
 
-def _begun_on_either_side(likelihood: Likelihood, model: Model) -> Model:
+def _with_best_start_side(likelihood: Likelihood, model: Model) -> Model:
     """
-    Return a fitted model, its recordings begun above the set-point or below it, as each fits better.
+    Return a fitted model with each recording's start above or below the set-point, as fits better.
 
-    A pressure that begins under way charges or vents: either side has a minimum of its own.
+    A pressure that does not begin at rest charges or vents. The cost has a minimum on either side.
     """
     channel, experiments = likelihood.channel, likelihood.experiments
-    begun = [one.slot for one in channel.unknowns(experiments, model) if one.passing]
-    if not begun:
+    start_slots = [unknown.slot for unknown in channel.unknowns(experiments, model) if unknown.passing]
+    if not start_slots:
         return model
     row = channel.row(model)
-    row[begun] *= -1.0
-    other = find_optimum(likelihood, channel.model(row, tuple(model.parts)), *WEIGHING_SEARCH).model
-    left = [[float(run @ run) for run in likelihood.residuals(likelihood.simulate(one))] for one in (model, other)]
-    is_better = np.array(left[1]) < np.array(left[0])
-    own = model.own.copy()
-    for one, better in zip(experiments, is_better):
+    row[start_slots] *= -1.0
+    mirrored = find_optimum(likelihood, channel.model(row, tuple(model.parts)), *WEIGHING_SEARCH).model
+    costs = [
+        [float(run @ run) for run in likelihood.residuals(likelihood.simulate(side))] for side in (model, mirrored)
+    ]
+    is_better = np.array(costs[1]) < np.array(costs[0])
+    recording_values = model.recording_values.copy()
+    for experiment, better in zip(experiments, is_better):
         if better:
-            own[one.index] = other.own[one.index]
-    return find_optimum(likelihood, replace(other if is_better.all() else model, own=own), *WEIGHING_SEARCH).model
+            recording_values[experiment.index] = mirrored.recording_values[experiment.index]
+    return find_optimum(
+        likelihood, replace(mirrored if is_better.all() else model, recording_values=recording_values), *WEIGHING_SEARCH
+    ).model
 
 
 class Optimum(NamedTuple):
-    """A model that a search ended with, and the sum of squares that it leaves; infinite if it ran away."""
+    """The best model of a search, and its sum of squared residuals; infinite if the model diverged."""
 
     model: Model
     cost: float
@@ -141,16 +145,15 @@ def find_optimum(
     passing: bool = True,
 ) -> Optimum:
     """
-    Return the best model that is found from a start with its effects; those that are frozen keep their parameters.
+    Search the best model from a start; cores and effects that are `frozen` keep their parameters.
 
-    Where recordings began is searched unless `passing` is False: it is soon forgotten.
-    The search ends when the sum falls by less than a share `tolerance`, after so many evaluations, or when it is
-    `enough`.
+    Start values, which the signal forgets soon, are searched unless `passing` is False. The search ends when the
+    cost falls by less than a share `tolerance`, after `evaluations`, or when the cost is at most `enough`.
     """
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, start, frozen, passing)
     if not unknowns.start.size:
-        left = likelihood.residuals(likelihood.simulate(start))
-        return Optimum(start, sum(float(run @ run) for run in left))
+        residuals = likelihood.residuals(likelihood.simulate(start))
+        return Optimum(start, sum(float(run @ run) for run in residuals))
     point, cost = least_squares(
         lambda at: likelihood.evaluate(unknowns, at),
         unknowns.start,
@@ -166,25 +169,25 @@ def find_optimum(
 
 def summary(likelihood: Likelihood, model: Model) -> Fit:
     """
-    Return a fitted model with what the recordings tell of each parameter.
+    Estimate the standard error of each parameter of a fitted model, or why the parameter is not identifiable.
 
-    What is not identifiable is held; the standard errors of the others follow from that.
+    Parameters that are not identifiable are held. The standard errors of the other parameters depend on that.
 
     Raises
     ------
     InputError
-        If there are too few samples, or they tell nothing.
+        If there are too few samples, or the samples determine nothing.
 
     """
     channel, experiments = likelihood.channel, likelihood.experiments
     simulated = likelihood.simulate(model)
     unknowns = Unknowns(channel, experiments, model)
-    fisher = information_of(likelihood, unknowns, simulated)
+    fisher = search_information(likelihood, unknowns, simulated)
     degrees = fisher.size - len(unknowns.table)
     if degrees < 1:
         raise InputError(
-            f'{fisher.size} {channel.quantity.name} samples are too few for {len(unknowns.table)} unknowns: '
-            'record longer'
+            f'{fisher.size} {channel.quantity.name} samples are too few for {len(unknowns.table)} unknowns. '
+            'Record longer'
         )
     reasons = _unidentifiable(likelihood, unknowns, fisher)
     stds = _standard_errors(channel, unknowns, fisher, degrees, reasons)
@@ -192,54 +195,59 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
     quantile = float(stdtrit(degrees, 0.5 + 0.5 * CONFIDENCE))
     why = {unknowns.table[index].slot: reason for index, reason in reasons.items()}
     row = channel.row(model)
-    held = channel.held(experiments, model)
+    held_reasons = channel.held(experiments, model)
     estimates = []
-    for slot, name, unit in _reported(channel, model):
-        reason = why.get(slot, held.get(name))
+    for slot, name, unit in _reported_parameters(channel, model):
+        reason = why.get(slot, held_reasons.get(name))
         if reason is not None:
             estimates.append(Estimate(name, unit, None, None, None, reason))
             continue
         value, std = float(row[slot]), std_of.get(slot, 0.0)
         estimates.append(Estimate(name, unit, value, std, (value - quantile * std, value + quantile * std), None))
-    own = np.array([[std_of.get(slot, 0.0) for slot in channel.own_slots(index)] for index in range(len(model.own))])
+    recording_stds = np.array(
+        [
+            [std_of.get(slot, 0.0) for slot in channel.recording_slots(index)]
+            for index in range(len(model.recording_values))
+        ]
+    )
     channel.check(experiments, simulated, model, estimates)
-    return Fit(model, tuple(estimates), own, tuple(simulated), likelihood)
+    return Fit(model, tuple(estimates), recording_stds, tuple(simulated), likelihood)
 
 
-def information_of(likelihood: Likelihood, unknowns: Unknowns, simulated: Sequence[Array]) -> Information:
-    """Return what the residuals tell about the unknowns, as they are searched."""
+def search_information(likelihood: Likelihood, unknowns: Unknowns, simulated: Sequence[Array]) -> Information:
+    """Return the information of the residuals about the unknowns, in the units of the search."""
 
     def jacobians() -> Iterator[Array]:
-        for rows, own in likelihood.rows(unknowns, unknowns.start):
+        for rows, columns in likelihood.rows(unknowns, unknowns.start):
             jacobian = np.zeros((rows.shape[1], len(unknowns.table)))
-            jacobian[:, own] = rows[1:].T
+            jacobian[:, columns] = rows[1:].T
             yield jacobian
 
-    found = information(jacobians(), [run for run in likelihood.residuals(simulated) if run.size])
-    return found.beside_prior(unknowns.precision)
+    measured = information(jacobians(), [run for run in likelihood.residuals(simulated) if run.size])
+    return measured.with_prior(unknowns.precision)
 
 
 def _unidentifiable(likelihood: Likelihood, unknowns: Unknowns, fisher: Information) -> dict[int, str]:
-    """Return why the values of some unknowns mean nothing, before any statistics."""
+    """Return the reasons why some unknowns are not identifiable, by index; before any statistics."""
     channel, reasons = likelihood.channel, {}
     size = np.sqrt(np.diag(fisher.normal))
-    for index, (one, value) in enumerate(zip(unknowns.table, unknowns.start.tolist())):
-        hint = f': {channel.hints[one.name]}' if one.name in channel.hints else ''
-        effect = one.name.partition('.')[0]
+    for index, (unknown, value) in enumerate(zip(unknowns.table, unknowns.start.tolist())):
+        hint = f': {channel.hints[unknown.name]}' if unknown.name in channel.hints else ''
+        effect = unknown.name.partition('.')[0]
         reason = channel.unidentifiable(likelihood.experiments, effect) if effect in channel.effects else None
         if size[index] == 0.0:
             reason = f'nothing in the recordings depends on it{hint}'
-        elif one.name and value - unknowns.lower[index] < LEAST_BOUND_DISTANCE:
-            reason = f'the fit ends at its lower bound {one.lower:g} {one.unit}{hint}'
-        elif one.name and unknowns.upper[index] - value < LEAST_BOUND_DISTANCE:
-            reason = f'the fit ends at its upper bound {one.upper:g} {one.unit}{hint}'
+        elif unknown.name and value - unknowns.lower[index] < LEAST_BOUND_DISTANCE:
+            reason = f'the fit ends at its lower bound {unknown.lower:g} {unknown.unit}{hint}'
+        elif unknown.name and unknowns.upper[index] - value < LEAST_BOUND_DISTANCE:
+            reason = f'the fit ends at its upper bound {unknown.upper:g} {unknown.unit}{hint}'
         if reason is not None:
             reasons[index] = reason
     free = np.array([index for index in range(size.size) if index not in reasons], dtype=np.intp)
     powers, directions = np.linalg.eigh(fisher.normal[np.ix_(free, free)] / np.outer(size[free], size[free]))
     blind = np.abs(directions[:, powers < LEAST_SINGULAR_VALUE**2 * np.max(powers, initial=0.0)]) > LARGEST_RELATIVE_STD
     for index in free[np.any(blind, axis=1)].tolist():
-        reasons[index] = 'it can not be told from other unknowns: let the piston reverse, or change the set-point'
+        reasons[index] = 'not distinguishable from other unknowns. Let the piston reverse, or change the set-point'
     return reasons
 
 
@@ -247,37 +255,41 @@ def _standard_errors(
     channel: Channel, unknowns: Unknowns, fisher: Information, degrees: int, reasons: dict[int, str]
 ) -> Array:
     """
-    Return the standard errors of what is identifiable [unknown's unit], and add to the reasons why the rest is not.
+    Return the standard errors of the unknowns [unknown's unit]; add to `reasons` why unknowns are not identifiable.
 
-    A parameter of the model itself is identifiable if zero lies three standard errors away, or it is held; an effect's
-    if zero lies one away.
+    A parameter of the model without effects is identifiable if zero is at least three standard errors away. Otherwise
+    the parameter is held. A parameter of an effect is identifiable if zero is at least one standard error away.
     """
     stds = np.zeros(len(unknowns.table))
-    own = [index for index, one in enumerate(unknowns.table) if one.logarithmic and one.name in channel.parameters]
+    model_indices = [
+        index
+        for index, unknown in enumerate(unknowns.table)
+        if unknown.logarithmic and unknown.name in channel.parameters
+    ]
     while True:
         free = np.array([index for index in range(stds.size) if index not in reasons], dtype=np.intp)
         stds[free] = np.sqrt(np.diag(fisher.covariance(degrees, free)))
-        worst = max((index for index in own if index not in reasons), key=stds.__getitem__, default=None)
+        worst = max((index for index in model_indices if index not in reasons), key=stds.__getitem__, default=None)
         if worst is None or stds[worst] <= LARGEST_RELATIVE_STD:
             break
         hint = channel.hints[unknowns.table[worst].name]
         reasons[worst] = f'its standard error would be {100.0 * stds[worst]:.0f} % of its value: {hint}'
     errors = stds * unknowns.scales(unknowns.start)
     values = unknowns.row(unknowns.start)[unknowns.slots]
-    for index, one in enumerate(unknowns.table):
-        if stds[index] > LARGEST_SPREAD_RATIO * one.spread / (1.0 if one.logarithmic else one.scale):
+    for index, unknown in enumerate(unknowns.table):
+        if stds[index] > LARGEST_SPREAD_RATIO * unknown.spread / (1.0 if unknown.logarithmic else unknown.scale):
             reasons.setdefault(index, NOT_ESTIMATED)
-        elif '.' in one.name and errors[index] > abs(values[index]):
-            reasons.setdefault(index, 'these recordings tell the effect, but not this parameter')
+        elif '.' in unknown.name and errors[index] > abs(values[index]):
+            reasons.setdefault(index, 'these recordings determine the effect, but not this parameter')
     return errors
 
 
-def _reported(channel: Channel, model: Model) -> Iterator[tuple[int, str, str]]:
-    """Yield slot, name and unit of the model's parameters, and of its core's and effects'."""
+def _reported_parameters(channel: Channel, model: Model) -> Iterator[tuple[int, str, str]]:
+    """Yield slot, name and unit of the parameters of the model, its core and its effects."""
     for slot, (name, unit) in enumerate(channel.parameters.items()):
         yield slot, name, unit
     for effect in model.parts:
-        if channel.effects[effect].generic:  # a curve is told with its band
+        if channel.effects[effect].generic:  # a curve is reported with its band
             continue
         for slot, parameter in zip(channel.slots_of(effect), channel.effects[effect].parameters):
             yield slot, f'{effect}.{parameter.name}', parameter.unit

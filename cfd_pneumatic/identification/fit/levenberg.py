@@ -2,8 +2,8 @@
 """
 Least squares within bounds, by Levenberg and Marquardt.
 
-Where residuals are many and unknowns few, all that a step needs is the small normal matrix, which may be summed up from
-blocks of residuals: memory and time go into the simulations.
+A step needs only the normal matrix, which is small and may be summed from blocks of residuals. Memory and time are
+spent on the simulations.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from cfd_pneumatic.identification.residual import gram
 @dataclass(frozen=True)
 class Quadratic:
     """
-    What a sum of squared residuals is like near a point.
+    Quadratic model of a sum of squared residuals near a point.
 
     Attributes
     ----------
     total
-        The sum, r'r.
+        Sum of squares, r'r.
     gradient
-        Half of its gradient, J'r, shape (k,).
+        Half of the gradient, J'r, shape (k,).
     normal
         J'J, shape (k, k).
 
@@ -49,22 +49,22 @@ class Quadratic:
     normal: Array
 
     @classmethod
-    def of(cls, rows: Array) -> Quadratic:
-        """Return it for residuals with their derivatives below them, shape (1 + k, n)."""
+    def from_rows(cls, rows: Array) -> Quadratic:
+        """Return the quadratic for residuals in the first row and their derivatives below, shape (1 + k, n)."""
         products = gram(rows)
         return cls(float(products[0, 0]), products[0, 1:], products[1:, 1:])
 
-    def beside_prior(self, away: Array, precision: Array, count: int) -> Quadratic:
+    def with_prior(self, deviation: Array, precision: Array, count: int) -> Quadratic:
         """
-        Return it beside what is known of the point: how far it is from what is expected, and how precisely that is.
+        Return the quadratic with a prior: deviation of the point from the expectation, and precision, shape (k,).
 
-        Times 1 + q / n with q = sum(precision away^2), as n log(sum) + q falls where the residuals' variance is not
-        known.
+        The sum is multiplied by 1 + q / n with q = sum(precision deviation^2). To first order this minimises
+        n log(sum) + q, because the residuals' variance is not known.
         """
         if not self.is_finite:
             return self
-        slope, variance = precision * away, self.total / count
-        factor = 1.0 + float(away @ slope) / count
+        slope, variance = precision * deviation, self.total / count
+        factor = 1.0 + float(deviation @ slope) / count
         return Quadratic(
             factor * self.total,
             factor * self.gradient + variance * slope,
@@ -73,16 +73,16 @@ class Quadratic:
 
     @property
     def is_finite(self) -> bool:
-        """Whether the model has not run away."""
+        """Whether the model has not diverged."""
         return math.isfinite(self.total) and bool(np.isfinite(self.normal).all())
 
     def size(self, step: Array) -> float:
-        """Return the size of a step, shape (k,): each unknown counts by what it alone changes."""
+        """Return the size of a step, shape (k,): each unknown counts by the change that its step alone makes."""
         return math.sqrt(float(np.diag(self.normal) @ step**2))
 
 
 Evaluate = Callable[[Array], Quadratic]
-"""Takes a point, shape (k,)."""
+"""Returns the quadratic at a point, shape (k,)."""
 
 
 def least_squares(
@@ -96,17 +96,17 @@ def least_squares(
     longest: Array | None = None,
 ) -> tuple[Array, Quadratic]:
     """
-    Return the point with the least sum of squared residuals that is found from a start, and what the sum is like there.
+    Return the point with the least sum of squared residuals near a start, and the quadratic there.
 
-    Damped by the diagonal of the normal matrix (Marquardt, 1963), the damping led by how well the last step was
-    predicted (Nielsen, 1999). A step that raised the sum is made so much shorter as a parabola through both sums says,
-    between a tenth and a half (More, 1978). An unknown at a bound stays there while the sum falls outwards. One that
-    changes the residuals less than a millionth as much as another does is held back, as if nothing depended on it.
+    The diagonal of the normal matrix damps the steps (Marquardt, 1963). The damping depends on how well the last step
+    was predicted (Nielsen, 1999). A step that raised the sum is shortened to the minimum of a parabola through both
+    sums. The factor is between a tenth and a half (More, 1978). An unknown at a bound stays there while the sum falls
+    outwards. An unknown is held back if it changes the residuals less than a millionth as much as another unknown.
 
     Parameters
     ----------
     evaluate
-        The sum and its slope at a point.
+        Returns the quadratic at a point.
     start, lower, upper
         Shape (k,).
     tolerance
@@ -114,81 +114,81 @@ def least_squares(
     evaluations
         Most calls of `evaluate`.
     enough
-        A sum that is not to be lowered any more.
+        Sum at which the search ends.
     longest
-        Step of each unknown at most, shape (k,); by default any.
+        Largest step of each unknown, shape (k,); by default unlimited.
 
     """
     longest = np.full(start.size, np.inf) if longest is None else longest
     point = np.clip(start, lower, upper)
-    here = evaluate(point)
-    if not here.is_finite:
-        return point, replace(here, total=math.inf)
+    current = evaluate(point)
+    if not current.is_finite:
+        return point, replace(current, total=math.inf)
     damping = FIRST_DAMPING
     for _ in range(evaluations - 1):
-        if here.total <= enough:
+        if current.total <= enough:
             break
-        step, predicted = _step(here, damping, lower - point, upper - point, longest)
-        if predicted <= tolerance * here.total:
+        step, predicted = _step(current, damping, lower - point, upper - point, longest)
+        if predicted <= tolerance * current.total:
             break
-        trial = np.clip(point + step, lower, upper)  # exactly, where rounding takes it past a bound
-        there = evaluate(trial)
-        fell = here.total - there.total
-        if not (fell > 0.0 and there.is_finite):
-            shorter = _shortening(here, step, there.total) * here.size(step)
-            while here.size(step) > shorter and damping < LARGEST_DAMPING:
+        trial = np.clip(point + step, lower, upper)  # rounding may take the point past a bound
+        trial_value = evaluate(trial)
+        decrease = current.total - trial_value.total
+        if not (decrease > 0.0 and trial_value.is_finite):
+            shorter = _shortening(current, step, trial_value.total) * current.size(step)
+            while current.size(step) > shorter and damping < LARGEST_DAMPING:
                 damping *= 2.0
-                step, _ = _step(here, damping, lower - point, upper - point, longest)
+                step, _ = _step(current, damping, lower - point, upper - point, longest)
             if damping >= LARGEST_DAMPING:
                 break
             continue
-        damping *= max(LEAST_DAMPING_FACTOR, 1.0 - (2.0 * fell / predicted - 1.0) ** 3)
-        point, here = trial, there
-        if fell <= tolerance * here.total:
+        damping *= max(LEAST_DAMPING_FACTOR, 1.0 - (2.0 * decrease / predicted - 1.0) ** 3)
+        point, current = trial, trial_value
+        if decrease <= tolerance * current.total:
             break
-    return point, here
+    return point, current
 
 
-def _shortening(here: Quadratic, step: Array, risen: float) -> float:
-    """Return by how much a step that raised the sum is to be shortened: to the least of a parabola through both."""
-    if not math.isfinite(risen):
+def _shortening(current: Quadratic, step: Array, trial_cost: float) -> float:
+    """Return the factor that shortens a step that raised the sum, to the minimum of a parabola through both sums."""
+    if not math.isfinite(trial_cost):
         return LEAST_SHORTENING
-    fall = -2.0 * float(here.gradient @ step)
-    return min(max(0.5 * fall / (risen - here.total + fall), LEAST_SHORTENING), LARGEST_SHORTENING)
+    slope = -2.0 * float(current.gradient @ step)
+    return min(max(0.5 * slope / (trial_cost - current.total + slope), LEAST_SHORTENING), LARGEST_SHORTENING)
 
 
-def _step(here: Quadratic, damping: float, down: Array, up: Array, longest: Array) -> tuple[Array, float]:
+def _step(current: Quadratic, damping: float, lowest: Array, highest: Array, longest: Array) -> tuple[Array, float]:
     """
-    Return the damped step within `down` and `up` that lowers the sum most, as far as it is predicted, and by how much.
+    Return the damped step within `lowest` and `highest` with the largest predicted decrease, and this decrease.
 
-    By an active set: unknowns are held at bounds that they meet on the way, and let go where the sum falls inwards.
-    Were the free step clipped instead, it might not lower the sum at all.
+    An active set holds unknowns at bounds that they meet, and releases unknowns if the sum falls inwards. A clipped
+    free step might not lower the sum at all.
     """
-    normal, gradient = here.normal, here.gradient
+    normal, gradient = current.normal, current.gradient
     size = gradient.size
     scale = np.diag(normal)
     inner = normal + damping * np.diag(np.maximum(scale, LEAST_SCALE * max(np.max(scale), LEAST_PIVOT)))
     step = np.zeros(size)
-    held = ((down >= 0.0) & (gradient > 0.0)) | ((up <= 0.0) & (gradient < 0.0))
+    is_held = ((lowest >= 0.0) & (gradient > 0.0)) | ((highest <= 0.0) & (gradient < 0.0))
     for _ in range(MOST_ACTIVE_SET_CHANGES * size):
-        free = np.flatnonzero(~held)
+        free = np.flatnonzero(~is_held)
         slope = gradient + inner @ step
         move = -np.linalg.solve(inner[free][:, free], slope[free])
-        share, first = 1.0, -1
+        share, blocking = 1.0, -1
         for rank, index in enumerate(free):
-            room = up[index] - step[index] if move[rank] > 0.0 else step[index] - down[index]
+            room = highest[index] - step[index] if move[rank] > 0.0 else step[index] - lowest[index]
             if room < share * abs(move[rank]):
-                share, first = room / abs(move[rank]), rank
+                share, blocking = room / abs(move[rank]), rank
         step[free] += share * move
-        if first >= 0:
-            step[free[first]] = up[free[first]] if move[first] > 0.0 else down[free[first]]
-            held[free[first]] = True
+        if blocking >= 0:
+            step[free[blocking]] = highest[free[blocking]] if move[blocking] > 0.0 else lowest[free[blocking]]
+            is_held[free[blocking]] = True
             continue
         slope = gradient + inner @ step
-        inwards = np.where(held, np.where(step <= down, -slope, np.where(step >= up, slope, 0.0)), 0.0)
-        if np.max(inwards) <= 0.0:
+        inward_slope = np.where(is_held, np.where(step <= lowest, -slope, np.where(step >= highest, slope, 0.0)), 0.0)
+        if np.max(inward_slope) <= 0.0:
             break
-        held[np.argmax(inwards)] = False
+        is_held[np.argmax(inward_slope)] = False
     step /= max(1.0, np.max(np.abs(step) / longest))
-    step = np.minimum(np.maximum(step, down), up)
+    step = np.minimum(np.maximum(step, lowest), highest)
     return step, -float(step @ (2.0 * gradient + normal @ step))

@@ -15,7 +15,7 @@ WEIGHING_SEARCH = (1e-6, 40)
 """
 End of a fit that determines the weights of the samples: least relative fall of the sum of squares [-] and most
 evaluations [1].
-Origin: a fit that only weighs samples may end sooner (commit 32f0c9f; 1e-9 and 200 before).
+Origin: a fit that only determines weights may end sooner (commit 32f0c9f; 1e-9 and 200 before).
 """
 
 FINE_SEARCH = (1e-9, 60)
@@ -25,7 +25,7 @@ Origin: not known (200 evaluations before commit 32f0c9f).
 """
 
 LARGEST_LOG_STEP = 2.0
-"""Largest step of a logarithm in one iteration [-], a factor of seven. Origin: not known."""
+"""Largest step of a logarithm in an iteration [-], a factor of seven. Origin: not known."""
 
 DIFFERENCE_STEP = 1e-5
 """Step of a forward difference [scale of the unknown]. Origin: not known."""
@@ -76,8 +76,8 @@ EXCERPT_STEPS = 10_000
 FULL_EXCERPTS = 4
 """
 Experiments whose excerpts have full length [1]. With more experiments each excerpt is shorter.
-Origin: together excerpts should hardly take longer than a few; eighteen measured runs then took 3.4 minutes of the
-processor instead of 5.7 (commit 32f0c9f).
+Origin: many excerpts should hardly take longer than a few. Eighteen measured runs then took 3.4 minutes of processor
+time instead of 5.7 (commit 32f0c9f).
 """
 
 FEWEST_EXCERPT_STEPS = 1000
@@ -92,7 +92,7 @@ Origin: the memory of a few arrays as long as the recording (commit c30da50).
 
 STRETCH_SAMPLES = 16_384
 """
-Samples of each stretch of a long recording [samples]. Recordings of more than twice all stretches, a million samples,
+Samples of each stretch of a long recording [samples]. Recordings of more than a million samples, twice all stretches,
 are read in stretches.
 Origin: the memory of a few arrays as long as the recording (commit c30da50).
 """
@@ -106,8 +106,8 @@ Origin: not known.
 SHORT_STRETCHES = 8
 """
 Short stretches that represent all motion of a recording [1].
-Origin: 16 stretches, half as long, left 1.3 times the residual of the whole recording on a healthy device; 8 stretches
-leave as much as the whole (commit 38eaa26).
+Origin: 16 stretches, half as long, had 1.3 times the residual of the whole recording on a healthy device. 8 stretches
+have the residual of the whole recording (commit 38eaa26).
 """
 
 SHORT_STRETCH_LEAD = 0.25
@@ -124,7 +124,7 @@ CONFIDENCE = 0.95
 LARGEST_RELATIVE_STD = 1.0 / 3.0
 """
 Largest standard error of an identifiable parameter [value of the parameter].
-Origin: zero lies within three of larger standard errors.
+Origin: with larger standard errors zero is within three standard errors.
 """
 
 LARGEST_SPREAD_RATIO = 0.7
@@ -151,13 +151,13 @@ Origin: not known.
 
 LARGEST_NULL_DISTANCE = 2.0
 """
-Largest distance from zero of a number that may be held there as data sheets have it [standard errors].
-Origin: one search less than Wald's test over growing sets, with the same coverage (commit 746b9d9).
+Largest distance from null of a parameter that may be held at its data-sheet value [standard errors].
+Origin: saves a search over Wald's test on growing sets, with the same coverage (commit 746b9d9).
 """
 
 LARGEST_PRESSURE_RATIO = 1.5
 """
-Largest ratio of the gauge pressures of recordings for which one set of gains holds [-]. Recordings at 1 to 7 bar left
+Largest ratio of the gauge pressures of recordings for which one set of gains holds [-]. Recordings at 1 to 7 bar had
 residuals that looked like steps (commit f10d95a).
 Origin: not known.
 """
@@ -170,6 +170,6 @@ LEAST_CORRELATION = 3.0
 FINEST_LAGS = 64
 """
 Lags up to which the window of Newey and West is computed from single samples [samples]. Longer windows use sums of
-neighbours.
+adjacent samples.
 Origin: the length of the window then is exact to a few percent (commit 1f99ac2).
 """

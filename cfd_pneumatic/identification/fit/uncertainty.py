@@ -17,18 +17,18 @@ from cfd_pneumatic.identification.fit.thresholds import FINEST_LAGS, LEAST_CORRE
 @dataclass(frozen=True)
 class Information:
     """
-    What residuals tell about unknowns.
+    Information of residuals about unknowns.
 
     Attributes
     ----------
     normal
         J'J, shape (k, k).
     scores
-        Covariance of J'r by Newey and West, shape (k, k); None where the residual is white.
+        Covariance of J'r by Newey and West, shape (k, k); None if the residual is white.
     power
         r'r.
     size
-        How many residuals there are.
+        Number of residuals.
 
     """
 
@@ -37,72 +37,72 @@ class Information:
     power: float
     size: int
 
-    def beside_prior(self, precision: Array) -> Information:
-        """Return it beside what is known of each unknown beforehand, as precisely as said, shape (k,)."""
-        known = np.diag(precision) * (self.power / self.size)
-        scores = None if self.scores is None else self.scores + known * (self.power / self.size)
-        return replace(self, normal=self.normal + known, scores=scores)
+    def with_prior(self, precision: Array) -> Information:
+        """Return the information with a prior of each unknown, of given precision, shape (k,)."""
+        prior = np.diag(precision) * (self.power / self.size)
+        scores = None if self.scores is None else self.scores + prior * (self.power / self.size)
+        return replace(self, normal=self.normal + prior, scores=scores)
 
     def covariance(self, degrees: int, free: NDArray[np.intp] | None = None) -> Array:
         """
-        Return the covariance of the unknowns, or of those that are free while the others are held.
+        Return the covariance of the unknowns, or of the free unknowns while the others are held.
 
-        (J'J)^-1 times the residual variance where the residual is white. Where neighbouring residuals are correlated,
-        by the displacement's smoothed noise or by an effect that the model lacks, each of them tells less: the sandwich
-        of Newey and West (1987) with a Bartlett window.
+        For a white residual this is (J'J)^-1 times the residual variance. Smoothed noise of the displacement, or an
+        effect that the model lacks, correlates the residual, so that a sample has less information. The covariance then
+        is the sandwich of Newey and West (1987) with a Bartlett window.
         """
         kept = np.arange(len(self.normal)) if free is None else free
-        at = kept[:, None], kept
-        normal = self.normal[at]
-        size = np.sqrt(np.diag(normal))
-        size[size == 0.0] = 1.0  # metres and hertz side by side would pass for a matrix without full rank
-        units = np.outer(size, size)
+        block = kept[:, None], kept
+        normal = self.normal[block]
+        scale = np.sqrt(np.diag(normal))
+        scale[scale == 0.0] = 1.0  # without scaling, metres and hertz would look like a singular matrix
+        units = np.outer(scale, scale)
         values, vectors = np.linalg.eigh(normal / units)
         determined = values > LEAST_DETERMINED * np.max(values, initial=0.0)
         inverse = (vectors[:, determined] / values[determined]) @ vectors[:, determined].T / units
         if self.scores is None:
             return np.asarray(inverse * self.power / degrees)
-        return np.asarray(inverse @ self.scores[at] @ inverse * (self.size / degrees))
+        return np.asarray(inverse @ self.scores[block] @ inverse * (self.size / degrees))
 
 
 def information(jacobians: Iterable[Array], residuals: Sequence[Array]) -> Information:
     """
-    Return what residuals tell about unknowns, in one walk over their Jacobian.
+    Return the information of residuals about unknowns, in a single pass over the Jacobian.
 
     Parameters
     ----------
     jacobians
-        The Jacobian in blocks of rows, in order; none reaches over the end of a run.
+        The Jacobian in blocks of rows, in order; no block crosses the end of a run.
     residuals
-        Runs of neighbouring residuals, each of shape (n,).
+        Runs of adjacent residuals, each of shape (n,).
 
     """
     power = sum(float(run @ run) for run in residuals)
     size = sum(run.size for run in residuals)
     lags = _correlation_length(residuals, power)
     runs = iter(residuals)
-    run, at = np.empty(0), 0
+    run, position = np.empty(0), 0
     normal: Array | float = 0.0
     scores: Array | float = 0.0
     window = _Window(lags)
     for jacobian in jacobians:
         if not len(jacobian):
             continue
-        while at == run.size:
-            run, at = next(runs), 0
-        rows = slice(at, at + len(jacobian))
-        at = rows.stop
+        while position == run.size:
+            run, position = next(runs), 0
+        rows = slice(position, position + len(jacobian))
+        position = rows.stop
         normal = normal + jacobian.T @ jacobian
         if lags:
-            scores = scores + window.products(jacobian * run[rows, None], at == run.size)
+            scores = scores + window.products(jacobian * run[rows, None], position == run.size)
     return Information(np.asarray(normal), np.asarray(scores) if lags else None, power, size)
 
 
 class _Window:
     """
-    Bartlett's window over scores that come in blocks.
+    Bartlett's window over scores that arrive in blocks.
 
-    Long windows are over sums of neighbours: what matters is their length, to a few percent.
+    Long windows use sums of adjacent scores, because the length of the window matters to a few percent only.
     """
 
     def __init__(self, lags: int) -> None:
@@ -111,12 +111,12 @@ class _Window:
         self.last: Array | None = None
 
     def products(self, scores: Array, ends: bool) -> Array:
-        """Return the sum of the weighted products that end in a block; the next one begins a run if this `ends` one."""
+        """Return the sum of the weighted products that end in a block; `ends` is True for the last block of a run."""
         summed = np.add.reduceat(scores, np.arange(0, len(scores), self.group)) if self.group > 1 else scores
         before = np.zeros((self.lags + 1, scores.shape[1])) if self.last is None else self.last
         after = np.zeros((self.lags if ends else 0, scores.shape[1]))
         series = np.concatenate([before, summed, after])
-        # sums over every window of lags + 1 neighbours, which weight products by the Bartlett window
+        # sums over each window of lags + 1 scores weight the products by the Bartlett window
         total = np.cumsum(series, axis=0)
         windows = total[self.lags + 1 :] - total[: -self.lags - 1]
         self.last = None if ends else series[-self.lags - 1 :]
@@ -124,7 +124,7 @@ class _Window:
 
 
 def _correlation_length(runs: Sequence[Array], power: float) -> int:
-    """Return over how many samples residuals are correlated, 0 where the first lag's correlation is noise."""
+    """Return the number of samples over which residuals are correlated, 0 if the first lag's correlation is noise."""
     significance = LEAST_CORRELATION / math.sqrt(sum(run.size for run in runs))
     longest = max(1, min(run.size for run in runs) // 4)
 

@@ -87,7 +87,7 @@ def _of_drift(result: ChannelResult) -> Iterator[Notice]:
     """Say by how much the set-points drift that nobody recorded."""
     drifting = [one.index for one in result.experiments if one.drifts]
     if drifting:
-        rates = result.found.model.own[drifting, result.channel.own.index('drift')]
+        rates = result.found.model.recording_values[drifting, result.channel.recording_parameters.index('drift')]
         shown = ' to '.join(dict.fromkeys(f'{rate:.2g}' for rate in (np.min(rates), np.max(rates))))
         yield note('setpoint_drifts', f'{result.name}: the set-point that was not recorded drifts by {shown} Pa/s')
 
@@ -290,7 +290,7 @@ def _of_force(result: ChannelResult, recordings: Sequence[Recording], options: O
     bore = 2.0 * math.sqrt(area / math.pi)
     told = result.found.estimates[0]
     size = f'{1e6 * area:.4g} mm^2, a bore of {1e3 * bore:.3g} mm ({bore / INCH:.3g} inch)'
-    direct = channel.told_area(result.experiments)
+    direct = channel.estimated_area(result.experiments)
     if options.area is not None and not 1.0 / LARGEST_AREA_RATIO < direct / options.area < LARGEST_AREA_RATIO:
         yield warning(
             'area_suspect',

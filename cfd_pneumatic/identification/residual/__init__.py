@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fit leaves: its noise, its autoregression, and the tests that ask whether it is noise."""
+"""The residual of a fit: its noise, its autoregression, and tests of the residual against the noise."""
 
 from __future__ import annotations
 
@@ -14,12 +14,22 @@ if TYPE_CHECKING:
         independent_share,
         whitened,
     )
-    from cfd_pneumatic.identification.residual.noise import Noise, noise_of, rounding_step, sample_noise, stamp_jitter
+    from cfd_pneumatic.identification.residual.noise import (
+        Noise,
+        estimate_noise,
+        rounding_step,
+        sample_noise,
+        stamp_jitter,
+    )
     from cfd_pneumatic.identification.residual.normal_matrix import gram, orthonormal
     from cfd_pneumatic.identification.residual.regressors import Regressors
-    from cfd_pneumatic.identification.residual.residual_features import lag_of, speed_of, strongest_frequency
+    from cfd_pneumatic.identification.residual.residual_features import (
+        lag_between,
+        speed_in_motion,
+        strongest_frequency,
+    )
     from cfd_pneumatic.identification.residual.rest_periods import runs_at_rest
-    from cfd_pneumatic.identification.residual.tests import Test, is_noise, tests_of
+    from cfd_pneumatic.identification.residual.tests import Test, is_noise, residual_tests
     from cfd_pneumatic.identification.residual.thresholds import SIGNIFICANCE
 else:
     __getattr__ = loader_of(__name__)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Autoregression: how much a sample of noise says about the next, and how to take that out."""
+"""Autoregression of noise: estimate, whiten and simulate."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from cfd_pneumatic.runtime import compiler
 
 def autocovariance(series: Sequence[Array], lags: int) -> Array:
     """Return the autocovariance of several series together at lags 0 to `lags`, shape (lags + 1,)."""
-    count = sum(one.size for one in series)
+    count = sum(run.size for run in series)
     products = np.zeros(lags + 1)
-    for one in series:
-        for lag in range(min(lags + 1, one.size)):
-            products[lag] += float(one[lag:] @ one[: one.size - lag])
+    for run in series:
+        for lag in range(min(lags + 1, run.size)):
+            products[lag] += float(run[lag:] @ run[: run.size - lag])
     return products / max(count, 1)
 
 
@@ -32,10 +32,10 @@ def autoregression(series: Sequence[Array]) -> Array:
     """
     Return coefficients c of e_t = sum c_k e_(t-k) + white noise, shape (order,), by Yule and Walker.
 
-    Each order follows from the one before (Durbin, 1960).
-    The order, up to `HIGHEST_ORDER`, has the least Bayesian information criterion; white noise, and none, have none.
+    The order, up to `HIGHEST_ORDER`, has the least Bayesian information criterion. The result is empty for white noise
+    and for zeros. Each order follows from the order before (Durbin, 1960).
     """
-    count = sum(one.size for one in series)
+    count = sum(run.size for run in series)
     highest = min(HIGHEST_ORDER, count // FEWEST_SAMPLES_PER_ORDER)
     covariance = autocovariance(series, highest)
     best = coefficients = np.empty(0)
@@ -56,9 +56,9 @@ def autoregression(series: Sequence[Array]) -> Array:
 
 def whitened(series: Array, coefficients: Array) -> Array:
     """
-    Return what is new in each sample of a series, shape (n,), or of several, shape (k, n).
+    Return the innovations of a series, shape (n,), or of several series, shape (k, n).
 
-    What came before the first is taken as zero.
+    Samples before the first sample count as zero.
     """
     innovations = series.copy()
     for lag, coefficient in enumerate(coefficients.tolist(), start=1):
@@ -67,8 +67,8 @@ def whitened(series: Array, coefficients: Array) -> Array:
 
 
 @compiler(nogil=True)
-def driven(innovations: Array, coefficients: Array) -> Array:
-    """Return the series, shape (n,), in which innovations, shape (n,), are what is new; it begins at rest."""
+def autoregressive_series(innovations: Array, coefficients: Array) -> Array:
+    """Return the autoregressive series of innovations, both of shape (n,); the series begins at rest."""
     series = innovations.copy()
     for index in range(series.size):
         for lag in range(min(index, coefficients.size)):
@@ -77,8 +77,8 @@ def driven(innovations: Array, coefficients: Array) -> Array:
 
 
 def independent_share(coefficients: Array) -> float:
-    """Return how many independent samples a sample of autoregressive noise is worth, at most one [-]."""
+    """Return the number of independent samples per sample of autoregressive noise, at most 1 [-]."""
     impulse = np.zeros(LONGEST_RESPONSE)
     impulse[0] = 1.0
-    response = driven(impulse, np.asarray(coefficients))
+    response = autoregressive_series(impulse, np.asarray(coefficients))
     return float(np.clip(np.sum(response**2) * (1.0 - np.sum(coefficients)) ** 2, LEAST_INDEPENDENT_SHARE, 1.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How small the residual could be: the noise that no model can explain."""
+"""Estimate the noise of a residual, which no model can explain."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def sample_noise(times: Array, values: Array) -> float:
     """
     Return the standard deviation of a signal's white noise, in the signal's unit.
 
-    Each sample is compared with the straight line through its neighbours (Gasser, Sroka and Jennen-Steinmetz, 1986);
-    the largest tenth of the differences is left out, and made up for as in a normal distribution. A long signal is
-    looked at in pieces.
+    Each sample is compared with the straight line through the adjacent samples (Gasser, Sroka and Jennen-Steinmetz,
+    1986). The estimate omits the largest tenth of the differences and is corrected for a normal distribution. A long
+    signal is processed in pieces.
 
     Parameters
     ----------
@@ -47,10 +47,10 @@ def sample_noise(times: Array, values: Array) -> float:
     if times.size > 2 * NOISE_PIECE:
         pieces = zip(*(np.array_split(series, times.size // NOISE_PIECE) for series in (times, values)))
         return math.sqrt(float(np.mean([sample_noise(*piece) ** 2 for piece in pieces])))
-    left = (times[2:] - times[1:-1]) / (times[2:] - times[:-2])
-    right = 1.0 - left
-    differences = values[1:-1] - left * values[:-2] - right * values[2:]
-    squares = np.sort(differences**2 / (1.0 + left**2 + right**2))
+    weight_before = (times[2:] - times[1:-1]) / (times[2:] - times[:-2])
+    weight_after = 1.0 - weight_before
+    differences = values[1:-1] - weight_before * values[:-2] - weight_after * values[2:]
+    squares = np.sort(differences**2 / (1.0 + weight_before**2 + weight_after**2))
     kept = squares[: max(1, int(KEPT_DIFFERENCES * squares.size))]
     limit = _NORMAL.inv_cdf(0.5 + 0.5 * KEPT_DIFFERENCES)
     density = _NORMAL.pdf(limit)
@@ -66,20 +66,18 @@ class Noise:
     Attributes
     ----------
     std
-        Standard deviation that it gives the residual of the true model [signal's unit].
+        Standard deviation of the true model's residual [signal's unit].
     coefficients
-        Of its autoregression; none where it is white or not known.
+        Coefficients of the noise's autoregression; empty if the noise is white or not known.
     uncertainty
-        Standard error of `std`, as a share of it [-].
+        Standard error of `std`, relative to `std` [-].
     known
-        Whether std and coefficients are those of rests of piston and set-point; otherwise the noise is taken for white,
-        and only what neighbouring samples differ by is counted. So it is where a model leaves more at rest than a
-        sensor's noise can be.
+        Whether std and coefficients come from rests of piston and set-point. Otherwise the noise is assumed to be white
+        and estimated from differences of adjacent samples. A residual at rest that is too large does not count.
     rounded
-        Whether most of it is the converter's rounding, which depends on the signal.
+        Whether most of the noise is the converter's rounding, which depends on the signal.
     blur
-        What the rate of the displacement, as far as it is not known, adds while the piston moves [signal's unit]; no
-        part of `std`.
+        Standard deviation that errors of the displacement's rate add in motion [signal's unit]; no part of `std`.
 
     """
 
@@ -91,39 +89,39 @@ class Noise:
     blur: float = 0.0
 
 
-def noise_of(rests: Sequence[Array], white: float, count: int, rounding: float) -> Noise:
+def estimate_noise(rests: Sequence[Array], white: float, count: int, rounding: float) -> Noise:
     """
-    Return the noise of a signal.
+    Estimate the noise of a signal from its residual at rest.
 
     Parameters
     ----------
     rests
-        Residuals while nothing moves, the mean of each run taken out. Where a model settles otherwise than the device,
-        they are not noise alone: noise has a memory only if the quieter half of the runs, less a parabola, has one.
+        Residuals while nothing moves, each run less its mean. If the model settles unlike the device, these are not
+        noise alone: noise is coloured only if the quieter half of the runs, each less a parabola, is coloured.
     white
-        Standard deviation that white noise would have, where there are not enough of them or they are white.
+        Standard deviation of the noise if the noise is white, or if there are too few rests.
     count
-        Samples that this was found from.
+        Number of samples from which `white` was estimated.
     rounding
         Standard deviation of the converter's rounding.
 
     """
     known = sum(rest.size for rest in rests) >= FEWEST_SAMPLES_AT_REST
-    remembers = (
+    is_coloured = (
         known
-        and _quiet(rests) > LEAST_COLOURED_NOISE * white
-        and 0.0 < _spread(rests) <= LARGEST_COLOURED_NOISE * white
+        and _quieter_half_std(rests) > LEAST_COLOURED_NOISE * white
+        and 0.0 < _difference_std(rests) <= LARGEST_COLOURED_NOISE * white
     )
-    coefficients = autoregression(rests) if remembers else np.empty(0)
+    coefficients = autoregression(rests) if is_coloured else np.empty(0)
     if coefficients.size:
         count = sum(rest.size for rest in rests)
-    std = _spread(rests) if coefficients.size else white
+    std = _difference_std(rests) if coefficients.size else white
     uncertainty = 1.0 / math.sqrt(2.0 * count * independent_share(coefficients))
     return Noise(max(std, rounding), coefficients, uncertainty, known, rounding > LEAST_ROUNDING * std)
 
 
 def rounding_step(values: Array) -> float:
-    """Return the step of the converter that a signal's values are multiples of, 0 where there is none to be seen."""
+    """Return the step of the converter from the distinct values of a signal [signal's unit], 0 if no step shows."""
     distinct = np.unique(values)
     if distinct.size < 2 or distinct.size > LARGEST_DISTINCT_SHARE * values.size:
         return 0.0
@@ -132,31 +130,32 @@ def rounding_step(values: Array) -> float:
     return float(np.min(steps[steps > least], initial=np.inf)) if np.ptp(distinct) > 0.0 else 0.0
 
 
-def _quiet(rests: Sequence[Array]) -> float:
-    """Return the standard deviation of the quieter half of runs, about a parabola through each."""
-    bases = {size: np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), 3))[0] for size in {one.size for one in rests}}
-    left = [one - bases[one.size] @ (bases[one.size].T @ one) for one in rests]
-    squares = sorted(float(one @ one) / max(one.size - 3, 1) for one in left)
+def _quieter_half_std(rests: Sequence[Array]) -> float:
+    """Return the standard deviation of the quieter half of the runs, each less a parabola."""
+    bases = {size: np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), 3))[0] for size in {run.size for run in rests}}
+    remainders = [run - bases[run.size] @ (bases[run.size].T @ run) for run in rests]
+    squares = sorted(float(run @ run) / max(run.size - 3, 1) for run in remainders)
     return math.sqrt(float(np.mean(squares[: len(squares) // 2 + 1])))
 
 
-def _spread(rests: Sequence[Array]) -> float:
+def _difference_std(rests: Sequence[Array]) -> float:
     """
-    Return the standard deviation of noise in runs, by what samples far apart differ: their means don't matter.
+    Return the standard deviation of noise in runs, from differences of distant samples.
 
-    In short runs of noise with a memory a mean takes much of the noise with it.
+    Differences do not depend on the means of the runs. The mean of a short run of coloured noise holds much of the
+    noise.
     """
-    apart = min(INDEPENDENT_DISTANCE, max(rest.size for rest in rests) // 2)
-    differences = np.concatenate([rest[apart:] - rest[:-apart] for rest in rests if rest.size > apart])
+    distance = min(INDEPENDENT_DISTANCE, max(rest.size for rest in rests) // 2)
+    differences = np.concatenate([rest[distance:] - rest[:-distance] for rest in rests if rest.size > distance])
     return math.sqrt(0.5 * float(np.mean(differences**2)))
 
 
 def stamp_jitter(times: Array) -> float:
     """
-    Return how far stamps may lie from when the samples were taken [s]: the spread of the sampling period over root two.
+    Return the standard deviation of stamps about the times of sampling [s], from the spread of the sampling period.
 
-    Where the sampling itself is irregular this is too much, which costs little: it matters only where the pressure
-    changes fast.
+    The result is too large if the sampling itself is irregular. This costs little, because the jitter matters only
+    while the pressure changes fast.
     """
     steps = np.diff(times)
     return float(np.median(np.abs(steps - np.median(steps)))) * _NORMAL_PER_MEDIAN / math.sqrt(2.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Gram matrix, by one thread (a library would wake others, which have work of their own), and what it tells."""
+"""The Gram matrix, computed by one thread (a library would wake further threads that have other work)."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from cfd_pneumatic.model import summed
 
 def gram(rows: Array) -> Array:
     """Return the Gram matrix of rows, shape (k, n): their inner products, shape (k, k)."""
-    found = np.empty((len(rows), len(rows)))
-    _multiply(rows, found)
-    return found
+    products = np.empty((len(rows), len(rows)))
+    _write_products(rows, products)
+    return products
 
 
 @summed
-def _multiply(rows: Array, found: Array) -> None:
-    """Write the inner products; code that makes an array loads a part of the compiler, which takes 20 ms."""
-    for one in range(len(rows)):
-        for other in range(one + 1):
+def _write_products(rows: Array, products: Array) -> None:
+    """Write the inner products into an array: to make the array here would load a part of the compiler, 20 ms."""
+    for row in range(len(rows)):
+        for column in range(row + 1):
             total = 0.0
             for sample in range(rows.shape[1]):
-                total += rows[one, sample] * rows[other, sample]
-            found[one, other] = found[other, one] = total
+                total += rows[row, sample] * rows[column, sample]
+            products[row, column] = products[column, row] = total
 
 
 def orthonormal(products: Array, least: float) -> Array:
     """
-    Return orthonormal combinations of columns, whose inner products are given, shape (k, rank).
+    Return orthonormal combinations of columns, from their inner products, shape (k, rank).
 
-    Left out are those whose singular value is less than so much of the largest.
+    Combinations with a singular value below `least` times the largest are omitted.
     """
     powers, directions = np.linalg.eigh(products)
-    apart = powers > least**2 * powers[-1]
-    return np.asarray(directions[:, apart] / np.sqrt(powers[apart]))
+    is_independent = powers > least**2 * powers[-1]
+    return np.asarray(directions[:, is_independent] / np.sqrt(powers[is_independent]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What residuals may depend on: signals, some of them at several lags, looked at in pieces of a long recording."""
+"""Regressors of a residual: signals, some at several lags, computed in pieces of a long recording."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from cfd_pneumatic.identification.residual.thresholds import (
 @dataclass(frozen=True)
 class Regressors:
     """
-    Signals that the residuals of one recording may depend on.
+    Signals that the residual of a recording may depend on.
 
     Attributes
     ----------
     once
-        Signals at no lag but zero, each of shape (n,).
+        Signals at lag zero only, each of shape (n,).
     lagged
         Signals at several lags, each of shape (n,).
     weight
-        Of each sample, shape (n,).
+        Weight of each sample, shape (n,).
     first
-        Sample that the first residual is of.
+        Index of the sample with the first residual.
 
     """
 
@@ -41,27 +41,27 @@ class Regressors:
     first: int
 
     def width(self, samples: int) -> int:
-        """Return how many signals so many samples bear, a constant among them."""
+        """Return the number of regressors, with a constant, that a number of samples allows."""
         most = max(1, samples // FEWEST_SAMPLES_PER_REGRESSOR)
         return min(1 + len(self.once) + len(REGRESSOR_LAGS) * len(self.lagged), most)
 
     def values(self, begin: int, end: int, width: int) -> Array:
-        """Return a constant and the first signals, weighted, from one residual to before another, shape (width, n)."""
+        """Return the first `width` regressors, weighted, for residuals `begin` to before `end`, shape (width, n)."""
         rows = self.first + np.arange(begin, end)
-        found = np.empty((width, end - begin))
+        regressors = np.empty((width, end - begin))
         weight = self.weight[rows]
-        for row, (signal, lag) in zip(found, self._signals()):
+        for row, (signal, lag) in zip(regressors, self._signals()):
             row[:] = weight if signal is None else weight * signal.take(rows - lag, mode='clip')
-        return found
+        return regressors
 
     def sums(self, edges: NDArray[np.intp], width: int) -> Array:
-        """Return the sums of `values` from each edge to before the next, shape (width, edges - 1)."""
+        """Return the sums of `values` from each edge to before the next edge, shape (width, edges - 1)."""
         parts = []
         begin = 0
         while begin < len(edges) - 1:
             end = max(begin + 1, int(np.searchsorted(edges, edges[begin] + REGRESSOR_CHUNK, side='right')) - 1)
-            inner = edges[begin:end] - edges[begin]
-            parts.append(np.add.reduceat(self.values(edges[begin], edges[end], width), inner, axis=1))
+            inner_edges = edges[begin:end] - edges[begin]
+            parts.append(np.add.reduceat(self.values(edges[begin], edges[end], width), inner_edges, axis=1))
             begin = end
         return np.concatenate(parts, axis=1)
 

@@ -13,13 +13,13 @@ Origin: not known.
 
 SHIFT_SIGNIFICANCE = 0.005
 """
-Share of the circular shifts whose inputs may explain more of the residual than the inputs at their own times [-].
+Share of the circular shifts whose inputs may explain more of the residual than the inputs at their times [-].
 Origin: not known.
 """
 
 NOISE_ALLOWANCE = 3.0
 """
-Allowance for the uncertainty of the noise [standard errors]. The limits of size and likeness grow by it.
+Allowance for the uncertainty of the noise [standard errors]. It raises the limits of size and autocorrelation.
 Origin: not known.
 """
 
@@ -31,11 +31,11 @@ LARGEST_EXPLAINED = 0.04
 LARGEST_EXPLAINED_NOISE = 0.08
 """
 Largest share of the noise's variance that inputs may explain beyond chance, for a model with core or effects [-].
-Origin: 4 % of the noise's size, because the laws of core and effects are approximations (commit 851b74e).
+Origin: 4 % of the noise's size, because the equations of core and effects are approximations (commit 851b74e).
 """
 
-LARGEST_LIKENESS = 0.04
-"""Largest sum of the squared correlations of neighbouring residuals beyond chance [-]. Origin: not known."""
+LARGEST_SQUARED_CORRELATION = 0.04
+"""Largest sum of squared autocorrelations of the residual beyond chance [-]. Origin: not known."""
 
 LARGEST_SLOW_SHARE = 0.015
 """Largest share of the residual's power in its slowest ordinates [-]. Origin: not known."""
@@ -43,8 +43,8 @@ LARGEST_SLOW_SHARE = 0.015
 LARGEST_LINE_SHARE = 0.01
 """
 Largest share of the residual's power in one line of the spectrum [-].
-Origin: lines of a thousandth of the power stood out in long records and ended seven of twelve minutes of the rig with a
-leak as unexplained (commit 8dd0420).
+Origin: lines of a thousandth of the power failed the test in long records. Of twelve minutes of the rig with a leak,
+seven ended as unexplained (commit 8dd0420).
 """
 
 LARGEST_SIZE_RATIO = 1.10
@@ -61,7 +61,7 @@ LONG_RECORD = 5000
 
 ROUNDING_ALLOWANCE = 1.25
 """
-Factor on the largest residual where the noise is rounding above all [-]. The noise that is rounded adds to the
+Factor on the largest residual if the noise is mostly rounding [-]. The noise that is rounded adds to the
 rounding.
 Origin: not known.
 """
@@ -69,7 +69,7 @@ Origin: not known.
 # Regression on the inputs
 
 REGRESSOR_LAGS = (0, -1, 1, -2, 2, 4, 8, 16, 32)
-"""Lags of the regressors [samples]. Short records leave out the last ones first. Origin: not known."""
+"""Lags of the regressors [samples]. Short records omit the last lags first. Origin: not known."""
 
 FEWEST_SAMPLES_PER_REGRESSOR = 10
 """Fewest samples for each regressor [samples]. Origin: not known."""
@@ -108,23 +108,24 @@ LINE_WINDOW = 61
 
 LINE_ALLOWANCE = 1.3
 """
-Factor on the significant height of a line [-]. The median of the neighbours scatters and widens the distribution.
+Factor on the significant height of a line [-]. The median of the adjacent ordinates scatters and widens the
+distribution.
 Origin: not known.
 """
 
-# Likeness of neighbouring residuals
+# Autocorrelation of the residual
 
-LIKENESS_LAGS = 25
+LJUNG_BOX_LAGS = 25
 """Lags of Ljung and Box's test [samples]. Origin: not known."""
 
-LIKENESS_SIMULATIONS = 100
-"""Simulations of noise that determine the significant likeness [1]. Origin: not known."""
+LJUNG_BOX_SIMULATIONS = 100
+"""Simulations of noise that determine the significant autocorrelation [1]. Origin: not known."""
 
-LIKENESS_QUANTILE = 4.0
-"""Significant likeness, above the mean of the simulations [standard deviations]. Origin: not known."""
+LJUNG_BOX_QUANTILE = 4.0
+"""Significant autocorrelation, above the mean of the simulations [standard deviations]. Origin: not known."""
 
 LONGEST_SIMULATED = 5000
-"""Most samples of a record in the test of the likeness [samples]. Origin: not known."""
+"""Most samples of a record in the test of the autocorrelation [samples]. Origin: not known."""
 
 SIMULATION_LEAD = 200
 """Samples of simulated noise before those that count [samples]. The start at rest is forgotten. Origin: not known."""
@@ -139,20 +140,20 @@ Origin: not known.
 
 KEPT_DIFFERENCES = 0.9
 """
-Share of the differences of neighbouring samples, the smallest ones, that counts as noise [-]. The others may be
+Share of the differences of adjacent samples, the smallest ones, that counts as noise [-]. Larger differences may be
 transients.
 Origin: not known.
 """
 
 LARGEST_COLOURED_NOISE = 6.0
 """
-Largest noise of a sensor [standard deviations of its white part]. Larger residuals at rest are no noise; without rests
-the residual may be as large.
-Origin: noise with a memory of 25 samples (commit 387ab95).
+Largest noise of a sensor [standard deviations of its white part]. Larger residuals at rest are no noise. Without
+rests the residual may be as large.
+Origin: noise that is correlated over 25 samples (commit 387ab95).
 """
 
 LEAST_COLOURED_NOISE = 1.1
-"""Least residual at rest of noise with a memory [standard deviations of the white part]. Origin: not known."""
+"""Least residual at rest of coloured noise [standard deviations of the white part]. Origin: not known."""
 
 FEWEST_SAMPLES_AT_REST = 100
 """Fewest samples at rest that determine the noise [samples]. Origin: not known."""
@@ -160,11 +161,11 @@ FEWEST_SAMPLES_AT_REST = 100
 INDEPENDENT_DISTANCE = 50
 """
 Distance of samples whose noise is independent [samples].
-Origin: longer than the memory of a sensor (commit bf95838).
+Origin: longer than the correlation of a sensor's noise (commit bf95838).
 """
 
 LEAST_ROUNDING = 0.6
-"""Least rounding of a signal that is rounded above all [standard deviations of the noise]. Origin: not known."""
+"""Least rounding of a signal whose noise is mostly rounding [standard deviations of the noise]. Origin: not known."""
 
 LARGEST_DISTINCT_SHARE = 0.5
 """Largest share of distinct values in a signal whose rounding shows [-]. Origin: not known."""

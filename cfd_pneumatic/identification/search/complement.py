@@ -31,7 +31,7 @@ class Complement:
 
     def __init__(self, likelihood: Likelihood, model: Model) -> None:
         self.likelihood = likelihood
-        self.model = likelihood.channel.beside_effects(likelihood.experiments, model)
+        self.model = likelihood.channel.limited_for_effects(likelihood.experiments, model)
 
     @lazy_property
     def simulated(self) -> Array:

@@ -118,7 +118,7 @@ def slots(candidates: Candidates, begin: Candidate) -> list[CurvePlace]:
     ranges, curve = ranges_of(candidates, begin), candidates.channel.curve
     noise = math.sqrt(begin.rss / candidates.train.samples)
     most = {name: max(map(abs, ends)) for name, ends in ranges.items()}
-    units = candidates.channel.law_units(candidates.train.experiments, begin.model, noise, most)
+    units = candidates.channel.characteristic_units(candidates.train.experiments, begin.model, noise, most)
     found = []
     for against, places in curve.asked.items():
         low, high = ranges[against]

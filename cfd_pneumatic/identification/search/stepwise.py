@@ -160,7 +160,7 @@ class Search:
     def evidence(self, model: Candidate, candidate: Candidate) -> float:
         """Return by how much a candidate lowers the criterion where noise as it leaves at rest counts for less."""
         more = candidate.unknowns - model.unknowns
-        return self._likelihood.evidence(
+        return self._likelihood.criterion_drop_for_coloured_noise(
             model.rss, candidate.rss, more, self.candidates.resting_coefficients(candidate)
         )
 
