@@ -52,7 +52,7 @@ class Diagnosis:
         """Return what is kept of a result."""
         conclusion = result.findings
         estimates = {estimate.name: estimate for estimate in result.found.estimates}
-        law = '' if conclusion.unknown is None else conclusion.unknown.words
+        law = '' if conclusion.unknown is None else conclusion.unknown.description
         return cls(
             conclusion.verdict, conclusion.why, conclusion.effects, dict(conclusion.alternatives), estimates, law
         )

@@ -21,7 +21,7 @@ def next_plan(identification: Identification, folder: Path = Path()) -> str | No
 
     `folder` is where the results are, as seen from where the command is to be run.
     """
-    if not all(result.findings.sought for result in identification.closed):
+    if not all(result.findings.is_searched for result in identification.closed):
         return None
     unidentifiable = {
         estimate.name

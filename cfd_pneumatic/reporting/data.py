@@ -167,7 +167,7 @@ def _shape_data(shape: Characteristic) -> dict[str, Any]:
     """Return a law that was drawn; a pair of others names where they enter, and against what."""
     return {
         'enters': shape.enters,
-        'or': [list(other) for other in shape.others],
+        'or': [list(other) for other in shape.alternatives],
         'against': shape.against,
         'unit': shape.unit,
         'unit_against': shape.unit_against,
@@ -175,7 +175,7 @@ def _shape_data(shape: Characteristic) -> dict[str, Any]:
         'formula': shape.formulas[0].text if len(shape.formulas) == 1 else None,
         'formulas': [one.text for one in shape.formulas],
         'explains': shape.explains,
-        'words': shape.words,
+        'words': shape.description,
     }
 
 

@@ -117,7 +117,7 @@ def _drafted(law: Characteristic, name: str, result: ChannelResult) -> str:
         functions.append(_SLIDE.format(parameters=', '.join(own)))
     return _FILE.format(
         title=name.replace('_', ' ').capitalize(),
-        words=law.words.partition(': look')[0],
+        words=law.description.partition('. Inspect')[0],
         imports=''.join(f'{one}\n' for one in imports),
         functions=''.join(functions),
         where=result.name,

@@ -116,7 +116,7 @@ def law_picture(law: Characteristic) -> Picture:
     for run in np.split(seen, 1 + np.flatnonzero(np.diff(seen) > 1)):  # what lies between two of them is not told
         alone = run.size == 1  # a dot
         curves += [Curve(at[run], line[run] / size, AFTER, (1 + 2 * alone) * width, alone) for line, width in lines]
-    text = f'The law that was drawn: {law.words}. Thin lines: 95 % at each point; grey: not visited.'
+    text = f'The law that was drawn: {law.description}. Thin lines: 95 % at each point; grey: not visited.'
     place, variable = PLACES[law.enters].axis, VARIABLES[law.against].axis
 
     def drawn(width: int) -> str:

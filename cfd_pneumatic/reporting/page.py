@@ -136,7 +136,11 @@ def _errors(result: ChannelResult) -> Iterator[tuple[str, PartError, PartError |
 def _round(trials: Sequence[Trial]) -> dict[str, Any]:
     """Return a round of the search with the trials that are shown at once apart from the others."""
     first = [trial for rank, trial in enumerate(trials) if rank < _FIRST_TRIALS or trial.accepted]
-    return {'beside': trials[0].beside, 'first': first, 'rest': [trial for trial in trials if trial not in first]}
+    return {
+        'beside': trials[0].present_effects,
+        'first': first,
+        'rest': [trial for trial in trials if trial not in first],
+    }
 
 
 def _tests(before: Sequence[Test], after: Sequence[Test]) -> list[tuple[Test, Test | None]]:
