@@ -96,7 +96,7 @@ def with_force(identification: Identification) -> Identification:
     noise = Noise(0.9 * errors[1], np.empty(0), 0.01, True, False)
     conclusion = Conclusion(
         verdict='effect_added',
-        why='the force lacks seal_friction; with it the error falls to 50 %, and what is left is noise',
+        why='Missing effect: seal_friction. Adding it reduces the error to 50 %. The remaining error is sensor noise',
         core='linear',
         effects=('seal_friction',),
         alternatives={},

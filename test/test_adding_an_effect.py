@@ -56,4 +56,4 @@ def test_the_tests_of_all_effects_run_on_it(copy):
 
 @pytest.mark.long
 def test_the_loop_finds_it_on_the_rig(copy):
-    assert 'the model lacks mains_hum' in run(copy, '-c', ON_THE_RIG)
+    assert 'Missing effect: mains_hum' in run(copy, '-c', ON_THE_RIG)

@@ -25,7 +25,7 @@ def test_the_table_looks_as_it_says(tutorial):
 
 def test_the_effect_that_nobody_declared_is_named_with_its_size(tutorial):
     said = ' '.join(tutorial.said['What the model lacks'].split())
-    verdict = r'cylinder_a: (Effect found[.] The model lacks valve dead band; with it the error falls to) (\d+) %'
+    verdict = r'cylinder_a: (Effect found[.] Missing effect: valve dead band[.] Adding it reduces the error to) (\d+) %'
     (wording, left), (promised_wording, promised) = (re.search(verdict, text).groups() for text in (said, TEXT))
     assert wording == promised_wording
     assert float(left) == pytest.approx(float(promised), abs=2.0)
@@ -51,9 +51,9 @@ def test_what_is_not_identifiable_is_planned_for(tutorial):
 
 def test_a_law_that_nobody_knows_is_drawn_and_drawn_again_over_a_larger_range(tutorial):
     said = ' '.join(tutorial.said['A law that nobody knows'].split())
-    verdict = r'cylinder_a: An unknown law, drawn[.] .*? with it the error falls to (\d+) %, and what is left is noise'
+    verdict = r'cylinder_a: Unknown characteristic[.] .*? the error to (\d+) %[.] The remaining error is sensor noise'
     assert re.search(verdict, said)[1] == re.search(verdict, TEXT)[1]
-    assert 'cylinder_b: Nothing missing. Flows, stiffness and sensing follow' in said
+    assert 'cylinder_b: Nothing missing. The physical core is used' in said
     reports = [json.loads((tutorial.folder / name / 'report.json').read_text()) for name in ('bent', 'bent_again')]
     first, again = (report['cylinders']['cylinder_a']['unknown'] for report in reports)
     assert (first['enters'], first['against']) == (again['enters'], again['against']) == ('sensing', 'p')
@@ -88,7 +88,7 @@ def test_a_worn_seal_is_named(tutorial):
     environment = tutorial.environment | {'CFD_PNEUMATIC_DATA': str(MEASURED.parent)}
     said = ' '.join(run(block.text, tutorial.folder, environment).split())
     assert 'cylinder_a: the displacement seems to come' in said
-    assert 'cylinder_a: Unexplained, in doubt: look into the warning first. Flows, stiffness and sensing follow' in said
-    assert 'as the physical core has it, and the model lacks positional leakage' in said
+    assert 'cylinder_a: Unexplained, with a warning: check the data first. The physical core is used' in said
+    assert 'Missing effects: positional leakage' in said
     assert float(re.search(r'positional_leakage │ (\d+) %', said)[1]) == pytest.approx(90.0, abs=2.0)
     assert re.search(r'│ tau │ not identifiable', said)

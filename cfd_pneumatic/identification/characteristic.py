@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A law that nobody knows, as recordings have drawn it: where it enters, against what, and its curve with a band."""
+"""Estimated curve of an unknown characteristic: place in the model, variable, values and confidence band."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cfd_pneumatic.identification.channels import PLACES, VARIABLES, Model
 from cfd_pneumatic.identification.fit import Likelihood, Quadratic, Unknowns, find_optimum
 from cfd_pneumatic.identification.formulas import Formula, formulas
 from cfd_pneumatic.identification.residual import autoregression, independent_share
-from cfd_pneumatic.identification.search import CurvePlace, FittedCurve, heights_of, penalty_of
+from cfd_pneumatic.identification.search import CurvePlace, FittedCurve, height_indices, penalty_matrix
 from cfd_pneumatic.identification.thresholds import (
     BAND_HALF_WIDTH,
     CORNER_ERROR,
@@ -31,30 +31,30 @@ from cfd_pneumatic.model import KNOTS
 @dataclass(frozen=True, eq=False)
 class Characteristic:
     """
-    A law that was drawn.
+    An estimated curve of an unknown characteristic.
 
     Attributes
     ----------
     enters, against
-        Where, and what it depends on: of those of the channel's `curve`.
-    others
-        Pairs of these that the recordings can't tell from its own.
+        Place and variable of the curve, keys of the channel's `curve`.
+    alternatives
+        Further pairs of place and variable that the recordings do not distinguish from this pair.
     at
-        Where the curve is told, shape (points,) [unit of what it depends on].
+        Values of the variable, shape (points,) [unit of the variable].
     value, low, high
-        The curve and its pointwise 95 % band, shape (points,) [unit of where it enters].
+        Curve and its pointwise 95 % band, shape (points,) [unit of the place].
     visited
-        Whether recordings have been there, shape (points,).
+        Whether recordings visited the points, shape (points,).
     explains
-        Share that it takes of the squares that are left without it, on train and validation.
+        Share of the squared residual of train and validation part that the curve explains.
     formulas
-        The simplest formulas that stay within the band, the nearest first; several are not distinguished.
+        Simplest formulas within the band, the closest first. The recordings do not distinguish several formulas.
 
     """
 
     enters: str
     against: str
-    others: tuple[tuple[str, str], ...]
+    alternatives: tuple[tuple[str, str], ...]
     at: Array
     value: Array
     low: Array
@@ -65,131 +65,135 @@ class Characteristic:
 
     @property
     def unit(self) -> str:
-        """Of the curve's height."""
+        """Return the unit of the curve's values."""
         return PLACES[self.enters].unit
 
     @property
     def unit_against(self) -> str:
-        """Of what it depends on."""
+        """Return the unit of the variable."""
         return VARIABLES[self.against].unit
 
     @property
     def event(self) -> str:
-        """When most of a law of the time comes at once, in a clause: that is no law; empty where it does not."""
+        """Return a clause if most of a change over time happens at once: an event, no characteristic; else nothing."""
         changes = np.abs(self.value[EVENT_POINTS:] - self.value[:-EVENT_POINTS])
         largest = int(np.argmax(changes))
         if self.against != 'time' or changes[largest] < LEAST_EVENT_SHARE * np.ptp(self.value):
             return ''
-        when = 0.5 * (self.at[largest] + self.at[largest + EVENT_POINTS])
-        return f'most of it comes at once, about t = {when:.3g} s: it is an event, and no law of the time'
+        time = 0.5 * (self.at[largest] + self.at[largest + EVENT_POINTS])
+        return f'most of the change happens at once, at about t = {time:.3g} s. It is an event, no dependence on time'
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """
-        What it does, and where to look, in a clause for a mechanic.
+        Return what the characteristic does, and what to inspect on the machine.
 
-        Of what is told but for a constant the size is by how much it changes.
+        If the curve is determined except for a constant, its size is the range of its values.
         """
-        seen = self.value[self.visited] if np.count_nonzero(self.visited) > 1 else self.value
+        visited_values = self.value[self.visited] if np.count_nonzero(self.visited) > 1 else self.value
         place = PLACES[self.enters]
-        most = float(np.max(np.abs(seen)) if place.keeps_constant else np.ptp(seen))
-        size = 100.0 * most if self.unit in ('1', '1/s') else most
-        shown = float(f'{size:.2g}')
-        what = f'{place.sentence.format(f"{shown:g}")}, {VARIABLES[self.against].sentence}'
-        return f'{what}: look at {place.inspect}'
+        largest = float(np.max(np.abs(visited_values)) if place.keeps_constant else np.ptp(visited_values))
+        size = 100.0 * largest if self.unit in ('1', '1/s') else largest
+        rounded = float(f'{size:.2g}')
+        effect = f'{place.sentence.format(f"{rounded:g}")}, {VARIABLES[self.against].sentence}'
+        return f'{effect}. Inspect {place.inspect}'
 
 
 def estimate_characteristic(
-    likelihood: Likelihood, model: Model, drawing: FittedCurve, without: Model
+    likelihood: Likelihood, model: Model, curve: FittedCurve, model_without: Model
 ) -> Characteristic:
-    """Return the law that a model has, with its band; `without` is the model that lacks it."""
-    slot = drawing.promise.slot
+    """Return the curve of a fitted model with its confidence band; `model_without` is the model without the curve."""
+    place = curve.screened.place
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, model)
-    own = heights_of(unknowns, slot)
-    here: Quadratic = likelihood.evaluate(unknowns, unknowns.start)
+    indices = height_indices(unknowns, place)
+    optimum: Quadratic = likelihood.evaluate(unknowns, unknowns.start)
     residuals = likelihood.residuals(likelihood.simulate(model))
     share = independent_share(autoregression(residuals))
-    variance = here.total / max(likelihood.samples * share - len(own), 1.0)
-    scales = unknowns.scales(unknowns.start)[own]
-    covariance = variance * np.linalg.pinv(here.normal + penalty_of(unknowns, drawing.promise), hermitian=True)
-    covariance = covariance[np.ix_(own, own)] * np.outer(scales, scales)
-    values = _visits(likelihood, model, slot.against)
-    at = np.linspace(slot.low, slot.high, CURVE_POINTS)
-    heights = slot.heights(model)
-    value = slot.along(at) @ heights
-    along = slot.along(at) @ _own(slot, values, heights)
-    std = np.sqrt(np.einsum('ij,jk,ik->i', along, covariance, along))
-    bend = slot.along(at) @ np.pad(np.abs(np.diff(heights, 2)), 1, 'edge')  # straight from knot to knot it cuts corners
-    seen = _visited(values, at)
-    size = float(np.ptp(value[seen])) if seen.any() else 0.0
+    variance = optimum.total / max(likelihood.samples * share - len(indices), 1.0)
+    scales = unknowns.scales(unknowns.start)[indices]
+    covariance = variance * np.linalg.pinv(optimum.normal + penalty_matrix(unknowns, curve.screened), hermitian=True)
+    covariance = covariance[np.ix_(indices, indices)] * np.outer(scales, scales)
+    values = _visited_values(likelihood, model, place.against)
+    points = np.linspace(place.low, place.high, CURVE_POINTS)
+    heights = place.heights(model)
+    value = place.interpolation(points) @ heights
+    derivatives = place.interpolation(points) @ _without_absorbed(place, values, heights)
+    std = np.sqrt(np.einsum('ij,jk,ik->i', derivatives, covariance, derivatives))
+    # Straight lines between knots cut the corners of a bent curve.
+    bend = place.interpolation(points) @ np.pad(np.abs(np.diff(heights, 2)), 1, 'edge')
+    is_visited = _is_visited(values, points)
+    size = float(np.ptp(value[is_visited])) if is_visited.any() else 0.0
     half = BAND_HALF_WIDTH * std + CORNER_ERROR * bend + MODEL_ERROR * size
     low, high = value - half, value + half
-    before = sum(float(run @ run) for run in likelihood.residuals(likelihood.simulate(without)))
+    before = sum(float(run @ run) for run in likelihood.residuals(likelihood.simulate(model_without)))
+    limit = LARGEST_FORMULA_SQUARES * optimum.total
     return Characteristic(
-        *slot.name,
-        drawing.others,
-        at,
+        *place.name,
+        curve.alternatives,
+        points,
         value,
         low,
         high,
-        seen,
-        1.0 - here.total / before,
+        is_visited,
+        1.0 - optimum.total / before,
         formulas(
-            at[seen],
-            value[seen],
-            low[seen],
-            high[seen],
-            VARIABLES[slot.against].symbol,
-            free=slot.absorbed.size > 0,
-            holds=lambda one: _holds(likelihood, model, slot, one, LARGEST_FORMULA_SQUARES * here.total),
+            points[is_visited],
+            value[is_visited],
+            low[is_visited],
+            high[is_visited],
+            VARIABLES[place.against].symbol,
+            has_free_constant=place.absorbed.size > 0,
+            is_accepted=lambda formula: _fits(likelihood, model, place, formula, limit),
         ),
     )
 
 
-def _holds(likelihood: Likelihood, model: Model, slot: CurvePlace, formula: Formula, most: float) -> bool:
-    """Return whether a formula leaves no more, simulated in its curve's place with the gains fitted anew."""
-    formed = slot.drawn(model, formula.told(slot.knots))
-    return find_optimum(likelihood, formed, *FORMULA_SEARCH, frozen=formed.parts).cost < most
+def _fits(likelihood: Likelihood, model: Model, place: CurvePlace, formula: Formula, limit: float) -> bool:
+    """Return whether the sum of squares with a formula instead of the curve, gains refitted, is below a limit."""
+    with_formula = place.replace_heights(model, formula.evaluate(place.knots))
+    return find_optimum(likelihood, with_formula, *FORMULA_SEARCH, frozen=with_formula.parts).cost < limit
 
 
-def centred(likelihood: Likelihood, model: Model, slot: CurvePlace) -> Model:
-    """Return a model whose gains or offsets have what is even of its curve; it simulates the same."""
-    heights = slot.heights(model)
-    visits = slot.along(_visits(likelihood, model, slot.against)).mean(axis=0)
+def centre_curve(likelihood: Likelihood, model: Model, place: CurvePlace) -> Model:
+    """Move the mean of a curve to the gains or offsets; the simulation stays the same."""
+    heights = place.heights(model)
+    visits = place.interpolation(_visited_values(likelihood, model, place.against)).mean(axis=0)
     mean = float(visits @ heights) / float(visits.sum())
-    parameters, own = model.parameters.copy(), model.recording_values.copy()
-    if slot.name == ('flow', 'error'):
+    parameters, offsets = model.parameters.copy(), model.recording_values.copy()
+    if place.name == ('flow', 'error'):
         return model
-    gains = PLACES[slot.enters].gains
+    gains = PLACES[place.enters].gains
     if gains is not None:
         parameters[gains] *= 1.0 + mean
         heights = (heights - mean) / (1.0 + mean)
-    elif slot.enters == 'set_point':
-        own[:, 0] += mean
+    elif place.enters == 'set_point':
+        offsets[:, 0] += mean
         heights = heights - mean
-    return slot.drawn(replace(model, parameters=parameters, recording_values=own), heights)
+    return place.replace_heights(replace(model, parameters=parameters, recording_values=offsets), heights)
 
 
-def _own(slot: CurvePlace, values: Array, heights: Array) -> Array:
-    """Return what takes from changes of heights all that the model's own numbers make up for, where samples are."""
-    is_share = PLACES[slot.enters].unit == '1'
-    absorbed = slot.absorbed * (1.0 + heights[:, None]) if is_share else slot.absorbed
-    weights = slot.along(values).sum(axis=0)[:, None] * absorbed
-    known = np.linalg.pinv(absorbed.T @ weights)
-    return np.asarray(np.eye(KNOTS) - absorbed @ known @ weights.T)
+def _without_absorbed(place: CurvePlace, values: Array, heights: Array) -> Array:
+    """Return the matrix that removes from changes of the heights what the model's own parameters absorb."""
+    is_share = PLACES[place.enters].unit == '1'
+    absorbed = place.absorbed * (1.0 + heights[:, None]) if is_share else place.absorbed
+    weights = place.interpolation(values).sum(axis=0)[:, None] * absorbed
+    inverse = np.linalg.pinv(absorbed.T @ weights)
+    return np.asarray(np.eye(KNOTS) - absorbed @ inverse @ weights.T)
 
 
-def _visits(likelihood: Likelihood, model: Model, against: str) -> Array:
-    """Return where the samples that count have been, of what a law depends on, shape (n,)."""
+def _visited_values(likelihood: Likelihood, model: Model, against: str) -> Array:
+    """Return the values of a variable at the samples that count, shape (n,)."""
     return np.concatenate(
         [
-            likelihood.channel.variables(one, simulated, model)[against][one.counts]
-            for one, simulated in zip(likelihood.experiments, likelihood.simulate(model))
+            likelihood.channel.variables(experiment, simulated, model)[against][experiment.counts]
+            for experiment, simulated in zip(likelihood.experiments, likelihood.simulate(model))
         ]
     )
 
 
-def _visited(values: Array, at: Array) -> NDArray[np.bool_]:
-    """Return which points have values near them, shape (points,)."""
-    edges = np.concatenate([at[:1] - (at[1] - at[0]), 0.5 * (at[1:] + at[:-1]), at[-1:] + (at[1] - at[0])])
+def _is_visited(values: Array, points: Array) -> NDArray[np.bool_]:
+    """Return which points have enough values near them, shape (points,)."""
+    edges = np.concatenate(
+        [points[:1] - (points[1] - points[0]), 0.5 * (points[1:] + points[:-1]), points[-1:] + (points[1] - points[0])]
+    )
     return np.asarray(np.histogram(values, edges)[0] >= FEWEST_VISITS)

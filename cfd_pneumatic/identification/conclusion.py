@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What closing the loop comes to: the verdict in a sentence, and the errors before and after on the test part."""
+"""The conclusion of closing the loop: verdict, reasons, and errors on the test part before and after."""
 
 from __future__ import annotations
 
@@ -26,61 +26,62 @@ from cfd_pneumatic.identification.thresholds import (
 from cfd_pneumatic.model import Effect
 
 VERDICTS = ('effect_added', 'no_missing_effect', 'shape_found', 'unexplained', 'insufficient_data')
-"""What the loop may end with."""
+"""Verdicts of the loop."""
 
 STATUSES = ('confirmed', 'hypothesis')
-"""How far a verdict is to be trusted."""
+"""Statuses of a verdict: whether the user can rely on the named cause."""
 
-_FAILINGS = {
-    'inputs': 'follows what drives the device',
-    'slow_inputs': 'follows it slowly, too',
-    'line': 'has a tone in it',
-    'level': 'wanders',
-    'ljung_box': 'has a longer memory than the noise',
+_FAILURES = {
+    'inputs': 'depends on the inputs',
+    'slow_inputs': 'depends on slow changes of the inputs',
+    'line': 'contains a tone',
+    'level': 'drifts',
+    'ljung_box': 'is autocorrelated for longer than the noise',
     'noise_floor': 'is larger than the noise',
 }
-_UNSOUGHT = 'effects are searched for once what the warning names is mended'
-_WHOLE = 'flows, stiffness and sensing follow pressure and position, as the physical core has it'
-_UNKNOWN = 'the model lacks something that is none of the effects known here'
+_NOT_SEARCHED = 'Effects were not searched: the warning reports a likely input error. Correct the input and run again'
+_PHYSICAL_CORE = 'The physical core is used: flows, stiffness and sensing depend on pressure and position'
+_NO_KNOWN_EFFECT = 'No known effect explains the remaining error'
+_NOISE_REMAINS = 'The remaining error is sensor noise'
 _SEED = 2
 
 
 @dataclass(frozen=True)
 class Conclusion:
     """
-    What closing the loop comes to.
+    The conclusion of closing the loop.
 
     Attributes
     ----------
     verdict
         One of `VERDICTS`.
     why
-        The verdict in a sentence, for people.
+        The verdict in sentences, for people.
     core
-        `linear` or `physical`: what the effects are beside.
+        `linear` or `physical`.
     effects
         Names of the effects that were found, in the order in which they were added.
     alternatives
-        For each effect those that the recordings can't tell from it, at most two.
+        For each effect the effects that the recordings do not distinguish from it, at most two.
     tried
         Every effect that was tried.
     ratio, ratio_interval
-        Error after over before on the test part (on all samples where there is none), and the 95 % interval by a block
-        bootstrap; None where nothing was added.
+        Error ratio (after / before) on the test part, and its 95 % interval by a block bootstrap. All samples count if
+        there is no test part. None if nothing was added.
     tests_before, tests_after
-        Of the residuals, on train and validation.
+        Tests of the residual on the train and validation parts.
     noise
-        Of the channel.
+        Noise of the channel.
     not_visible
         Effects that these recordings could not have shown.
     next_experiment
-        What to record to see them; empty where there are none.
-    doubted
-        Whether a warning about the recordings puts all of it in doubt.
+        What to record to see these effects; empty if there are none.
+    has_warning
+        Whether a warning about the recordings makes the verdict uncertain.
     unknown
-        A law that is none of the effects, as the recordings have drawn it, or None.
-    sought
-        Whether effects were looked for: not in recordings that are misread.
+        Estimated curve of an unknown characteristic, or None.
+    is_searched
+        Whether effects were searched; false for recordings with a likely input error.
 
     """
 
@@ -97,22 +98,22 @@ class Conclusion:
     noise: Noise
     not_visible: tuple[str, ...]
     next_experiment: str
-    doubted: bool = False
+    has_warning: bool = False
     unknown: Characteristic | None = None
-    sought: bool = True
+    is_searched: bool = True
 
     @property
     def status(self) -> str:
-        """One of `STATUSES`: a hypothesis is a name beside which more than noise is left, or what a warning doubts."""
-        named = self.effects or self.unknown is not None
-        more_is_left = self.verdict == 'unexplained' or not is_noise(self.tests_after)
-        more_is_left |= maybe_more(self.tests_after, self.noise.known) is not None
-        return 'hypothesis' if self.doubted or (named and more_is_left) else 'confirmed'
+        """Return one of `STATUSES`: a hypothesis has a warning, or names a cause although more than noise remains."""
+        is_named = self.effects or self.unknown is not None
+        has_more = self.verdict == 'unexplained' or not is_noise(self.tests_after)
+        has_more |= ratio_without_rests(self.tests_after, self.noise.known) is not None
+        return 'hypothesis' if self.has_warning or (is_named and has_more) else 'confirmed'
 
     @property
     def rounds(self) -> list[tuple[Trial, ...]]:
-        """The trials by rounds of the search, each beside another model."""
-        return [tuple(trials) for _, trials in groupby(self.tried, attrgetter('beside'))]
+        """Return the trials by rounds of the search; each round extends a different model."""
+        return [tuple(trials) for _, trials in groupby(self.tried, attrgetter('present_effects'))]
 
 
 @dataclass(frozen=True)
@@ -124,10 +125,12 @@ class PartError:
 
 
 def part_errors(experiments: Sequence[Experiment], simulated: Sequence[Array]) -> dict[str, PartError]:
-    """Return the error on each part that has settled samples, by its name, of all experiments together."""
-    span = float(np.mean([one.span for one in experiments]))
-    errors = np.concatenate([(one.measured - values)[one.settled] for one, values in zip(experiments, simulated)])
-    part = np.concatenate([one.part[one.settled] for one in experiments])
+    """Return the error on each part that has settled samples, by the part's name, over all experiments."""
+    span = float(np.mean([experiment.span for experiment in experiments]))
+    errors = np.concatenate(
+        [(experiment.measured - values)[experiment.settled] for experiment, values in zip(experiments, simulated)]
+    )
+    part = np.concatenate([experiment.part[experiment.settled] for experiment in experiments])
     squares, counts = np.bincount(part, errors**2, len(PARTS)), np.bincount(part, minlength=len(PARTS))
     return {
         name: PartError(rmse, 100.0 * rmse / span)
@@ -136,34 +139,35 @@ def part_errors(experiments: Sequence[Experiment], simulated: Sequence[Array]) -
     }
 
 
-def compared(
+def error_ratio(
     experiments: Sequence[Experiment], before: Sequence[Array], after: Sequence[Array]
 ) -> tuple[float, tuple[float, float]]:
     """
-    Return the ratio of the errors on the test part, and its 95 % interval by a block bootstrap (Kuensch, 1989).
+    Return the error ratio (after / before) on the test part, and its 95 % interval.
 
-    On all samples where there is no test part.
+    The interval is from a block bootstrap (Kuensch, 1989). All samples count if there is no test part.
     """
-    judged = np.concatenate([one.part for one in experiments]) == PARTS.index('test')
-    if not np.any(judged):
-        judged[:] = True
-    measured = np.concatenate([one.measured for one in experiments])
-    squares = [(measured - np.concatenate(one))[judged] ** 2 for one in (before, after)]
+    is_judged = np.concatenate([experiment.part for experiment in experiments]) == PARTS.index('test')
+    if not np.any(is_judged):
+        is_judged[:] = True
+    measured = np.concatenate([experiment.measured for experiment in experiments])
+    squares = [(measured - np.concatenate(simulated))[is_judged] ** 2 for simulated in (before, after)]
     edges = np.linspace(0, squares[0].size, min(BOOTSTRAP_BLOCKS, squares[0].size) + 1).astype(np.intp)[:-1]
-    sums_before, sums_after = (np.add.reduceat(one, edges) for one in squares)
+    sums_before, sums_after = (np.add.reduceat(squared_errors, edges) for squared_errors in squares)
     rng = np.random.default_rng(_SEED)
-    drawn = rng.integers(0, edges.size, (BOOTSTRAP_RESAMPLINGS, edges.size))
-    ratios = np.sqrt(sums_after[drawn].sum(axis=1) / sums_before[drawn].sum(axis=1))
+    resampled = rng.integers(0, edges.size, (BOOTSTRAP_RESAMPLINGS, edges.size))
+    ratios = np.sqrt(sums_after[resampled].sum(axis=1) / sums_before[resampled].sum(axis=1))
     low, high = np.quantile(ratios, BOOTSTRAP_QUANTILES)
     return math.sqrt(float(squares[1].sum() / squares[0].sum())), (float(low), float(high))
 
 
 def shortage_of(experiments: Sequence[Experiment]) -> str | None:
     """Return what the recordings lack for a search, or None."""
-    samples = sum(int(np.count_nonzero(one.part == PARTS.index('train'))) for one in experiments)
+    samples = sum(int(np.count_nonzero(experiment.part == PARTS.index('train'))) for experiment in experiments)
     if samples < FEWEST_TRAIN_SAMPLES:
         return (
-            f'{samples} samples to learn from are too few to tell effects apart: record at least {FEWEST_TRAIN_SAMPLES}'
+            f'The train part has {samples} samples, too few to distinguish effects. '
+            f'Record at least {FEWEST_TRAIN_SAMPLES}'
         )
     return None
 
@@ -176,88 +180,124 @@ def verdict_of(
     shortage: str | None,
     ratio: float | None,
     interval: tuple[float, float] | None,
-    against: Sequence[str] = (),
-    harmless: str = '',
-    law: str = '',
-    sought: bool = True,
-    rested: bool = True,
+    contradictions: Sequence[str] = (),
+    tolerance: str = '',
+    curve: str = '',
+    is_searched: bool = True,
+    has_rests: bool = True,
 ) -> tuple[str, str]:
     """
-    Return the verdict and the sentence that says it; clauses of `against` withdraw it.
+    Return the verdict and its reasons in sentences.
 
-    Where `harmless` says why what is left does not matter, it makes no verdict `unexplained`. A `law` is what a curve
-    that was drawn does. Whether effects were `sought` at all is said, too; and what is left may be noise with a memory
-    or more where nothing `rested`.
+    Parameters
+    ----------
+    core, effects, alternatives, ratio, interval
+        See `Conclusion`.
+    tests
+        Tests of the residual with core, effects and curve.
+    shortage
+        See `shortage_of`.
+    contradictions
+        Clauses that withdraw the verdict.
+    tolerance
+        Clause that the remaining error is within the tolerance: the verdict is then not `unexplained`.
+    curve
+        Description of the unknown characteristic.
+    is_searched
+        Whether effects were searched.
+    has_rests
+        Whether the piston rested; otherwise autocorrelated noise is not distinguishable from a missing effect.
+
     """
     if shortage is not None:
         return 'insufficient_data', shortage
     named = ' and '.join(
-        name + (f' (or {" or ".join(alternatives[name])}: not to be told apart here)' if alternatives.get(name) else '')
+        name + (f' (not distinguishable from {" or ".join(alternatives[name])})' if alternatives.get(name) else '')
         for name in effects
     )
-    falls = '' if ratio is None or interval is None else f'; with it the error {_change(ratio, interval)}'
-    whole = f'{_WHOLE}{falls}, and ' if core == PHYSICAL else ''
-    failed = ', '.join(_FAILINGS.get(test.name, test.what) for test in tests if test.decisive and not test.passed)
-    if law:
-        beside = f', beside {named}' if named else ''
-        why = f'the model lacks a law that is none of the effects known here{beside}: {law}{falls}'
-        left = f'; something more is left, which {failed}' if failed else ', and what is left is noise'
-    elif effects:
-        why = f'{_WHOLE}, and the model lacks {named}{falls}' if whole else f'the model lacks {named}{falls}'
-        left = ', and what is left is noise'
+    missing = [f'Missing effect{"s" if len(effects) > 1 else ""}: {named}'] if effects else []
+    is_physical = core == PHYSICAL
+    verb = 'Adding the curve reduces' if curve else 'Adding it reduces'
+    if len(effects) + bool(curve or is_physical) > 1:
+        verb = 'Together they reduce'
+    reduction = [] if ratio is None or interval is None else [f'{verb} the error to {_ratio_text(ratio, interval)}']
+    failed = ' and '.join(_FAILURES.get(test.name, test.what) for test in tests if test.decisive and not test.passed)
+    if curve:
+        reasons, remainder = [f'Unknown cause: {curve}', *missing, *reduction], [_NOISE_REMAINS]
         if failed:
-            left = f', and something that is not known here: what is left {failed}'
-    elif failed:
-        why, left = f'{whole}{_UNKNOWN if sought else _UNSOUGHT}', f': what is left {failed}'
+            remainder = [f'The remaining error {failed}']
+    elif effects:
+        reasons, remainder = [*([_PHYSICAL_CORE] if is_physical else []), *missing, *reduction], [_NOISE_REMAINS]
+        if failed:
+            remainder = [_NO_KNOWN_EFFECT, f'The remaining error {failed}']
     else:
-        why, left = f'{whole}what the model leaves is noise', ': nothing is missing that these recordings could show'
-    size = maybe_more(tests, rested)
-    if size is not None and not failed:
-        times = f'is {size:.1f} times the noise from sample to sample'
-        has_memory = 'if that noise has a memory, which rests of a second or two tell'
-        if law or effects:
-            left = f', and what is left {times}: nothing more is missing {has_memory}'
+        reasons = [_PHYSICAL_CORE, *reduction] if is_physical else []
+        if failed:
+            reasons += [_NO_KNOWN_EFFECT if is_searched else _NOT_SEARCHED]
+            remainder = [f'The remaining error {failed}']
         else:
-            why, left = f'{whole}what the model leaves {times}', f': nothing is missing {has_memory}'
-    if failed and harmless:
-        failed, left = '', f'; what is left {failed}, but {harmless}'
-    if failed or against:
-        return 'unexplained', '; '.join([why + left, *against]) if failed else f'{why}, but {"; ".join(against)}'
-    return 'shape_found' if law else 'effect_added' if effects else 'no_missing_effect', why + left
+            remainder = ['Nothing is missing that the recording could show']
+    size = ratio_without_rests(tests, has_rests)
+    if not failed and size is not None:
+        size_text = f'The remaining error is {size:.1f} times the noise from sample to sample'
+        more = ' more' if curve or effects else ''
+        remainder = [
+            f'Nothing{more} is missing if this noise is autocorrelated. Record rests of one or two seconds to decide'
+        ]
+        if curve or effects:
+            remainder = [size_text, *remainder]
+        else:
+            reasons += [size_text]
+    elif not (failed or curve or effects):
+        reasons += ['The model explains the recording down to sensor noise']
+    if failed and tolerance:
+        failed, remainder = '', [f'The remaining error {failed}', tolerance]
+    if failed or contradictions:
+        return 'unexplained', _text([*reasons, *(remainder if failed else []), *contradictions])
+    return 'shape_found' if curve else 'effect_added' if effects else 'no_missing_effect', _text(reasons + remainder)
 
 
-def maybe_more(tests: Sequence[Test], rested: bool) -> float | None:
-    """Return what is left, over the noise from sample to sample, where that may be more: nothing `rested`."""
+def _text(clauses: Sequence[str]) -> str:
+    return '. '.join(clause[:1].upper() + clause[1:] for clause in clauses)
+
+
+def ratio_without_rests(tests: Sequence[Test], has_rests: bool) -> float | None:
+    """
+    Return the residual over the noise from sample to sample, if the residual may be more than noise; None otherwise.
+
+    Rests of the piston would show whether the noise is autocorrelated.
+    """
     size = max((test.statistic for test in tests if test.name == 'noise_floor'), default=1.0)
-    return size if not rested and size > LARGEST_RATIO_WITHOUT_RESTS else None
+    return size if not has_rests and size > LARGEST_RATIO_WITHOUT_RESTS else None
 
 
-def within(tolerance: Tolerance, unit: str, experiments: Sequence[Experiment], simulated: Sequence[Array]) -> str:
-    """Return in a clause that the errors of all parts lie within a tolerance, or nothing."""
+def within_tolerance(
+    tolerance: Tolerance, unit: str, experiments: Sequence[Experiment], simulated: Sequence[Array]
+) -> str:
+    """Return a clause that the errors of all parts are within a tolerance; empty if they are not."""
     errors = part_errors(experiments, simulated)
-    worst = max(one.rmse for one in errors.values())
-    most = tolerated(tolerance, unit, float(np.mean([one.span for one in experiments])))
-    return f'its {worst:.3g} {unit} are within the tolerance of {most:.3g} {unit}' if worst <= most else ''
+    largest = max(error.rmse for error in errors.values())
+    limit = tolerated(tolerance, unit, float(np.mean([experiment.span for experiment in experiments])))
+    return f'its size, {largest:.3g} {unit}, is within the tolerance of {limit:.3g} {unit}' if largest <= limit else ''
 
 
-def not_added(
+def withdraw_effects(
     effects: Sequence[str], ratio: float, interval: tuple[float, float], tried: Sequence[Trial]
 ) -> tuple[str, tuple[Trial, ...]]:
-    """Return in a clause that with these effects the error does not fall, and the trials without their acceptance."""
-    clause = f'with {" and ".join(effects)} the error {_change(ratio, interval)}: not added'
-    why = 'with it the error on the test part does not fall'
-    return clause, tuple(replace(one, accepted=False, why=why) if one.accepted else one for one in tried)
+    """Return a clause that the effects do not reduce the error, and the trials as not accepted."""
+    clause = f'not added: {" and ".join(effects)}. The error would change to {_ratio_text(ratio, interval)}'
+    why = 'does not reduce the error on the test part'
+    return clause, tuple(replace(trial, accepted=False, why=why) if trial.accepted else trial for trial in tried)
 
 
-def _change(ratio: float, interval: tuple[float, float]) -> str:
-    change = f'falls to {100.0 * ratio:.0f} %' if ratio < 1.0 else f'does not fall, but is {100.0 * ratio:.0f} %'
+def _ratio_text(ratio: float, interval: tuple[float, float]) -> str:
     low, high = interval
-    by_chance = f', which may be chance ({100.0 * low:.0f} to {100.0 * high:.0f} %)' if low <= 1.0 <= high else ''
-    return change + by_chance
+    chance = f'. This may be chance: the 95 % interval is {100.0 * low:.0f} to {100.0 * high:.0f} %'
+    return f'{100.0 * ratio:.0f} %' + (chance if low <= 1.0 <= high else '')
 
 
 def next_experiment(hidden: Sequence[str], library: Mapping[str, Effect], shortage: str | None) -> str:
-    """Return what to record to see effects that did not show."""
+    """Return what to record so that hidden effects would show."""
     if shortage is not None:
         return 'several strokes out and back, of two sizes, at two set-points'
     advice = list(dict.fromkeys(library[name].advice for name in hidden if library[name].advice))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Formulas for a curve: the simplest few of a small grammar that stay within its band wherever recordings have been.
+Formulas for an estimated curve: the simplest formulas of a small grammar that stay within the curve's band.
 
-What is even of a curve is the gains' and the offset's (`Shape.free`): there a formula is told but for a constant.
+The gains or the offset of the model may absorb a constant. The formula then determines the curve except for a constant.
 """
 
 from __future__ import annotations
@@ -37,46 +37,46 @@ class Formula:
     Attributes
     ----------
     text
-        As it is written, with its numbers in SI units.
+        Formula for people, with its numbers in SI units.
     code
-        As an effect's function has it, of the variable `z` and of its numbers' names.
+        Expression for an effect's function, in the variable `z` and the names of the numbers.
     numbers
-        A height `a`, and as far as there are these a place `b` and a length `c` of the variable, in SI units.
-    told
-        The curve as it has it at values of the variable, with the constant that came nearest.
+        Height `a`, and if the formula has them a place `b` and a length `c` of the variable [SI].
+    evaluate
+        Returns the formula's values at values of the variable, with the constant that fits best.
     power
-        Of the variable, by which the height is told.
+        Power of the variable in the unit of the height.
 
     """
 
     text: str
     code: str
     numbers: Mapping[str, float]
-    told: Function = field(repr=False, compare=False)
+    evaluate: Function = field(repr=False, compare=False)
     power: int = 0
 
 
 @dataclass(frozen=True)
 class Form:
     """
-    One form of the grammar.
+    A form of the grammar.
 
     Attributes
     ----------
     text, code
-        As in `Formula`, with names for its numbers.
+        As in `Formula`, with names for the numbers.
     function
-        Of the variable, from -1 to 1 over the range, and of its place and its length there.
+        Function of the variable, from -1 to 1 over the range, and of the place and the length on this scale.
     starts
-        Of these, each a choice.
-    has
-        Which there are: `b`, `c`.
+        Starting values of the place and the length, a choice each.
+    letters
+        Letters of these numbers: `b`, `c`.
     power
-        Of the variable, by which the height is told.
-    grows
-        By how many lengths its logarithm grows with each length of the variable: of an exponential.
-    constant
-        Whether it is one only where a constant is another's.
+        Power of the variable in the unit of the height.
+    growth
+        Growth of an exponential's logarithm over a length [1].
+    needs_free_constant
+        Whether the form is used only if the model absorbs a constant.
 
     """
 
@@ -84,10 +84,10 @@ class Form:
     code: str
     function: Function
     starts: tuple[tuple[float, ...], ...] = ()
-    has: str = ''
+    letters: str = ''
     power: int = 0
-    grows: float = 0.0
-    constant: bool = False
+    growth: float = 0.0
+    needs_free_constant: bool = False
 
 
 _PLACES = (-0.6, -0.2, 0.2, 0.6)
@@ -98,13 +98,13 @@ _HUMPS = (-0.6, -0.3, 0.0, 0.3, 0.6)
 _WAVES = (0.5, 0.8, 1.2, 1.8)
 
 GRAMMAR = (
-    Form('{a} {z}', 'a * z', lambda u: u, power=1, constant=True),
+    Form('{a} {z}', 'a * z', lambda u: u, power=1, needs_free_constant=True),
     Form('{a} ({shift})', 'a * (z - b)', lambda u, b: u - b, (_PLACES,), 'b', 1),
     Form('{a} max({shift}, 0)', 'a * max(z - b, 0.0)', lambda u, b: np.maximum(u - b, 0.0), (_PLACES,), 'b', 1),
     Form('{a} max(-({shift}), 0)', 'a * max(b - z, 0.0)', lambda u, b: np.maximum(b - u, 0.0), (_PLACES,), 'b', 1),
     Form('{a} ({shift})^2', 'a * (z - b) * (z - b)', lambda u, b: (u - b) ** 2, (_PLACES,), 'b', 2),
-    Form('{a} exp(-{z} / {c})', 'a * exp(-z / c)', lambda u, c: np.exp(-u / c), (_LENGTHS,), 'c', grows=-1.0),
-    Form('{a} exp({z} / {c})', 'a * exp(z / c)', lambda u, c: np.exp(u / c), (_LENGTHS,), 'c', grows=1.0),
+    Form('{a} exp(-{z} / {c})', 'a * exp(-z / c)', lambda u, c: np.exp(-u / c), (_LENGTHS,), 'c', growth=-1.0),
+    Form('{a} exp({z} / {c})', 'a * exp(z / c)', lambda u, c: np.exp(u / c), (_LENGTHS,), 'c', growth=1.0),
     Form(
         '{a} tanh(({shift}) / {c})',
         'a * tanh((z - b) / c)',
@@ -127,93 +127,100 @@ GRAMMAR = (
         'bc',
     ),
 )
-"""From the simplest on: a height `a`, the variable `z`, its `shift` from a place `b`, a length `c`."""
+"""Forms, the simplest first: height `a`, variable `z`, its `shift` from a place `b`, length `c`."""
 
 
 def formulas(
-    at: Array,
+    points: Array,
     value: Array,
     low: Array,
     high: Array,
     variable: str,
     *,
-    free: bool,
-    holds: Callable[[Formula], bool] = lambda formula: True,
+    has_free_constant: bool,
+    is_accepted: Callable[[Formula], bool] = lambda formula: True,
 ) -> tuple[Formula, ...]:
     """
-    Return the simplest formulas that stay within a band, of as many numbers each; none where none does.
+    Return the simplest formulas that stay within a band, all with the same count of numbers.
 
     Parameters
     ----------
-    at, value, low, high
-        A curve and its band where recordings have been, shape (n,), in SI units.
+    points, value, low, high
+        Variable, curve and band where recordings visited, shape (n,) [SI].
     variable
-        How what it depends on is written.
-    free
-        Whether a constant is the gains' or the offset's.
-    holds
-        Tells whether one does when it is simulated in the curve's place.
+        Symbol of the variable.
+    has_free_constant
+        Whether the gains or the offset of the model absorb a constant.
+    is_accepted
+        Returns whether a formula fits when it is simulated instead of the curve.
 
     """
-    if at.size < FEWEST_CURVE_POINTS:
+    if points.size < FEWEST_CURVE_POINTS:
         return ()
-    middle, half = 0.5 * (at[0] + at[-1]), 0.5 * (at[-1] - at[0])
-    u, weights = (at - middle) / half, 2.0 / np.maximum(high - low, LEAST_BAND * max(np.ptp(value), LEAST_CURVE_RANGE))
-    found: list[tuple[int, float, Formula]] = []
+    middle, half = 0.5 * (points[0] + points[-1]), 0.5 * (points[-1] - points[0])
+    u, weights = (
+        (points - middle) / half,
+        2.0 / np.maximum(high - low, LEAST_BAND * max(np.ptp(value), LEAST_CURVE_RANGE)),
+    )
+    accepted: list[tuple[int, float, Formula]] = []
     for form in GRAMMAR:
-        if form.constant and not free:
+        if form.needs_free_constant and not has_free_constant:
             continue
-        if found and 1 + len(form.starts) > found[0][0]:
+        if accepted and 1 + len(form.starts) > accepted[0][0]:
             break
-        numbers, height, constant = _fitted(form, u, value, weights, free)
-        formula = _written(form, numbers, height, constant, middle, half, variable)
-        told = formula.told(at)
-        if np.all((told >= low) & (told <= high)) and holds(formula):
-            found.append((1 + len(numbers), float(np.sum(((told - value) * weights) ** 2)), formula))
-    found.sort(key=lambda one: one[1])
-    return tuple(formula for _, _, formula in found[:MOST_FORMULAS])
+        numbers, height, constant = _fit(form, u, value, weights, has_free_constant)
+        formula = _to_formula(form, numbers, height, constant, middle, half, variable)
+        evaluated = formula.evaluate(points)
+        if np.all((evaluated >= low) & (evaluated <= high)) and is_accepted(formula):
+            accepted.append((1 + len(numbers), float(np.sum(((evaluated - value) * weights) ** 2)), formula))
+    accepted.sort(key=lambda ranked: ranked[1])
+    return tuple(formula for _, _, formula in accepted[:MOST_FORMULAS])
 
 
-def _fitted(form: Form, u: Array, value: Array, weights: Array, free: bool) -> tuple[Sequence[float], float, float]:
-    """Return numbers, height and constant of a form that come nearest."""
-    from scipy.optimize import least_squares  # takes long to import, and few need it
+def _fit(
+    form: Form, u: Array, value: Array, weights: Array, has_free_constant: bool
+) -> tuple[Sequence[float], float, float]:
+    """Fit a form to a curve; return its numbers, height and constant."""
+    from scipy.optimize import least_squares  # the import is slow, and few runs need it
 
     def linear(numbers: Sequence[float] | Array) -> tuple[Array, Array]:
-        columns = np.column_stack([form.function(u, *numbers), *([np.ones_like(u)] if free else [])])
-        known, *_ = np.linalg.lstsq(columns * weights[:, None], value * weights, rcond=None)
-        return np.asarray(known), (columns @ known - value) * weights
+        columns = np.column_stack([form.function(u, *numbers), *([np.ones_like(u)] if has_free_constant else [])])
+        coefficients, *_ = np.linalg.lstsq(columns * weights[:, None], value * weights, rcond=None)
+        return np.asarray(coefficients), (columns @ coefficients - value) * weights
 
     def misfit(numbers: Sequence[float]) -> float:
         return float(np.sum(linear(numbers)[1] ** 2))
 
-    def refined(start: Sequence[float]) -> Sequence[float]:
-        lower, upper = ([_LIMITS[one][side] for one in form.has] for side in (0, 1))
-        found = least_squares(lambda at: linear(at)[1], start, bounds=(lower, upper), max_nfev=MOST_FORMULA_EVALUATIONS)
-        return tuple(found.x.tolist())
+    def refine(start: Sequence[float]) -> Sequence[float]:
+        lower, upper = ([_LIMITS[letter][side] for letter in form.letters] for side in (0, 1))
+        optimum = least_squares(
+            lambda numbers: linear(numbers)[1], start, bounds=(lower, upper), max_nfev=MOST_FORMULA_EVALUATIONS
+        )
+        return tuple(optimum.x.tolist())
 
     starts = sorted(product(*form.starts), key=misfit)[:REFINED_STARTS]
-    numbers = min(map(refined, starts), key=misfit) if form.has else ()
-    known, _ = linear(numbers)
-    return numbers, float(known[0]), float(known[1]) if free else 0.0
+    numbers = min(map(refine, starts), key=misfit) if form.letters else ()
+    coefficients, _ = linear(numbers)
+    return numbers, float(coefficients[0]), float(coefficients[1]) if has_free_constant else 0.0
 
 
-def _written(
+def _to_formula(
     form: Form, numbers: Sequence[float], height: float, constant: float, middle: float, half: float, variable: str
 ) -> Formula:
-    """Return a form with its numbers in SI units."""
+    """Return a form as a formula with numbers in SI units."""
     curve = partial(_curve, form, numbers, height, constant, middle, half)
-    own = dict(zip(form.has, numbers))
-    told = {name: number * half + (middle if name == 'b' else 0.0) for name, number in own.items()}
-    told['a'] = height / half**form.power
-    if form.grows:
-        told['a'] *= float(np.exp(-form.grows * middle / told['c']))
-    place = told.get('b', 0.0)
+    scaled = dict(zip(form.letters, numbers))
+    values = {letter: number * half + (middle if letter == 'b' else 0.0) for letter, number in scaled.items()}
+    values['a'] = height / half**form.power
+    if form.growth:
+        values['a'] *= float(np.exp(-form.growth * middle / values['c']))
+    place = values.get('b', 0.0)
     shift = f'{variable} {"-" if place > 0.0 else "+"} {abs(place):.4g}'
-    text = form.text.format(a=f'{told["a"]:.4g}', z=variable, shift=shift, c=f'{told.get("c", 1.0):.4g}')
-    return Formula(text, form.code, {name: told[name] for name in f'a{form.has}'}, curve, form.power)
+    text = form.text.format(a=f'{values["a"]:.4g}', z=variable, shift=shift, c=f'{values.get("c", 1.0):.4g}')
+    return Formula(text, form.code, {letter: values[letter] for letter in f'a{form.letters}'}, curve, form.power)
 
 
 def _curve(
-    form: Form, numbers: Sequence[float], height: float, constant: float, middle: float, half: float, at: Array
+    form: Form, numbers: Sequence[float], height: float, constant: float, middle: float, half: float, points: Array
 ) -> Array:
-    return np.asarray(height * form.function((at - middle) / half, *numbers) + constant)
+    return np.asarray(height * form.function((points - middle) / half, *numbers) + constant)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How results are put to people: names, sentences and numbers."""
+"""Texts of results for people: names, sentences and numbers."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.conclusion import Conclusion
 
 TITLES = {'cylinder_a': 'Cylinder A', 'cylinder_b': 'Cylinder B', 'force': 'Contact force'}
-"""Of what was identified."""
+"""Titles of the channels."""
 
 VERDICTS = {
     'effect_added': 'Effect found',
     'no_missing_effect': 'Nothing missing',
-    'shape_found': 'An unknown law, drawn',
+    'shape_found': 'Unknown characteristic',
     'unexplained': 'Unexplained',
     'insufficient_data': 'Not enough data',
 }
-"""Verdicts of the loop in two words."""
+"""Short names of the verdicts."""
 
 TESTS = {
     'inputs': 'Independent of the inputs',
-    'slow_inputs': 'Independent of the inputs in its slow parts, too',
-    'line': 'No line in the spectrum',
-    'level': 'No slow wandering',
-    'ljung_box': 'Memory like that of the noise at rest',
+    'slow_inputs': 'Independent of slow changes of the inputs',
+    'line': 'No tone',
+    'level': 'No drift',
+    'ljung_box': 'No more autocorrelation than the noise at rest',
     'noise_floor': 'No larger than the noise',
 }
-"""Tests of a residual by what one hopes for."""
+"""Titles of the tests of a residual: the hypothesis that each test may reject."""
 
 _SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 
 
 def readable_name(name: str) -> str:
-    """Return an identifier as words."""
+    """Return an identifier with spaces."""
     return name.replace('set_point', 'set-point').replace('_', ' ')
 
 
@@ -48,24 +48,24 @@ def title(name: str) -> str:
 
 
 def verdict(name: str) -> str:
-    """Return a verdict in two words."""
+    """Return the short name of a verdict."""
     return VERDICTS.get(name, readable_name(name).capitalize())
 
 
 def reservation(findings: Conclusion) -> str:
-    """Return what has to be said beside a verdict that is not to be trusted yet, or nothing."""
-    if findings.doubted:
-        return ', in doubt: look into the warning first'
+    """Return the reservation that follows an uncertain verdict; empty for a confirmed verdict."""
+    if findings.has_warning:
+        return ', with a warning: check the data first'
     return ', with a hypothesis' if findings.status == 'hypothesis' else ''
 
 
 def title_of_test(name: str) -> str:
-    """Return what one hopes that a residual's test says."""
+    """Return the title of a test of a residual."""
     return TESTS.get(name, readable_name(name).capitalize())
 
 
 def sentence(text: str) -> str:
-    """Return a clause as a sentence: effects in words, a capital and a full stop."""
+    """Return a clause as a sentence: readable names of effects, a capital letter and a full stop."""
     for name in sorted((*EFFECTS, *CORES), key=len, reverse=True):
         text = re.sub(rf'\b{name}\b', readable_name(name), text)
     text = re.sub(r'(\d) %', '\\1\u00a0%', text.strip())
@@ -74,11 +74,11 @@ def sentence(text: str) -> str:
 
 def unit(text: str) -> str:
     """Return a unit with raised powers: lbf/in³."""
-    return re.sub(r'\^(-?\d+)', lambda found: found[1].translate(_SUPERSCRIPTS), text)
+    return re.sub(r'\^(-?\d+)', lambda match: match[1].translate(_SUPERSCRIPTS), text)
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a number with so many significant digits, as people write it: 4.312 × 10⁶."""
+    """Return a number with some significant digits, as people write it: 4.312 × 10⁶."""
     if value == 0.0 or not math.isfinite(value):
         return f'{value:g}'
     power = math.floor(math.log10(abs(float(f'{value:.{digits - 1}e}'))))
@@ -89,5 +89,5 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in percent, on one line with its sign."""
+    """Return a share in percent, with a space that does not break before the sign."""
     return f'{100.0 * share:.{0 if abs(share) >= 0.0995 else 1}f}\u00a0%'.replace('-', '−')

@@ -78,7 +78,7 @@ def describe_remaining_error(result: ChannelResult) -> str:
     noise, span = size / result.noise.std, size / result.span
     text = f'What is left is {number(size / small.si, 3)} {small.unit}, {number(noise, 2)} times the noise and '
     text += f'{percent(span)} of the span.'
-    if not result.findings.sought:  # what it goes with is the mistake
+    if not result.findings.is_searched:  # what it goes with is the mistake
         return text
     found = residual_dependences(result)
     if not found:

@@ -147,7 +147,7 @@ class ChannelResult:
 
     def doubted(self) -> ChannelResult:
         """Return it with its conclusion in doubt."""
-        return self if self.conclusion is None else replace(self, conclusion=replace(self.conclusion, doubted=True))
+        return self if self.conclusion is None else replace(self, conclusion=replace(self.conclusion, has_warning=True))
 
     @property
     def judged_on(self) -> str:

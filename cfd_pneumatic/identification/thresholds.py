@@ -38,7 +38,7 @@ BOOTSTRAP_RESAMPLINGS = 2000
 BOOTSTRAP_QUANTILES = (0.025, 0.975)
 """Quantiles of the error ratio that bound its interval of 95 % [-]. Origin: not known."""
 
-# Test part: held_out.py
+# Test part: test_part.py
 
 LARGEST_TEST_RATIO = 1.5
 """
@@ -54,7 +54,7 @@ recordings hardly scatter.
 Origin: not known (1.05 before commit 851b74e).
 """
 
-# Dependence of the residual: whereabouts.py
+# Dependence of the residual: residual_dependence.py
 
 DEPENDENCE_BINS = 24
 """Bins of equally many samples for the mean of the residual over a signal [1]. Origin: not known."""
@@ -71,7 +71,7 @@ LEAST_MOVING_SPEED = 0.05
 LEAST_POWER = 1e-300
 """Least power of a residual that is divided by [signal's unit squared]. Origin: a guard against division by zero."""
 
-# Curve that is part of an answer: loop.py
+# Confirmation of a curve: loop.py
 
 LARGEST_CURVE_ERROR = 0.92
 """
@@ -93,7 +93,7 @@ curve]. A pressure that crept for seconds stayed without an explanation before (
 Origin: not known.
 """
 
-# Estimated curve: shape.py
+# Estimated curve: characteristic.py
 
 CURVE_POINTS = 41
 """Points of a reported curve [1]. Origin: not known."""
@@ -146,7 +146,7 @@ Origin: not known.
 # Formulas of a curve: formulas.py
 
 MOST_FORMULAS = 3
-"""Formulas that are reported for a curve [1]. Origin: not known."""
+"""Most formulas that are reported for a curve [1]. Origin: not known."""
 
 REFINED_STARTS = 2
 """
@@ -191,20 +191,21 @@ LEAST_GAUGE_PRESSURE = 1e3
 
 LARGEST_LAW_ERROR = 2.0
 """
-Largest error on the second half of a decay of a law that is not excluded [standard deviations of the noise].
+Largest error on the second half of a decay for a leak model that is not excluded [standard deviations of the noise].
 Origin: not known.
 """
 
 LARGEST_LAW_ERROR_RATIO = 1.5
 """
-Largest error on the second half of a decay of a law that is not excluded [error of the best law, or the noise].
+Largest error on the second half of a decay for a leak model that is not excluded [error of the best leak model, or the
+noise].
 Origin: not known.
 """
 
 LEAST_LAW_DISTANCE = 25.0
 """
-Least distance between the pressures of two laws that a decay distinguishes [standard deviations of the noise]. Settling
-compensates for most of a smaller distance.
+Least distance between the pressures of two leak models that a decay distinguishes [standard deviations of the noise].
+Settling compensates for most of a smaller distance.
 Origin: not known.
 """
 

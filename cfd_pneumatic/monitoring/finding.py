@@ -52,7 +52,7 @@ class Diagnosis:
         """Return the diagnosis of a result."""
         conclusion = result.findings
         estimates = {estimate.name: estimate for estimate in result.found.estimates}
-        characteristic = '' if conclusion.unknown is None else conclusion.unknown.words
+        characteristic = '' if conclusion.unknown is None else conclusion.unknown.description
         return cls(
             conclusion.verdict,
             conclusion.why,

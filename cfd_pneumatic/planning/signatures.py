@@ -215,7 +215,7 @@ def _formed(
     """Return the forms of effects and their signatures, each where it just shows beside what is fitted anyway."""
 
     def visibility(columns: Array) -> Array:
-        return np.asarray(np.sqrt(np.mean(complement.left(columns) ** 2, axis=0)) / (SHOWN * noise))
+        return np.asarray(np.sqrt(np.mean(complement.remainder(columns) ** 2, axis=0)) / (SHOWN * noise))
 
     def of_effect(name: str) -> tuple[list[Form], Array]:
         effect = library[name]
@@ -228,7 +228,7 @@ def _formed(
         more = complement.changes(name, [effect.of_strength(form.typical, form.share) for form in varied])
         return [*forms, *varied], np.column_stack([columns, np.where(np.isfinite(more), more, 0.0)])
 
-    complement.left(complement.simulated)  # made once, before threads ask for it
+    complement.remainder(complement.simulated)  # made once, before threads ask for it
     found = map_in_threads(of_effect, list(library))
     return tuple(form for forms, _ in found for form in forms), [columns for _, columns in found]
 

@@ -22,7 +22,7 @@ def next_plan(identification: Identification, folder: Path = Path()) -> str | No
 
     `folder` is the folder of the results, relative to the folder in which the command is run.
     """
-    if not all(result.findings.sought for result in identification.closed):
+    if not all(result.findings.is_searched for result in identification.closed):
         return None
     unidentifiable = {
         estimate.name

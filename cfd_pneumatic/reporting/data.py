@@ -171,7 +171,7 @@ def _characteristic_data(characteristic: Characteristic) -> dict[str, Any]:
     """Return an estimated curve; each pair under `or` names an alternative place and variable of the curve."""
     return {
         'enters': characteristic.enters,
-        'or': [list(alternative) for alternative in characteristic.others],
+        'or': [list(alternative) for alternative in characteristic.alternatives],
         'against': characteristic.against,
         'unit': characteristic.unit,
         'unit_against': characteristic.unit_against,
@@ -182,7 +182,7 @@ def _characteristic_data(characteristic: Characteristic) -> dict[str, Any]:
         'formula': characteristic.formulas[0].text if len(characteristic.formulas) == 1 else None,
         'formulas': [formula.text for formula in characteristic.formulas],
         'explains': characteristic.explains,
-        'words': characteristic.words,
+        'words': characteristic.description,
     }
 
 

@@ -125,7 +125,7 @@ def _file_text(curve: Characteristic, name: str, result: ChannelResult) -> str:
         functions.append(_SLIDE.format(parameters=', '.join(arguments)))
     return _FILE.format(
         title=name.replace('_', ' ').capitalize(),
-        description=curve.words.partition(': look')[0],
+        description=curve.description.partition('. Inspect')[0],
         imports=''.join(f'{line}\n' for line in imports),
         functions=''.join(functions),
         channel=result.name,

@@ -117,7 +117,7 @@ def characteristic_picture(estimate: Characteristic) -> Picture:
     for run in np.split(visited, 1 + np.flatnonzero(np.diff(visited) > 1)):  # the gaps between runs are not estimated
         is_dot = run.size == 1
         curves += [Curve(at[run], line[run] / scale, AFTER, (1 + 2 * is_dot) * width, is_dot) for line, width in lines]
-    text = f'Estimated curve: {estimate.words}. Thin lines: 95 % interval at each point. Grey: not visited.'
+    text = f'Estimated curve: {estimate.description}. Thin lines: 95 % interval at each point. Grey: not visited.'
     place, variable = PLACES[estimate.enters].axis, VARIABLES[estimate.against].axis
 
     def figure(width: int) -> str:

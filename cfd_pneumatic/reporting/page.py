@@ -137,7 +137,7 @@ def _round(trials: Sequence[Trial]) -> dict[str, Any]:
     """Return a round of the search, its first candidates separate from the folded candidates."""
     first = [trial for rank, trial in enumerate(trials) if rank < _FIRST_TRIALS or trial.accepted]
     folded = [trial for trial in trials if trial not in first]
-    return {'added_before': trials[0].beside, 'first': first, 'folded': folded}
+    return {'added_before': trials[0].present_effects, 'first': first, 'folded': folded}
 
 
 def _test_pairs(before: Sequence[Test], after: Sequence[Test]) -> list[tuple[Test, Test | None]]:

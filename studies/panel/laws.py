@@ -121,7 +121,7 @@ def measure(job: Job) -> dict[str, Any]:
         **row,
         'verdict': conclusion.verdict,
         'effects': conclusion.effects,
-        'places': [] if law is None else [(law.enters, law.against), *law.others],
+        'places': [] if law is None else [(law.enters, law.against), *law.alternatives],
         'formulas': [] if law is None else [one.text for one in law.formulas],
         'near': None if near is None else near._asdict(),
         'after': rms((experiment.measured - found.simulated[0])[judged]) / left,

@@ -21,7 +21,7 @@ from reference import AMBIENT
 from cfd_pneumatic.identification import Geometry, Options, identify
 from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.channels.force import Force
-from cfd_pneumatic.identification.conclusion import VERDICTS, not_added, part_errors, verdict_of
+from cfd_pneumatic.identification.conclusion import VERDICTS, part_errors, verdict_of, withdraw_effects
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import fit_model
 from cfd_pneumatic.identification.loop import close_loop
@@ -193,7 +193,7 @@ def test_a_constant_may_be_a_weight():
     _, closure = closed('force_offset', 'out_and_back', 23)
     assert closure.effects == ('force_offset',)
     assert closure.alternatives['force_offset'] == ('moving_mass',)  # strokes too quick to see that nothing is inert
-    assert 'force_offset (or moving_mass: not to be told apart here)' in closure.why
+    assert 'force_offset (not distinguishable from moving_mass)' in closure.why
     _, closure = closed('force_offset', 'surface_following', 0)
     assert closure.alternatives['force_offset'] == ()  # 0.2 kg would have shown
 
@@ -203,7 +203,7 @@ def test_friction_that_is_not_known_is_drawn():
     _, closure = closed('seal_friction', 'surface_following', 24, library=library)
     assert closure.verdict == 'shape_found'
     assert closure.unknown.enters == 'friction'
-    assert 'none of the effects' in closure.why
+    assert 'Unknown cause' in closure.why
 
 
 def test_a_force_sensor_that_trails_is_unexplained():
@@ -228,9 +228,23 @@ def test_too_few_samples_are_said():
 def test_the_verdict_is_put_into_words():
     for shortage, effects, ratio, interval, verdict, words in (
         ('7 samples', (), None, None, 'insufficient_data', '7 samples'),
-        (None, (), None, None, 'no_missing_effect', 'nothing is missing that these recordings could show'),
-        (None, ('force_offset',), 0.25, (0.2, 0.3), 'effect_added', 'error falls to 25 %, and what is left is noise'),
-        (None, ('force_offset',), 0.95, (0.8, 1.1), 'effect_added', 'falls to 95 %, which may be chance (80 to 110 %)'),
+        (None, (), None, None, 'no_missing_effect', 'Nothing is missing that the recording could show'),
+        (
+            None,
+            ('force_offset',),
+            0.25,
+            (0.2, 0.3),
+            'effect_added',
+            'error to 25 %. The remaining error is sensor noise',
+        ),
+        (
+            None,
+            ('force_offset',),
+            0.95,
+            (0.8, 1.1),
+            'effect_added',
+            'to 95 %. This may be chance: the 95 % interval is 80 to 110 %',
+        ),
     ):
         found = verdict_of('linear', effects, {}, (), shortage, ratio, interval)
         assert found[0] == verdict
@@ -241,12 +255,12 @@ def test_the_verdict_is_put_into_words():
 def test_what_withdraws_a_verdict_stands_beside_what_was_found():
     against = ['from t = 52 s on the error is 6 times what it was: the device or its work changed']
     for effects, ratio, interval, words in (
-        ((), None, None, 'what the model leaves is noise, but from t = 52 s on'),
+        ((), None, None, 'The model explains the recording down to sensor noise. From t = 52 s on'),
         (
             ('force_offset',),
             0.25,
             (0.2, 0.3),
-            'the model lacks force_offset; with it the error falls to 25 %, but from',
+            'Missing effect: force_offset. Adding it reduces the error to 25 %. From',
         ),
     ):
         verdict, why = verdict_of('linear', effects, {}, (), None, ratio, interval, against)
@@ -256,11 +270,11 @@ def test_what_withdraws_a_verdict_stands_beside_what_was_found():
 
 def test_trials_with_which_the_error_does_not_fall_are_not_accepted():
     tried = [Trial('seal_friction', 100.0, 0.5, 1.0, True, ''), Trial('moving_mass', -9.0, 0.0, 2.0, False, 'no use')]
-    clause, left = not_added(['seal_friction'], 1.67, (1.5, 1.8), tried)
-    assert clause == 'with seal_friction the error does not fall, but is 167 %: not added'
-    assert [trial.accepted for trial in left] == [False, False]
-    assert left[0].why == 'with it the error on the test part does not fall'
-    assert left[1] == tried[1]
+    clause, trials = withdraw_effects(['seal_friction'], 1.67, (1.5, 1.8), tried)
+    assert clause == 'not added: seal_friction. The error would change to 167 %'
+    assert [trial.accepted for trial in trials] == [False, False]
+    assert trials[0].why == 'does not reduce the error on the test part'
+    assert trials[1] == tried[1]
 
 
 def test_the_noise_is_seen_beside_what_is_missing():

@@ -59,7 +59,7 @@ def test_a_law_that_is_in_no_library_is_drawn_where_it_enters(law: str) -> None:
     findings, judged = result.findings, result.judged(result.comparisons[0])
     assert (findings.verdict, findings.effects) == ('shape_found', ())
     assert findings.unknown is not None
-    assert CLASSES[law] & {(findings.unknown.enters, findings.unknown.against), *findings.unknown.others}
+    assert CLASSES[law] & {(findings.unknown.enters, findings.unknown.against), *findings.unknown.alternatives}
     assert result.rmse(1) < 1.05 * rms(force_oracle_residual(drawn(law))[judged])
     assert result.rmse(1) < 0.5 * result.rmse(0)
     assert all(one.conclusion.unknown is None for one in identified(law).cylinders.values())

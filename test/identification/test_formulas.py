@@ -22,8 +22,8 @@ LAWS = {
 }
 
 
-def told(value: np.ndarray, half: float, *, free: bool = True) -> tuple[Formula, ...]:
-    return formulas(Z, value, value - half, value + half, 'p', free=free)
+def formulas_within(value: np.ndarray, half: float, *, has_free_constant: bool = True) -> tuple[Formula, ...]:
+    return formulas(Z, value, value - half, value + half, 'p', has_free_constant=has_free_constant)
 
 
 def evaluated(one: Formula) -> np.ndarray:
@@ -36,7 +36,7 @@ def evaluated(one: Formula) -> np.ndarray:
 @pytest.mark.parametrize('constant', [0.0, 3.0])
 def test_a_law_of_the_grammar_comes_back_but_for_a_constant(law: str, constant: float) -> None:
     value = LAWS[law]
-    found = told(value + constant, 0.01 * np.ptp(value))
+    found = formulas_within(value + constant, 0.01 * np.ptp(value))
     assert found
     for one in found:
         left = evaluated(one) - value
@@ -45,20 +45,20 @@ def test_a_law_of_the_grammar_comes_back_but_for_a_constant(law: str, constant: 
 
 
 def test_the_simplest_form_is_told() -> None:
-    assert [one.text for one in told(4.0 * Z, 0.1)] == ['4 p']
+    assert [one.text for one in formulas_within(4.0 * Z, 0.1)] == ['4 p']
     hinge = LAWS['3 max(p - 0.5, 0)']
-    assert [one.text for one in told(hinge, 0.05)] == ['3 max(p - 0.5, 0)']
+    assert [one.text for one in formulas_within(hinge, 0.05)] == ['3 max(p - 0.5, 0)']
 
 
 def test_what_stays_within_no_band_has_no_formula() -> None:
     rough = np.random.default_rng(0).standard_normal(Z.size)
-    assert told(rough, 0.1) == ()
+    assert formulas_within(rough, 0.1) == ()
 
 
 def test_where_a_constant_counts_a_form_has_none() -> None:
-    (line,) = told(4.0 * Z + 3.0, 0.1, free=False)
+    (line,) = formulas_within(4.0 * Z + 3.0, 0.1, has_free_constant=False)
     assert evaluated(line) == pytest.approx(4.0 * Z + 3.0, abs=1e-2)
 
 
 def test_too_few_points_tell_none() -> None:
-    assert formulas(Z[:4], Z[:4], Z[:4] - 1.0, Z[:4] + 1.0, 'x', free=True) == ()
+    assert formulas(Z[:4], Z[:4], Z[:4] - 1.0, Z[:4] + 1.0, 'x', has_free_constant=True) == ()

@@ -94,8 +94,8 @@ def test_a_device_that_changes_behind_the_validation_part_is_unexplained():
     assert 'changed_during_recording' in {one.code for one in found.notices if one.level == WARNING}
     closure = found.channels['cylinder_a'].conclusion
     assert closure.verdict == 'unexplained'
-    assert f'but from t = {begin:.4g} s on the error is' in closure.why
-    assert 'nothing is missing' not in closure.why
+    assert f'From t = {begin:.4g} s on the error is' in closure.why
+    assert 'Nothing is missing' not in closure.why
     assert closure.effects == ()
 
 
@@ -106,7 +106,7 @@ def test_an_effect_with_which_the_error_does_not_fall_is_not_added():
     result.channel.library = {key: one for key, one in PRESSURE_EFFECTS.items() if key != 'supply_variation'}
     fit, closure = close_loop(result.fit)
     assert closure.verdict == 'unexplained'
-    assert 'the error does not fall' in closure.why
+    assert 'The error would change to' in closure.why
     assert closure.effects == ()
     assert fit.model.effects == {}
     assert closure.ratio is None

@@ -55,7 +55,10 @@ def test_without_rests_it_is_said_that_what_is_left_may_be_more_than_noise():
     recording = recording_of(draw_textbook('surface_following', 20, 'coloured')).between(0.0, 12.0)
     closure = identify([recording], Options(close_loop=True)).cylinders['cylinder_a'].conclusion
     assert closure.verdict == 'no_missing_effect'
-    assert 'is 2.7 times the noise from sample to sample: nothing is missing if that noise has a memory' in closure.why
+    assert (
+        'is 2.7 times the noise from sample to sample. Nothing is missing if this noise is autocorrelated'
+        in closure.why
+    )
 
 
 def test_without_rests_a_name_beside_more_than_white_noise_is_a_hypothesis():
@@ -65,8 +68,8 @@ def test_without_rests_a_name_beside_more_than_white_noise_is_a_hypothesis():
     more, unknown = (replace(floor, statistic=2.7, threshold=6.0),), replace(closure.noise, known=False)
     assert replace(closure, tests_after=more, noise=unknown).status == 'hypothesis'
     assert replace(closure, tests_after=more).status == 'confirmed'  # rests tell that noise has a memory
-    _, why = verdict_of('linear', ('leakage',), {}, more, None, 0.5, (0.4, 0.6), rested=False)
-    assert 'what is left is 2.7 times the noise from sample to sample: nothing more is missing if' in why
+    _, why = verdict_of('linear', ('leakage',), {}, more, None, 0.5, (0.4, 0.6), has_rests=False)
+    assert 'error is 2.7 times the noise from sample to sample. Nothing more is missing if' in why
 
 
 def test_a_law_is_found_only_where_what_is_left_is_noise():
@@ -74,7 +77,7 @@ def test_a_law_is_found_only_where_what_is_left_is_noise():
     (floor,) = (one for one in closure.tests_after if one.name == 'noise_floor')
     for statistic, expected in (1.0, 'shape_found'), (2.7, 'unexplained'):
         tests = (replace(floor, statistic=statistic, threshold=1.2),)
-        verdict, why = verdict_of('linear', (), {}, tests, None, 0.5, (0.4, 0.6), law='the valves pass less')
+        verdict, why = verdict_of('linear', (), {}, tests, None, 0.5, (0.4, 0.6), curve='the valves pass less')
         assert verdict == expected
         assert 'the valves pass less' in why
 
@@ -83,7 +86,7 @@ def test_a_law_is_found_only_where_what_is_left_is_noise():
 def test_does_not_pretend_to_know_what_is_none_of_its_effects(effect):
     closure, _ = closed(draw(effect, 'out_and_back', 1))
     assert closure.verdict == 'unexplained'
-    assert 'not known' in closure.why or 'none of the effects' in closure.why
+    assert 'No known effect' in closure.why
 
 
 def test_a_late_displacement_is_found_where_it_leads_the_gains_astray():
@@ -121,7 +124,7 @@ def test_what_is_left_within_the_tolerance_is_not_unexplained(pressure, verdict)
     assert 100.0 < result.rmse(1) < 2000.0
     assert result.conclusion.verdict == verdict
     assert ('within the tolerance of 2e+03 Pa' in result.conclusion.why) == (verdict == 'no_missing_effect')
-    assert 'has a tone in it' in result.conclusion.why
+    assert 'contains a tone' in result.conclusion.why
 
 
 def test_a_tolerance_is_written_with_its_unit():

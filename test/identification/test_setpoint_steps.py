@@ -42,7 +42,7 @@ def test_when_it_steps_and_where_to_is_said_and_nothing_is_searched_for():
         assert told in message
     conclusion = found.cylinders['cylinder_a'].findings
     assert (conclusion.verdict, conclusion.status, conclusion.tried) == ('unexplained', 'hypothesis', ())
-    assert 'once what the warning names is mended' in conclusion.why
+    assert 'Effects were not searched: the warning' in conclusion.why
 
 
 def test_a_pressure_that_steps_and_so_does_not_follow_the_piston_is_said_to():

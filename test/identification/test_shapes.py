@@ -65,7 +65,7 @@ def test_a_law_that_is_in_no_library_is_drawn_where_it_enters(law: str) -> None:
     assert (findings.verdict, findings.effects) == ('shape_found', ())
     assert findings.unknown is not None
     shape = findings.unknown
-    places = [(shape.enters, shape.against), *shape.others]
+    places = [(shape.enters, shape.against), *shape.alternatives]
     assert CLASSES[law] & {('chamber' if enters.startswith('leak') else enters, against) for enters, against in places}
     assert result.rmse(1) < 1.1 * floor(drawn(law), result)
     assert result.rmse(1) < 0.9 * result.rmse(0)
@@ -99,7 +99,7 @@ def test_a_small_law_counts_by_what_it_foretells() -> None:
     result = identify([recording_of(draw('creep', 'out_and_back', 10000))], Options(close_loop=True)).cylinders
     shape = result['cylinder_a'].findings.unknown
     assert shape is not None
-    assert {(shape.enters, shape.against), *shape.others} == {('set_point', 'time'), ('sensing', 'time')}
+    assert {(shape.enters, shape.against), *shape.alternatives} == {('set_point', 'time'), ('sensing', 'time')}
 
 
 @pytest.mark.long
@@ -109,7 +109,7 @@ def test_one_law_is_preferred_to_several_effects_that_do_less() -> None:
     shape = result.findings.unknown
     assert result.findings.effects == ()
     assert shape is not None
-    assert ('set_point', 'x') in {(shape.enters, shape.against), *shape.others}
+    assert ('set_point', 'x') in {(shape.enters, shape.against), *shape.alternatives}
     assert result.rmse(1) < 1.02 * floor(one, result)
 
 
@@ -128,7 +128,7 @@ def test_a_law_that_takes_most_of_the_error_is_shown_though_the_test_part_errs_m
     [
         # another effect leaves a twentieth of the error, less than a curve had promised
         ('flow_saturation', 15000, None, LINEAR, {('flow', 'error')}),
-        # gains that it led astray: it screened_curves little beside them
+        # the missing effect misled the gains, and the screening then predicts little for its curve
         ('valve_dead_band', 16000, None, LINEAR, {('flow', 'error')}),
         ('positional_leakage', 16000, None, LINEAR, {('leak_while_shrinking', 'x')}),
         ('droop', 16000, None, LINEAR, {('set_point', 'flow')}),
@@ -146,14 +146,14 @@ def test_an_effect_that_the_library_lacks_is_drawn_where_it_may_enter(effect, se
     _, conclusion = close_loop(result.fit, core)
     assert (conclusion.verdict, conclusion.effects) == ('shape_found', ())
     assert not any(trial.accepted for trial in conclusion.tried)
-    assert {(conclusion.unknown.enters, conclusion.unknown.against), *conclusion.unknown.others} == places
+    assert {(conclusion.unknown.enters, conclusion.unknown.against), *conclusion.unknown.alternatives} == places
 
 
 def test_what_comes_at_once_is_an_event_and_no_law_of_the_time() -> None:
     one = draw('set_point_jump', 'out_and_back', 5205)
     findings = identify([recording_of(one)], Options(close_loop=True)).cylinders['cylinder_a'].findings
     assert (findings.verdict, findings.status) == ('unexplained', 'hypothesis')
-    (when,) = re.findall(r'comes at once, about t = ([\d.]+) s: it is an event', findings.why)
+    (when,) = re.findall(r'happens at once, at about t = ([\d.]+) s. It is an event', findings.why)
     assert float(when) == pytest.approx(one.truth.changes['effects_a.jump_time'], abs=0.3)
     assert findings.unknown is not None
     assert not replace(findings.unknown, against='p').event

@@ -49,7 +49,7 @@ def test_it_is_no_effect_that_a_search_may_name() -> None:
 @given(at=st.floats(-1.0, 1.0), heights=st.lists(st.floats(-1e3, 1e3), min_size=KNOTS, max_size=KNOTS).map(tuple))
 def test_it_runs_straight_from_knot_to_knot(middle: float, crowd: float, at: float, heights: tuple[float, ...]) -> None:
     place = slot(crowd=crowd, middle=middle)
-    expected = float(place.along(np.array([at]))[0] @ np.array(heights))
+    expected = float(place.interpolation(np.array([at]))[0] @ np.array(heights))
     assert height(place, at, heights) == pytest.approx(expected, abs=1e-9)
 
 
@@ -59,7 +59,10 @@ def test_knots_crowd_about_the_middle_and_ends_stay() -> None:
         assert height(place, -1.0) == pytest.approx(HEIGHTS[0])
         assert height(place, 1.0) == pytest.approx(HEIGHTS[-1])
         assert height(place, 0.0) == pytest.approx(HEIGHTS[KNOTS // 2])
-    within = [np.count_nonzero(place.along(np.linspace(-0.1, 0.1, 101)).max(axis=0) > 0.5) for place in (even, crowded)]
+    within = [
+        np.count_nonzero(place.interpolation(np.linspace(-0.1, 0.1, 101)).max(axis=0) > 0.5)
+        for place in (even, crowded)
+    ]
     assert within[1] > within[0]
 
 
@@ -67,10 +70,10 @@ def test_knots_crowd_about_the_middle_and_ends_stay() -> None:
 @given(at=st.floats(-1.5, 2.0))
 def test_over_another_range_an_even_line_is_the_same_and_the_middle_keeps_its_place(middle: float, at: float) -> None:
     near = slot(middle=middle)
-    wide = near.over(-1.5, 2.0)
+    wide = near.with_range(-1.5, 2.0)
     assert (wide.middle + 1.5) / 3.5 == pytest.approx((near.middle + 1.0) / 2.0)
     assert height(wide, at, tuple(2.0 * wide.knots + 3.0)) == pytest.approx(2.0 * at + 3.0)
-    ends = near.along(wide.knots) @ np.array(HEIGHTS)
+    ends = near.interpolation(wide.knots) @ np.array(HEIGHTS)
     assert (ends[0], ends[-1]) == pytest.approx((HEIGHTS[0], HEIGHTS[-1]))
 
 
@@ -85,13 +88,13 @@ def test_beyond_its_ends_it_stays_and_one_of_the_pressure_runs_on() -> None:
 @pytest.mark.parametrize('against', AGAINST)
 def test_it_depends_on_what_it_says(against: str) -> None:
     found = curve.flow(1.0, MOMENT, VALUES['flow'], *slot(against=against).parameters(HEIGHTS)) - 1.0
-    assert found == pytest.approx(float(slot().along(np.array([VALUES[against]]))[0] @ np.array(HEIGHTS)))
+    assert found == pytest.approx(float(slot().interpolation(np.array([VALUES[against]]))[0] @ np.array(HEIGHTS)))
 
 
 @pytest.mark.parametrize('enters', ENTERS)
 def test_it_enters_where_it_says_and_nowhere_else(enters: str) -> None:
     own = (MOMENT, VALUES['flow'], *slot(enters).parameters(HEIGHTS))
-    size = float(slot().along(np.array([VALUES['x']]))[0] @ np.array(HEIGHTS))
+    size = float(slot().interpolation(np.array([VALUES['x']]))[0] @ np.array(HEIGHTS))
     changes = {
         'set_point': curve.setpoint(7.0, *own) - 7.0,
         'flow': curve.flow(7.0, *own) / 7.0 - 1.0,

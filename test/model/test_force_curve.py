@@ -32,7 +32,7 @@ def slot(enters: str = 'force', against: str = 'x') -> CurvePlace:
 
 
 def height(at: float) -> float:
-    return float(slot().along(np.array([at]))[0] @ np.array(HEIGHTS))
+    return float(slot().interpolation(np.array([at]))[0] @ np.array(HEIGHTS))
 
 
 @pytest.mark.parametrize('against', AGAINST)

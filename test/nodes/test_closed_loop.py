@@ -179,7 +179,7 @@ def test_the_live_residual_falls_to_the_noise_when_what_the_model_lacks_is_found
     a, b = (json.loads((output / 'report.json').read_text())['cylinders'][cylinder] for cylinder in CYLINDERS)
     assert (a['verdict'], a['effects']) == ('effect_added', ['leakage'])
     assert (b['verdict'], b['effects']) == ('no_missing_effect', [])
-    assert 'Cylinder A: The model lacks leakage' in status.message
+    assert 'Cylinder A: Missing effect: leakage' in status.message
     assert 'Cylinder B: ' in status.message
     assert before_a > 3.0
     assert max(after_a, before_b, after_b) < MOST

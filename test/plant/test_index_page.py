@@ -82,7 +82,7 @@ def test_a_value_that_drifts_is_told_with_where_it_was_and_is(page):
 def test_a_law_that_was_drawn_is_named(page):
     (row, *_) = rows_for(1, 1)
     row |= {'verdict': 'shape_found', 'effects': '', 'law': 'flow by displacement'}
-    assert verdict_description(row) == 'An unknown law, drawn: flow by displacement'
+    assert verdict_description(row) == 'Unknown characteristic: flow by displacement'
 
 
 def test_a_bag_in_doubt_is_said_to_be(page):

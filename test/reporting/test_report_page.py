@@ -132,7 +132,7 @@ def test_a_browser_shows_it(browser, file, width, height, dark):
     assert browser.value(WITHOUT_ALT) == 0
     assert browser.value(OVERLAPPING_TEXT) == 0
     verdicts = browser.value(IN_FIRST_SCREEN)
-    assert verdicts[0]['text'].startswith('The model lacks droop')
+    assert verdicts[0]['text'].startswith('Missing effect: droop')
     assert verdicts[0]['seen']
     if width > 600:
         assert all(verdict['seen'] for verdict in verdicts)

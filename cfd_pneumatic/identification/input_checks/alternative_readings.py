@@ -18,7 +18,7 @@ import numpy as np
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels import Channel, Model, Pressure
-from cfd_pneumatic.identification.conclusion import maybe_more
+from cfd_pneumatic.identification.conclusion import ratio_without_rests
 from cfd_pneumatic.identification.data import AUTO, Experiment, Options, observed_motion, split_recordings
 from cfd_pneumatic.identification.fit import Fit, Likelihood, find_optimum, fit_model
 from cfd_pneumatic.identification.input_checks.recordings import scales
@@ -96,7 +96,7 @@ def pressure_readings(result: ChannelResult, recordings: Sequence[Recording], op
     physics = {*result.channel.effects[name].covers, *((result.channel.curve.name,) if conclusion.unknown else ())}
     found = result.found.model
     is_told = is_noise(conclusion.tests_after) and not physics & {*found.effects}
-    if is_told and (not found.core or maybe_more(conclusion.tests_after, rested=False)):
+    if is_told and (not found.core or ratio_without_rests(conclusion.tests_after, has_rests=False)):
         return
 
     left_as_found = result.fit.likelihood.residuals(result.found.simulated)
@@ -109,9 +109,9 @@ def pressure_readings(result: ChannelResult, recordings: Sequence[Recording], op
         except InputError:
             return False, math.inf
         candidates = Candidates(replace(alike.likelihood, experiments=tuple(experiments)), alike.model)
-        begin = candidates.finished(found, candidates.baseline.model) if is_told else candidates.baseline
+        begin = candidates.to_candidate(found, candidates.baseline.model) if is_told else candidates.baseline
         fitted = candidates.with_core(begin, name, most * scale.factor**2)
-        return candidates.leaves_noise(fitted), fitted.rss / scale.factor**2
+        return candidates.has_noise_residual(fitted), fitted.rss / scale.factor**2
 
     left = {}
     for scale in alternative_scales(result, recordings, options.ambient_pressure):

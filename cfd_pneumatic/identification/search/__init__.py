@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which effects a model lacks: stepwise regression, and which effects could not have shown."""
+"""Search for what a model lacks: core, effects, unknown curve; and effects that the recordings cannot show."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cfd_pneumatic.lazy import loader_of
 if TYPE_CHECKING:
     from cfd_pneumatic.identification.search.candidates import Candidates
     from cfd_pneumatic.identification.search.complement import Complement
-    from cfd_pneumatic.identification.search.curve_fit import fitted, heights_of, penalty_of
+    from cfd_pneumatic.identification.search.curve_fit import fit_curve, height_indices, penalty_matrix
     from cfd_pneumatic.identification.search.curve_places import CurvePlace
     from cfd_pneumatic.identification.search.curve_search import FittedCurve
     from cfd_pneumatic.identification.search.final_fit import with_core

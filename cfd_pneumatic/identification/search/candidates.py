@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Models with one effect more or less: roughly fitted from every start, to the end where that promises much."""
+"""Candidate models: fits with an effect more or less, first rough fits from every start, then fits to the end."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ class Candidate:
     Attributes
     ----------
     model
-        Its values.
+        Fitted values.
     simulated
-        What it makes of train and validation [SI].
+        Simulation of the train and validation parts [SI].
     residuals
-        What it leaves of train, weighted.
+        Residuals of the train part, weighted.
     validation_rmse
-        Its error on the validation part [SI]; None where there is no such part.
+        Error on the validation part [SI]; None if there is no such part.
 
     """
 
@@ -58,263 +58,268 @@ class Candidate:
 
     @property
     def effects(self) -> Effects:
-        """Its effects, in the order in which they were added."""
+        """Return the effects, in the order in which they were added."""
         return self.model.effects
 
     @property
     def rss(self) -> float:
-        """The residuals' sum of squares."""
+        """Return the residuals' sum of squares."""
         return float(sum(residual @ residual for residual in self.residuals))
 
     @property
     def unknowns(self) -> int:
-        """How many numbers were fitted."""
+        """Return the count of fitted numbers."""
         return self.model.unknowns
 
 
 class Candidates:
     """
-    Candidates for the model of a channel.
+    Fits candidates for the model of a channel.
 
     Parameters
     ----------
     likelihood
-        Of everything before the test part.
-    begin
-        The model without effects, fitted to that.
+        Likelihood of all samples before the test part.
+    start
+        Model without effects, fitted to these samples.
 
     """
 
-    def __init__(self, likelihood: Likelihood, begin: Model) -> None:
+    def __init__(self, likelihood: Likelihood, start: Model) -> None:
         self.channel = likelihood.channel
-        whole, telling = likelihood.until('train'), likelihood.representative()
-        self.learn = telling.until('validation')
-        self.train = telling.until('train')
-        self.excerpt = whole.excerpt(ROUGH_EXCERPT_STEPS)
-        longer = whole.excerpt(FINE_EXCERPT_STEPS)
+        train, representative = likelihood.until('train'), likelihood.representative()
+        self.train_validation = representative.until('validation')
+        self.train = representative.until('train')
+        self.excerpt = train.excerpt(ROUGH_EXCERPT_STEPS)
+        longer = train.excerpt(FINE_EXCERPT_STEPS)
         self._longer_excerpt = longer if 2 * longer.steps < self.train.steps else None
         self._is_long = self.train.steps > LONGEST_UNSCREENED
         self._known_data: dict[Candidate, Data] = {}
         self._known_shares: dict[Candidate, dict[str, float]] = {}
         self._known_cores: dict[tuple[Candidate, str], list[Optimum]] = {}
-        self._known_sizes: dict[Candidate, float] = {}
-        self._known_explained: dict[Candidate, bool] = {}
-        self.baseline = self.finished(find_optimum(self.train, begin, *FINE_SEARCH).model, begin)
-        noises = [  # of the residual: what drives the force has noise, too
-            sample_noise(one.sample_times, one.measured - values[: one.part.size]) ** 2
-            for one, values in zip(self.train.experiments, self.baseline.simulated)
+        self._known_ratios: dict[Candidate, float] = {}
+        self._known_verdicts: dict[Candidate, bool] = {}
+        self.baseline = self.to_candidate(find_optimum(self.train, start, *FINE_SEARCH).model, start)
+        variances = [  # of the residual, because the inputs of the force have noise in addition
+            sample_noise(experiment.sample_times, experiment.measured - values[: experiment.part.size]) ** 2
+            for experiment, values in zip(self.train.experiments, self.baseline.simulated)
         ]
-        self.noise = math.sqrt(float(np.mean(noises)))
+        self.noise = math.sqrt(float(np.mean(variances)))
 
-    def with_core(self, candidate: Candidate, name: str, most: float = math.inf) -> Candidate:
+    def with_core(self, candidate: Candidate, name: str, limit: float = math.inf) -> Candidate:
         """
-        Return a candidate with another core, without effects that are in it.
+        Return a candidate with a different core, without the effects that the core covers.
 
-        It is fitted roughly from each of the core's starts, and from the two best to the end; not where the mean square
-        of what it leaves roughly is above `most`.
+        The fit is rough from each of the core's starts. The best starts are fitted to the end if the mean square of
+        the best rough fit is at most `limit`.
         """
-        rough = self._roughly_with_core(candidate, name)
-        promises = rough[0].cost <= most * self.excerpt.samples
-        best = self._fine([one.model for one in rough[:REFINED_STARTS]]) if promises else rough[0]
-        return self.finished(best.model, candidate.model)
+        rough = self._rough_fits_with_core(candidate, name)
+        is_promising = rough[0].cost <= limit * self.excerpt.samples
+        best = self._fit_to_end([fit.model for fit in rough[:REFINED_STARTS]]) if is_promising else rough[0]
+        return self.to_candidate(best.model, candidate.model)
 
-    def roughly_left_with_core(self, candidate: Candidate, name: str) -> float:
-        """Return the mean square that another core leaves of the excerpt in a candidate, fitted roughly."""
-        return self._roughly_with_core(candidate, name)[0].cost / self.excerpt.samples
+    def rough_mean_square_with_core(self, candidate: Candidate, name: str) -> float:
+        """Return the mean squared residual on the excerpt after a rough fit with a different core."""
+        return self._rough_fits_with_core(candidate, name)[0].cost / self.excerpt.samples
 
-    def _roughly_with_core(self, candidate: Candidate, name: str) -> list[Optimum]:
-        """Return rough fits from each of a core's starts, the best first; none is fitted twice."""
+    def _rough_fits_with_core(self, candidate: Candidate, name: str) -> list[Optimum]:
+        """Return rough fits from each of a core's starts, the best first; the fits are cached."""
         if (candidate, name) not in self._known_cores:
             core = self.channel.cores[name]
-            effects = {other: own for other, own in candidate.effects.items() if other not in core.covers}
-            starts = core.starts(self._data(candidate))
-            begins = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
-            rough = map_in_threads(lambda one: find_optimum(self.excerpt, one, *ROUGH_SEARCH), begins)
-            self._known_cores[candidate, name] = sorted(rough, key=lambda one: one.cost)
+            effects = {effect: values for effect, values in candidate.effects.items() if effect not in core.covers}
+            starts = core.starts(self._start_data(candidate))
+            models = [replace(candidate.model, core={name: start}, effects=effects) for start in starts]
+            rough = map_in_threads(lambda model: find_optimum(self.excerpt, model, *ROUGH_SEARCH), models)
+            self._known_cores[candidate, name] = sorted(rough, key=lambda fit: fit.cost)
         return self._known_cores[candidate, name]
 
-    def names(self, candidate: Candidate) -> list[str]:
-        """Return the effects that these recordings may tell beside a candidate's."""
+    def possible_effects(self, candidate: Candidate) -> list[str]:
+        """Return the names of effects that a candidate lacks and that these recordings may determine."""
         return [
             name
             for name in self.channel.candidates(candidate.model)
             if self.channel.may_tell(self.train.experiments, name, candidate.model)
         ]
 
-    def beside(self, candidate: Candidate, names: Sequence[str], most: float = math.inf) -> dict[str, Candidate]:
+    def add_effects(self, base: Candidate, names: Sequence[str], limit: float = math.inf) -> dict[str, Candidate]:
         """
-        Return candidates with each of some effects beside those of one.
+        Add each of some effects to a candidate; return a candidate for each effect, by its name.
 
-        All are fitted roughly, from every start; the more promising ones are fitted to the end, if the mean square of
-        what they leave roughly is not above `most`.
+        All are fitted roughly, from every start. The more promising effects are fitted to the end if the mean square
+        of their rough fit is at most `limit`.
         """
-        return self._best(candidate, self._begins(candidate, names), most)
+        return self._fit_best(base, self._starts_with_effects(base, names), limit)
 
-    def instead(self, candidate: Candidate, rivals: Mapping[str, Candidate], most: float) -> dict[str, Candidate]:
-        """Do as `beside` does, from where the effects ended in other company."""
-        begins = {
+    def add_rivals(self, base: Candidate, rivals: Mapping[str, Candidate], limit: float) -> dict[str, Candidate]:
+        """Add effects as `add_effects` does, with the parameters that they have in the rival candidates as starts."""
+        starts = {
             name: [
-                replace(model, effects={**candidate.effects, name: rival.effects[name]})
-                for model in (candidate.model, rival.model)
+                replace(model, effects={**base.effects, name: rival.effects[name]})
+                for model in (base.model, rival.model)
             ]
             for name, rival in rivals.items()
         }
-        return self._best(candidate, begins, most)
+        return self._fit_best(base, starts, limit)
 
-    def _best(self, candidate: Candidate, begins: Mapping[str, Sequence[Model]], most: float) -> dict[str, Candidate]:
+    def _fit_best(self, base: Candidate, starts: Mapping[str, Sequence[Model]], limit: float) -> dict[str, Candidate]:
         """
-        Return the best fit of each of some effects beside those of a candidate, from where it may begin.
+        Return the best fit of each added effect, from its starts.
 
-        The core and the other effects stay as they are until a fit promises much.
+        Core and present effects are frozen in the rough fits.
         """
-        known = candidate.model.parts
-        rough = _best_first(
-            _fitted(begins, lambda one: find_optimum(self.excerpt, one, *ROUGH_SEARCH, frozen=known, passing=False))
+        present = base.model.parts
+        rough = _sort_by_cost(
+            _fit_all(
+                starts, lambda model: find_optimum(self.excerpt, model, *ROUGH_SEARCH, frozen=present, passing=False)
+            )
         )
-        before = self._cost_of_excerpt(candidate)
-        hopeful = {name: some for name, some in rough.items() if some[0].cost <= most * self.excerpt.samples}
-        promising = self._rivals(candidate, hopeful, before) if hopeful else []
-        fine = map_in_threads(lambda name: self._fine(self._refined(rough[name], before)), promising)
-        best = {name: some[0] for name, some in rough.items()} | dict(zip(promising, fine))
-        found = [best[name].model for name in begins]
-        return dict(zip(begins, map_in_threads(lambda one: self.finished(one, candidate.model), found)))
+        before = self._excerpt_squares(base)
+        within_limit = {name: fits for name, fits in rough.items() if fits[0].cost <= limit * self.excerpt.samples}
+        refined = self._effects_to_refine(base, within_limit, before) if within_limit else []
+        fine = map_in_threads(lambda name: self._fit_to_end(self._models_to_refine(rough[name], before)), refined)
+        best = {name: fits[0] for name, fits in rough.items()} | dict(zip(refined, fine))
+        models = [best[name].model for name in starts]
+        return dict(zip(starts, map_in_threads(lambda model: self.to_candidate(model, base.model), models)))
 
-    def without(self, candidate: Candidate, *names: str) -> Candidate:
-        """Return a candidate without some of its effects."""
+    def without_effects(self, candidate: Candidate, *names: str) -> Candidate:
+        """Return a candidate, fitted again without some of its effects."""
         if not names:
             return candidate
-        fewer = {other: own for other, own in candidate.effects.items() if other not in names}
-        found = find_optimum(self.train, replace(candidate.model, effects=fewer), *FINE_SEARCH)
-        return self.finished(found.model, candidate.model)
+        kept = {effect: values for effect, values in candidate.effects.items() if effect not in names}
+        optimum = find_optimum(self.train, replace(candidate.model, effects=kept), *FINE_SEARCH)
+        return self.to_candidate(optimum.model, candidate.model)
 
-    def promising(self, candidate: Candidate, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
-        """Return the effects to fit beside a candidate's, and the share of its residual that each other may take."""
+    def screen_effects(self, base: Candidate, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
+        """Return the effects to fit, and for each further effect the share of the residual that it can explain."""
         if not self._is_long or len(names) <= MOST_FITTED_EFFECTS:
             return names, {}
-        shares = self._shares(candidate, names)
+        shares = self._explained_shares(base, names)
         ranked = sorted(names, key=lambda name: -shares[name])
         return ranked[:MOST_FITTED_EFFECTS], {name: shares[name] for name in ranked[MOST_FITTED_EFFECTS:]}
 
-    def resting_coefficients(self, candidate: Candidate) -> Array:
-        """Return the autoregression of the noise at rest, as a candidate leaves it."""
-        simulated = [values[: one.part.size] for one, values in zip(self.train.experiments, candidate.simulated)]
+    def noise_autoregression(self, candidate: Candidate) -> Array:
+        """Return the autoregression coefficients of a candidate's residual at rest."""
+        simulated = [
+            values[: experiment.part.size] for experiment, values in zip(self.train.experiments, candidate.simulated)
+        ]
         return self.channel.noise(self.train.experiments, simulated, candidate.model).coefficients
 
-    def size(self, candidate: Candidate) -> float:
-        """Return the root mean square of what a candidate leaves of train and validation, over the noise."""
-        if candidate not in self._known_sizes:
-            self._known_sizes[candidate] = next(self._tests(candidate)).statistic
-        return self._known_sizes[candidate]
+    def residual_ratio(self, candidate: Candidate) -> float:
+        """Return the root mean square of the residual of train and validation part [standard deviations of noise]."""
+        if candidate not in self._known_ratios:
+            self._known_ratios[candidate] = next(self._tests(candidate)).statistic
+        return self._known_ratios[candidate]
 
-    def leaves_noise(self, candidate: Candidate) -> bool:
-        """Return whether what a candidate leaves of train and validation is as noise would be; none is tested twice."""
-        if candidate not in self._known_explained:
-            self._known_explained[candidate] = is_noise(self._tests(candidate))
-        return self._known_explained[candidate]
+    def has_noise_residual(self, candidate: Candidate) -> bool:
+        """Return whether a candidate's residual on train and validation part is noise; the verdict is cached."""
+        if candidate not in self._known_verdicts:
+            self._known_verdicts[candidate] = is_noise(self._tests(candidate))
+        return self._known_verdicts[candidate]
 
-    def follows_inputs(self, candidate: Candidate) -> bool:
-        """Return whether what a candidate leaves depends on the inputs."""
-        return any(one.name == 'inputs' and not one.passed for one in self._tests(candidate))
+    def has_input_dependence(self, candidate: Candidate) -> bool:
+        """Return whether a candidate's residual depends on the inputs."""
+        return any(test.name == 'inputs' and not test.passed for test in self._tests(candidate))
 
     def _tests(self, candidate: Candidate) -> Iterator[Test]:
-        noise = self.channel.noise(self.learn.experiments, candidate.simulated, candidate.model)
-        return self.learn.tested(candidate.simulated, noise, bool(candidate.model.parts))
+        noise = self.channel.noise(self.train_validation.experiments, candidate.simulated, candidate.model)
+        return self.train_validation.tested(candidate.simulated, noise, bool(candidate.model.parts))
 
-    def finished(self, model: Model, begin: Model) -> Candidate:
-        """Return a fit with what it leaves; one that ran away is as if its effects were not there."""
-        simulated = self.learn.simulate(model)
+    def to_candidate(self, model: Model, base: Model) -> Candidate:
+        """Return a fitted model as a candidate; a model that diverges gets the effects of `base`."""
+        simulated = self.train_validation.simulate(model)
         if not _is_finite(simulated):
-            if model.core != begin.core:
+            if model.core != base.core:
                 return self.baseline
-            absent = {name: begin.effects.get(name, self.channel.effects[name].null) for name in model.effects}
-            model = replace(begin, effects=absent, unknowns=model.unknowns)
-            simulated = self.learn.simulate(model)
+            effects = {name: base.effects.get(name, self.channel.effects[name].null) for name in model.effects}
+            model = replace(base, effects=effects, unknowns=model.unknowns)
+            simulated = self.train_validation.simulate(model)
             if not _is_finite(simulated):
                 return self.baseline
-        residuals = self.train.residuals([own[: one.part.size] for one, own in zip(self.train.experiments, simulated)])
+        residuals = self.train.residuals(
+            [values[: experiment.part.size] for experiment, values in zip(self.train.experiments, simulated)]
+        )
         errors = np.concatenate(
             [
-                (values - one.measured)[one.part == PARTS.index('validation')]
-                for one, values in zip(self.learn.experiments, simulated)
+                (values - experiment.measured)[experiment.part == PARTS.index('validation')]
+                for experiment, values in zip(self.train_validation.experiments, simulated)
             ]
         )
         rmse = math.sqrt(float(np.mean(errors**2))) if errors.size else None
         return Candidate(model, simulated, residuals, rmse)
 
-    def _rivals(self, candidate: Candidate, rough: Mapping[str, Sequence[Optimum]], before: float) -> list[str]:
-        """Return the effects to fit to the end: the better half; of long recordings those that may be the best."""
+    def _effects_to_refine(self, base: Candidate, rough: Mapping[str, Sequence[Optimum]], before: float) -> list[str]:
+        """Return the effects to fit to the end: the better half; of long recordings the effects that may be best."""
         ranked = sorted(rough, key=lambda name: rough[name][0].cost)
         if not self._is_long:
             return ranked[: max(REFINED_EFFECTS, len(ranked) // 2)]
-        taken = {name: 1.0 - rough[name][0].cost / before for name in rough}
-        promised = self._shares(candidate, ranked)
-        least = LEAST_RIVAL_DROP * max(taken.values())
-        least_promised = LEAST_RIVAL_DROP * max(promised.values())
-        may_be = [name for name in ranked if taken[name] >= least or promised[name] >= least_promised]
-        by_promise = sorted(may_be, key=lambda name: -promised[name])  # much may do alike in an excerpt
-        return list(dict.fromkeys(chain.from_iterable(zip(may_be, by_promise))))[:REFINED_EFFECTS]
+        drops = {name: 1.0 - rough[name][0].cost / before for name in rough}
+        predicted = self._explained_shares(base, ranked)
+        least_drop = LEAST_RIVAL_DROP * max(drops.values())
+        least_predicted = LEAST_RIVAL_DROP * max(predicted.values())
+        by_drop = [name for name in ranked if drops[name] >= least_drop or predicted[name] >= least_predicted]
+        by_prediction = sorted(by_drop, key=lambda name: -predicted[name])  # an excerpt may not distinguish effects
+        return list(dict.fromkeys(chain.from_iterable(zip(by_drop, by_prediction))))[:REFINED_EFFECTS]
 
-    def squares(self, candidate: Candidate) -> float:
-        """Return the sum of squares that a candidate leaves of train and validation."""
-        return sum(float(run @ run) for run in self.learn.residuals(candidate.simulated))
+    def sum_of_squares(self, candidate: Candidate) -> float:
+        """Return the sum of squared residuals of a candidate on train and validation part."""
+        return sum(float(run @ run) for run in self.train_validation.residuals(candidate.simulated))
 
-    def roughly_left(self, candidate: Candidate) -> float:
-        """Return the mean square that a candidate leaves of the excerpt that rough fits are of."""
-        return self._cost_of_excerpt(candidate) / self.excerpt.samples
+    def rough_mean_square(self, candidate: Candidate) -> float:
+        """Return the mean squared residual of a candidate on the excerpt of rough fits."""
+        return self._excerpt_squares(candidate) / self.excerpt.samples
 
-    def _cost_of_excerpt(self, candidate: Candidate) -> float:
-        """Return the sum of squares that a candidate leaves of the excerpt."""
-        left = self.excerpt.residuals(self.excerpt.simulate(candidate.model))
-        return sum(float(run @ run) for run in left)
+    def _excerpt_squares(self, candidate: Candidate) -> float:
+        residuals = self.excerpt.residuals(self.excerpt.simulate(candidate.model))
+        return sum(float(run @ run) for run in residuals)
 
-    def _data(self, candidate: Candidate) -> Data:
-        """Return what effects draw their starting values from."""
+    def _start_data(self, candidate: Candidate) -> Data:
+        """Return the data from which effects compute their starting values."""
         if candidate not in self._known_data:
             train = self.train.experiments
-            simulated = [values[: one.part.size] for one, values in zip(train, candidate.simulated)]
+            simulated = [values[: experiment.part.size] for experiment, values in zip(train, candidate.simulated)]
             self._known_data[candidate] = self.channel.data(train, candidate.model, simulated)
         return self._known_data[candidate]
 
     def _starts(self, candidate: Candidate, names: Sequence[str]) -> dict[str, Sequence[Start]]:
-        return {name: self.channel.library[name].starts(self._data(candidate)) for name in names}
+        return {name: self.channel.library[name].starts(self._start_data(candidate)) for name in names}
 
-    def _shares(self, candidate: Candidate, names: Sequence[str]) -> dict[str, float]:
-        """Return what share of a candidate's residual each effect may take; nothing is simulated twice."""
+    def _explained_shares(self, candidate: Candidate, names: Sequence[str]) -> dict[str, float]:
+        """Return the share of a candidate's squared residual that each effect can explain; the shares are cached."""
         known = self._known_shares.setdefault(candidate, {})
         fresh = [name for name in names if name not in known]
         if fresh:
             complement = Complement(self.train, candidate.model)
             starts = self._starts(candidate, fresh)
-            _ = complement.residual  # made once, before threads ask for it
-            known.update(zip(fresh, map_in_threads(lambda name: complement.share(name, starts[name]), fresh)))
+            _ = complement.residual  # computed before the threads start, so that it is computed once
+            known.update(zip(fresh, map_in_threads(lambda name: complement.explained_share(name, starts[name]), fresh)))
         return {name: known[name] for name in names}
 
-    def _begins(self, candidate: Candidate, names: Sequence[str]) -> dict[str, list[Model]]:
-        """Return where fits with one more effect begin, by its name; those of a first one at other gains, too."""
-        astray = candidate.rss > self.train.samples * (LEAST_MISLEADING_RESIDUAL * self.noise) ** 2
-        begins = [candidate.model] if candidate.model.parts else self.channel.beginnings(candidate.model, astray)
+    def _starts_with_effects(self, base: Candidate, names: Sequence[str]) -> dict[str, list[Model]]:
+        """Return the models from which fits with an added effect start, by the effect's name."""
+        is_misleading = base.rss > self.train.samples * (LEAST_MISLEADING_RESIDUAL * self.noise) ** 2
+        models = [base.model] if base.model.parts else self.channel.beginnings(base.model, is_misleading)
         return {
-            name: [replace(begin, effects={**candidate.effects, name: start}) for begin in begins for start in own]
-            for name, own in self._starts(candidate, names).items()
+            name: [replace(model, effects={**base.effects, name: start}) for model in models for start in starts]
+            for name, starts in self._starts(base, names).items()
         }
 
-    def _refined(self, rough: Sequence[Optimum], before: float) -> list[Model]:
-        """Return which of rough fits to fit to the end."""
-        best, *others = rough[:REFINED_STARTS]
+    def _models_to_refine(self, rough: Sequence[Optimum], before: float) -> list[Model]:
+        """Return the models of rough fits that are fitted to the end."""
+        best, *further = rough[:REFINED_STARTS]
         if self._is_long:
-            others = [one for one in others if before - one.cost > LEAST_START_DROP * (before - best.cost)]
-        return [one.model for one in (best, *others)]
+            further = [fit for fit in further if before - fit.cost > LEAST_START_DROP * (before - best.cost)]
+        return [fit.model for fit in (best, *further)]
 
-    def _fine(self, begins: Sequence[Model]) -> Optimum:
-        """Return the best fit to the end; of long recordings the steps of a long way are taken where they are cheap."""
+    def _fit_to_end(self, starts: Sequence[Model]) -> Optimum:
+        """Return the best fit to the end; a long train part is first fitted on an excerpt, to save time."""
         if self._longer_excerpt is not None:
-            begins = [self._best_of(self._longer_excerpt, begins).model]
-        return self._best_of(self.train, begins)
+            starts = [self._best_fit(self._longer_excerpt, starts).model]
+        return self._best_fit(self.train, starts)
 
-    def _best_of(self, likelihood: Likelihood, begins: Sequence[Model]) -> Optimum:
-        """Return the best of fits from models."""
+    def _best_fit(self, likelihood: Likelihood, starts: Sequence[Model]) -> Optimum:
         return min(
-            map_in_threads(lambda one: find_optimum(likelihood, one, *FINE_SEARCH), begins), key=lambda one: one.cost
+            map_in_threads(lambda model: find_optimum(likelihood, model, *FINE_SEARCH), starts),
+            key=lambda fit: fit.cost,
         )
 
 
@@ -322,11 +327,11 @@ def _is_finite(simulated: Sequence[Array]) -> bool:
     return all(np.all(np.isfinite(values)) for values in simulated)
 
 
-def _fitted(begins: Mapping[str, Sequence[Model]], fit: Callable[[Model], Optimum]) -> dict[str, list[Optimum]]:
-    """Return the fits from models, by the same names; they are shared among the cores."""
-    found = iter(map_in_threads(fit, [one for own in begins.values() for one in own]))
-    return {name: [next(found) for _ in own] for name, own in begins.items()}
+def _fit_all(starts: Mapping[str, Sequence[Model]], fit: Callable[[Model], Optimum]) -> dict[str, list[Optimum]]:
+    """Fit all models in parallel; return the fits by the names of the starts."""
+    fits = iter(map_in_threads(fit, [model for models in starts.values() for model in models]))
+    return {name: [next(fits) for _ in models] for name, models in starts.items()}
 
 
-def _best_first(fits: Mapping[str, Sequence[Optimum]]) -> dict[str, list[Optimum]]:
-    return {name: sorted(own, key=lambda one: one.cost) for name, own in fits.items()}
+def _sort_by_cost(fits: Mapping[str, Sequence[Optimum]]) -> dict[str, list[Optimum]]:
+    return {name: sorted(optima, key=lambda fit: fit.cost) for name, optima in fits.items()}

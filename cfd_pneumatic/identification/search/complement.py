@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a model's own unknowns can not make up for."""
+"""Changes of a simulation that small changes of the model's unknowns cannot compensate for."""
 
 from __future__ import annotations
 
@@ -20,12 +20,16 @@ Start = tuple[float, ...]
 
 class Complement:
     """
-    The orthogonal complement of a model's Jacobian: small changes of its unknowns leave nothing there.
+    The orthogonal complement of a model's Jacobian.
+
+    Small changes of the model's unknowns have no component in the complement.
 
     Parameters
     ----------
-    likelihood, model
-        Of which samples, and of which model; what effects change is asked where a model with effects may be.
+    likelihood
+        Samples and weights.
+    model
+        Model of the Jacobian, brought to a state in which effects can be added.
 
     """
 
@@ -35,20 +39,20 @@ class Complement:
 
     @lazy_property
     def simulated(self) -> Array:
-        """What the model makes of the samples that count, weighted, shape (n,)."""
+        """Return the model's simulation at the samples that count, weighted, shape (n,)."""
         return np.concatenate(self.likelihood.counted(self.likelihood.simulate(self.model)))
 
     @lazy_property
     def jacobian(self) -> Array:
-        """Derivatives by the unknowns as they are searched, weighted, shape (n, k)."""
+        """Return the derivatives by the unknowns as they are searched, weighted, shape (n, k)."""
         unknowns = Unknowns(self.likelihood.channel, self.likelihood.experiments, self.model)
         parts = list(self.likelihood.rows(unknowns, unknowns.start))
-        found = np.zeros((sum(rows.shape[1] for rows, _ in parts), len(unknowns.table)))
+        jacobian = np.zeros((sum(rows.shape[1] for rows, _ in parts), len(unknowns.table)))
         first = 0
-        for rows, own in parts:
-            found[first : first + rows.shape[1], own] = rows[1:].T
+        for rows, indices in parts:
+            jacobian[first : first + rows.shape[1], indices] = rows[1:].T
             first += rows.shape[1]
-        return found
+        return jacobian
 
     @lazy_property
     def _basis(self) -> Array:
@@ -57,29 +61,33 @@ class Complement:
 
     @lazy_property
     def residual(self) -> Array:
-        """What is left of measured less simulated, weighted, shape (n,)."""
-        measured = np.concatenate(self.likelihood.counted([one.measured for one in self.likelihood.experiments]))
-        return self.left(measured - self.simulated)
+        """Return the component of the residual in the complement, weighted, shape (n,)."""
+        measured = np.concatenate(
+            self.likelihood.counted([experiment.measured for experiment in self.likelihood.experiments])
+        )
+        return self.remainder(measured - self.simulated)
 
-    def left(self, values: Array) -> Array:
-        """Return what is left of weighted values, shape (n,) or (n, changes)."""
-        left: Array = values - self._basis @ (self._basis.T @ values)
-        return left
+    def remainder(self, values: Array) -> Array:
+        """Return the component of weighted values in the complement, shape (n,) or (n, changes)."""
+        remainder: Array = values - self._basis @ (self._basis.T @ values)
+        return remainder
 
     def changes(self, effect: str, starts: Sequence[Start]) -> Array:
         """Return by what an effect with some parameters changes the simulation, weighted, shape (n, starts)."""
-        beside = [replace(self.model, effects={**self.model.effects, effect: own}) for own in starts]
-        together = self.likelihood.channel.simulate(self.likelihood.experiments, beside)
-        columns = [self.likelihood.counted([one[:, rank] for one in together]) for rank in range(len(starts))]
+        models = [replace(self.model, effects={**self.model.effects, effect: start}) for start in starts]
+        simulations = self.likelihood.channel.simulate(self.likelihood.experiments, models)
+        columns = [
+            self.likelihood.counted([simulated[:, rank] for simulated in simulations]) for rank in range(len(starts))
+        ]
         return np.column_stack([np.concatenate(runs) for runs in columns]) - self.simulated[:, None]
 
-    def share(self, effect: str, starts: Sequence[Start]) -> float:
-        """Return what share of the residual's sum of squares an effect may take, by all of its starts together."""
-        changes = self.left(self.changes(effect, starts))
+    def explained_share(self, effect: str, starts: Sequence[Start]) -> float:
+        """Return the share of the squared residual that an effect can explain, with all of its starts together."""
+        changes = self.remainder(self.changes(effect, starts))
         size = np.linalg.norm(changes, axis=0)
-        telling = np.isfinite(size) & (size > 0.0)
-        if not telling.any():
+        is_usable = np.isfinite(size) & (size > 0.0)
+        if not is_usable.any():
             return 0.0
-        scaled = changes[:, telling] / size[telling]
+        scaled = changes[:, is_usable] / size[is_usable]
         along = orthonormal(scaled.T @ scaled, LEAST_INDEPENDENT_CHANGE).T @ (scaled.T @ self.residual)
         return float(along @ along) / max(float(self.residual @ self.residual), LEAST_DIVISOR)

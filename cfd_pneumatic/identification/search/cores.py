@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The cores that a model may have: the linear one, and the one with the physics that the linear one leaves out.
+Cores of a model: the linear core, and the physical core with physics that the linear core neglects.
 
-Models with either are proposed here and compared; `strategy` says when which is asked for.
+This module fits models with either core and compares them; `strategy` decides when.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _NONE: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 
 class Cores:
     """
-    Models with each core, alone and with effects; none is fitted twice.
+    Fits models with each core, alone and with effects; the fits are cached.
 
     Parameters
     ----------
@@ -52,145 +52,145 @@ class Cores:
 
     @property
     def is_chosen_here(self) -> bool:
-        """Whether both cores are possible, so that the recordings choose."""
+        """Whether both cores are possible; the recordings then decide between them."""
         return self._name is not None and not self._is_given
 
     @property
-    def alone(self) -> list[Candidate]:
-        """Every core that is possible, without effects."""
+    def models_without_effects(self) -> list[Candidate]:
+        """Return a model without effects for each possible core."""
         if self._name is None:
             return [self.candidates.baseline]
         return [self.physical] if self._is_given else [self.candidates.baseline, self.physical]
 
     @property
     def tried(self) -> tuple[Trial, ...]:
-        """Every effect as it was tried with the linear core alone."""
+        """Return the trials of every effect with the linear core alone."""
         return () if self._is_given else self._linear_step.trials()
 
     @property
     def single_effects(self) -> list[Candidate]:
-        """The linear core with each effect alone, the best first; none if the physical core is given."""
+        """Return models with the linear core and one effect, the best first; none if the physical core is given."""
         fits = [] if self._is_given else self._linear_step.candidates.values()
         return sorted(fits, key=lambda candidate: candidate.rss)
 
     @lazy_property
     def _linear_step(self) -> Step:
-        """Each effect with the linear core, fitted to the end only if it may do as well as the physical core."""
-        baseline, most = self.candidates.baseline, math.inf
+        """Try each effect with the linear core; continue rough fits only if they may compete with the physical core."""
+        baseline, limit = self.candidates.baseline, math.inf
         if self._name is not None:
-            most = LARGEST_ROUGH_RIVAL * self.candidates.roughly_left_with_core(baseline, self._name)
-        return self._linear.step(baseline, most)
+            limit = LARGEST_ROUGH_RIVAL * self.candidates.rough_mean_square_with_core(baseline, self._name)
+        return self._linear.try_effects(baseline, limit)
 
     @lazy_property
     def physical(self) -> Candidate:
-        """The physical core alone, fitted to the end only if it may do as well as the linear one with an effect."""
+        """Fit the physical core alone; continue the rough fit only if it may compete with linear core and effect."""
         assert self._name is not None
-        most = math.inf
+        limit = math.inf
         if not self._is_given:
             best = min(self._linear_step.candidates.values(), key=lambda fit: fit.rss, default=self.candidates.baseline)
-            most = self._hopeful(best)
-        return self.candidates.with_core(self.candidates.baseline, self._name, most)
+            limit = self._rough_limit(best)
+        return self.candidates.with_core(self.candidates.baseline, self._name, limit)
 
-    def physical_to_end(self) -> Candidate | None:
-        """Return the physical core alone, fitted to the end however it compares; None if the channel has none."""
+    def fit_physical_to_end(self) -> Candidate | None:
+        """Fit the physical core alone to the end; return None if the channel has no such core."""
         return None if self._name is None else self.candidates.with_core(self.candidates.baseline, self._name)
 
     def is_full_physics(self) -> bool:
-        """Return whether the physical core alone leaves noise, and no effect with the linear one does as well."""
-        return self.candidates.leaves_noise(self.physical) and all(
-            self.prefers(self.physical, single) for single in self._linear_step.candidates.values()
+        """Return whether the physical core alone explains the recordings and is preferred to every single effect."""
+        return self.candidates.has_noise_residual(self.physical) and all(
+            self.is_preferred(self.physical, single) for single in self._linear_step.candidates.values()
         )
 
     def search_linear(self) -> SearchResult:
-        """Return the effects that are found with the linear core."""
+        """Search effects with the linear core."""
         return self._linear.run()
 
     def search_only_core(self) -> SearchResult:
-        """Return the effects that are found with the core that is given, or the only one."""
+        """Search effects with the core that is given, or with the only core of the channel."""
         return self.search_linear() if self._name is None else self.search_physical(self.physical)
 
-    def search_physical(self, begin: Candidate, fresh: Sequence[Candidate] = ()) -> SearchResult:
+    def search_physical(self, base: Candidate, fresh: Sequence[Candidate] = ()) -> SearchResult:
         """
-        Return the effects that are found with the physical core.
+        Search effects with the physical core, from a model with this core.
 
-        If more than noise is left with effects, the core is fitted once more from its starts: its many parameters may
-        be stuck, unless the model is among those that are `fresh` from there.
+        The core is fitted again from its starts if the residual with effects is not noise: its many parameters may be
+        stuck. Models in `fresh` were just fitted from these starts.
         """
         assert self._name is not None
-        found = Search(self.candidates, begin).run()
-        if not found.model.effects or found.model in fresh or self.candidates.leaves_noise(found.model):
-            return found
-        again = self.candidates.with_core(found.model, self._name)
-        return replace(found, model=min(found.model, again, key=lambda candidate: candidate.rss))
+        result = Search(self.candidates, base).run()
+        if not result.model.effects or result.model in fresh or self.candidates.has_noise_residual(result.model):
+            return result
+        again = self.candidates.with_core(result.model, self._name)
+        return replace(result, model=min(result.model, again, key=lambda candidate: candidate.rss))
 
-    def begins_after(self, linear: SearchResult, *, is_enough: bool) -> list[Candidate]:
-        """Return the physical core alone, and with the effects of the linear one, fitted to the end if need be."""
+    def bases_after(self, linear: SearchResult, *, is_enough: bool) -> list[Candidate]:
+        """Return the physical core alone, and with the effects of the linear core; `is_enough` allows rough fits."""
         assert self._name is not None
         if not linear.model.effects:
             return [self.physical]
-        most = self._hopeful(linear.model) if is_enough else math.inf
-        return [self.physical, self.candidates.with_core(linear.model, self._name, most)]
+        limit = self._rough_limit(linear.model) if is_enough else math.inf
+        return [self.physical, self.candidates.with_core(linear.model, self._name, limit)]
 
-    def pruned(self, candidate: Candidate) -> Candidate:
-        """Return a model with the physical core without the effects that it does not need."""
-        return Search(self.candidates, self.physical).pruned(candidate)
+    def prune(self, candidate: Candidate) -> Candidate:
+        """Return a model with the physical core without effects that are not needed."""
+        return Search(self.candidates, self.physical).prune(candidate)
 
-    def curve_before_core(self, curves: CurveSearch, known: Sequence[Candidate]) -> FittedCurve | None:
-        """Return a curve with the physical core, which is fitted with the curve: see `Laws.beside_core`."""
+    def fit_curve_with_core(self, curves: CurveSearch, known: Sequence[Candidate]) -> FittedCurve | None:
+        """Return a curve with the physical core, both fitted together: see `CurveSearch.fit_with_new_core`."""
         if self._name is None or self._is_given:
             return None
-        return curves.beside_core(self.physical, self.candidates.baseline, self._name, known)
+        return curves.fit_with_new_core(self.physical, self.candidates.baseline, self._name, known)
 
-    def rivals(self, curve: FittedCurve) -> list[Candidate]:
+    def fit_rivals(self, curve: FittedCurve) -> list[Candidate]:
         """
-        Return single effects in a curve's place.
+        Return models with a single effect instead of a curve.
 
-        They begin with the core as it is with the curve: a core that was fitted without either is astray.
+        The fits start with the core that was fitted with the curve. A core without curve and effect was misled.
         """
         model = curve.candidate.model
-        there = self.candidates.finished(replace(model, effects=curve.begin.effects), curve.begin.model)
-        names, _ = self.candidates.promising(there, self.candidates.names(there))
-        most = LARGEST_ROUGH_EFFECT * self.candidates.roughly_left(curve.candidate)
-        return list(self.candidates.beside(there, names, most).values())
+        base = self.candidates.to_candidate(replace(model, effects=curve.base.effects), curve.base.model)
+        names, _ = self.candidates.screen_effects(base, self.candidates.possible_effects(base))
+        limit = LARGEST_ROUGH_EFFECT * self.candidates.rough_mean_square(curve.candidate)
+        return list(self.candidates.add_effects(base, names, limit).values())
 
-    def prefers(
+    def is_preferred(
         self, physical: Candidate, linear: Candidate, alternatives: Mapping[str, tuple[str, ...]] = _NONE
     ) -> bool:
         """
-        Return whether a model with the physical core is preferred to one with the linear core.
+        Return whether a model with the physical core is preferred to a model with the linear core.
 
-        It is if the validation part prefers it, and either the criterion or both parts together do. A tie is enough,
-        and the core's own parameters, which data sheets have, do not count, if the core holds the effects that it
-        replaces or their `alternatives`. The same holds if the physical core leaves noise, and the linear one needs
-        several effects or leaves more than noise.
+        The physical core has to predict the validation part better, and to be better by the criterion or by both parts
+        together. A tie is enough if the core covers the effects that it replaces, or their `alternatives`. A tie is
+        also enough if the residual of only the physical core is noise, or if the linear core needs several effects for
+        it. At a tie the core's parameters, which data sheets have, do not count.
         """
-        if not physical.model.core:  # its fit ran away
+        if not physical.model.core:  # its fit diverged
             return False
         candidates, train = self.candidates, self.candidates.train
         errors = physical.validation_rmse, linear.validation_rmse
         predicts_better = errors[0] is not None and errors[1] is not None and errors[0] < errors[1]
-        squares = candidates.squares(physical), candidates.squares(linear)
+        squares = candidates.sum_of_squares(physical), candidates.sum_of_squares(linear)
         if predicts_better and squares[0] < LARGEST_CORE_SQUARES * squares[1]:
             return True
         (core,) = (candidates.channel.effects[name] for name in physical.model.core)
         replaced = set(linear.effects) - set(physical.effects)
-        is_held = bool(replaced) and all({name, *alternatives.get(name, ())} & set(core.covers) for name in replaced)
+        is_covered = bool(replaced) and all({name, *alternatives.get(name, ())} & set(core.covers) for name in replaced)
         needs_several = len(linear.effects) > max(len(physical.effects), 1)
-        is_instead = is_held or (
-            (needs_several or not candidates.leaves_noise(linear)) and candidates.leaves_noise(physical)
+        is_tie_enough = is_covered or (
+            (needs_several or not candidates.has_noise_residual(linear)) and candidates.has_noise_residual(physical)
         )
-        charged = physical.unknowns - (len(core.parameters) if is_instead else 0)
+        charged = physical.unknowns - (len(core.parameters) if is_tie_enough else 0)
         coefficients = autoregression(min((physical, linear), key=lambda model: model.rss).residuals)
         criterion, criterion_of_linear = (
             train.criterion(model.residuals, unknowns, coefficients)
             for model, unknowns in ((physical, charged), (linear, linear.unknowns))
         )
-        if is_instead:
+        if is_tie_enough:
             return criterion < criterion_of_linear + TIE and squares[0] < LARGEST_ALIKE_ERROR**2 * squares[1]
         return (predicts_better or None in errors) and criterion < criterion_of_linear
 
-    def _hopeful(self, model: Candidate) -> float:
-        """Return the mean square above which a rough fit will not come to do as well as a model that leaves noise."""
-        if not self.candidates.leaves_noise(model):
+    def _rough_limit(self, model: Candidate) -> float:
+        """Return the mean square above which a rough fit of the core is not continued, given a competing model."""
+        if not self.candidates.has_noise_residual(model):
             return math.inf
-        return LARGEST_ROUGH_CORE * self.candidates.roughly_left(model)
+        return LARGEST_ROUGH_CORE * self.candidates.rough_mean_square(model)

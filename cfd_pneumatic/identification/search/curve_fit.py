@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fits of models that have a curve, with a penalty on its roughness."""
+"""Fits of models with a curve, with a penalty on the curve's roughness."""
 
 from __future__ import annotations
 
@@ -11,60 +11,75 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.fit import Likelihood, Optimum, Quadratic, Unknowns, least_squares
 from cfd_pneumatic.identification.search.curve_places import CurvePlace
-from cfd_pneumatic.identification.search.curve_screening import ScreenedCurve, roughness
+from cfd_pneumatic.identification.search.curve_screening import ScreenedCurve, roughness_matrix
 from cfd_pneumatic.identification.search.thresholds import FINE_CURVE_SEARCH, LEAST_DIVISOR, PENALTY_FACTORS
 from cfd_pneumatic.model import KNOTS
 
 
-def fitted(
-    likelihood: Likelihood, begin: Model, promise: ScreenedCurve, how: tuple[float, int] = FINE_CURVE_SEARCH
+def fit_curve(
+    likelihood: Likelihood, start: Model, screened: ScreenedCurve, search: tuple[float, int] = FINE_CURVE_SEARCH
 ) -> Optimum:
     """
-    Return a model that has a curve, fitted with a penalty on its roughness, which counts among what it leaves.
+    Fit a model that has a curve, with a penalty on the curve's roughness.
 
-    `how` has the tolerance and the most evaluations.
+    Parameters
+    ----------
+    likelihood
+        Samples and weights.
+    start
+        Model with the curve from which the fit starts.
+    screened
+        Place and penalty of the curve.
+    search
+        End of the fit: least relative fall of the sum of squares [-] and most evaluations [1].
+
+    Returns
+    -------
+    Optimum
+        Fitted model; the cost includes the penalty.
+
     """
-    unknowns = Unknowns(likelihood.channel, likelihood.experiments, begin)
-    bends = penalty_of(unknowns, promise)
+    unknowns = Unknowns(likelihood.channel, likelihood.experiments, start)
+    penalty = penalty_matrix(unknowns, screened)
 
     def evaluate(point: Array) -> Quadratic:
-        here = likelihood.evaluate(unknowns, point)
-        slope = bends @ point
-        return Quadratic(here.total + float(point @ slope), here.gradient + slope, here.normal + bends)
+        quadratic = likelihood.evaluate(unknowns, point)
+        slope = penalty @ point
+        return Quadratic(quadratic.total + float(point @ slope), quadratic.gradient + slope, quadratic.normal + penalty)
 
-    start, lower, upper = unknowns.start, unknowns.lower, unknowns.upper
-    point, reached = least_squares(evaluate, start, lower, upper, *how, longest=unknowns.longest_step)
+    first, lower, upper = unknowns.start, unknowns.lower, unknowns.upper
+    point, reached = least_squares(evaluate, first, lower, upper, *search, longest=unknowns.longest_step)
     return Optimum(unknowns.model(point), reached.total)
 
 
-def heights_of(unknowns: Unknowns, slot: CurvePlace) -> list[int]:
-    """Return which unknowns are the heights of a curve."""
-    return [index for index, one in enumerate(unknowns.table) if one.name.startswith(f'{slot.curve.name}.w')]
+def height_indices(unknowns: Unknowns, place: CurvePlace) -> list[int]:
+    """Return the indices of the unknowns that are heights of a curve."""
+    return [index for index, unknown in enumerate(unknowns.table) if unknown.name.startswith(f'{place.curve.name}.w')]
 
 
-def renewed(likelihood: Likelihood, model: Model, promise: ScreenedCurve, share: float) -> ScreenedCurve:
+def update_penalty(likelihood: Likelihood, model: Model, screened: ScreenedCurve, share: float) -> ScreenedCurve:
     """
-    Return a promise with the penalty that goes with a fitted curve's bends and with what it leaves (MacKay, 1992).
+    Return a curve with the penalty that follows from its fitted bends and the fit's residual (MacKay, 1992).
 
-    Before the fit most of what is left is the law itself, and passes for noise, under which a curve seems smooth.
-    `share` is how many independent samples a sample is worth.
+    Before the fit most of the residual is the missing curve itself. The screening takes this residual for noise and
+    the curve for smooth. `share` is the number of independent samples in a sample [-].
     """
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, model)
-    here = likelihood.evaluate(unknowns, unknowns.start)
-    bends = penalty_of(unknowns, promise)
-    if not here.is_finite:
-        return promise
-    told = KNOTS - float(np.sum(np.linalg.pinv(here.normal + bends, hermitian=True) * bends))
-    heights = promise.slot.heights(model) / promise.slot.unit
-    variance = here.total / (likelihood.samples * share)
-    penalty = variance * told / max(float(heights @ roughness() @ heights), LEAST_DIVISOR)
-    return replace(promise, penalty=float(np.clip(penalty / promise.penalty, *PENALTY_FACTORS)) * promise.penalty)
+    quadratic = likelihood.evaluate(unknowns, unknowns.start)
+    matrix = penalty_matrix(unknowns, screened)
+    if not quadratic.is_finite:
+        return screened
+    determined = KNOTS - float(np.sum(np.linalg.pinv(quadratic.normal + matrix, hermitian=True) * matrix))
+    heights = screened.place.heights(model) / screened.place.unit
+    variance = quadratic.total / (likelihood.samples * share)
+    penalty = variance * determined / max(float(heights @ roughness_matrix() @ heights), LEAST_DIVISOR)
+    return replace(screened, penalty=float(np.clip(penalty / screened.penalty, *PENALTY_FACTORS)) * screened.penalty)
 
 
-def penalty_of(unknowns: Unknowns, promise: ScreenedCurve) -> Array:
-    """Return the matrix of the penalty on a curve, as unknowns are searched, shape (k, k)."""
-    own = heights_of(unknowns, promise.slot)
-    scales = unknowns.scales(unknowns.start)[own] / promise.slot.unit
+def penalty_matrix(unknowns: Unknowns, screened: ScreenedCurve) -> Array:
+    """Return the matrix of the penalty on a curve, by the unknowns as they are searched, shape (k, k)."""
+    indices = height_indices(unknowns, screened.place)
+    scales = unknowns.scales(unknowns.start)[indices] / screened.place.unit
     matrix = np.zeros((len(unknowns.table), len(unknowns.table)))
-    matrix[np.ix_(own, own)] = promise.penalty * roughness() * np.outer(scales, scales)
+    matrix[np.ix_(indices, indices)] = screened.penalty * roughness_matrix() * np.outer(scales, scales)
     return matrix

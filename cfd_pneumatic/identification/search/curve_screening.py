@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a curve in some place screened_curves, before it is fitted.
+Screening of curves: predict what a curve at each place would explain, before the curve is fitted.
 
-Where it enters and on what it depends is asked of the residual, linearised: what each place and each variable may take
-beside the model's own unknowns, by the marginal likelihood of a smooth curve (restricted maximum likelihood).
+The prediction is linear in the curve's heights: for each place and variable, the marginal likelihood of a smooth curve
+(restricted maximum likelihood) in addition to the model's own unknowns.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.residual import independent_share
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.complement import Complement
-from cfd_pneumatic.identification.search.curve_places import CurvePlace, slots
+from cfd_pneumatic.identification.search.curve_places import CurvePlace, curve_places
 from cfd_pneumatic.identification.search.thresholds import (
     CURVE_STRETCH_STEPS,
     HEIGHT_PENALTY,
@@ -30,84 +30,85 @@ from cfd_pneumatic.identification.search.thresholds import (
 from cfd_pneumatic.model import COUNT, KNOTS
 from cfd_pneumatic.runtime import map_in_threads
 
-_PENALTIES = np.logspace(-8.0, 8.0, 65)  # of a curve's roughness, beside what data say of it
+_PENALTIES = np.logspace(-8.0, 8.0, 65)  # on the roughness, in units of the largest eigenvalue of the data
 _COARSE = np.maximum(1.0 - np.abs(0.5 * np.arange(KNOTS) - np.arange(KNOTS // 2 + 1)[:, None]), 0.0)  # every other knot
 
 
 @dataclass(frozen=True)
 class ScreenedCurve:
     """
-    What a curve in some place screened_curves.
+    Prediction for a curve at a place.
 
     Attributes
     ----------
-    slot
-        The place.
+    place
+        Place, variable and knots.
     evidence
-        By how much it raises twice the log likelihood.
-    left
-        Share of the residual's squares that it leaves.
+        Rise of twice the log likelihood.
+    remainder
+        Share of the squared residual that remains with the curve.
     penalty
-        Of its roughness: the variance of the noise over that of its bends.
+        Penalty on the roughness: variance of the noise over variance of the curve's bends.
     heights
-        In the slot's unit, shape (knots,).
+        Heights in the unit of the place, shape (knots,).
 
     """
 
-    slot: CurvePlace
+    place: CurvePlace
     evidence: float
-    left: float
+    remainder: float
     penalty: float
     heights: Array
 
 
-def beside(model: Model, promise: ScreenedCurve, share: float = 1.0) -> Model:
-    """Return a model with a share of a curve as it is promised."""
-    return promise.slot.on(model, share * promise.slot.unit * promise.heights)
+def add_screened_curve(model: Model, screened: ScreenedCurve, share: float = 1.0) -> Model:
+    """Return a model with a share of a predicted curve."""
+    return screened.place.add_curve(model, share * screened.place.unit * screened.heights)
 
 
-def screened_curves(candidates: Candidates, begin: Candidate) -> list[ScreenedCurve]:
-    """Return what a curve in each place screened_curves beside a model, the most promising one first."""
-    complement = Complement(candidates.learn.spread(CURVE_STRETCH_STEPS), begin.model)
+def screen_curves(candidates: Candidates, base: Candidate) -> list[ScreenedCurve]:
+    """Predict what a curve at each place would add to a model; return the most promising curve first."""
+    complement = Complement(candidates.train_validation.spread(CURVE_STRETCH_STEPS), base.model)
     residual = complement.residual
-    share = independent_share(candidates.resting_coefficients(begin))
+    share = independent_share(candidates.noise_autoregression(base))
 
-    def promised(some: Sequence[CurvePlace]) -> list[ScreenedCurve]:
-        starts = [slot.parameters(slot.unit * coarse) for slot in some for coarse in _COARSE]
-        changes = np.hsplit(complement.left(complement.changes(candidates.channel.curve.name, starts)), len(some))
-        return [_promise(slot, residual, own, share) for slot, own in zip(some, changes)]
+    def screen(places: Sequence[CurvePlace]) -> list[ScreenedCurve]:
+        starts = [place.parameters(place.unit * coarse) for place in places for coarse in _COARSE]
+        changes = complement.remainder(complement.changes(candidates.channel.curve.name, starts))
+        by_place = np.hsplit(changes, len(places))
+        return [_screen(place, residual, columns, share) for place, columns in zip(places, by_place)]
 
-    places = slots(candidates, begin)
-    together = [places[first : first + COUNT] for first in range(0, len(places), COUNT)]
-    return sorted(chain.from_iterable(map_in_threads(promised, together)), key=lambda one: -one.evidence)
+    places = curve_places(candidates, base)
+    batches = [places[first : first + COUNT] for first in range(0, len(places), COUNT)]
+    return sorted(chain.from_iterable(map_in_threads(screen, batches)), key=lambda screened: -screened.evidence)
 
 
-def _promise(slot: CurvePlace, residual: Array, changes: Array, share: float) -> ScreenedCurve:
+def _screen(place: CurvePlace, residual: Array, changes: Array, share: float) -> ScreenedCurve:
     """
-    Return what the coarse heights of a curve promise, which change the simulation so, shape (n, coarse).
+    Predict a curve from the changes of the simulation by its coarse heights, shape (n, coarse).
 
-    Heights are normal, with the inverse of the roughness as their covariance: the evidence is the marginal likelihood,
-    of which the noise's variance is profiled out, at its best penalty.
+    The heights are normally distributed with the inverse roughness matrix as covariance. The evidence is the marginal
+    likelihood at the best penalty, with the variance of the noise profiled out.
     """
     if not np.all(np.isfinite(changes)) or not np.any(changes):
-        return ScreenedCurve(slot, -math.inf, 1.0, 1.0, np.zeros(KNOTS))
-    root = np.linalg.cholesky(_COARSE @ roughness() @ _COARSE.T)
-    bent = np.linalg.solve(root, changes.T)
-    squares, axes = np.linalg.eigh(bent @ bent.T)
-    squares = np.maximum(squares, LEAST_EIGENVALUE * squares[-1])  # below rounding, and far below every penalty
-    along = axes.T @ (bent @ residual)
+        return ScreenedCurve(place, -math.inf, 1.0, 1.0, np.zeros(KNOTS))
+    root = np.linalg.cholesky(_COARSE @ roughness_matrix() @ _COARSE.T)
+    whitened = np.linalg.solve(root, changes.T)
+    eigenvalues, axes = np.linalg.eigh(whitened @ whitened.T)
+    eigenvalues = np.maximum(eigenvalues, LEAST_EIGENVALUE * eigenvalues[-1])
+    along = axes.T @ (whitened @ residual)
     power, count = float(residual @ residual), residual.size * share
-    penalties = _PENALTIES * float(squares[-1])
-    taken = squares / (squares + penalties[:, None])
-    remaining = 1.0 - taken @ (along**2 / squares) / max(power, LEAST_DIVISOR)
-    values = count * np.log(np.maximum(remaining, LEAST_DIVISOR)) - np.sum(np.log1p(-taken), axis=1)
+    penalties = _PENALTIES * float(eigenvalues[-1])
+    shrinkage = eigenvalues / (eigenvalues + penalties[:, None])
+    remaining = 1.0 - shrinkage @ (along**2 / eigenvalues) / max(power, LEAST_DIVISOR)
+    values = count * np.log(np.maximum(remaining, LEAST_DIVISOR)) - np.sum(np.log1p(-shrinkage), axis=1)
     best = int(np.argmin(values))
     penalty = float(penalties[best])
-    heights = np.linalg.solve(root.T, axes @ (along / (squares + penalty))) @ _COARSE
-    return ScreenedCurve(slot, -float(values[best]), float(remaining[best]), penalty, heights)
+    heights = np.linalg.solve(root.T, axes @ (along / (eigenvalues + penalty))) @ _COARSE
+    return ScreenedCurve(place, -float(values[best]), float(remaining[best]), penalty, heights)
 
 
-def roughness() -> Array:
+def roughness_matrix() -> Array:
     """Return the matrix of a curve's squared bends, and of a little of its height, shape (knots, knots)."""
     bends = np.diff(np.eye(KNOTS), 2, axis=0)
     return np.asarray(bends.T @ bends + HEIGHT_PENALTY * np.eye(KNOTS))

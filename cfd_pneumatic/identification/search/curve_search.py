@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Laws that nobody knows: curves, where no effect of the library leaves noise.
+Search for the curve of an unknown characteristic, if no effect of the library reduces the residual to noise.
 
-The most promising places are fitted inside the simulation, first to short stretches, and compared by what they
-foretell.
+The most promising places are fitted inside the simulation, first to short stretches of the recordings. The fits are
+compared by their prediction errors.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from cfd_pneumatic.identification.channels import Model
 from cfd_pneumatic.identification.fit import Optimum
 from cfd_pneumatic.identification.residual import autoregression, independent_share
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
-from cfd_pneumatic.identification.search.curve_fit import fitted, renewed
-from cfd_pneumatic.identification.search.curve_places import ranges_of
-from cfd_pneumatic.identification.search.curve_screening import ScreenedCurve, beside, screened_curves
+from cfd_pneumatic.identification.search.curve_fit import fit_curve, update_penalty
+from cfd_pneumatic.identification.search.curve_places import visited_ranges
+from cfd_pneumatic.identification.search.curve_screening import ScreenedCurve, add_screened_curve, screen_curves
 from cfd_pneumatic.identification.search.thresholds import (
     CLEARLY_SMALLER_ERROR,
     CURVE_START_SHARES,
@@ -52,42 +52,42 @@ from cfd_pneumatic.identification.search.thresholds import (
 )
 from cfd_pneumatic.runtime import map_in_threads
 
-OF_VALVES = ('flow', 'error')
-"""The law of a valve, which hardly shows before the core is fitted anew: beside one that it led astray."""
+VALVE_CURVE = ('flow', 'error')
+"""Curve of a valve: hardly visible before the core is fitted again, because it misleads the fit of the core."""
 
 
 @dataclass(frozen=True)
 class FittedCurve:
     """
-    A curve that was drawn, and the model beside which it was.
+    A fitted curve, and the model to which the curve was added.
 
     Attributes
     ----------
-    promise
-        Its place, and how smooth it is.
+    screened
+        Place and penalty of the curve.
     candidate
-        The model with it, fitted to the train part.
-    begin
-        The model without it.
-    others
-        Places that the recordings can't tell from its own.
+        Model with the curve, fitted to the train part.
+    base
+        Model without the curve.
+    alternatives
+        Places that the recordings do not distinguish from this place.
 
     """
 
-    promise: ScreenedCurve
+    screened: ScreenedCurve
     candidate: Candidate
-    begin: Candidate
-    others: tuple[tuple[str, str], ...]
+    base: Candidate
+    alternatives: tuple[tuple[str, str], ...]
 
     @property
     def name(self) -> tuple[str, str]:
-        """Where it enters, and against what."""
-        return self.promise.slot.name
+        """Return place and variable of the curve."""
+        return self.screened.place.name
 
 
 class CurveSearch:
     """
-    Curves that may be drawn beside models; none is fitted twice.
+    Fits curves in addition to models; the fits are cached.
 
     Parameters
     ----------
@@ -98,264 +98,333 @@ class CurveSearch:
 
     def __init__(self, candidates: Candidates) -> None:
         self.candidates = candidates
-        self._excerpt = candidates.train.spread(CURVE_STRETCH_STEPS)
-        self._noise = candidates.noise**2 * self._excerpt.samples
-        self._known: dict[Candidate, list[FittedCurve]] = {}
+        self._stretches = candidates.train.spread(CURVE_STRETCH_STEPS)
+        self._noise_squares = candidates.noise**2 * self._stretches.samples
+        self._known_curves: dict[Candidate, list[FittedCurve]] = {}
         self._sketches: dict[Candidate, list[_Sketch]] = {}
-        self._promised: dict[Candidate, list[ScreenedCurve]] = {}
+        self._screened: dict[Candidate, list[ScreenedCurve]] = {}
 
-    def may_explain(self, begin: Candidate) -> bool:
-        """Return whether a curve promises most of what is above the noise beside a model."""
-        promised, above = self._promises(begin), self.candidates.size(begin) ** 2 - 1.0
-        return any(one.left * (above + 1.0) - 1.0 < LARGEST_REMAINDER_OF_SOLE_CURVE * above for one in promised)
+    def is_promising(self, base: Candidate) -> bool:
+        """Return whether a curve is predicted to explain most of what a model's residual has above the noise."""
+        screened, excess = self._screen(base), self.candidates.residual_ratio(base) ** 2 - 1.0
+        return any(
+            curve.remainder * (excess + 1.0) - 1.0 < LARGEST_REMAINDER_OF_SOLE_CURVE * excess for curve in screened
+        )
 
-    def best(
-        self, begins: Sequence[Candidate], known: Sequence[Candidate], searched: bool = False
+    def fit_best_curve(
+        self, bases: Sequence[Candidate], known: Sequence[Candidate], is_after_search: bool = False
     ) -> FittedCurve | None:
         """
-        Return the curve that foretells best beside one of some models; None where none explains what is left.
+        Return the curve with the least error in addition to any of some models; None if no curve reaches the noise.
 
-        An effect of the library that explains as much is preferred: `known` are models with what was found of it. Where
-        effects were `searched` in company and leave much, laws that promise less are tried: large ones come to more.
+        Parameters
+        ----------
+        bases
+            Models to which curves are added.
+        known
+            Models with effects of the library. A model that explains as much is preferred to a curve.
+        is_after_search
+            Whether `known` are the result of a search for combined effects. If their residual is large, curves of less
+            promise are tried too: large curves explain more than predicted.
+
         """
-        least = min(
-            (one.rss for one in known if not searched or self.candidates.size(one) < LARGE_RESIDUAL), default=math.inf
+        limit = min(
+            (
+                model.rss
+                for model in known
+                if not is_after_search or self.candidates.residual_ratio(model) < LARGE_RESIDUAL
+            ),
+            default=math.inf,
         )
-        found: list[FittedCurve] = []
-        for begin in sorted(begins, key=self._least_promised):
-            if begin in self._known or self._least_promised(begin) < least:
-                found += [one for one in self._beside(begin) if self.is_better(one, known)]
-            if any(self.is_noise(one.candidate) for one in found):
-                break  # what leaves hardly more than noise beside one core is not looked for beside another
-        if not found:
+        curves: list[FittedCurve] = []
+        for base in sorted(bases, key=self._least_predicted_squares):
+            if base in self._known_curves or self._least_predicted_squares(base) < limit:
+                curves += [curve for curve in self._fit_curves(base) if self.is_better(curve, known)]
+            if any(self.is_noise(curve.candidate) for curve in curves):
+                break  # a curve that reaches the noise with a core is not searched with a further core
+        if not curves:
             return None
-        best = min(found, key=lambda one: self.candidates.squares(one.candidate))
+        best = min(curves, key=lambda curve: self.candidates.sum_of_squares(curve.candidate))
         if not self._is_near_noise(best):
             return None
-        least_error = min(_error(one.candidate) for one in found)
-        alike = [one.name for one in found if _error(one.candidate) < LARGEST_ALIKE_ERROR * least_error]
-        return replace(best, others=tuple(dict.fromkeys(name for name in alike if name != best.name)))
+        least_error = min(_prediction_error(curve.candidate) for curve in curves)
+        similar = [
+            curve.name for curve in curves if _prediction_error(curve.candidate) < LARGEST_ALIKE_ERROR * least_error
+        ]
+        return replace(best, alternatives=tuple(dict.fromkeys(name for name in similar if name != best.name)))
 
-    def beside_core(
-        self, core: Candidate, begin: Candidate, name: str, known: Sequence[Candidate]
+    def fit_with_new_core(
+        self, core: Candidate, base: Candidate, name: str, known: Sequence[Candidate]
     ) -> FittedCurve | None:
-        """Return a law beside a core that finds its place only beside the law, which was drawn beside another one."""
-        sketches = self._sketches.get(begin)
-        most = LARGEST_ERROR_FOR_NEW_CORE**2 * min(self._left(one.model) for one in (begin, core))
-        if not sketches or sketches[0].found.cost > most:
-            return None
-        drawn = self.candidates.finished(sketches[0].found.model, begin.model)
-        model = self.candidates.with_core(drawn, name).model
-        there = self.candidates.finished(replace(model, effects=core.effects), core.model)
-        self._known[core] = [replace(one, begin=core) for one in self._beside(there)]
-        return self.best([core], known)
+        """
+        Return a curve with a core that is fitted together with the curve; None if no curve reaches the noise.
 
-    def beside_effects(self, begin: Candidate, known: Sequence[Candidate]) -> FittedCurve | None:
-        """Return a law beside effects that were sought beside the law: what was found without it may be astray."""
-        sketches = self._sketches.get(begin)
+        Parameters
+        ----------
+        core
+            Model with the core, fitted without a curve.
+        base
+            Model with a different core, to which curves were added before.
+        name
+            Name of the core.
+        known
+            See `fit_best_curve`.
+
+        """
+        sketches = self._sketches.get(base)
+        limit = LARGEST_ERROR_FOR_NEW_CORE**2 * min(
+            self._stretch_squares(candidate.model) for candidate in (base, core)
+        )
+        if not sketches or sketches[0].optimum.cost > limit:
+            return None
+        with_curve = self.candidates.to_candidate(sketches[0].optimum.model, base.model)
+        model = self.candidates.with_core(with_curve, name).model
+        refitted = self.candidates.to_candidate(replace(model, effects=core.effects), core.model)
+        self._known_curves[core] = [replace(curve, base=core) for curve in self._fit_curves(refitted)]
+        return self.fit_best_curve([core], known)
+
+    def fit_with_effects(self, base: Candidate, known: Sequence[Candidate]) -> FittedCurve | None:
+        """Return a curve with effects that are searched together with the curve; effects found without it may err."""
+        sketches = self._sketches.get(base)
         if not sketches:
             return None
-        drawn = self.candidates.finished(sketches[0].found.model, begin.model)
+        with_curve = self.candidates.to_candidate(sketches[0].optimum.model, base.model)
         for _ in range(MOST_EFFECTS_WITH_CURVE):
-            beside = self.candidates.beside(drawn, self.candidates.names(drawn))
-            better = [one for one in beside.values() if _is_better(self.candidates, one, drawn)]
+            extended = self.candidates.add_effects(with_curve, self.candidates.possible_effects(with_curve))
+            better = [
+                candidate for candidate in extended.values() if _is_better(self.candidates, candidate, with_curve)
+            ]
             if not better:
                 break
-            drawn = min(better, key=lambda one: one.rss)
-        effects = {name: own for name, own in drawn.effects.items() if name in self.candidates.channel.library}
+            with_curve = min(better, key=lambda candidate: candidate.rss)
+        library = self.candidates.channel.library
+        effects = {name: values for name, values in with_curve.effects.items() if name in library}
         if not effects:
             return None
-        return self.best([self.candidates.finished(replace(drawn.model, effects=effects), begin.model)], known)
+        with_effects = self.candidates.to_candidate(replace(with_curve.model, effects=effects), base.model)
+        return self.fit_best_curve([with_effects], known)
 
-    def is_better(self, drawing: FittedCurve, known: Sequence[Candidate]) -> bool:
-        """Return whether a curve explains more than the model without it, and than every one of some others."""
-        drawn, begin = drawing.candidate, drawing.begin
-        foretells = _error(drawn) < LARGEST_ALIKE_ERROR * min((_error(one) for one in known), default=math.inf)
+    def is_better(self, curve: FittedCurve, known: Sequence[Candidate]) -> bool:
+        """Return whether a curve explains more than the model without the curve, and than every known model."""
+        candidate, base = curve.candidate, curve.base
+        least_error = min((_prediction_error(model) for model in known), default=math.inf)
+        predicts_as_well = _prediction_error(candidate) < LARGEST_ALIKE_ERROR * least_error
         return (
-            _is_better(self.candidates, drawn, begin)
-            and foretells
-            and all(_explains_more(self.candidates, drawn, one) for one in dict.fromkeys(known))
+            _is_better(self.candidates, candidate, base)
+            and predicts_as_well
+            and all(_explains_more(self.candidates, candidate, model) for model in dict.fromkeys(known))
         )
 
-    def is_near(self, drawing: FittedCurve, other: Candidate) -> bool:
-        """Return whether a model does nearly as well as one with a curve: on the validation part, and on everything."""
+    def is_near(self, curve: FittedCurve, rival: Candidate) -> bool:
+        """Return whether a model is nearly as good as a curve: on the validation part, and on all samples."""
         return all(
-            size(other) * CLEARLY_SMALLER_ERROR < size(drawing.candidate) for size in (_error, self.candidates.size)
+            error(rival) * CLEARLY_SMALLER_ERROR < error(curve.candidate)
+            for error in (_prediction_error, self.candidates.residual_ratio)
         )
 
-    def is_noise(self, one: Candidate) -> bool:
-        """Return whether what a model leaves is noise in kind and hardly larger: where none was seen it may be."""
-        return self.candidates.size(one) < LARGEST_NEAR_NOISE and self.candidates.leaves_noise(one)
+    def is_noise(self, candidate: Candidate) -> bool:
+        """Return whether a residual passes the noise tests and is hardly larger than the noise."""
+        candidates = self.candidates
+        return candidates.residual_ratio(candidate) < LARGEST_NEAR_NOISE and candidates.has_noise_residual(candidate)
 
-    def is_far_better(self, drawing: FittedCurve, others: Sequence[Candidate]) -> bool:
-        """Return whether a curve leaves hardly more than noise, and hardly two of some models might err as little."""
-        most = FAR_SMALLER_ERROR * min(map(_error, others), default=math.inf)
-        return self.candidates.size(drawing.candidate) < LARGEST_NEAR_NOISE and _error(drawing.candidate) < most
+    def is_far_better(self, curve: FittedCurve, rivals: Sequence[Candidate]) -> bool:
+        """Return whether a curve reaches the noise, and two combined rivals would hardly err as little."""
+        limit = FAR_SMALLER_ERROR * min(map(_prediction_error, rivals), default=math.inf)
+        candidate = curve.candidate
+        return self.candidates.residual_ratio(candidate) < LARGEST_NEAR_NOISE and _prediction_error(candidate) < limit
 
-    def _beside(self, begin: Candidate) -> list[FittedCurve]:
+    def _fit_curves(self, base: Candidate) -> list[FittedCurve]:
         """
-        Return the most promising curves beside a model, fitted to the train part.
+        Return the most promising curves in addition to a model, fitted to the train part.
 
-        Short stretches tell before which these are, and whether they do better with their knots elsewhere.
+        Fits to short stretches select the curves, and the positions of the knots.
         """
-        if begin not in self._known:
-            promised, size = self._promises(begin), self.candidates.size(begin)
-            left = LARGEST_CURVE_REMAINDER_WITH_EFFECTS if begin.effects else LARGEST_CURVE_REMAINDER
-            most = max((one.evidence for one in promised if one.slot.name[1] != 'time'), default=0.0)
-            likely = _worth_a_fit(promised, size, left, LEAST_EVIDENCE_SHARE * most)
-            near = self._near(begin, likely)
-            if likely and size > LARGE_RESIDUAL and not self._is_at_noise(near):  # far from where it was linearised
-                names = {one.slot.name for one in likely}
-                others = [one for one in promised if one.slot.name not in names]
-                hardly = _worth_a_fit(others, size, left, LEAST_FALLBACK_EVIDENCE_SHARE * most)
-                of_valve = [one for one in others if one.slot.name == OF_VALVES and one not in hardly]
-                near = self._near(begin, hardly + of_valve)
-            drawn = self._fitted(begin, [(one.promise, one.found.model) for one in near[:MOST_FITTED_CURVES]])
-            self._known[begin] = [self._over_its_range(one) for one in drawn]
-        return self._known[begin]
+        if base not in self._known_curves:
+            screened, ratio = self._screen(base), self.candidates.residual_ratio(base)
+            remainder = LARGEST_CURVE_REMAINDER_WITH_EFFECTS if base.effects else LARGEST_CURVE_REMAINDER
+            evidence = max((curve.evidence for curve in screened if curve.place.name[1] != 'time'), default=0.0)
+            likely = _select_for_fit(screened, ratio, remainder, LEAST_EVIDENCE_SHARE * evidence)
+            best = self._best_sketches(base, likely)
+            # The linearised prediction errs far from the noise; try curves of less evidence then.
+            if likely and ratio > LARGE_RESIDUAL and not self._is_at_noise(best):
+                names = {curve.place.name for curve in likely}
+                further = [curve for curve in screened if curve.place.name not in names]
+                unlikely = _select_for_fit(further, ratio, remainder, LEAST_FALLBACK_EVIDENCE_SHARE * evidence)
+                of_valve = [curve for curve in further if curve.place.name == VALVE_CURVE and curve not in unlikely]
+                best = self._best_sketches(base, unlikely + of_valve)
+            starts = [(sketch.screened, sketch.optimum.model) for sketch in best[:MOST_FITTED_CURVES]]
+            curves = self._fit_to_train(base, starts)
+            self._known_curves[base] = [self._extend_range(curve) for curve in curves]
+        return self._known_curves[base]
 
-    def _near(self, begin: Candidate, promised: Sequence[ScreenedCurve]) -> list[_Sketch]:
-        """Return sketches that come near the noise, those made before as well, the best first."""
-        sketches = self._sketched(begin, [(one, self._begun(begin, one)) for one in promised])
-        sharper = [other for one in sketches[:SHARPENED_SKETCHES] for other in _otherwise(one.promise, one.found.model)]
-        sketches = _best_first(self._sketches.get(begin, []) + sketches + self._sketched(begin, sharper))
-        self._sketches[begin] = sketches
-        farthest = (LARGEST_SKETCH_RESIDUAL * self._near_noise(begin) / LARGEST_NEAR_NOISE) ** 2 * self._noise
-        most = min(LARGEST_SKETCH_SQUARES * sketches[0].found.cost, farthest) if sketches else 0.0
-        return _few_of_each([one for one in sketches if one.found.cost < most])
+    def _best_sketches(self, base: Candidate, screened: Sequence[ScreenedCurve]) -> list[_Sketch]:
+        """Return sketches whose residual comes near the noise, earlier sketches included, the best first."""
+        sketches = self._fit_sketches(base, [(curve, self._start_with_curve(base, curve)) for curve in screened])
+        moved = [
+            variant
+            for sketch in sketches[:SHARPENED_SKETCHES]
+            for variant in _with_moved_knots(sketch.screened, sketch.optimum.model)
+        ]
+        sketches = _sort_by_cost(self._sketches.get(base, []) + sketches + self._fit_sketches(base, moved))
+        self._sketches[base] = sketches
+        largest = (
+            LARGEST_SKETCH_RESIDUAL * self._near_noise_limit(base) / LARGEST_NEAR_NOISE
+        ) ** 2 * self._noise_squares
+        limit = min(LARGEST_SKETCH_SQUARES * sketches[0].optimum.cost, largest) if sketches else 0.0
+        return _best_of_each_place([sketch for sketch in sketches if sketch.optimum.cost < limit])
 
-    def _is_at_noise(self, near: Sequence[_Sketch]) -> bool:
-        """Return whether the best of some sketches may come down to the noise."""
-        return bool(near) and near[0].found.cost < LARGEST_SKETCH_RESIDUAL**2 * self._noise
+    def _is_at_noise(self, sketches: Sequence[_Sketch]) -> bool:
+        """Return whether the first sketch may reach the noise."""
+        return bool(sketches) and sketches[0].optimum.cost < LARGEST_SKETCH_RESIDUAL**2 * self._noise_squares
 
-    def _fitted(self, begin: Candidate, begun: Sequence[tuple[ScreenedCurve, Model]]) -> list[FittedCurve]:
-        """Return curves fitted to the train part, from models that have them."""
+    def _fit_to_train(self, base: Candidate, starts: Sequence[tuple[ScreenedCurve, Model]]) -> list[FittedCurve]:
+        """Return curves fitted to the train part, each from a model that has the curve."""
 
-        def finished(promise: ScreenedCurve, model: Model) -> Candidate:
-            return self.candidates.finished(
-                fitted(self.candidates.train, model, promise, ROUGH_CURVE_SEARCH).model, begin.model
+        def fit(screened: ScreenedCurve, model: Model) -> Candidate:
+            return self.candidates.to_candidate(
+                fit_curve(self.candidates.train, model, screened, ROUGH_CURVE_SEARCH).model, base.model
             )
 
-        ended = map_in_threads(lambda one: finished(*one), begun)
-        drawn = [FittedCurve(promise, own, begin, ()) for (promise, _), own in zip(begun, ended)]
-        return [one for one in drawn if one.promise.slot.curve.name in one.candidate.effects]
+        fits = map_in_threads(lambda start: fit(*start), starts)
+        curves = [FittedCurve(screened, candidate, base, ()) for (screened, _), candidate in zip(starts, fits)]
+        return [curve for curve in curves if curve.screened.place.curve.name in curve.candidate.effects]
 
-    def _over_its_range(self, drawing: FittedCurve) -> FittedCurve:
-        """Return a curve drawn over all that is visited beside it: a large law leads to where nothing was without."""
-        slot, model = drawing.promise.slot, drawing.candidate.model
-        low, high = ranges_of(self.candidates, drawing.candidate, 0.0)[slot.against]
-        if self._is_near_noise(drawing) or high - low < LEAST_WIDER_RANGE * (slot.high - slot.low):
-            return drawing
-        wide = slot.over(low, high)
-        promise = replace(drawing.promise, slot=wide)
-        begun = wide.on(model, slot.along(wide.knots) @ slot.heights(model))
-        others = self._fitted(drawing.begin, [(promise, begun), *_otherwise(promise, begun)])
-        return min([drawing, *others], key=lambda one: self.candidates.squares(one.candidate))
+    def _extend_range(self, curve: FittedCurve) -> FittedCurve:
+        """Return a curve over the range that its model visits; a large curve may lead the model out of the range."""
+        place, model = curve.screened.place, curve.candidate.model
+        low, high = visited_ranges(self.candidates, curve.candidate, 0.0)[place.against]
+        if self._is_near_noise(curve) or high - low < LEAST_WIDER_RANGE * (place.high - place.low):
+            return curve
+        wide = place.with_range(low, high)
+        screened = replace(curve.screened, place=wide)
+        start = wide.add_curve(model, place.interpolation(wide.knots) @ place.heights(model))
+        wide_curves = self._fit_to_train(curve.base, [(screened, start), *_with_moved_knots(screened, start)])
+        return min([curve, *wide_curves], key=lambda fitted: self.candidates.sum_of_squares(fitted.candidate))
 
-    def _is_near_noise(self, drawing: FittedCurve) -> bool:
-        """Return whether what a law leaves is noise in kind, or hardly larger and no other cause's."""
+    def _is_near_noise(self, curve: FittedCurve) -> bool:
+        """Return whether a curve's residual is hardly larger than the noise; it must not depend on the inputs."""
         may_hide = self.candidates.channel.may_hide(self.candidates.train.experiments)
-        if may_hide and self.candidates.follows_inputs(drawing.candidate):
+        if may_hide and self.candidates.has_input_dependence(curve.candidate):
             return False
-        return self.candidates.size(drawing.candidate) < self._near_noise(drawing.begin)
+        return self.candidates.residual_ratio(curve.candidate) < self._near_noise_limit(curve.base)
 
-    def _near_noise(self, begin: Candidate) -> float:
-        """Return the size up to which what a law leaves is hardly larger than the noise, which is 1."""
-        return math.hypot(LARGEST_NEAR_NOISE, LARGEST_CORNER_ERROR * self.candidates.size(begin))
+    def _near_noise_limit(self, base: Candidate) -> float:
+        """Return the largest residual with a curve that is hardly larger than the noise [standard deviations of it]."""
+        return math.hypot(LARGEST_NEAR_NOISE, LARGEST_CORNER_ERROR * self.candidates.residual_ratio(base))
 
-    def _least_promised(self, begin: Candidate) -> float:
-        """Return the least sum of squares that a curve promises to leave."""
-        return min((one.left for one in self._promises(begin)), default=1.0) * begin.rss
+    def _least_predicted_squares(self, base: Candidate) -> float:
+        """Return the least sum of squares that is predicted for a curve in addition to a model."""
+        return min((curve.remainder for curve in self._screen(base)), default=1.0) * base.rss
 
-    def _promises(self, begin: Candidate) -> list[ScreenedCurve]:
-        """Return what curves promise; none where no part is left to foretell."""
-        if begin not in self._promised:
-            told = self.candidates.baseline.validation_rmse is not None
-            self._promised[begin] = screened_curves(self.candidates, begin) if told else []
-        return self._promised[begin]
+    def _screen(self, base: Candidate) -> list[ScreenedCurve]:
+        """Return the screened curves for a model; none without a validation part, which has to confirm a curve."""
+        if base not in self._screened:
+            has_validation = self.candidates.baseline.validation_rmse is not None
+            self._screened[base] = screen_curves(self.candidates, base) if has_validation else []
+        return self._screened[base]
 
-    def _begun(self, begin: Candidate, promise: ScreenedCurve) -> Model:
-        """Return a model with so much of a promise as mends it: the whole of a large law may lead astray."""
-        models = [beside(begin.model, promise, share) for share in CURVE_START_SHARES]
-        return next((one for one in models if self._left(one) < self._left(begin.model)), models[-1])
+    def _start_with_curve(self, base: Candidate, screened: ScreenedCurve) -> Model:
+        """Return a model with the largest share of a predicted curve that reduces the error; the whole may be wrong."""
+        models = [add_screened_curve(base.model, screened, share) for share in CURVE_START_SHARES]
+        return next(
+            (model for model in models if self._stretch_squares(model) < self._stretch_squares(base.model)), models[-1]
+        )
 
-    def _left(self, model: Model) -> float:
-        """Return the sum of squares that a model leaves of the short stretches."""
-        with np.errstate(over='ignore'):  # of one that runs away
-            return sum(float(run @ run) for run in self._excerpt.residuals(self._excerpt.simulate(model)))
+    def _stretch_squares(self, model: Model) -> float:
+        """Return the sum of squared residuals of a model on the short stretches."""
+        with np.errstate(over='ignore'):  # of a model that diverges
+            return sum(float(run @ run) for run in self._stretches.residuals(self._stretches.simulate(model)))
 
-    def _sketched(self, begin: Candidate, some: Sequence[tuple[ScreenedCurve, Model]]) -> list[_Sketch]:
-        """Return curves fitted to short stretches, from models that have them, the best first."""
-        share = independent_share(self.candidates.resting_coefficients(begin))
+    def _fit_sketches(self, base: Candidate, starts: Sequence[tuple[ScreenedCurve, Model]]) -> list[_Sketch]:
+        """Return curves fitted to short stretches, each from a model that has the curve, the best first."""
+        share = independent_share(self.candidates.noise_autoregression(base))
 
-        def sketch(promise: ScreenedCurve, model: Model) -> _Sketch:
-            model = fitted(self._excerpt, model, promise, ROUGH_CURVE_SEARCH).model
-            promise = replace(promise, slot=promise.slot.remembering(model))
-            again = renewed(self._excerpt, model, promise, share)
-            return _Sketch(again, fitted(self._excerpt, model, again, ROUGH_CURVE_SEARCH))
+        def sketch(screened: ScreenedCurve, model: Model) -> _Sketch:
+            model = fit_curve(self._stretches, model, screened, ROUGH_CURVE_SEARCH).model
+            screened = replace(screened, place=screened.place.with_memory_of(model))
+            updated = update_penalty(self._stretches, model, screened, share)
+            return _Sketch(updated, fit_curve(self._stretches, model, updated, ROUGH_CURVE_SEARCH))
 
-        return _best_first(map_in_threads(lambda one: sketch(*one), some))
+        return _sort_by_cost(map_in_threads(lambda start: sketch(*start), starts))
 
 
 class _Sketch(NamedTuple):
-    """A curve that was fitted to an excerpt."""
+    """A curve that was fitted to short stretches."""
 
-    promise: ScreenedCurve
-    found: Optimum
-
-
-def _best_first(sketches: Sequence[_Sketch]) -> list[_Sketch]:
-    return sorted(sketches, key=lambda one: one.found.cost)
+    screened: ScreenedCurve
+    optimum: Optimum
 
 
-def _few_of_each(sketches: Sequence[_Sketch]) -> list[_Sketch]:
-    """Return the best few of each place: the best one of every place first."""
-    ranks: Counter[tuple[str, str]] = Counter()
+def _sort_by_cost(sketches: Sequence[_Sketch]) -> list[_Sketch]:
+    return sorted(sketches, key=lambda sketch: sketch.optimum.cost)
+
+
+def _best_of_each_place(sketches: Sequence[_Sketch]) -> list[_Sketch]:
+    """Return the best few sketches of each place, in turns: first the best sketch of every place."""
+    counts: Counter[tuple[str, str]] = Counter()
     turns: list[list[_Sketch]] = [[] for _ in range(SKETCHES_OF_PLACE)]
-    for one in sketches:
-        if ranks[one.promise.slot.name] < SKETCHES_OF_PLACE:
-            turns[ranks[one.promise.slot.name]].append(one)
-        ranks[one.promise.slot.name] += 1
+    for sketch in sketches:
+        if counts[sketch.screened.place.name] < SKETCHES_OF_PLACE:
+            turns[counts[sketch.screened.place.name]].append(sketch)
+        counts[sketch.screened.place.name] += 1
     return [*chain.from_iterable(turns)]
 
 
-def _otherwise(promise: ScreenedCurve, model: Model) -> list[tuple[ScreenedCurve, Model]]:
-    """Return a curve with its knots elsewhere, as a model has it."""
-    heights = promise.slot.heights(model)
-    others = promise.slot.elsewhere(heights)
-    return [(replace(promise, slot=one), one.on(model, promise.slot.along(one.knots) @ heights)) for one in others]
+def _with_moved_knots(screened: ScreenedCurve, model: Model) -> list[tuple[ScreenedCurve, Model]]:
+    """Return variants of a model's curve with different knots."""
+    heights = screened.place.heights(model)
+    places = screened.place.with_moved_knots(heights)
+    return [
+        (replace(screened, place=place), place.add_curve(model, screened.place.interpolation(place.knots) @ heights))
+        for place in places
+    ]
 
 
-def _worth_a_fit(promised: Sequence[ScreenedCurve], size: float, left: float, least: float) -> list[ScreenedCurve]:
+def _select_for_fit(
+    screened: Sequence[ScreenedCurve], ratio: float, remainder: float, evidence: float
+) -> list[ScreenedCurve]:
     """
-    Return the most promising of each place and memory, if they may bring a residual down to the noise, of 1.
+    Return the most promising curve of each place and memory that may reduce a residual to the noise.
 
-    They are to leave less than a share `left` of the squares above it, and their evidence is to be more than `least`.
+    Parameters
+    ----------
+    screened
+        Curves, the most promising first.
+    ratio
+        Residual without a curve [standard deviations of the noise].
+    remainder
+        Largest predicted remainder [squares above the noise].
+    evidence
+        Least evidence.
+
     """
     best: dict[tuple[str, str, float], ScreenedCurve] = {}
-    for one in promised:
-        may = one.left * size**2 - 1.0 < left * (size**2 - 1.0)
-        if may and one.evidence > max(LEAST_CURVE_EVIDENCE, least):
-            best.setdefault((*one.slot.name, one.slot.memory), one)
+    for curve in screened:
+        may_reach_noise = curve.remainder * ratio**2 - 1.0 < remainder * (ratio**2 - 1.0)
+        if may_reach_noise and curve.evidence > max(LEAST_CURVE_EVIDENCE, evidence):
+            best.setdefault((*curve.place.name, curve.place.memory), curve)
     return list(best.values())[:MOST_FITTED_CURVES]
 
 
-def _error(candidate: Candidate) -> float:
-    """Return the error of the validation part, of the train part where there is none [SI]."""
-    squares = candidate.rss / max(sum(one.size for one in candidate.residuals), 1)
-    error = math.sqrt(squares) if candidate.validation_rmse is None else candidate.validation_rmse
+def _prediction_error(candidate: Candidate) -> float:
+    """Return the error on the validation part, or on the train part if there is no validation part [SI]."""
+    mean_square = candidate.rss / max(sum(residual.size for residual in candidate.residuals), 1)
+    error = math.sqrt(mean_square) if candidate.validation_rmse is None else candidate.validation_rmse
     return error if math.isfinite(error) else math.inf
 
 
-def _is_better(candidates: Candidates, candidate: Candidate, begin: Candidate) -> bool:
-    """Return whether a curve explains more than a model, and foretells what it was not fitted to."""
-    return _explains_more(candidates, candidate, begin) and _error(candidate) < (1.0 - LEAST_ERROR_DROP) * _error(begin)
+def _is_better(candidates: Candidates, candidate: Candidate, base: Candidate) -> bool:
+    """Return whether a candidate explains more than a model, and reduces the prediction error."""
+    largest_error = (1.0 - LEAST_ERROR_DROP) * _prediction_error(base)
+    return _explains_more(candidates, candidate, base) and _prediction_error(candidate) < largest_error
 
 
-def _explains_more(candidates: Candidates, candidate: Candidate, other: Candidate) -> bool:
-    """Return whether a curve explains more of train and validation than a model, or foretells far more."""
-    learn, coefficients = candidates.learn, autoregression(candidate.residuals)
+def _explains_more(candidates: Candidates, candidate: Candidate, rival: Candidate) -> bool:
+    """Return whether a candidate lowers the criterion on train and validation, or predicts clearly better."""
+    likelihood, coefficients = candidates.train_validation, autoregression(candidate.residuals)
     before, after = (
-        learn.criterion(learn.residuals(one.simulated), one.unknowns, coefficients) for one in (other, candidate)
+        likelihood.criterion(likelihood.residuals(model.simulated), model.unknowns, coefficients)
+        for model in (rival, candidate)
     )
-    return before - after > LEAST_CURVE_EVIDENCE or _error(candidate) < CLEARLY_SMALLER_ERROR * _error(other)
+    largest_error = CLEARLY_SMALLER_ERROR * _prediction_error(rival)
+    return before - after > LEAST_CURVE_EVIDENCE or _prediction_error(candidate) < largest_error

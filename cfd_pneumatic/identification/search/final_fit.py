@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fit that is reported, to train and validation together, of what the search has found."""
+"""Final fit of a search's result to the train and validation parts together; its values are reported."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from cfd_pneumatic.identification.search.thresholds import (
     MOST_FINAL_EVALUATIONS,
 )
 
-_DOES_NOTHING = 'does nothing beside the others'
+_IDLE = 'explains nothing in addition to the other effects'
 
 
-def finish(before: Fit, found: SearchResult) -> tuple[Fit, Mapping[str, tuple[str, ...]], tuple[Trial, ...]]:
-    """Return the final fit of a search's result without idle effects, the alternatives to effects, and the trials."""
-    if not found.model.model.parts:
-        return before, found.alternatives, found.tried
-    after = fit_to_end(before, _without_idle(before, found.model.model))
-    idle = found.model.effects.keys() - after.model.effects.keys()
-    alternatives = {name: others for name, others in found.alternatives.items() if name not in idle}
-    return after, {**alternatives, **_confounded(after)}, withdrawn(found.tried, idle, _DOES_NOTHING)
+def finish(before: Fit, result: SearchResult) -> tuple[Fit, Mapping[str, tuple[str, ...]], tuple[Trial, ...]]:
+    """Fit a search's result without idle effects; return the fit, the alternatives to effects, and the trials."""
+    if not result.model.model.parts:
+        return before, result.alternatives, result.tried
+    after = fit_to_end(before, _without_idle(before, result.model.model))
+    idle = result.model.effects.keys() - after.model.effects.keys()
+    alternatives = {name: rivals for name, rivals in result.alternatives.items() if name not in idle}
+    return after, {**alternatives, **_confounded(after)}, withdraw_trials(result.tried, idle, _IDLE)
 
 
-def withdrawn(tried: Sequence[Trial], names: Collection[str], why: str) -> tuple[Trial, ...]:
-    """Return trials, of which those of some effects were not accepted in the end, and why."""
+def withdraw_trials(tried: Sequence[Trial], names: Collection[str], why: str) -> tuple[Trial, ...]:
+    """Return trials in which some effects are not accepted, for a reason."""
     return tuple(
         replace(trial, accepted=False, why=why) if trial.effect in names and trial.accepted else trial
         for trial in tried
@@ -41,7 +41,7 @@ def withdrawn(tried: Sequence[Trial], names: Collection[str], why: str) -> tuple
 
 
 def with_core(before: Fit) -> Fit:
-    """Return the fit of a channel's model with the physical core, where it has one, from that of the linear one."""
+    """Return the fit of a channel's model with the physical core; the linear fit if the channel has no such core."""
     names = list(before.likelihood.channel.cores)
     if not names:
         return before
@@ -50,11 +50,11 @@ def with_core(before: Fit) -> Fit:
 
 
 def fit_to_end(before: Fit, rough: Model) -> Fit:
-    """Return the fit from a model to train and validation; that model itself if the fit runs away."""
+    """Fit a model to train and validation; return the fit, or the unchanged model if the fit diverges."""
     likelihood = before.likelihood
-    how = FINAL_SEARCH_TOLERANCE / likelihood.samples, MOST_FINAL_EVALUATIONS
-    found = find_optimum(likelihood, rough, *how)
-    model = (as_data_sheets(likelihood, found, *how) if found.model.core else found).model
+    search = FINAL_SEARCH_TOLERANCE / likelihood.samples, MOST_FINAL_EVALUATIONS
+    optimum = find_optimum(likelihood, rough, *search)
+    model = (as_data_sheets(likelihood, optimum, *search) if optimum.model.core else optimum).model
     if not all(np.all(np.isfinite(values)) for values in likelihood.simulate(model)):
         model = rough
     return summary(likelihood, model)
@@ -62,26 +62,26 @@ def fit_to_end(before: Fit, rough: Model) -> Fit:
 
 def _without_idle(before: Fit, model: Model) -> Model:
     """
-    Return a model without effects that change nothing in addition to the others, as an effect at its null.
+    Return a model without idle effects: effects at their null, which explain nothing in addition to other effects.
 
-    They were added where the fit before them was stuck, and freed it.
+    The search added such an effect because it freed a fit that was stuck.
     """
     likelihood = before.likelihood.representative()
 
-    def squares(of: Model) -> float:
-        return sum(float(run @ run) for run in likelihood.residuals(likelihood.simulate(of)))
+    def squares(tried: Model) -> float:
+        return sum(float(run @ run) for run in likelihood.residuals(likelihood.simulate(tried)))
 
-    most = LARGEST_IDLE_SQUARES * squares(model)
+    limit = LARGEST_IDLE_SQUARES * squares(model)
     for idle in list(model.effects):
         effects = {name: parameters for name, parameters in model.effects.items() if name != idle}
-        fewer = replace(model, effects=effects)
-        if effects and squares(fewer) < most:
-            model = fewer
+        reduced = replace(model, effects=effects)
+        if effects and squares(reduced) < limit:
+            model = reduced
     return model
 
 
 def _confounded(after: Fit) -> Mapping[str, tuple[str, ...]]:
-    """Return effects that others may pass for, as the channel knows them."""
+    """Return for each effect the effects that the channel cannot distinguish from it."""
     likelihood, model = after.likelihood.representative(), after.model
     complement = Complement(likelihood, model)
     residual = np.concatenate(likelihood.residuals(likelihood.simulate(model)))
@@ -90,5 +90,5 @@ def _confounded(after: Fit) -> Mapping[str, tuple[str, ...]]:
         model,
         after.estimates,
         residual,
-        lambda effect, start: complement.left(complement.changes(effect, [start])[:, 0]),
+        lambda effect, start: complement.remainder(complement.changes(effect, [start])[:, 0]),
     )

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Which effects a model lacks, judged by the residual: one search, whatever the model and the effects are of.
+Stepwise search for the effects that a model lacks, judged by the residual; for any channel and any effects.
 
-Every effect is fitted beside the model to the train part; the best that is worth its parameters is added, and so on.
-What is worth it: the Bayesian information criterion of the whitened residual, the error on the validation part, the
-drop of the residual's sum of squares. Then effects that are not needed any more are taken out, and each is tried
-against its rivals. The test part is never looked at.
+1. Fit each effect in addition to the model, to the train part. Add the best effect that is worth its parameters:
+   by the Bayesian information criterion of the whitened residual, the error on the validation part, and the drop of the
+   residual's sum of squares. Repeat.
+2. Remove effects that are no longer needed.
+3. Try each effect against its rivals.
+
+The search does not see the test part.
 """
 
 from __future__ import annotations
@@ -39,30 +42,30 @@ from cfd_pneumatic.identification.search.thresholds import (
 from cfd_pneumatic.runtime import map_in_threads
 
 _WHITE = np.empty(0)  # coefficients of white noise
-_OUTDONE = 'worth it, but another lowers the criterion more'
-_UNPROMISING = 'not fitted: as far as small changes tell, it takes no more than that'
+_OUTDONE = 'also improves the fit, but less than the selected effect'
+_UNPROMISING = 'not fitted: the predicted drop is at most this large'
 
 
 @dataclass(frozen=True)
 class Trial:
     """
-    One effect that was tried.
+    An effect that was tried.
 
     Attributes
     ----------
     effect
-        Its name.
+        Name of the effect.
     delta_bic
-        By how much it lowers the criterion; None where it was not fitted.
+        Fall of the criterion with the effect; None if the effect was not fitted.
     rss_drop
-        Share of the train part's sum of squares that it takes; at most, where it was not fitted.
+        Share of the train part's sum of squares that the effect explains; the predicted limit if it was not fitted.
     validation_rmse
-        Error on the validation part with it [Pa or N]; None where there is no such part or it was not fitted.
+        Error on the validation part with the effect [Pa or N]; None if there is no such part or no fit.
     accepted
-        Whether it was added.
+        Whether the effect was added.
     why
-        Why, or why not.
-    beside
+        Reason for adding the effect, or for not adding it.
+    present_effects
         Effects that the model had already.
 
     """
@@ -73,20 +76,20 @@ class Trial:
     validation_rmse: float | None
     accepted: bool
     why: str
-    beside: tuple[str, ...] = ()
+    present_effects: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class SearchResult:
     """
-    Effects that were found.
+    Result of a search for effects.
 
     Attributes
     ----------
     model
-        The model with them.
+        Model with the effects that were found.
     alternatives
-        For each effect those that the data can't tell from it, at most two.
+        For each effect the effects that the recordings do not distinguish from it, at most two.
     tried
         Every effect that was tried, in the order of the search.
 
@@ -100,18 +103,18 @@ class SearchResult:
 @dataclass(frozen=True)
 class Step:
     """
-    Every effect tried beside a model.
+    Trials of every effect in addition to a model.
 
     Attributes
     ----------
     candidates
-        The model with each.
+        Model with each effect, by its name.
     ranked
-        Their names, the best first.
+        Names of the effects, the best first.
     leads
-        Those that are worth it and the best, by either criterion; empty where none is worth it.
+        Best effects that are worth their parameters, by either criterion; empty if there are none.
     tried
-        What came of each, before one is chosen.
+        Trial of each effect, before an effect is chosen.
 
     """
 
@@ -121,34 +124,34 @@ class Step:
     tried: Mapping[str, Trial]
 
     def trials(self, chosen: str | None = None) -> tuple[Trial, ...]:
-        """Return what came of each, one of them chosen."""
+        """Return all trials; the chosen effect is marked as accepted."""
         accepted = replace(self.tried[chosen], accepted=True, why='lowers the criterion most') if chosen else None
-        others = sorted(set(self.tried) - set(self.ranked), key=lambda name: -self.tried[name].rss_drop)
-        names = [*self.ranked, *others]
+        not_fitted = sorted(set(self.tried) - set(self.ranked), key=lambda name: -self.tried[name].rss_drop)
+        names = [*self.ranked, *not_fitted]
         return tuple(accepted if accepted and name == chosen else self.tried[name] for name in names)
 
     def rivals(self, name: str) -> dict[str, Candidate]:
-        """Return the best of the others, as they were fitted here."""
-        others = [other for other in self.ranked if other != name][:MOST_RIVALS]
-        return {other: self.candidates[other] for other in others}
+        """Return the candidates with the best further effects, by the effect's name."""
+        rivals = [rival for rival in self.ranked if rival != name][:MOST_RIVALS]
+        return {rival: self.candidates[rival] for rival in rivals}
 
 
 class Search:
     """
-    The search for missing effects.
+    Stepwise search for missing effects.
 
     Parameters
     ----------
     candidates
         Fits models with effects.
-    begin
-        The model without any.
+    base
+        Model at which the search begins.
 
     """
 
-    def __init__(self, candidates: Candidates, begin: Candidate) -> None:
+    def __init__(self, candidates: Candidates, base: Candidate) -> None:
         self.candidates = candidates
-        self.begin = begin
+        self.base = base
         self._likelihood = candidates.train
         self._accepted: dict[tuple[str, ...], Candidate] = {}
         self._tried: dict[tuple[str, ...], Candidate] = {}
@@ -157,162 +160,171 @@ class Search:
         """Return the Bayesian information criterion of a model, whitened by an autoregression."""
         return self._likelihood.criterion(model.residuals, model.unknowns, coefficients)
 
-    def evidence(self, model: Candidate, candidate: Candidate) -> float:
-        """Return by how much a candidate lowers the criterion where noise as it leaves at rest counts for less."""
-        more = candidate.unknowns - model.unknowns
+    def criterion_drop_for_coloured_noise(self, model: Candidate, candidate: Candidate) -> float:
+        """Return the fall of the criterion with a candidate, if its noise at rest is autocorrelated."""
+        added_unknowns = candidate.unknowns - model.unknowns
         return self._likelihood.criterion_drop_for_coloured_noise(
-            model.rss, candidate.rss, more, self.candidates.resting_coefficients(candidate)
+            model.rss, candidate.rss, added_unknowns, self.candidates.noise_autoregression(candidate)
         )
 
     def run(self) -> SearchResult:
         """
-        Add what is worth it, take out what is not needed any more, and try each effect against its rivals.
+        Add effects, remove effects that are no longer needed, and try each effect against its rivals.
 
-        The first effect leads all others. Where it depends on whether the residual is whitened which one is best, each
-        is followed to the end.
+        The first effect decides about all later effects. If the criteria of the plain and the whitened residual
+        disagree about it, the search continues from both.
         """
-        model = self.begin
+        model = self.base
         self._accepted[tuple(model.effects)] = model
-        if len(model.effects) >= self._most(model):
+        if len(model.effects) >= self._most_effects(model):
             return SearchResult(model, {}, ())
-        first = self.step(model)
-        found = [self._followed(first, lead) for lead in first.leads]
-        if not found:
+        first = self.try_effects(model)
+        results = [self._search_from(first, lead) for lead in first.leads]
+        if not results:
             return SearchResult(model, {}, first.trials())
-        best = found[0]
-        for other in found[1:]:
-            if other.model.rss < (1.0 - LEAST_LARGE_DROP) * best.model.rss:
-                best = other
+        best = results[0]
+        for result in results[1:]:
+            if result.model.rss < (1.0 - LEAST_LARGE_DROP) * best.model.rss:
+                best = result
         return best
 
-    def _followed(self, step: Step, lead: str) -> SearchResult:
-        """Return what is found after a first effect."""
+    def _search_from(self, step: Step, lead: str) -> SearchResult:
+        """Return the result of the search that begins with a lead."""
         trials: tuple[Trial, ...] = ()
         ranking: dict[str, dict[str, Candidate]] = {}
         while True:
             trials += step.trials(lead)
             ranking[lead] = step.rivals(lead)
-            model = self.pruned(step.candidates[lead])
+            model = self.prune(step.candidates[lead])
             self._accepted[tuple(model.effects)] = model
-            is_small = self.candidates.size(model) <= LARGEST_SMALL_RESIDUAL and self.candidates.leaves_noise(model)
-            if len(model.effects) >= self._most(model) or is_small or lead not in model.effects:
+            is_small = self.candidates.residual_ratio(model) <= LARGEST_SMALL_RESIDUAL
+            is_explained = is_small and self.candidates.has_noise_residual(model)
+            if len(model.effects) >= self._most_effects(model) or is_explained or lead not in model.effects:
                 break
-            step = self.step(model)
+            step = self.try_effects(model)
             if not step.leads:
                 trials += step.trials()
                 break
             lead = step.leads[0]
-        model, alternatives = self.challenged(model, ranking)
+        model, alternatives = self.challenge(model, ranking)
         return SearchResult(model, alternatives, trials)
 
-    def _most(self, model: Candidate) -> int:
-        """Return how many effects a model may have."""
+    def _most_effects(self, model: Candidate) -> int:
         return MOST_EFFECTS if model.validation_rmse is not None else MOST_UNVALIDATED_EFFECTS
 
-    def step(self, model: Candidate, most: float = math.inf) -> Step:
-        """Try every effect beside a model, to the end where the mean square of what is left roughly is up to `most`."""
-        chosen, others = self.candidates.promising(model, self.candidates.names(model))
-        candidates = self._beside(model, chosen, most)
-        candidates |= self._beside(model, self._going_on(candidates, others), most)
-        coefficients = autoregression(min((*candidates.values(), model), key=lambda one: one.rss).residuals)
+    def try_effects(self, model: Candidate, limit: float = math.inf) -> Step:
+        """Try every effect in addition to a model; rough fits with a mean square above `limit` are not continued."""
+        chosen, unpromising = self.candidates.screen_effects(model, self.candidates.possible_effects(model))
+        candidates = self._add_effects(model, chosen, limit)
+        candidates |= self._add_effects(model, self._related_effects(candidates, unpromising), limit)
+        coefficients = autoregression(min((*candidates.values(), model), key=lambda fit: fit.rss).residuals)
         before, reference = self.criterion(model, coefficients), model.validation_rmse
-        criteria = {name: self.criterion(one, coefficients) for name, one in candidates.items()}
-        beside = tuple(model.effects)
-        trials = {name: Trial(name, None, part, None, False, _UNPROMISING, beside) for name, part in others.items()}
+        criteria = {name: self.criterion(candidate, coefficients) for name, candidate in candidates.items()}
+        present = tuple(model.effects)
+        trials = {
+            name: Trial(name, None, share, None, False, _UNPROMISING, present) for name, share in unpromising.items()
+        }
         objections: dict[str, str | None] = {}
         for name, candidate in candidates.items():
-            gain = min(before - criteria[name], self.evidence(model, candidate))
+            gain = min(before - criteria[name], self.criterion_drop_for_coloured_noise(model, candidate))
             drop = 1.0 - candidate.rss / model.rss
             validation = candidate.validation_rmse
             reason = objection(gain, drop, len(model.effects), validation, reference)
-            most = max(drop, _dropped(validation, reference))
-            little = model.model.parts and most < LEAST_LARGE_DROP
-            if reason is None and little:
-                reason = self._too_little(candidate)
+            largest_drop = max(drop, _squared_error_drop(validation, reference))
+            is_small = model.model.parts and largest_drop < LEAST_LARGE_DROP
+            if reason is None and is_small:
+                reason = self._objection_to_small_drop(candidate)
             objections[name] = reason
-            trials[name] = Trial(name, gain, drop, validation, False, reason or _OUTDONE, beside)
+            trials[name] = Trial(name, gain, drop, validation, False, reason or _OUTDONE, present)
         ranked = sorted(candidates, key=lambda name: self.criterion(candidates[name], _WHITE))
         worthy = [name for name in ranked if objections[name] is None]
         leads = [*sorted(worthy, key=lambda name: criteria[name])[:1], *worthy[:1]]
-        leads = list(dict.fromkeys(_foretelling(one, worthy, candidates) for one in leads))
+        leads = list(dict.fromkeys(_best_predicting(lead, worthy, candidates) for lead in leads))
         return Step(candidates, ranked, tuple(leads), trials)
 
-    def _going_on(self, candidates: Mapping[str, Candidate], others: Collection[str]) -> list[str]:
-        """Return which other effects may go on where the best one ends at a bound: those of its families."""
-        if not others:
+    def _related_effects(self, candidates: Mapping[str, Candidate], names: Collection[str]) -> list[str]:
+        """Return the effects of the best effect's families, if the best effect ends at a bound."""
+        if not names:
             return []
         effects = self.candidates.channel.effects
         best = effects[min(candidates, key=lambda name: candidates[name].rss)]
-        at_bound = best.ends_at_bound(candidates[best.name].effects.get(best.name, best.null))  # none where it ran away
-        return [name for name in others if at_bound and set(best.families) & set(effects[name].families)]
+        is_at_bound = best.ends_at_bound(candidates[best.name].effects.get(best.name, best.null))  # null if it diverged
+        return [name for name in names if is_at_bound and set(best.families) & set(effects[name].families)]
 
-    def _too_little(self, candidate: Candidate) -> str | None:
-        """Return why an effect that takes little beside others or a core is not worth adding, or None."""
-        least = f'takes less than {100 * LEAST_LARGE_DROP:.0f} %'
+    def _objection_to_small_drop(self, candidate: Candidate) -> str | None:
+        """Return why an effect of small drop is not worth adding to effects or a core; None if it is."""
+        reason = f'explains less than {100 * LEAST_LARGE_DROP:.0f} % of the residual'
         if candidate.model.core:
-            return f'{least}, as the numbers of the core might'
-        return None if self.candidates.leaves_noise(candidate) else f'{least}, and more than noise is left'
+            return f'{reason}; a change of the core parameters might too'
+        return (
+            None
+            if self.candidates.has_noise_residual(candidate)
+            else f'{reason}; the remaining error exceeds the noise'
+        )
 
-    def _beside(self, model: Candidate, names: Sequence[str], most: float) -> dict[str, Candidate]:
-        """Return a model with one more effect, for each of some names that may tell; none is fitted twice."""
+    def _add_effects(self, model: Candidate, names: Sequence[str], limit: float) -> dict[str, Candidate]:
+        """Return a model with each of some effects added, by the effect's name; the fits are cached."""
         keys = {name: (*model.effects, name) for name in names}
         fresh = [name for name in names if keys[name] not in self._tried]
         if fresh:
-            found = self.candidates.beside(model, fresh, most)
-            self._tried.update({keys[name]: candidate for name, candidate in found.items()})
+            fits = self.candidates.add_effects(model, fresh, limit)
+            self._tried.update({keys[name]: candidate for name, candidate in fits.items()})
         return {name: self._tried[keys[name]] for name in names if keys[name] in self._tried}
 
-    def _rest(self, model: Candidate, name: str) -> Candidate:
+    def _without_effect(self, model: Candidate, name: str) -> Candidate:
         """
-        Return a model with one effect less, as it was before that one was added if it was the last.
+        Return a model without an effect: fitted again, or as it was before the effect was added.
 
-        A core's many numbers may have found a better place only beside the effect, which is not to its credit.
+        The fit of the core may have improved only together with the effect. That improvement does not count for the
+        effect.
         """
-        known = self._accepted.get(tuple(other for other in model.effects if other != name))
+        known = self._accepted.get(tuple(effect for effect in model.effects if effect != name))
         if known is not None and not model.model.core:
             return known
-        fewer = self.candidates.without(model, name)
-        return fewer if known is None or fewer.rss < known.rss else known
+        reduced = self.candidates.without_effects(model, name)
+        return reduced if known is None or reduced.rss < known.rss else known
 
-    def pruned(self, model: Candidate) -> Candidate:
-        """Return a model without the effects that it does not need any more; the last one only beside a core."""
+    def prune(self, model: Candidate) -> Candidate:
+        """Return a model without effects that are no longer needed; the last effect stays with the linear core."""
         names = list(model.effects)
         names = names if model.model.core else names[:-1]
         coefficients, rank = autoregression(model.residuals), len(model.effects) - 1
-        for fewer in map_in_threads(lambda name: self._rest(model, name), names):
-            gain = self.criterion(fewer, coefficients) - self.criterion(model, coefficients)
-            if objection(gain, 1.0 - model.rss / fewer.rss, rank, model.validation_rmse, math.inf) is not None:
-                return self.pruned(fewer)
+        for reduced in map_in_threads(lambda name: self._without_effect(model, name), names):
+            gain = self.criterion(reduced, coefficients) - self.criterion(model, coefficients)
+            if objection(gain, 1.0 - model.rss / reduced.rss, rank, model.validation_rmse, math.inf) is not None:
+                return self.prune(reduced)
         return model
 
-    def _rivals(
+    def _fit_rivals(
         self, model: Candidate, ranking: Mapping[str, Mapping[str, Candidate]], name: str
     ) -> dict[str, Candidate]:
-        """Return a model with each of an effect's rivals in its place; what was fitted already is not fitted again."""
-        others = {rival: one for rival, one in ranking.get(name, {}).items() if rival not in model.effects}
-        rest = self._rest(model, name)
-        keys = {rival: (*rest.effects, rival) for rival in others}
+        """Return a model with each rival instead of an effect, by the rival's name; the fits are cached."""
+        rivals = {rival: candidate for rival, candidate in ranking.get(name, {}).items() if rival not in model.effects}
+        base = self._without_effect(model, name)
+        keys = {rival: (*base.effects, rival) for rival in rivals}
         known = {rival: self._tried[key] for rival, key in keys.items() if key in self._tried}
-        fresh = {rival: one for rival, one in others.items() if rival not in known}
-        most = LARGEST_ROUGH_RIVAL * self.candidates.roughly_left(model)
-        return {**known, **self.candidates.instead(rest, fresh, most)} if fresh else known
+        fresh = {rival: candidate for rival, candidate in rivals.items() if rival not in known}
+        limit = LARGEST_ROUGH_RIVAL * self.candidates.rough_mean_square(model)
+        return {**known, **self.candidates.add_rivals(base, fresh, limit)} if fresh else known
 
-    def challenged(
+    def challenge(
         self, model: Candidate, ranking: Mapping[str, Mapping[str, Candidate]]
     ) -> tuple[Candidate, Mapping[str, tuple[str, ...]]]:
-        """Try rivals in each effect's place; return the best model, and for each effect those that do as well."""
+        """Try rivals instead of each effect; return the best model, and for each effect the rivals that fit as well."""
         for _ in range(RIVAL_ROUNDS):
             coefficients = autoregression(model.residuals)
-            own, more_is_left = self.criterion(model, coefficients), not self.candidates.leaves_noise(model)
+            criterion, has_more = self.criterion(model, coefficients), not self.candidates.has_noise_residual(model)
             alternatives: dict[str, tuple[str, ...]] = {}
             better: tuple[float, Candidate] | None = None
             for name, rivals in zip(
-                model.effects, map_in_threads(partial(self._rivals, model, ranking), model.effects)
+                model.effects, map_in_threads(partial(self._fit_rivals, model, ranking), model.effects)
             ):
-                gains = {rival: own - self.criterion(one, coefficients) for rival, one in rivals.items()}
+                gains = {
+                    rival: criterion - self.criterion(candidate, coefficients) for rival, candidate in rivals.items()
+                }
                 ties = [rival for rival in gains if gains[rival] > -TIE]
-                if more_is_left:
-                    ties += [rival for rival, one in rivals.items() if alike(one, model)]
+                if has_more:
+                    ties += [rival for rival, candidate in rivals.items() if predicts_as_well(candidate, model)]
                 ties = sorted(set(ties), key=lambda rival: -gains[rival])
                 alternatives[name] = tuple(ties[:MOST_ALTERNATIVES])
                 if ties and gains[ties[0]] > (better[0] if better else LEAST_RIVAL_ADVANTAGE):
@@ -326,31 +338,35 @@ class Search:
         return model, alternatives
 
 
-def _foretelling(lead: str, worthy: Sequence[str], candidates: Mapping[str, Candidate]) -> str:
-    """Return the effect that foretells the validation part best, where it does so better than the lead."""
-    errors = {name: one.validation_rmse for name, one in candidates.items() if one.validation_rmse is not None}
+def _best_predicting(lead: str, worthy: Sequence[str], candidates: Mapping[str, Candidate]) -> str:
+    """Return the effect that predicts the validation part clearly better than a lead; the lead if there is none."""
+    errors = {
+        name: candidate.validation_rmse
+        for name, candidate in candidates.items()
+        if candidate.validation_rmse is not None
+    }
     best = min(worthy, key=lambda name: errors.get(name, math.inf))
     return best if lead in errors and LARGEST_ALIKE_ERROR * errors[best] < errors[lead] else lead
 
 
-def alike(rival: Candidate, own: Candidate) -> bool:
-    """Return whether a rival is as good on data that it was not fitted to; without such data, nearly so on its own."""
-    if rival.validation_rmse is None or own.validation_rmse is None:
-        return rival.rss < LARGEST_ALIKE_ERROR**2 * own.rss
-    return rival.validation_rmse < LARGEST_ALIKE_ERROR * own.validation_rmse
+def predicts_as_well(rival: Candidate, model: Candidate) -> bool:
+    """Return whether a rival predicts the validation part as well as a model; without this part, the train part."""
+    if rival.validation_rmse is None or model.validation_rmse is None:
+        return rival.rss < LARGEST_ALIKE_ERROR**2 * model.rss
+    return rival.validation_rmse < LARGEST_ALIKE_ERROR * model.validation_rmse
 
 
-def _dropped(error: float | None, reference: float | None) -> float:
-    """Return the share by which an error's square lies below another's; 0 where either is not known."""
+def _squared_error_drop(error: float | None, reference: float | None) -> float:
+    """Return the relative fall of a squared error; 0 if an error is not known."""
     return 0.0 if error is None or reference is None else 1.0 - (error / reference) ** 2
 
 
 def objection(gain: float, drop: float, rank: int, validation: float | None, reference: float | None) -> str | None:
-    """Return why an effect is not worth adding to `rank` others, or None."""
+    """Return why an effect is not worth adding to `rank` effects; None if it is."""
     if gain <= (LEAST_CRITERION_DROP if validation is not None else LEAST_UNVALIDATED_CRITERION_DROP):
         return 'not worth its parameters'
     if drop < LEAST_DROPS[min(rank, 1)]:
-        return f'takes less than {100 * LEAST_DROPS[min(rank, 1)]:.0f} % of the residual'
+        return f'explains less than {100 * LEAST_DROPS[min(rank, 1)]:.0f} % of the residual'
     if validation is not None and reference is not None and validation >= reference:
         return 'no better on the validation part'
     return None

@@ -173,9 +173,9 @@ Origin: not known.
 
 LARGEST_CORE_SQUARES = 0.95
 """
-Largest sum of squares of a model with the physical core that is preferred whatever the criterion, if it predicts the
-validation part better [sum of squares with the linear core]. Without this rule a core that erred by 21 % on the
-validation part lost to a model that erred by 56 % (commit 5bbece7).
+Largest sum of squares at which the physical core is preferred without regard to the criterion [sum of squares with the
+linear core]. The physical core also has to predict the validation part better. Without this rule a core that erred by
+21 % on the validation part lost to a model that erred by 56 % (commit 5bbece7).
 Origin: not known.
 """
 
@@ -345,7 +345,7 @@ LEAST_ERROR_DROP = 0.02
 
 CLEARLY_SMALLER_ERROR = 0.8
 """
-Largest validation error of a model that predicts clearly better, whatever the criterion [error of the compared model].
+Largest validation error of a model that predicts clearly better, at any criterion [error of the compared model].
 Origin: not known.
 """
 

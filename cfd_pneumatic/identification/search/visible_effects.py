@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which effects a recording could not have shown, had they been there."""
+"""Effects that a recording could not have shown."""
 
 from __future__ import annotations
 
@@ -29,72 +29,78 @@ from cfd_pneumatic.runtime import map_in_threads
 
 def effects_not_visible(likelihood: Likelihood, model: Model, noise: Noise) -> tuple[str, ...]:
     """
-    Return the effects that could not have shown themselves beside a model, by their names.
+    Return the names of effects that the recordings could not have shown in addition to a model.
 
-    Each is added at a strength well above the noise. It shows by what the model's own parameters can't make up for:
-    by small changes of theirs, as its Jacobian has them, or, as effects are not small, by any.
+    Each effect is added at a strength well above the noise. The effect is visible if the model's own parameters cannot
+    compensate for it: by small changes (Jacobian), or by a fit if small changes do not decide.
 
     Parameters
     ----------
     likelihood
-        Of the samples that the model was fitted to.
+        Samples to which the model was fitted.
     model
-        What they are asked beside.
+        Fitted model.
     noise
-        Of the channel.
+        Noise of the channel.
 
     """
     channel, strength = likelihood.channel, STRENGTH * noise.std
-    alike = replace(likelihood, weights=tuple(np.ones(one.part.size) for one in likelihood.experiments))
-    telling, shown = alike.representative(), SHOWN * noise.std
-    known = channel.data(telling.experiments, model, likelihood.representative().simulate(model))
-    data = {**known, 'residual': strength, 'mean': strength, 'lag': 0.0}
+    unweighted = replace(
+        likelihood, weights=tuple(np.ones(experiment.part.size) for experiment in likelihood.experiments)
+    )
+    representative, visible_size = unweighted.representative(), SHOWN * noise.std
+    measured_data = channel.data(representative.experiments, model, likelihood.representative().simulate(model))
+    data = {**measured_data, 'residual': strength, 'mean': strength, 'lag': 0.0}
 
-    def asks(complement: Complement, least: float, name: str) -> bool:
-        return _shows(complement, name, channel.library[name].starts(data), least)
+    def is_visible(complement: Complement, least: float, name: str) -> bool:
+        return _is_visible(complement, name, channel.library[name].starts(data), least)
 
-    # what shows in few samples is not asked of more
-    asked = [
-        (alike.excerpt(VISIBILITY_EXCERPT_STEPS), EXCERPT_MARGIN * shown),
-        (alike.spread(VISIBILITY_STRETCH_STEPS), shown),
+    # An effect that is visible in few samples needs no more samples, which would take longer.
+    stages = [
+        (unweighted.excerpt(VISIBILITY_EXCERPT_STEPS), EXCERPT_MARGIN * visible_size),
+        (unweighted.spread(VISIBILITY_STRETCH_STEPS), visible_size),
     ]
-    asked = [one for one in asked if 0 < one[0].samples < telling.samples] + [(telling, shown)]
+    stages = [stage for stage in stages if 0 < stage[0].samples < representative.samples]
+    stages += [(representative, visible_size)]
     names = channel.candidates(model)
-    pending = [name for name in names if channel.may_tell(telling.experiments, name, model)]
+    pending = [name for name in names if channel.may_tell(representative.experiments, name, model)]
     visible: set[str] = set()
-    for part, least in asked:
+    for part, least in stages:
         complement = Complement(part, model)
-        complement.left(complement.simulated)  # made once, before threads ask for it
-        visible.update(
-            name for name, shows in zip(pending, map_in_threads(partial(asks, complement, least), pending)) if shows
-        )
+        complement.remainder(complement.simulated)  # computes the basis before the threads start, so once
+        results = map_in_threads(partial(is_visible, complement, least), pending)
+        visible.update(name for name, result in zip(pending, results) if result)
         pending = [name for name in pending if name not in visible]
         if not pending:
             break
     return tuple(name for name in names if name not in visible)
 
 
-def _shows(complement: Complement, name: str, starts: Sequence[Start], least: float) -> bool:
-    """Return whether an effect leaves more than so much [SI] of itself; a fit is asked where that isn't plain."""
+def _is_visible(complement: Complement, name: str, starts: Sequence[Start], least: float) -> bool:
+    """Return whether the model's parameters cannot reduce an effect to at most `least` [SI]; fit if it is not plain."""
     changes = complement.changes(name, starts)
-    left, whole = _rms(complement.left(changes)), _rms(changes)
-    telling = left > least
-    if np.any(telling & ((left > LEAST_PLAIN_REMAINDER * least) | (whole < LARGEST_IMITATED_RATIO * left))):
+    remainder, whole = _rms(complement.remainder(changes)), _rms(changes)
+    is_large = remainder > least
+    is_plain = (remainder > LEAST_PLAIN_REMAINDER * least) | (whole < LARGEST_IMITATED_RATIO * remainder)
+    if np.any(is_large & is_plain):
         return True
-    return any(_remains(complement, name, starts[rank], least) for rank in np.flatnonzero(telling).tolist())
+    return any(_has_remainder(complement, name, starts[rank], least) for rank in np.flatnonzero(is_large).tolist())
 
 
-def _remains(complement: Complement, name: str, start: Start, least: float) -> bool:
-    """Return whether more than so much of an effect is left when the model is fitted to what it makes."""
+def _has_remainder(complement: Complement, name: str, start: Start, least: float) -> bool:
+    """Return whether a model that is fitted to a simulated effect still errs by more than `least` [SI]."""
     likelihood, model = complement.likelihood, complement.model
-    made = likelihood.channel.simulated(likelihood.experiments, replace(model, effects={**model.effects, name: start}))
-    experiments = tuple(replace(one, measured=values) for one, values in zip(likelihood.experiments, made))
-    little = least**2 * likelihood.samples
+    with_effect = replace(model, effects={**model.effects, name: start})
+    simulated = likelihood.channel.simulated(likelihood.experiments, with_effect)
+    experiments = tuple(
+        replace(experiment, measured=values) for experiment, values in zip(likelihood.experiments, simulated)
+    )
+    limit = least**2 * likelihood.samples
     likelihood = replace(likelihood, experiments=experiments)
     frozen = (*model.core, likelihood.channel.curve.name)
-    return find_optimum(likelihood, model, *IMITATION_SEARCH, enough=little, frozen=frozen).cost > little
+    return find_optimum(likelihood, model, *IMITATION_SEARCH, enough=limit, frozen=frozen).cost > limit
 
 
 def _rms(columns: Array) -> Array:
-    with np.errstate(over='ignore'):  # an effect that makes a model run away shows
+    with np.errstate(over='ignore'):  # an effect that makes a model diverge is visible
         return np.asarray(np.sqrt(np.mean(columns**2, axis=0)))
