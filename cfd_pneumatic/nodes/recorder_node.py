@@ -141,7 +141,7 @@ class RecorderNode(BoundedNode):
         if self._failure is not None:
             return
         try:
-            self._bag.write(topic, MessageBlock.of([self.get_clock().now().nanoseconds], [payload]))
+            self._bag.write(topic, MessageBlock.from_payloads([self.get_clock().now().nanoseconds], [payload]))
             self._written += 1
         except InputError as error:
             self._fail(error)

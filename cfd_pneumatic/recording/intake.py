@@ -136,7 +136,7 @@ class Intake:
             self._names = self._names or self._decoder.names(block.payload(0))
         except InputError as error:
             raise InputError(f'topic {self.channel.source}: {error}') from error
-        found = columns.found
+        found = columns.has_number
         received, stamps, values = block.times[found], columns.stamps[found], columns.values[found]
         stamped = stamps != 0
         self._missing += len(block) - len(values)

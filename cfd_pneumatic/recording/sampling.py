@@ -105,7 +105,7 @@ def _find(
             f'has no topic of the name that the mapping gives for the {channel.name}: '
             f'the topics are {list_topics(bag.topics)}'
         )
-    types = definitions.of(topic.connections)
+    types = definitions.for_topic(topic.connections)
     field = channel.field or obvious_field(topic.msgtype, joint=defaults.joint, force_axis=defaults.force_axis)
     if field is None:
         numbers = list_numbers(types, topic.msgtype)

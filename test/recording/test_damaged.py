@@ -199,7 +199,7 @@ def test_two_definitions_of_one_type(tmp_path):
     writer.finish()
     assert error_of(path) == (
         'topic /d/cylinder_a/pressure has messages of two definitions of sensor_msgs/msg/FluidPressure: '
-        'split the bag, or leave out what one of its publishers sent'
+        'split the bag, or remove the messages of one publisher'
     )
 
 

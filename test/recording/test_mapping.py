@@ -239,7 +239,7 @@ BAD_FOR_THE_BAG = {
     ),
     'an array': (
         ('channels[1].reading', 'analog'),
-        'topic /press/state: field analog of acme_msgs/msg/Press is an array: say which entry, as in analog[0]',
+        'topic /press/state: field analog of acme_msgs/msg/Press is an array: give an entry, such as analog[0]',
     ),
     'no array': (
         ('channels[1].reading', 't_us[0]'),
@@ -247,7 +247,7 @@ BAD_FOR_THE_BAG = {
     ),
     'beyond a fixed array': (
         ('channels[1].reading', 'analog[4]'),
-        'topic /press/state: the array analog of acme_msgs/msg/Press has 4 entries, the first is analog[0]',
+        'topic /press/state: the array analog of acme_msgs/msg/Press has 4 entries: the first is analog[0]',
     ),
     'beyond every sequence': (
         ('channels[1].reading', 'channels[2].reading'),

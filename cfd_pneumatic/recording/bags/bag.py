@@ -16,7 +16,7 @@ from rosbags.interfaces import Connection
 
 from cfd_pneumatic.errors import DamageError, InputError
 from cfd_pneumatic.files import check_input, open_input
-from cfd_pneumatic.messages import NANOSECONDS, MessageBlock, OneByOne, Serialization, Span
+from cfd_pneumatic.messages import NANOSECONDS, GroupingReader, MessageBlock, Serialization, Span
 from cfd_pneumatic.recording.bags.compression import most_unpacked, unpack_file, unpacked, unpacker
 from cfd_pneumatic.recording.bags.metadata import Metadata, read_metadata
 from cfd_pneumatic.recording.bags.storages import (
@@ -281,7 +281,7 @@ class Bag:
                 place: chunk._replace(decompressor=unpacker(names[chunk.decompressor]))
                 for place, chunk in reader.chunks.items()
             }
-            return OneByOne(reader, reader.start_time)
+            return GroupingReader(reader, reader.start_time)
         except InputError:
             raise
         except Exception as error:  # rosbags raises whatever damage makes it stumble over
@@ -346,7 +346,9 @@ class Bag:
 
 def _unpacked(block: MessageBlock) -> MessageBlock:
     """Return messages that are compressed one by one."""
-    return MessageBlock.of(block.times, [unpacked(block.payload(index), 'zstd') for index in range(len(block))])
+    return MessageBlock.from_payloads(
+        block.times, [unpacked(block.payload(index), 'zstd') for index in range(len(block))]
+    )
 
 
 def _check_names(connections: Iterable[Connection]) -> None:

@@ -82,7 +82,7 @@ class McapFile:
                     block, channels = _read(stream, piece)
                 except Exception:  # whatever damage makes a decompressor stumble over
                     self.left_out.append((piece.start, piece.stop))
-                    block, channels = MessageBlock.of([], []), np.empty(0, np.int64)
+                    block, channels = MessageBlock.from_payloads([], []), np.empty(0, np.int64)
                 for topic in within:
                     its = np.isin(channels, topic.channels)
                     yield topic.connection, topic.take(block[np.flatnonzero(its)])

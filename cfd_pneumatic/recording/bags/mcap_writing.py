@@ -95,7 +95,7 @@ class McapWriter:
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
         """Write one message in a chunk of its own."""
-        self.write_chunk([(connection, MessageBlock.of([timestamp], [bytes(data)]))])
+        self.write_chunk([(connection, MessageBlock.from_payloads([timestamp], [bytes(data)]))])
 
     def write_chunk(self, blocks: Sequence[tuple[Connection, MessageBlock]]) -> None:
         """Write messages of several topics as one chunk, in the order of reception."""

@@ -17,7 +17,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import open_input
-from cfd_pneumatic.messages import FORMATS, NEVER, MessageBlock, OneByOne
+from cfd_pneumatic.messages import FORMATS, NEVER, GroupingReader, MessageBlock
 
 _SQLITE_MAGIC = b'SQLite format 3\0'
 _SQLITE_HEADER = 32
@@ -48,7 +48,7 @@ def flaw(file: Path) -> str | None:
     return 'is cut off' if size < pages * _page_size(header) else None
 
 
-def open_sqlite(path: Path, stack: ExitStack) -> OneByOne:
+def open_sqlite(path: Path, stack: ExitStack) -> GroupingReader:
     """
     Return the messages of a whole file in the order of their times; a stack closes it.
 
@@ -61,7 +61,7 @@ def open_sqlite(path: Path, stack: ExitStack) -> OneByOne:
     return _file(stack.enter_context(closing(_opened(path))), salvage=False)
 
 
-def salvage_sqlite(path: Path, stack: ExitStack) -> OneByOne:
+def salvage_sqlite(path: Path, stack: ExitStack) -> GroupingReader:
     """Return the messages of a file that can still be read, in the order of writing; a stack closes it."""
     copy = Path(stack.enter_context(TemporaryDirectory())) / 'whole_pages.db3'
     _copy_whole_pages(path, copy)
@@ -88,10 +88,10 @@ def _refuse_computed(database: sqlite3.Connection) -> None:
         raise InputError(f'is no bag: its {computed[0]} are not stored, but computed')
 
 
-def _file(database: sqlite3.Connection, *, salvage: bool) -> OneByOne:
+def _file(database: sqlite3.Connection, *, salvage: bool) -> GroupingReader:
     """Return a database as a file of a bag."""
     messages = _Messages(database, salvage)
-    return OneByOne(messages, messages.start_time, strays=messages.strays)
+    return GroupingReader(messages, messages.start_time, strays=messages.strays)
 
 
 class _Messages:
