@@ -149,7 +149,7 @@ class RecorderNode(BoundedNode):
     def _follow(self) -> None:
         """Warn if somebody moves the folder of the bag; end if nothing that is written there can be kept."""
         try:
-            if self._bag.follow():
+            if self._bag.relocate():
                 self.get_logger().warning(
                     f'the folder of the bag was moved: the recording goes on, and the bag will be {self._bag.path}. '
                     'The node will end with exit code 2, since the bag is not where it was named.'

@@ -162,7 +162,7 @@ REFUSED = {
     'a key twice': (
         f'{NAMED}displacement: {{column: x, unit: m}}\n',
         't,x,p\n0,1,2\n10,1,2\n',
-        'mapping.yaml: line 5: the key stands in line 2 already: leave one out',
+        'mapping.yaml: line 5: the key is already in line 2: remove one of the two',
     ),
     'scale 0': (
         NAMED.replace('unit: mm', 'unit: mm, scale: 0'),

@@ -159,11 +159,11 @@ BAD = {
     ),
     'a key twice': (
         GOOD.replace('unit: m', 'unit: m, unit: mm'),
-        'line 1: the key stands in line 1 already: leave one out',
+        'line 1: the key is already in line 1: remove one of the two',
     ),
     'an entry twice': (
         f'{GOOD}displacement: {{topic: other, unit: mm}}\n',
-        'line 4: the key stands in line 1 already: leave one out',
+        'line 4: the key is already in line 1: remove one of the two',
     ),
     'offset': (
         GOOD.replace('unit: m', 'unit: m, offset: .nan'),

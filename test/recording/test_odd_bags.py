@@ -118,7 +118,5 @@ def test_a_few_times_of_reception_that_cannot_be_leave_the_stamps_in_order(tmp_p
 
 def test_brackets_within_braces_have_to_stand_in_quotes(tmp_path):
     (tmp_path / 'm.yaml').write_text(MAPPING.replace("'v[0]'", 'v[0]'))
-    with pytest.raises(
-        InputError, match=r'line 1, .* a text that holds brackets, braces or commas has to stand in quotes'
-    ):
+    with pytest.raises(InputError, match=r'line 1, .* put a text with brackets, braces or commas in quotes'):
         read_mapping(tmp_path / 'm.yaml')

@@ -168,8 +168,8 @@ def test_a_bag_in_a_folder_that_was_moved_and_moved_back_is_where_it_was_named(t
     with BagWriter(before / 'bag') as bag:
         fill(bag)
         before.rename(after)
-        assert bag.follow()
-        assert not bag.follow()
+        assert bag.relocate()
+        assert not bag.relocate()
         after.rename(before)
     assert os.listdir(before) == ['bag']
 

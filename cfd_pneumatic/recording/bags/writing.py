@@ -19,7 +19,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import ADVICE, StagedOutput, check_folder, content, disk_errors_reported
+from cfd_pneumatic.files import ADVICE, StagedOutput, check_folder, disk_errors_reported, folder_entries
 from cfd_pneumatic.messages import Form, MessageBlock, join, types_with
 from cfd_pneumatic.recording.bags.storages import METADATA, STORAGES, SUFFIXES, StorageName, StorageWriter
 
@@ -65,13 +65,15 @@ class BagWriter:
         _check_free(self.path, overwrite=overwrite)
         with self._reported():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._aside = StagedOutput(self.path, alone=True)
-            self._writer = Writer(self._aside.made, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()])
+            self._output = StagedOutput(self.path, exclusive=True)
+            self._writer = Writer(
+                self._output.staged, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()]
+            )
             self._writer.STORAGE_PLUGINS = {StoragePlugin[storage.upper()]: STORAGES[storage].writer}
             try:
                 self._writer.open()
             except BaseException:
-                self._aside.close()
+                self._output.close()
                 raise
 
     def add_topic(self, topic: str, msgtype: str) -> None:
@@ -132,7 +134,7 @@ class BagWriter:
         """Put a text into the bag's metadata."""
         self._writer.set_custom_data(key, text)
 
-    def follow(self) -> bool:
+    def relocate(self) -> bool:
         """
         Go on below the new name of a folder that somebody moved meanwhile; return whether there is one.
 
@@ -142,11 +144,11 @@ class BagWriter:
             If the folder cannot be reached any more.
 
         """
-        if not self._aside.follow():
+        if not self._output.relocate():
             return False
-        self.path = self._aside.path
+        self.path = self._output.path
         self._is_moved = self._named.resolve() != self.path
-        self._writer.metapath = self._aside.made / METADATA
+        self._writer.metapath = self._output.staged / METADATA
         return True
 
     def check_place(self) -> None:
@@ -169,28 +171,28 @@ class BagWriter:
         """Complete the bag and move it to its place, or beside what somebody else put there meanwhile."""
         self.flush()
         with self._reported():
-            self.follow()
+            self.relocate()
             self._writer.close()
             if not self._overwrite:
                 self._find_free_place()
-            self._aside.take_place(_is_of_bag, _metadata_last)
-        self._aside.close()
+            self._output.move_into_place(_is_of_bag, _metadata_last)
+        self._output.close()
 
     def leave(self) -> None:
         """Let what was written take a place as it is, where the bag can't be completed; it reads as one cut off."""
         with suppress(Exception):
             self._writer.abort()
         with self._reported():
-            self.follow()
+            self.relocate()
             self._find_free_place()
-            self._aside.take_place(write_through=False)
-        self._aside.close()
+            self._output.move_into_place(write_through=False)
+        self._output.close()
 
     def abort(self) -> None:
         """Drop what was written."""
         with suppress(Exception):
             self._writer.abort()
-        self._aside.close()
+        self._output.close()
 
     def __enter__(self) -> Self:
         """Return the writer."""
@@ -210,10 +212,10 @@ class BagWriter:
 
     def _find_free_place(self) -> None:
         """Choose a path with a number behind it if somebody put something into the bag's place."""
-        path, parent = self._aside.path, self._aside.parent
+        path, parent = self._output.path, self._output.parent
         if os.path.lexists(path) and not _is_empty(path):
             numbered = (parent / f'{path.name}_{number}' for number in count(2))
-            self.path = self._aside.path = next(one for one in numbered if not os.path.lexists(one))
+            self.path = self._output.path = next(one for one in numbered if not os.path.lexists(one))
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
@@ -246,7 +248,7 @@ def check_bag(path: Path, *, overwrite: bool) -> None:
 
     """
     _check_free(path, overwrite=overwrite)
-    check_folder(path, alone=True)
+    check_folder(path, exclusive=True)
 
 
 def _check_free(path: Path, *, overwrite: bool) -> None:
@@ -261,13 +263,13 @@ def _check_free(path: Path, *, overwrite: bool) -> None:
             raise InputError(f'{path} exists already: choose another name, or {ADVICE}')
         if not (path / METADATA).is_file():
             raise InputError(f'{path} is not a bag and is not overwritten: choose another name')
-        for one in content(path):
+        for one in folder_entries(path):
             if not _is_of_bag(one):
                 raise InputError(f'{path} holds {one.name} beside a bag, and is not overwritten: move one of them')
 
 
 def _is_empty(path: Path) -> bool:
-    return path.is_dir() and not content(path)
+    return path.is_dir() and not folder_entries(path)
 
 
 def _is_of_bag(path: Path) -> bool:
