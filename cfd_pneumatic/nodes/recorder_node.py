@@ -175,7 +175,7 @@ class RecorderNode(BoundedNode):
                 raise self._failure
             self._bag.close()
         except InputError as error:
-            self._bag.leave()
+            self._bag.keep_incomplete()
             raise InputError(f'{error}; what was recorded before is in {self._bag.path}') from error
         lost = f', {self._lost} were lost' if self._lost else ''
         self.get_logger().info(f'{self._written} messages in {self._bag.path}{lost}')
